@@ -18,7 +18,7 @@ from jblast.sensors.camera.events.ideal import grey_table, ideal_events, log_int
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.image import grey_composite
-from jblast.verification.benchmark.events import EFFECTS, USUAL
+from jblast.verification.benchmark.cameras import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0
 BLOCK = 32

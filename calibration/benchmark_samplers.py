@@ -27,9 +27,9 @@ from jblast.inference.mcmc.emcee_engine import Emcee, moves, of_emcee
 from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mcmc.state import Segment
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.verification.benchmark.samplers import REFERENCE_SEED, solved, weighted_ends
-from jblast.verification.cases.five_microphones import RECORDS
-from jblast.verification.cases.timed_sampling import (
+from jblast.verification.benchmark.fits import REFERENCE_SEED, solved, weighted_ends
+from jblast.verification.sampling_cases import (
+    RECORDS,
     WALKERS,
     interval_ends,
     timed_walk,

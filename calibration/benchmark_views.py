@@ -32,8 +32,8 @@ from jblast.sensors.camera import (
     pixel_rays,
     render,
 )
-from jblast.verification.cases.explosion_frames import (
-    BEHIND,
+from jblast.verification.simulated_recordings import (
+    BACKGROUND,
     Filmed,
     filmed,
     processor_seconds,
@@ -126,9 +126,9 @@ def batched(
     def frame(views, looked, moment):
         layer = views.seen(film.scene, looked, moment, film.appearance)
         layer = jnp.moveaxis(layer, 0, -1)
-        light = layer[..., :3] + (1.0 - layer[..., 3:]) * BEHIND
+        light = layer[..., :3] + (1.0 - layer[..., 3:]) * BACKGROUND
         light = luminance(light) if grey else light
-        behind = jnp.full((*size, *channels), BEHIND, light.dtype)
+        behind = jnp.full((*size, *channels), BACKGROUND, light.dtype)
         return behind.at[part].set(light)
 
     @eqx.filter_jit

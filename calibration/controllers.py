@@ -18,9 +18,15 @@ from jblast.cli.jax_start import start_jax
 from jblast.report.flight_figures import controllers_figure
 from jblast.report.words import aligned
 from jblast.scene import read_scene
-from jblast.study.flights.fly import fly
-from jblast.study.flights.records import Flights, Options
-from jblast.study.flights.statistics import flies_on, hold_words, metric, quantiles
+from jblast.study.flight_results import (
+    Flights,
+    Options,
+    flies_on,
+    hold_words,
+    metric,
+    quantiles,
+)
+from jblast.study.flights import fly
 from jblast.vehicle import CONTROLLERS
 
 VEHICLES, COUNT, STEP_S = ("crazyflie", "hummingbird", "iris"), 500, 2e-3

@@ -23,7 +23,7 @@ from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import to_error_scale
 from jblast.sensors.simulate import Noise
-from jblast.verification.cases.five_microphones import LAWS, TRUTH, scene_with
+from jblast.verification.sampling_cases import LAWS, TRUTH, scene_with
 
 LOGS = 400
 

@@ -35,7 +35,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import to_error_scale
-from jblast.verification.cases.five_microphones import LAWS, PLACES, TRUTH, scene_with
+from jblast.verification.sampling_cases import LAWS, PLACES, TRUTH, scene_with
 
 LOGS = 400
 SEVEN = (*PLACES, (-90, -60), (30, 150))

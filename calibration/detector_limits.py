@@ -2,11 +2,12 @@ r"""How near the detectors come to what is possible, and what they cost.
 
     python -m calibration.detector_limits
 
-Known noise: 90 dB of colour (`verification/cases/detectors.py`). The bounds come from
-integrals over the whole spectrum, $2E/N_0 = 4\int |H|^2/S\,df$ for a one-sided $S$, not
-from the filter: that is shorter, and waits for nothing after the template. One test at
-a known time finds $Q(Q^{-1}(p_f) - \sqrt{2E/N_0})$ of the blasts (Neyman and Pearson),
-and no arrival has a smaller error than $1/(\beta\sqrt{2E/N_0})$ (Cramér and Rao).
+Known noise: 90 dB of colour (`verification/simulated_recordings.py`). The bounds come
+from integrals over the whole spectrum, $2E/N_0 = 4\int |H|^2/S\,df$ for a one-sided
+$S$, not from the filter: that is shorter, and waits for nothing after the template. One
+test at a known time finds $Q(Q^{-1}(p_f) - \sqrt{2E/N_0})$ of the blasts (Neyman and
+Pearson), and no arrival has a smaller error than $1/(\beta\sqrt{2E/N_0})$ (Cramér and
+Rao).
 
 Real sound: `data/sound/` (PROVENANCE.md). Windows of 3 s, the noise unknown; a bang of
 1 s at a level of rms over rms; the threshold is passed by the loudest moment of 1 % of
@@ -30,7 +31,7 @@ from jblast.detect import (
     recorded_template,
 )
 from jblast.detect.peaks import HALF_WIDTH, between_samples
-from jblast.verification.cases.detectors import (
+from jblast.verification.simulated_recordings import (
     RATE,
     coloured,
     plain_normalised,

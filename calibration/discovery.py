@@ -1,10 +1,10 @@
-r"""Does `jblast.study.discovery` find laws that are known, and at which noise not?
+r"""Does `jblast.discovery` find laws that are known, and at which noise not?
 
     python -m calibration.discovery --out calibration/results/discovery.png \
         > calibration/results/discovery.txt
 
 Simulated: the drag of a Hummingbird in a swinging wind, the motor lag of a Crazyflie
-under stepped commands, 50 and 200 rows a second (`study/discovery/cases.py`), and a
+under stepped commands, 50 and 200 rows a second (`discovery/noise_sweep.py`), and a
 strong shock of a point source, 60 radii. To each, normal noise, 20 seeds a level (0 to
 19). Shocks: Trinity's radii (calibration/data/trinity.csv; and with the zero of time
 moved), and the radius of 1 kg on the ground by Kingery and Bulmash and by
@@ -33,15 +33,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+from jblast.discovery.discover import discover, replay
+from jblast.discovery.noise_sweep import CASES, MEMBERS, noise_sweep
+from jblast.discovery.shock import shock_slowing
+from jblast.discovery.sparse_regression import polynomial
 from jblast.observations import read
 from jblast.report.discovery import outcomes_text, slowing_text
 from jblast.report.discovery_figures import noise_figure
-from jblast.study.discovery.candidate_terms import polynomial
-from jblast.study.discovery.cases import CASES
-from jblast.study.discovery.discover import discover
-from jblast.study.discovery.noise_sweep import MEMBERS, noise_sweep
-from jblast.study.discovery.replay import replay
-from jblast.study.discovery.shock import shock_slowing
 from jblast.waves import kingery_bulmash_arrival_time, shock_kinematics_arrival_time
 
 TRINITY = Path(__file__).parent / "data" / "trinity.csv"

@@ -2,7 +2,7 @@
 
     python -m calibration.discovery_intervals [--seeds 200] [--workers 2]
 
-The equations of `study/discovery/cases.py`, normal noise of 1 %, seeds 0 to 199. Of the
+The equations of `discovery/noise_sweep.py`, normal noise of 1 %, seeds 0 to 199. Of the
 records in which exactly the true terms came out, the share of all true coefficients
 inside their intervals; beside it two standard errors of the share, the coefficients of
 a record counted as one draw, and the same of each coefficient. Begun again, it goes on
@@ -19,10 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
+from jblast.discovery.noise_sweep import CASES, found_in, noisy_states
 from jblast.errors import InputError
 from jblast.files import write_text
-from jblast.study.discovery.cases import CASES
-from jblast.study.discovery.noise_sweep import found_in, noisy_states
 
 RESULT = Path(__file__).parent / "results" / "discovery_intervals.txt"
 NOISES = (0.01,)

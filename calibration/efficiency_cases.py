@@ -20,7 +20,7 @@ import numpy as np
 
 from calibration.six_stations import DISTANCES
 from jblast.scene import Scene, Sensor, with_values
-from jblast.verification.cases.five_microphones import PLACES as FIVE
+from jblast.verification.sampling_cases import PLACES as FIVE
 
 MASS = {"charge_mass_kg": 30.0}
 PLACE = {"charge_east_m": 10.0, "charge_north_m": -5.0}

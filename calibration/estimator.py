@@ -23,8 +23,8 @@ def main(vehicles: int) -> str:
     start_jax(all_cores=True)
     from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
     from jblast.scene.uncertain import Normal
-    from jblast.study.flights.fly import fly
-    from jblast.study.flights.records import Options
+    from jblast.study.flight_results import Options
+    from jblast.study.flights import fly
 
     lines = [
         f"{vehicles} Iris a row, hold with integral action, blast at {BLAST_S:g} s; "

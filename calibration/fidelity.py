@@ -19,19 +19,19 @@ import numpy as np
 import jblast.fidelity
 from calibration.fidelity_references import spans
 from jblast.cli.jax_start import start_jax
-from jblast.fidelity.measured_errors import (
+from jblast.fidelity.errors import (
     ALTITUDES,
     BURSTS,
     FAR_NODES,
     MASSES,
     NODES,
+    REFERENCES,
     exponents,
     log_losses,
     log_ratios,
     methods_for,
     standard_path,
 )
-from jblast.fidelity.reference import REFERENCES
 from jblast.fidelity.timing import machine
 from jblast.files import write_text
 from jblast.report.words import comma_separated

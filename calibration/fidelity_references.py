@@ -25,9 +25,15 @@ import numpy as np
 
 from calibration.far_pressure import SHALLOW, bend, every_record
 from calibration.gauge_200g import as_read, at_front, distance, table
-from jblast.fidelity.candidates import ON_THE_GROUND
-from jblast.fidelity.measured_errors import BURSTS, standard_path
-from jblast.fidelity.reference import END, FORD_START, KINGERY_BULMASH_END, REFERENCES
+from jblast.fidelity.choose import ON_THE_GROUND
+from jblast.fidelity.errors import (
+    BURSTS,
+    END,
+    FORD_START,
+    KINGERY_BULMASH_END,
+    REFERENCES,
+    standard_path,
+)
 from jblast.registry import call, law_for, total_scatter
 from jblast.scene.charge import Burst, tnt_factor
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve

@@ -1,7 +1,7 @@
 """Films with and without a blast, watched by several processes at a time.
 
 All are sequences of 160 x 120 pixels at 1,000 frames a second
-(`jblast.verification.cases.flash`). Every other blast is the explosion that comes with
+(`jblast.verification.flash_films`). Every other blast is the explosion that comes with
 jblast, the rest are the law's smooth balls.
 """
 
@@ -20,8 +20,7 @@ from jblast.detect.flash.vertical_events import VerticalEvents
 from jblast.detect.flash.watch import Watch
 from jblast.progress import counted
 from jblast.sensors.camera import ExplosionViews, explosion_views
-from jblast.verification.cases.flash.blasts import blast
-from jblast.verification.cases.flash.negatives import KINDS, negative
+from jblast.verification.flash_films import KINDS, blast, negative
 
 SOON_S = 0.02
 """A blast is to be seen within this of its first light [s]."""

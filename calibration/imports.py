@@ -16,6 +16,7 @@ ROOMS = (
         "autopilot",
         "environments",
         "inference",
+        "discovery",
         "study",
         "verification",
         "report",

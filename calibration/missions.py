@@ -50,10 +50,13 @@ from jblast.report.figure_style import (
 )
 from jblast.report.mission_figures import draw_map
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
-from jblast.study.flights.encounter import Profile
-from jblast.study.flights.records import Options
-from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
-from jblast.study.missions.records import MissionFlight
+from jblast.study.flight_results import Options, Profile
+from jblast.study.missions import (
+    MISSION_STEP_S,
+    TOLERANCE_M,
+    MissionFlight,
+    fly_mission,
+)
 from jblast.vehicle import (
     PositionHold,
     State,

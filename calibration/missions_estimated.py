@@ -35,10 +35,14 @@ from jblast.autopilot.lockstep import suite_of
 from jblast.cli.jax_start import start_jax
 from jblast.missions import MissionControl, mission_of, replay, write_plan
 from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
-from jblast.study.flights.instruments import followed_along
-from jblast.study.flights.records import Options
-from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
-from jblast.study.missions.records import MissionFlight
+from jblast.study.flight_results import Options
+from jblast.study.flights import followed_along
+from jblast.study.missions import (
+    MISSION_STEP_S,
+    TOLERANCE_M,
+    MissionFlight,
+    fly_mission,
+)
 from jblast.vehicle import PositionHold, named, named_gains, simulate
 
 REPEATS, SECONDS = 3, 660.0

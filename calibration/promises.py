@@ -21,18 +21,22 @@ from jaxtyping import Bool, Float
 
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import error_tables
+from jblast.fidelity import errors
 from jblast.fidelity.choose import ALIKE
-from jblast.fidelity.conditions import Conditions, jitted_conditions
-from jblast.fidelity.errors import is_covered, reference_uncertainty, relative_errors
-from jblast.fidelity.measured_errors import (
+from jblast.fidelity.errors import (
     BURSTS,
+    REFERENCES,
+    SOLVER as SOLVER,
+    Conditions,
+    is_covered,
+    jitted_conditions,
     methods_for,
+    reference_uncertainty,
+    reference_value,
+    relative_errors,
     standard_path,
     value_of,
 )
-from jblast.fidelity.reference import REFERENCES, reference_value
-from jblast.fidelity.solver import METHOD as SOLVER
 from jblast.scene.charge import Burst
 from jblast.waves.paths import Path
 from jblast.waves.propagation import (
@@ -108,7 +112,7 @@ def promises(quantity: str, path: Path) -> dict[float, Promises]:
     conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
     real = real_errors(quantity, path, conditions)
     promised = relative_errors(quantity, conditions)
-    costs = np.array([error_tables.costs()[quantity, method] for method in real])[
+    costs = np.array([errors.cost_table()[quantity, method] for method in real])[
         :, None
     ]
     said = np.stack([promised[method] for method in real])

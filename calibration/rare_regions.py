@@ -2,7 +2,7 @@
 
     python -m calibration.rare_regions [--runs 50]
 
-Events of known probability (`verification/cases/rare_regions.py`), 4096 samples, seeds
+Events of known probability (`verification/sampling_cases.py`), 4096 samples, seeds
 that no two runs share. For each: the share of intervals that contain the truth, the
 share of answers that report a complete search, mean and standard deviation of the
 estimate over the truth, the mean width of the interval over the truth, design points,
@@ -19,7 +19,7 @@ import numpy as np
 from jblast.files import write_text
 from jblast.report.words import aligned
 from jblast.study.rare import rare_probability
-from jblast.verification.cases.rare_regions import RareRegion, rare_regions
+from jblast.verification.sampling_cases import RareRegion, rare_regions
 
 RESULT = Path(__file__).parent / "results" / "rare_regions.txt"
 HEAD = (

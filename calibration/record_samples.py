@@ -30,7 +30,7 @@ from jblast.inference.picks import pick_records
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.inference.records.sampled import sampled_records
 from jblast.report.words import aligned
-from jblast.verification.cases.pressure_records import (
+from jblast.verification.simulated_recordings import (
     Recorder,
     log_of_picks,
     readings,

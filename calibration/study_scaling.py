@@ -43,7 +43,7 @@ def asleep(store: str, tile: int) -> str:
 
 def simulated(workers: int) -> float:
     """Return how long tiles of sleep take in all, against the least they could."""
-    from jblast.study.engine.cluster import shared, workers_here
+    from jblast.study.sampling.cluster import shared, workers_here
 
     with workers_here(workers) as client:
         list(shared(client, asleep, "", list(range(workers)), "simulated"))
@@ -79,7 +79,7 @@ def written(folder: Path, samples: int) -> None:
 
 def workers_lines() -> tuple[list[str], float]:
     """Measure workers that calculate; return seconds a sample of one core, too."""
-    from jblast.study.sampling.reduced import MOST_TILES
+    from jblast.study.sampling.work import MOST_TILES
 
     cores = os.cpu_count() or 1
     counts = [n for n in (1, 2, 4, 8, 16) if n <= cores]

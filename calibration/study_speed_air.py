@@ -6,10 +6,9 @@ import jax
 
 from calibration.study_cases import air_study
 from calibration.study_clock import best, platform, programs_of
-from jblast.study.engine.mesh import mesh_of
-from jblast.study.engine.summary.store import SummaryStore
-from jblast.study.sampling.reduced import Reduced
-from jblast.study.sampling.work import Work
+from jblast.study.engine.launch import mesh_of
+from jblast.study.engine.summary import SummaryStore
+from jblast.study.sampling.work import Reduced, Work
 
 AIR_TILES = {"cpu": 1 << 21, "gpu": 1 << 29}
 """Samples of a tile at 16 sensors: about a second."""

@@ -11,7 +11,7 @@ from calibration import benchmark_flights
 from calibration.study_cases import HOVER, study_of
 from calibration.study_clock import best, platform, programs_of
 from jblast.scene import Charge, Scene
-from jblast.study.flights.duration import BATCH_ROWS
+from jblast.study.flights import BATCH_ROWS
 from jblast.study.sampling.work import Work
 from jblast.vehicle import Each, PositionHold, blast_load, named, named_gains, simulate
 

@@ -2,7 +2,7 @@
 
 Run `python -m calibration.surrogate`; it prints a table and draws
 `results/charts/surrogate.png`. The film is a fireball of 100 kg from 80 m, 250 frames/s
-(`jblast.study.event_inversion.fireball_film`); its events are an ideal camera's.
+(`jblast.study.event_inversion`); its events are an ideal camera's.
 """
 
 import time
@@ -23,17 +23,20 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.sensors.camera.events.ideal import smooth_counts
-from jblast.study.event_inversion.fireball_film import (
+from jblast.study.event_inversion import (
     MASS,
+    MOST,
+    STAGES,
     START,
     THRESHOLDS,
     TIMES,
+    EventFit,
     coordinates,
+    fit_events,
     log_frames,
     true_counts,
     true_frames,
 )
-from jblast.study.event_inversion.fit_events import MOST, STAGES, EventFit, fit_events
 
 TEMPERATURES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 STUCK = 0.5

@@ -47,9 +47,8 @@ from jblast.sensors.camera.events.ideal import (
 from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.film import Film
 from jblast.sensors.listening import truth_of
-from jblast.study.flights.encounter import LOADS, LoadLaw
-from jblast.study.flights.fly import fly
-from jblast.study.flights.records import Flown, Options
+from jblast.study.flight_results import LOADS, Flown, LoadLaw, Options
+from jblast.study.flights import fly
 from jblast.vehicle import CustomProfile, start_of, vehicle_of
 from jblast.vehicle.loads.thesis import coded_angular_impulse
 from jblast.world import PRESETS

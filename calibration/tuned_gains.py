@@ -19,8 +19,7 @@ from jblast.report.figure_style import new_figure, titled
 from jblast.report.gain_files import cut_words, draw_each, draw_middle
 from jblast.report.gains import gains_answer, gains_text
 from jblast.scene.reader.scene import scene_from_document
-from jblast.study.gains.records import TunedGains, Wish
-from jblast.study.gains.tune import tune_gains
+from jblast.study.gains import TunedGains, Wish, tune_gains
 
 CASES = (("iris", 1.0), ("hummingbird", 1.0), ("crazyflie", 1.0), ("crazyflie", 3.0))
 """Vehicles, and by how much their motors may be led."""

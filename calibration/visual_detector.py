@@ -40,7 +40,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import aligned
-from jblast.verification.cases.flash.negatives import KINDS, SECONDS
+from jblast.verification.flash_films import KINDS, SECONDS
 
 RESULTS = Path(__file__).parent / "results"
 RATES = (0.1, 1.0, 10.0, 100.0)

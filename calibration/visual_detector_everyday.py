@@ -28,9 +28,7 @@ from jblast.files import write_text
 from jblast.progress import counted
 from jblast.report.words import aligned
 from jblast.sensors.camera import explosion_views
-from jblast.verification.cases.flash.background import RATE_HZ
-from jblast.verification.cases.flash.blasts import blast
-from jblast.verification.cases.flash.negatives import OTHERS, SECONDS, negative
+from jblast.verification.flash_films import OTHERS, RATE_HZ, SECONDS, blast, negative
 
 RESULTS = Path(__file__).parent / "results"
 FIRST = 3_000_000

@@ -24,7 +24,7 @@ from calibration.flash_trials import (
 from jblast.detect.flash.tail import flash_threshold
 from jblast.files import write_text
 from jblast.report.words import aligned
-from jblast.verification.cases.flash.negatives import SECONDS
+from jblast.verification.flash_films import SECONDS
 
 RESULTS = Path(__file__).parent / "results"
 FIRST = 2_000_000

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from jblast.scene import Charge as Charge, Scene as Scene, read_scene as read_scene
     from jblast.sensors import calculate as calculate, record, simulate
     from jblast.sensors.camera import events as events, render as render
-    from jblast.study.flights.fly import fly as fly
+    from jblast.study.flights import fly as fly
 
 __version__ = "0.2.0"
 
@@ -53,7 +53,7 @@ _HOMES = {
     "events": "jblast.sensors.camera",
     "fit": "jblast.inference",
     "fit_many": "jblast.inference",
-    "fly": "jblast.study.flights.fly",
+    "fly": "jblast.study.flights",
     "pick": "jblast.inference.picks",
     "read": "jblast.observations",
     "read_scene": "jblast.scene",

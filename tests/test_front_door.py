@@ -14,7 +14,7 @@ from jblast.inference import batch_of
 from jblast.observations import write
 from jblast.scene import Sensor, default_scene
 from jblast.sensors import planned_layout
-from jblast.study.flights.fly import Options
+from jblast.study.flights import Options
 
 NAMES = (
     *("fit", "fit_many", "read", "read_scene", "simulate", "record", "calculate"),

@@ -46,7 +46,7 @@ WITHIN = {
     ),
     "world": ("server", "remote"),
     "inference.many": ("solver", "residuals", "starts"),
-    "verification": ("cases", "stability", "benchmark"),
+    "verification": ("stability", "benchmark"),
     "cli": ("arguments", "verbs"),
 }
 BESIDE = {

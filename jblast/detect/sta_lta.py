@@ -4,7 +4,7 @@ The power of the samples that come over the power of those that went: seismology
 trigger (Allen 1978, Bull. Seism. Soc. Am. 68, 1521). It hears whatever is louder than a
 moment ago, a door as well as a blast, and tells the time of a rise, not of a form. Its
 false alarms in coloured noise or in wind follow from no formula: the threshold is to be
-measured where it listens (`verification/cases/detectors.py` does).
+measured where it listens (`verification/simulated_recordings.py` does).
 """
 
 from typing import NamedTuple

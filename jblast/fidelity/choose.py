@@ -1,39 +1,115 @@
-"""No more than a scene needs: the cheapest method that is good enough for it."""
+"""The cheapest method that is accurate enough for a scene.
+
+For all paths from charges to sensors, and for both ends of the priors, the predicted
+error of a method is the larger of its measured difference from the reference and the
+uncertainty of the reference. The choice is the cheapest method within the tolerance,
+else the most accurate one. Costs within a factor of two count as equal, because a busy
+machine changes them by as much.
+"""
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from jblast.errors import InputError
-from jblast.fidelity import solver
-from jblast.fidelity.candidates import (
-    blind_to_height,
-    candidates_for,
-    worst_reference_uncertainty,
+from jblast.errors import InputError, nearest
+from jblast.fidelity.errors import (
+    REFERENCES,
+    SOLVER,
+    Conditions,
+    continues_reference,
+    cost_table,
+    covers,
+    is_covered,
+    is_reference,
+    jitted_conditions,
+    reference_uncertainty,
+    relative_errors,
 )
-from jblast.fidelity.choice import Candidate, Choice
-from jblast.fidelity.conditions import Conditions, jitted_conditions
-from jblast.fidelity.reference import REFERENCES, continues_reference, is_reference
-from jblast.fidelity.sensor_paths import by_curves, paths_in, sensors_for, tnt_path
-from jblast.quantities import TIMES
-from jblast.registry import names_for
-from jblast.scene import Scene, Sensor, UncertainScene
+from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, TIMES, components
+from jblast.registry import Law, law_for, names_for
+from jblast.scene import (
+    Charge,
+    Scene,
+    Sensor,
+    UncertainScene,
+    parameter_named,
+    with_values,
+)
 from jblast.scene.charge import BURSTS, Burst
+from jblast.scene.uncertain import Free
 from jblast.waves.height_of_burst import burst_notes, scaled_height
-from jblast.waves.paths import Path
+from jblast.waves.paths import Path, path_between
 
 SHARE_OF_SIGMA = 1.0 / 3.0
 """Of the data's sigma: the tolerance where none is told. In quadrature a method that
 far off widens an error by 5 %."""
-
 ALIKE = 2.0
 """Costs within this factor count as one: a busy machine moves them by as much. Of
 methods that cost alike, the one with the smallest promised error is taken."""
+SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))
+"""Of the ends of a prior's 90 % interval."""
+ON_THE_GROUND = 0.05
+"""Scaled height or depth of burst up to which a method that knows of neither will do
+beside a reference that does [m/kg^(1/3)]."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One method that gives the quantity, over all places of a scene.
+
+    Attributes:
+        method: Its name.
+        error: Largest relative difference to the reference; infinite where the method
+            or the reference does not hold.
+        predicted_error: The larger of that and of how far the reference may be off.
+        cost_s: Seconds a reading, many at once, where it was measured.
+        valid: Whether it holds at all places.
+        is_reference: Whether it is the reference everywhere.
+    """
+
+    method: str
+    error: float
+    predicted_error: float
+    cost_s: float
+    valid: bool
+    is_reference: bool
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What suffices, or what comes nearest to it.
+
+    Attributes:
+        quantity: What was asked for.
+        method: The cheapest method within the tolerance; else the best there is.
+        predicted_error: Its relative error; NaN if nothing is known.
+        tolerance: What was asked for, relative; zero asks for the best.
+        met: Whether it suffices.
+        cost_s: Seconds a reading.
+        candidates: All methods that were looked at, the cheapest first.
+        span: Smallest and largest scaled distance [m/kg^(1/3)].
+        reference_uncertainty: How far the reference itself may be off there.
+        by_height: The curve sets that the heights of charges left, where none was said.
+        notes: What contradicts the heights, a sentence each.
+    """
+
+    quantity: str
+    method: str
+    predicted_error: float
+    tolerance: float
+    met: bool
+    cost_s: float
+    candidates: tuple[Candidate, ...]
+    span: tuple[float, float]
+    reference_uncertainty: float
+    by_height: tuple[Burst, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def choose(
@@ -145,7 +221,7 @@ def choose_for(
     span = float(z.min()), float(z.max())
     uncertainty = worst_reference_uncertainty(quantity, conditions)
     candidates = sorted(candidates_for(quantity, conditions, uncertainty), key=_cost)
-    taken = [c for c in candidates if not (laws_only and c.method == solver.METHOD)]
+    taken = [c for c in candidates if not (laws_only and c.method == SOLVER)]
     enough = [c for c in taken if c.valid and c.predicted_error <= tolerance]
     if enough:
         most = ALIKE * _cost(enough[0])
@@ -212,3 +288,189 @@ def _preference(
     )
     rank = names.index(candidate.method) if candidate.method in names else len(names)
     return candidate.predicted_error, not plain, rank, _cost(candidate)
+
+
+def sensors_for(scene: Scene, quantity: str) -> tuple[Sensor, ...]:
+    """Return the sensors of a scene that measure a quantity.
+
+    One that does not say what it records may measure anything, and what no sensor
+    records (`shock_speed_m_s`) is asked for at all of them.
+
+    Raises:
+        InputError: There is no such quantity, or no such sensor.
+    """
+    known = (*QUANTITIES, *DERIVED_QUANTITIES)
+    if quantity not in known:
+        raise InputError(
+            f"unknown quantity {quantity!r}{nearest(quantity, known)}; expected one of "
+            f"{', '.join(known)}"
+        )
+    parts = [part for part, _ in components(quantity)]
+    if parts != [quantity]:
+        raise InputError(
+            f"{quantity} is made of {' and '.join(parts)}: expected one of these"
+        )
+    found = tuple(
+        sensor
+        for sensor in scene.sensors
+        if not sensor.records
+        or quantity in DERIVED_QUANTITIES
+        or any(quantity in dict(components(held)) for held, _ in sensor.records)
+    )
+    if not found:
+        held = sorted({q for sensor in scene.sensors for q, _ in sensor.records})
+        raise InputError(
+            f"no sensor of the scene records {quantity}: expected a [[sensor]] with "
+            f"records = {{ {quantity} = SIGMA }}, got "
+            f"{', '.join(held) or 'no sensor at all'}"
+        )
+    return found
+
+
+def paths_in(
+    uncertain: UncertainScene, quantity: str, sensors: Sequence[Sensor]
+) -> list[Path]:
+    """Return the paths from every charge to some sensors; masses are those of TNT.
+
+    Curve sets are not settled (see `by_curves`). A number with a prior is taken at both
+    ends of its 90 % interval, one number at a time, the others at their medians; of the
+    paths, the charges run fastest.
+
+    Raises:
+        InputError: A sensor has no place, or a number that decides is free.
+    """
+    scene = uncertain.scene
+    cases = [scene]
+    for name, belief in uncertain.beliefs.items():
+        if not parameter_named(name).decides:
+            continue
+        if isinstance(belief, Free):
+            raise InputError(
+                f"{uncertain.source or 'scene'}: {name} is free: expected a value or a "
+                "prior, as what suffices depends on it"
+            )
+        ends = [belief.constrain(score) for score in SCORES]
+        cases += [with_values(scene, {name: end}) for end in ends]
+    for sensor in sensors:
+        placed = scene.charge.range_m is not None
+        if not placed and not np.isfinite(sensor.position_m).all():
+            raise InputError(
+                f"sensor {sensor.name!r}: expected position_m = [east, north, up] in "
+                "its [[sensor]], got nothing"
+            )
+    place = jnp.stack([sensor.position_m for sensor in sensors])
+    return [
+        tnt_path(case, charge, quantity, place)
+        for case in cases
+        for charge in case.charges
+    ]
+
+
+def by_curves(paths: Sequence[Path]) -> list[Path]:
+    """Return paths whose curve set is said: the one that the height leaves.
+
+    Where it leaves both, a method has to do for either at every place: the surface
+    curves first, the free-air ones behind all others.
+    """
+    first, more = [], []
+    for path in paths:
+        if path.free_air is None:
+            first.append(path)
+            continue
+        free = np.asarray(path.free_air)
+        one = "free-air" if free.all() else "surface"
+        first.append(replace(path, burst=one, free_air=None))
+        if free.any() and not free.all():
+            more.append(replace(path, burst="free-air", free_air=None))
+    return first + more
+
+
+def tnt_path(scene: Scene, charge: Charge, quantity: str, place: Array) -> Path:
+    """Return the path from a charge to places; the mass is that of TNT."""
+    nothing = jnp.full(len(place), jnp.nan)
+    path = path_between(scene, charge, place, nothing, nothing)
+    return replace(path, charge_mass=charge.tnt_mass(quantity))
+
+
+def worst_reference_uncertainty(
+    quantity: str, conditions: Sequence[Conditions]
+) -> float:
+    """Return how far the reference may be off; infinite where there is none."""
+    if quantity not in REFERENCES:
+        exact = all(law_for(quantity, name).is_exact() for name in names_for(quantity))
+        return 0.0 if exact else math.inf
+    if not all(is_covered(quantity, each).all() for each in conditions):
+        return math.inf
+    return max(
+        float(reference_uncertainty(quantity, each).max()) for each in conditions
+    )
+
+
+def candidates_for(
+    quantity: str, conditions: Sequence[Conditions], uncertainty: float
+) -> list[Candidate]:
+    """Return every method that gives the quantity."""
+    if quantity in REFERENCES:
+        of_paths = [relative_errors(quantity, each) for each in conditions]
+        errors = {
+            method: np.concatenate([each[method] for each in of_paths])
+            for method in of_paths[0]
+        }
+    else:
+        errors = {name: np.full(1, uncertainty) for name in names_for(quantity)}
+    blind = blind_to_height(quantity, conditions)
+    costs = cost_table()
+    found = []
+    for method, error in errors.items():
+        worst = math.inf if method in blind else float(error.max())
+        found.append(
+            Candidate(
+                method=method,
+                error=worst,
+                predicted_error=max(worst, uncertainty),
+                cost_s=costs.get((quantity, method), math.nan),
+                valid=all(np.all(each.holds[method]) for each in conditions),
+                is_reference=all(
+                    is_reference(quantity, method, np.asarray(each.z))
+                    for each in conditions
+                ),
+            )
+        )
+    return found
+
+
+def blind_to_height(quantity: str, conditions: Sequence[Conditions]) -> set[str]:
+    """Return the methods that do not know how high or deep the charge is.
+
+    None where it stands on the ground, or where the reference does not know either.
+    """
+    for each in conditions:
+        z = np.asarray(each.z)
+        branches = REFERENCES.get(quantity, ())
+        laws = [law_for(quantity, p.law) for p in branches if covers(p, z).any()]
+        lifted = np.abs(each.scaled_height).max() > ON_THE_GROUND
+        if lifted and any(map(_knows_height, laws)):
+            return {
+                method
+                for method in each.holds
+                if method == SOLVER or not _knows_height(law_for(quantity, method))
+            }
+    return set()
+
+
+def _knows_height(law: Law) -> bool:
+    return "height_of_burst" in law.arguments()
+
+
+@dataclass(frozen=True)
+class TakenLaw:
+    """The law that a quantity is read by.
+
+    Attributes:
+        name: Its name.
+        choice: By which it was taken; None where it was asked for. What suits the
+            answer may be another method than the one taken before it was known.
+    """
+
+    name: str
+    choice: Choice | None = None

@@ -1,21 +1,253 @@
-"""How far a method is off at a place, read from what was measured."""
+"""Errors of methods: their reference, measurement and tables, and the error at a place.
 
+For real TNT the reference is Kingery and Bulmash within the range of their tables.
+Beyond it the reference of the peak is the weak shock with the absorption of ISO 9613-1,
+up to the range where recorded peaks depart from it; that of impulse and duration is the
+recordings to which `ford_2021` was fitted. The uncertainty of a reference, $e_{ref}$,
+is measured against recordings where there are any. The exact point source is the
+reference of numerics alone, for the shock solver.
+
+In scaled terms most laws are curves of Z alone, so the error for one charge of 1 kg in
+standard air gives it for all. Other dependences (Wu's and Hao's arrival obeys neither
+Hopkinson nor Sachs) are products of powers, whose exponents are measured too. The
+absorption in the far reference depends on frequency, so on distance, mass and air: it
+is measured on a grid of its own. `calibration/fidelity.py` writes the tables in
+`data/`, CSV with a commented header that dates them.
+
+The shock solver is a method like the laws: one run gives all distances. Its energy is
+4.184 MJ/kg at a point. On the surface the ground is a perfect mirror: a source of twice
+the charge in free air.
+"""
+
+import csv
+import dataclasses
 import math
+from functools import cache
+from importlib.resources import files
 from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
+import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import error_tables
-from jblast.fidelity.conditions import Conditions, Numbers
-from jblast.fidelity.reference import (
-    END,
-    KINGERY_BULMASH_END,
-    REFERENCES,
-    covers,
-    is_too_far,
+from jblast.fidelity.timing import seconds
+from jblast.kept_programs import kept
+from jblast.registry import call, law_for, names_for
+from jblast.scene import Air, Scene
+from jblast.scene.charge import Burst
+from jblast.waves.laws.point_source import LENGTH
+from jblast.waves.paths import Path, path_between
+from jblast.waves.scaling import scaled_distance
+from jblast.waves.shock import FAR_END
+
+PER_OCTAVE = 17
+_OCTAVES = np.arange(-164, 79) / PER_OCTAVE
+JUST_PAST = 1.0 + 1e-9
+END = 1000.0
+"""Scaled distance up to which there is a reference, but for the peak [m/kg^(1/3)]."""
+FORD_START = 20.0
+"""Where the recordings of `ford_2021` begin [m/kg^(1/3)]."""
+KINGERY_BULMASH_END = 40.0
+"""Where the tables of Kingery and Bulmash end [m/kg^(1/3)]."""
+NODES = np.sort(
+    np.concatenate(
+        [
+            KINGERY_BULMASH_END * 2.0**_OCTAVES,
+            JUST_PAST * np.array([FORD_START, KINGERY_BULMASH_END]),
+            [END],
+        ]
+    )
 )
+"""Scaled distances where errors are measured, from 0.05 [m/kg^(1/3)]: 4 % apart, and on
+both sides of where one reference hands over to another."""
+BURSTS: tuple[Burst, ...] = ("surface", "free-air")
+STEP = math.log(2.0)
+"""In ln of mass and of ambient pressure, to measure exponents."""
+NO_POWER = 1e-9
+MASSES = 10.0 ** np.arange(-4.0, 6.01)
+ALTITUDES = np.arange(0.0, 5001.0, 1000.0)
+FAR_NODES = np.exp(np.linspace(math.log(KINGERY_BULMASH_END), math.log(END), 17))
+"""The grid of the absorption [kg], [m], [m/kg^(1/3)]."""
+CONTINUATIONS = (
+    ("positive_duration_s", "shock_kinematics"),
+    ("positive_impulse_pa_s", "shock_kinematics"),
+)
+"""Laws that are their reference as far as it goes and theory farther on, where another
+one was fitted to recordings: for records that need one law at all distances, not for
+choosing by measured errors."""
+FARTHEST = 5000.0
+"""Distance up to which there is one past the tables [m]: farther, weather decides."""
+DATA = files("jblast.fidelity") / "data"
+Numbers = Float[Array | np.ndarray, " place"]
+Marks = Bool[Array | np.ndarray, " place"]
+if TYPE_CHECKING:  # a choice knows what a run costs, and needs none
+    from jblast.waves.euler import Decay
+SOLVER = "euler"
+SOLVER_CELLS = 100
+"""Enough for 0.1 % (`calibration/results/point_source.txt`)."""
+SOLVED = ("air_arrival_s", "peak_overpressure_pa", "shock_speed_m_s")
+"""Quantities that it gives."""
+LAMBDAS = (0.1, 100.0)
+"""Scaled distances R (P0/E)^(1/3) that a run covers."""
+SOLVER_NODES = np.geomspace(*LAMBDAS, 200)
+
+
+def standard_path(
+    z: Float[np.ndarray, " place"],
+    burst: Burst,
+    mass: float = 1.0,
+    altitude: float = 0.0,
+) -> Path:
+    """Return paths to scaled distances from a charge of TNT on the ground.
+
+    Args:
+        z: Scaled distances [m/kg^(1/3)].
+        burst: Which curve set.
+        mass: Of the charge [kg].
+        altitude: Above sea level, in the standard atmosphere [m].
+    """
+    scene = Scene(air=Air(altitude=altitude))
+    charge = dataclasses.replace(scene.charge, mass_kg=jnp.asarray(mass), burst=burst)
+    nothing = jnp.full(len(z), jnp.nan)
+    here = path_between(scene, charge, jnp.zeros((len(z), 3)), nothing, nothing)
+    scale = jnp.cbrt(mass * STANDARD_PRESSURE / here.ambient_pressure)
+    distance = jnp.asarray(z) * scale
+    return dataclasses.replace(here, slant_range=distance, ground_range=distance)
+
+
+def methods_for(quantity: str) -> tuple[str, ...]:
+    """Return the methods to choose from for a quantity: laws, and the solver."""
+    laws = tuple(
+        name
+        for name in names_for(quantity)
+        if "time_since_detonation" not in law_for(quantity, name).arguments()
+        and (quantity, name) not in CONTINUATIONS
+    )
+    return laws + ((SOLVER,) if quantity in SOLVED else ())
+
+
+def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " place"]:
+    """Return what a method says, also where it does not hold (see `holds`).
+
+    Args:
+        quantity: What is asked for.
+        method: One of `methods_for`.
+        path: To every place; the mass is that of TNT.
+    """
+    if method == SOLVER:
+        return _by_solver(quantity, path)
+    value = np.asarray(call(law_for(quantity, method).function, path))
+    return np.broadcast_to(value, path.slant_range.shape)
+
+
+def holds(quantity: str, method: str, path: Path) -> Bool[np.ndarray, " place"]:
+    """Return where a method holds, by place."""
+    if method == SOLVER:
+        return np.asarray(solver_holds(scaled_distances(path), path.one_burst()))
+    valid = np.asarray(call(law_for(quantity, method).valid, path))
+    return np.broadcast_to(valid, path.slant_range.shape)
+
+
+def _by_solver(quantity: str, path: Path) -> Float[np.ndarray, " place"]:
+    value = solver_value(quantity, scaled_distances(path), path.one_burst())
+    unit = {
+        "air_arrival_s": path.slant_range / path.sound_speed,
+        "peak_overpressure_pa": path.ambient_pressure,
+        "shock_speed_m_s": path.sound_speed,
+    }[quantity]
+    return value * np.asarray(unit)
+
+
+def log_ratio(
+    quantity: str, method: str, path: Path, *, lossless: bool = False
+) -> Float[np.ndarray, " place"]:
+    """Return ln of a method over its reference; NaN where that does not hold."""
+    said = value_of(quantity, method, path)
+    reference = np.asarray(reference_value(quantity, path, lossless=lossless))
+    return np.log(said) - np.log(reference)
+
+
+def log_ratios(quantity: str, burst: Burst) -> dict[str, Float[np.ndarray, " node"]]:
+    """Return ln of every method over its lossless reference, at `NODES`."""
+    path = standard_path(NODES, burst)
+    return {
+        method: log_ratio(quantity, method, path, lossless=True)
+        for method in methods_for(quantity)
+    }
+
+
+def exponents(quantity: str, method: str, burst: Burst) -> tuple[float, float]:
+    """Return the powers of mass and of ambient pressure in a method's ratio.
+
+    Both at a given Z; zero for a law that obeys Hopkinson and Sachs. The median over
+    all nodes: a law may have another exponent where it leaves its range.
+    """
+    path = standard_path(NODES, burst)
+    plain = log_ratio(quantity, method, path, lossless=True)
+    factor = math.exp(STEP)
+    distance = path.slant_range * factor ** (1.0 / 3.0)
+    heavier = dataclasses.replace(
+        path,
+        slant_range=distance,
+        ground_range=distance,
+        charge_mass=path.charge_mass * factor,
+    )
+    distance = path.slant_range / factor ** (1.0 / 3.0)
+    denser = dataclasses.replace(
+        path,
+        slant_range=distance,
+        ground_range=distance,
+        ambient_pressure=path.ambient_pressure * factor,
+    )
+    found = []
+    for changed in (heavier, denser):
+        step = log_ratio(quantity, method, changed, lossless=True) - plain
+        known = step[np.isfinite(step)]
+        power = float(np.median(known)) / STEP if known.size else 0.0
+        found.append(0.0 if abs(power) < NO_POWER else power)
+    return found[0], found[1]
+
+
+def log_losses(burst: Burst) -> Float[np.ndarray, "node mass altitude"]:
+    """Return ln of the far reference of pressure over itself without absorption."""
+    law = law_for("peak_overpressure_pa", "weak_shock_iso")
+    plain = law_for("peak_overpressure_pa", "shock_kinematics")
+    grid = np.empty((len(FAR_NODES), len(MASSES), len(ALTITUDES)))
+    for j, mass in enumerate(MASSES):
+        for k, altitude in enumerate(ALTITUDES):
+            path = standard_path(FAR_NODES, burst, float(mass), float(altitude))
+            grid[:, j, k] = np.log(
+                call(law.function, path) / call(plain.function, path)
+            )
+    return grid
+
+
+class Conditions(eqx.Module):
+    """What a choice of method is conditioned on, by place.
+
+    Attributes:
+        z: Scaled distance [m/kg^(1/3)].
+        slant_range: Distance from the charge [m].
+        charge_mass: TNT-equivalent mass [kg].
+        ambient_pressure: $P_0$ [Pa].
+        sound_time: What sound takes to get there [s].
+        scaled_height: Height of burst over the same length as Z [m/kg^(1/3)].
+        holds: By method, whether it holds there.
+        burst: "surface" or "free-air".
+    """
+
+    z: Numbers
+    slant_range: Numbers
+    charge_mass: Numbers
+    ambient_pressure: Numbers
+    sound_time: Numbers
+    scaled_height: Numbers
+    holds: dict[str, Marks]
+    burst: Burst = eqx.field(static=True)
 
 
 def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]:
@@ -28,7 +260,7 @@ def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]
         quantity: One of `REFERENCES`.
         conditions: At every place.
     """
-    table = error_tables.errors(quantity, conditions.burst)
+    table = error_table(quantity, conditions.burst)
     z = np.asarray(conditions.z)
     with np.errstate(divide="ignore"):  # a sensor at the charge: nothing is known there
         log_z = np.log(z)
@@ -56,7 +288,7 @@ def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]
 def is_covered(quantity: str, conditions: Conditions) -> Bool[np.ndarray, " place"]:
     """Return where the reference holds, by place."""
     z = np.asarray(conditions.z)
-    spans = error_tables.reference_uncertainties(quantity, conditions.burst)
+    spans = reference_uncertainties(quantity, conditions.burst)
     inside = (z >= spans[0].start) & (z <= spans[-1].end)
     return inside & ~is_too_far(z, conditions.slant_range)
 
@@ -65,7 +297,7 @@ def reference_uncertainty(
     quantity: str, conditions: Conditions
 ) -> Float[np.ndarray, " place"]:
     """Return how far the reference itself may be off at every place, relative."""
-    spans = error_tables.reference_uncertainties(quantity, conditions.burst)
+    spans = reference_uncertainties(quantity, conditions.burst)
     ends = [span.end for span in spans[:-1]]
     errors = np.array([span.error for span in spans])
     return errors[np.searchsorted(ends, np.asarray(conditions.z))]
@@ -77,7 +309,7 @@ def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.nd
     far = log_z > math.log(KINGERY_BULMASH_END)
     if not (lossy and far.any()):
         return np.zeros_like(log_z)
-    table = error_tables.losses(burst)
+    table = loss_table(burst)
     axes = (table.log_z, table.log_mass, table.log_pressure)
     places = [
         np.clip(x, axis[0], axis[-1])
@@ -98,3 +330,320 @@ def _trilinear(axes, values, places) -> np.ndarray:
         at, weights = zip(*corner, strict=True)
         total = total + np.prod(weights, axis=0) * values[at]
     return total
+
+
+class Branch(NamedTuple):
+    """A law that is the reference over a span of scaled distances.
+
+    Attributes:
+        law: Its name.
+        start: Scaled distance it begins past [m/kg^(1/3)].
+        end: Scaled distance it ends at.
+        lossless: The law it is without absorption; itself where it has none.
+    """
+
+    law: str
+    start: float
+    end: float
+    lossless: str
+
+
+def _branch(law: str, start: float, end: float, lossless: str = "") -> Branch:
+    return Branch(law, start, end, lossless or law)
+
+
+NEAR = _branch("kingery_bulmash", 0.0, KINGERY_BULMASH_END)
+REFERENCES: dict[str, tuple[Branch, ...]] = {
+    "air_arrival_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
+    "peak_overpressure_pa": (
+        NEAR,
+        _branch("weak_shock_iso", KINGERY_BULMASH_END, FAR_END, "shock_kinematics"),
+    ),
+    "shock_speed_m_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
+    **dict.fromkeys(
+        ("positive_impulse_pa_s", "positive_duration_s"),
+        (
+            _branch("kingery_bulmash", 0.0, FORD_START),
+            _branch("ford_2021", FORD_START, END),
+        ),
+    ),
+    **dict.fromkeys(("reflected_pressure_pa", "reflected_impulse_pa_s"), (NEAR,)),
+}
+"""By quantity, nearest first. The others have none."""
+
+
+def scaled_distances(path: Path) -> Float[np.ndarray, " place"]:
+    """Return Z of every place of a path [m/kg^(1/3)]."""
+    z = scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
+    return np.atleast_1d(np.asarray(z))
+
+
+def covers(
+    branch: Branch, z: Float[np.ndarray, " place"]
+) -> Bool[np.ndarray, " place"]:
+    """Return where a branch is the reference: a join belongs to what lies before it."""
+    return (z > branch.start) & (z <= branch.end)
+
+
+def is_reference(
+    quantity: str, name: str, z: Float[np.ndarray, " place"], *, lossless: bool = False
+) -> bool:
+    """Return whether a method is a quantity's reference at all of some Z.
+
+    Args:
+        quantity: Any; of one without reference none is.
+        name: Of the method.
+        z: Scaled distances [m/kg^(1/3)].
+        lossless: Whether absorption is left out of the reference.
+    """
+    branches = [
+        branch
+        for branch in REFERENCES.get(quantity, ())
+        if name == (branch.lossless if lossless else branch.law)
+    ]
+    return bool(branches) and bool(
+        np.any([covers(p, z) for p in branches], axis=0).all()
+    )
+
+
+def continues_reference(
+    quantity: str, name: str, z: Float[np.ndarray, " place"]
+) -> bool:
+    """Return whether a method is the reference, or continues it past its last end.
+
+    Without absorption, everywhere. At Z = 600 no method holds for the peak: the weak
+    shock continues the reference, and the power law that the tables continue by does
+    not.
+    """
+    starts = [branch.start for branch in REFERENCES.get(quantity, ())]
+    if not starts:
+        return False
+    at = np.searchsorted(starts, z, side="left") - 1
+    nearest = [REFERENCES[quantity][max(int(i), 0)].lossless for i in at]
+    return all(law == name for law in nearest)
+
+
+def is_too_far(
+    z: Float[np.ndarray, " place"], slant_range: Float[Array | np.ndarray, " place"]
+) -> Bool[np.ndarray, " place"]:
+    """Return where a place past the tables is farther than any reference."""
+    return (z > KINGERY_BULMASH_END) & (np.asarray(slant_range) > FARTHEST)
+
+
+def reference_value(
+    quantity: str, path: Path, *, lossless: bool = False
+) -> Float[Array, " place"]:
+    """Return what the reference says; NaN where there is none.
+
+    Args:
+        quantity: One of `REFERENCES`.
+        path: To every place; the mass is that of TNT.
+        lossless: Whether to leave absorption out.
+    """
+    z = scaled_distances(path)
+    value = jnp.full(z.shape, jnp.nan)
+    for branch in REFERENCES[quantity]:
+        law = law_for(quantity, branch.lossless if lossless else branch.law)
+        said = jnp.where(call(law.valid, path), call(law.function, path), jnp.nan)
+        value = jnp.where(covers(branch, z), said, value)
+    return jnp.where(is_too_far(z, path.slant_range), jnp.nan, value)
+
+
+class Errors(NamedTuple):
+    """How far every method is off, for one quantity and burst.
+
+    Attributes:
+        log_z: ln of the scaled distances [m/kg^(1/3)].
+        log_ratio: By method, ln of it over its lossless reference, for 1 kg in standard
+            air; NaN where that is not known.
+        exponents: By method, powers of mass [kg] and of ambient over standard pressure.
+    """
+
+    log_z: Float[np.ndarray, " node"]
+    log_ratio: dict[str, Float[np.ndarray, " node"]]
+    exponents: dict[str, tuple[float, float]]
+
+
+class Losses(NamedTuple):
+    """ln of what absorption leaves of the peak, on a grid."""
+
+    log_z: Float[np.ndarray, " node"]
+    log_mass: Float[np.ndarray, " mass"]
+    log_pressure: Float[np.ndarray, " pressure"]
+    log_loss: Float[np.ndarray, "node mass pressure"]
+
+
+class ReferenceUncertainty(NamedTuple):
+    """How far a reference itself may be off, relative, over a span of Z.
+
+    Attributes:
+        start: Where the span begins [m/kg^(1/3)].
+        end: Where it ends.
+        error: $e_{ref}$ [-].
+        evidence: What it was measured by.
+    """
+
+    start: float
+    end: float
+    error: float
+    evidence: str
+
+
+def table_rows(name: str) -> list[dict[str, str]]:
+    """Read a table, by column name."""
+    text = (DATA / f"{name}.csv").read_text(encoding="utf-8")
+    lines = (line for line in text.splitlines() if not line.startswith("#"))
+    return list(csv.DictReader(lines))
+
+
+def table_head(name: str) -> str:
+    """Return when, by what and on what a table was measured."""
+    text = (DATA / f"{name}.csv").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.startswith("#")]
+    return " ".join(line.lstrip("# ") for line in lines)
+
+
+@cache
+def error_table(quantity: str, burst: str) -> Errors:
+    """Return the errors of all methods that give a quantity."""
+    table = [row for row in table_rows(f"error_{quantity}") if row["burst"] == burst]
+    methods = [name for name in table[0] if name not in ("burst", "z")]
+    powers = {
+        row["method"]: (float(row["per_ln_mass"]), float(row["per_ln_pressure"]))
+        for row in table_rows("exponents")
+        if row["quantity"] == quantity and row["burst"] == burst
+    }
+    return Errors(
+        np.log([float(row["z"]) for row in table]),
+        {
+            name: np.array([float(row[name] or "nan") for row in table])
+            for name in methods
+        },
+        powers,
+    )
+
+
+@cache
+def loss_table(burst: str) -> Losses:
+    """Return what absorption takes from the peak past the tables."""
+    names = ("z", "mass_kg", "ambient_pressure_pa", "log_loss")
+    mine = [row for row in table_rows("absorption") if row["burst"] == burst]
+    table = np.array([[float(row[name]) for name in names] for row in mine])
+    axes = [np.unique(column) for column in table.T[:3]]
+    grid = np.empty([len(axis) for axis in axes])
+    grid[tuple(map(np.searchsorted, axes, table.T[:3]))] = table[:, 3]
+    z, mass, pressure = (np.log(axis) for axis in axes)
+    return Losses(z, mass, pressure, grid)
+
+
+@cache
+def reference_uncertainties(
+    quantity: str, burst: str
+) -> tuple[ReferenceUncertainty, ...]:
+    """Return how far a quantity's reference may be off, nearest span first."""
+    return tuple(
+        ReferenceUncertainty(
+            float(row["z_from"]),
+            float(row["z_to"]),
+            float(row["e_ref"]),
+            row["evidence"],
+        )
+        for row in table_rows("references")
+        if row["quantity"] == quantity and row["burst"] == burst
+    )
+
+
+@cache
+def cost_table() -> dict[tuple[str, str], float]:
+    """Return what one reading costs by quantity and method [s]."""
+    return {
+        (row["quantity"], row["method"]): float(row["cost_s"])
+        for row in table_rows("costs")
+    }
+
+
+def conditions_of(quantity: str, path: Path) -> Conditions:
+    """Return what decides over the methods for a quantity; may be jitted.
+
+    Args:
+        quantity: What is asked for.
+        path: To every place; the mass is that of TNT.
+    """
+
+    def each(number):
+        return jnp.broadcast_to(number, path.slant_range.shape)
+
+    z = scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
+    holds = {
+        name: call(law_for(quantity, name).valid, path) for name in names_for(quantity)
+    }
+    if quantity in SOLVED:
+        here = solver_holds(z, path.one_burst())
+        if quantity == "peak_overpressure_pa":  # of still air, as the laws are
+            here = here & (z <= FAR_END)
+        holds[SOLVER] = here
+    return Conditions(
+        z=z,
+        slant_range=path.slant_range,
+        charge_mass=each(path.charge_mass),
+        ambient_pressure=each(path.ambient_pressure),
+        sound_time=path.slant_range / path.sound_speed,
+        scaled_height=z * path.height_of_burst / path.slant_range,
+        holds={name: each(where) for name, where in holds.items()},
+        burst=path.one_burst(),
+    )
+
+
+jitted_conditions = kept(conditions_of)
+
+
+def point_source_length(burst: str) -> float:
+    """Return the scaled distance Z of lambda = 1 [m/kg^(1/3)]."""
+    return LENGTH * (2.0 ** (1.0 / 3.0) if burst == "surface" else 1.0)
+
+
+@cache
+def solver_decay(cells: int = SOLVER_CELLS) -> "Decay":
+    """Return the decay of the front by a run, at `NODES`."""
+    from jblast.waves.euler import decay_at, point_source_march
+
+    return decay_at(SOLVER_NODES, point_source_march(cells, LAMBDAS[1]))
+
+
+def seconds_of_run(cells: int = SOLVER_CELLS) -> float:
+    """Return what a run costs, compiled before [s]."""
+    from jblast.waves.euler import point_source_march
+
+    return seconds(lambda: point_source_march(cells, LAMBDAS[1]).history, 1)
+
+
+def solver_value(
+    quantity: str, z: Float[np.ndarray, " place"], burst: str
+) -> Float[np.ndarray, " place"]:
+    r"""Return a quantity of 1 kg in standard air: $c_0 t/R$, $p/P_0$ or $U/c_0$.
+
+    Args:
+        quantity: One of `SOLVED`.
+        z: Scaled distances [m/kg^(1/3)].
+        burst: "surface" or "free-air".
+
+    Returns:
+        Its logarithm is interpolated; NaN outside the run.
+    """
+    run = solver_decay()
+    lambdas = z / point_source_length(burst)
+    given = {
+        "air_arrival_s": run.arrival / run.scaled,
+        "peak_overpressure_pa": run.overpressure_ratio,
+        "shock_speed_m_s": np.sqrt(1.0 + 6.0 / 7.0 * run.overpressure_ratio),
+    }[quantity]
+    value = np.exp(np.interp(np.log(lambdas), np.log(run.scaled), np.log(given)))
+    return np.where(solver_holds(z, burst), value, math.nan)
+
+
+def solver_holds(
+    z: Float[Array | np.ndarray, " place"], burst: str
+) -> Bool[Array | np.ndarray, " place"]:
+    """Return which scaled distances lie within the run."""
+    lambdas = z / point_source_length(burst)
+    return (lambdas >= LAMBDAS[0]) & (lambdas <= LAMBDAS[1])

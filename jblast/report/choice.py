@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from jblast.fidelity.choice import Candidate, Choice, TakenLaw
-from jblast.fidelity.reference import FARTHEST, REFERENCES
-from jblast.fidelity.solver import METHOD as SOLVER
+from jblast.fidelity.choose import Candidate, Choice, TakenLaw
+from jblast.fidelity.errors import FARTHEST, REFERENCES, SOLVER
 from jblast.json_values import entries
 from jblast.registry import LAWS
 from jblast.report.words import aligned, hanging

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from jblast.discovery.discover import DOUBTFUL, FEWEST_MEMBERS, Discovery, Replay
+from jblast.discovery.noise_sweep import Outcome
+from jblast.discovery.shock import Slowing
 from jblast.json_values import plain
 from jblast.report.words import aligned, significant
-from jblast.study.discovery.discover import Discovery
-from jblast.study.discovery.judge import DOUBTFUL, FEWEST_MEMBERS
-from jblast.study.discovery.noise_sweep import Outcome
-from jblast.study.discovery.replay import Replay
-from jblast.study.discovery.shock import Slowing
 
 HELD = (0.73, 1.0)
 """Share of noisy records whose 90 % interval held the truth; least and greatest of the

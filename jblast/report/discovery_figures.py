@@ -7,6 +7,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jblast.discovery.discover import Discovery, Replay
+from jblast.discovery.noise_sweep import Outcome
 from jblast.report.discovery import doubts, equation_text
 from jblast.report.figure_style import (
     BLUE,
@@ -20,9 +22,6 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.study.discovery.discover import Discovery
-from jblast.study.discovery.noise_sweep import Outcome
-from jblast.study.discovery.replay import Replay
 
 DATA = "#b0b0b0"
 

@@ -24,8 +24,9 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import printed_number, unit_for
-from jblast.study.flights.records import Flights, Flown
-from jblast.study.flights.statistics import (
+from jblast.study.flight_results import (
+    Flights,
+    Flown,
     flies_on,
     hold_words,
     metric,

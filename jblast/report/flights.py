@@ -28,10 +28,11 @@ from jblast.report.words import (
     printed_number,
     significant,
 )
-from jblast.study.flights.records import Flights, Flown
-from jblast.study.flights.statistics import (
+from jblast.study.flight_results import (
     EXPOSURES,
     METRICS,
+    Flights,
+    Flown,
     flies_on,
     hold_words,
     metric,

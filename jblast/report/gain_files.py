@@ -25,7 +25,7 @@ from jblast.report.figure_style import (
 )
 from jblast.report.gains import GainsAnswer, gains_answer, keys_of_gains
 from jblast.report.tune_files import FIGURE, JSON, SCENE, moved, scene_text
-from jblast.study.gains.records import TunedGains, known_peaks
+from jblast.study.gains import TunedGains, known_peaks
 
 BEFORE_S, AFTER_S = 0.2, 3.0
 """What is shown about a blast."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from jblast.json_values import plain
 from jblast.report.words import WIDTH, aligned
-from jblast.study.gains.records import Tried, TunedGains, known_peaks
+from jblast.study.gains import Tried, TunedGains, known_peaks
 from jblast.vehicle import STEP_S, Gains, vehicle_of
 from jblast.vehicle.control.stability import LOOPS
 

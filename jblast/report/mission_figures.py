@@ -21,7 +21,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import printed_number, unit_for
-from jblast.study.missions.records import MissionFlight
+from jblast.study.missions import MissionFlight
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 PLANNED, FLOWN, BLAST = "ff666666", "ffb27200", "ff005ed5"

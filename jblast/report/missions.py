@@ -28,8 +28,7 @@ from jblast.report.words import (
     printed_number,
     significant,
 )
-from jblast.study.missions.outcome import WATCHED_S
-from jblast.study.missions.records import Disturbance, MissionFlight
+from jblast.study.missions import WATCHED_S, Disturbance, MissionFlight
 from jblast.vehicle.metrics import THRESHOLDS
 
 

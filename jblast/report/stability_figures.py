@@ -30,17 +30,27 @@ from jblast.report.words import capitalised, quantity_words
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import scene_path, with_rows
-from jblast.verification.stability.detectors import SNRS, rotor_misses
-from jblast.verification.stability.failure import FailureMode
-from jblast.verification.stability.flights.pulses import impulse_errors as pulse_errors
-from jblast.verification.stability.laws.clocks import FINE, SIGMA, TIMES
-from jblast.verification.stability.laws.gradients import MOST_SAMPLES, slope_felt
-from jblast.verification.stability.laws.shock_solver import SHORT, sod_end, wave_error
-from jblast.verification.stability.laws.waveforms import impulse_errors
-from jblast.verification.stability.records import (
+from jblast.verification.stability.detectors import (
     COLOUR,
-    SNRS as NOISES,
+    PICK_SNRS as NOISES,
+    SNRS,
     noise_shares,
+    rotor_misses,
+)
+from jblast.verification.stability.failure import FailureMode
+from jblast.verification.stability.flights import impulse_errors as pulse_errors
+from jblast.verification.stability.laws import (
+    FINE,
+    MOST_SAMPLES,
+    SIGMA,
+    TIMES,
+    slope_felt,
+)
+from jblast.verification.stability.waveforms import (
+    SHORT,
+    impulse_errors,
+    sod_end,
+    wave_error,
 )
 from jblast.waves import sedov_taylor_energy
 

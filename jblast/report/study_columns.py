@@ -10,10 +10,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.errors import InputError
-from jblast.study.statistics import YES_NO
-from jblast.study.statistics.moments import Moments, finish_moments, merge_moments
-from jblast.study.statistics.quantile_sketch import bin_edges, sketch_quantiles
-from jblast.study.statistics.share import ShareState
+from jblast.study.statistics import (
+    YES_NO,
+    Moments,
+    ShareState,
+    bin_edges,
+    finish_moments,
+    merge_moments,
+    sketch_quantiles,
+)
 
 QUANTILES = (0.05, 0.5, 0.95)
 NAMES = ("q05", "q50", "q95")

@@ -9,10 +9,10 @@ import numpy as np
 
 from jblast.json_values import entries
 from jblast.report.words import aligned
-from jblast.study.engine.estimates import Moments
-from jblast.study.engine.variable import Variable
+from jblast.study.engine.store import Variable
+from jblast.study.engine.tiles import Moments
 from jblast.study.outcome.family import Outcome
-from jblast.study.sampling.ran import Ran
+from jblast.study.sampling.run import Ran
 
 MOST_LINES = 40
 """Of the table; a study of more sensors and outcomes is for its report."""

@@ -15,12 +15,11 @@ from jblast.report.study_columns import (
     columns_of,
     found_in,
 )
-from jblast.study.engine.store import Store, open_store
-from jblast.study.engine.summary.merge import summary_of
-from jblast.study.engine.summary.states import State, merged_states, outcomes_of
-from jblast.study.engine.variable import Variable
-from jblast.study.file.read import study_from_text
-from jblast.study.sampling.provenance import scenes_of
+from jblast.study.engine.merge import summary_of
+from jblast.study.engine.store import Store, Variable, open_store
+from jblast.study.engine.summary import State, merged_states, outcomes_of
+from jblast.study.file import study_from_text
+from jblast.study.sampling.run import scenes_of
 
 MOST_POINTS = 40
 """Of a curve of convergence."""

@@ -12,7 +12,7 @@ from jblast.report.flights import EastNorthUpM, FlightsAnswer
 from jblast.report.provenance import Provenance
 from jblast.report.words import aligned, comma_separated, commented
 from jblast.scene import Charge
-from jblast.study.flights.records import Flights
+from jblast.study.flight_results import Flights
 from jblast.world import DrawnWorld, Perceived, Preset
 from jblast.world.remote.serving import Options, Serving
 

@@ -514,7 +514,7 @@ def choice_at(question: Question, quantity: str) -> "Choice":
     The best there is: nothing is said of how near is near enough.
     """
     from jblast.fidelity import choose_for
-    from jblast.fidelity.conditions import jitted_conditions
+    from jblast.fidelity.errors import jitted_conditions
 
     path = path_of_rows(question, quantity)
     if path.burst is None:
@@ -724,7 +724,7 @@ def _sds_apart(
 
 def _choice(question: Question, quantity: str, row: int) -> "Choice | None":
     """Return what `jblast choose` would take at a row for the best there is."""
-    from jblast.fidelity.reference import REFERENCES  # read only where laws disagree
+    from jblast.fidelity.errors import REFERENCES  # read only where laws disagree
 
     if quantity not in REFERENCES:
         return None

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, nearest
 from jblast.fidelity import TakenLaw, choose_for, tolerance_of
-from jblast.fidelity.conditions import Conditions, conditions_of
+from jblast.fidelity.errors import Conditions, conditions_of
 from jblast.kept_programs import kept
 from jblast.registry import is_law, names_for
 from jblast.scene import Charge, Scene

@@ -1,25 +1,24 @@
-"""Many times over: what methods cost, how far they are off, where they break.
+"""Monte Carlo studies of a scene: samples, outcomes and their statistics.
 
-A study draws a scene again and again and asks of each sample what became of it: `run`
+A study draws a scene N times and computes the requested outcomes of each sample: `run`
 makes a data set of `read_study`'s study, `outcomes` is one sample as a pure function.
-What is behind a name is imported when it is used.
+Names are imported on first use.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jblast.study.file.read import read_study as read_study
-    from jblast.study.file.study import Axis as Axis, Study as Study
-    from jblast.study.sampling.pure import draw as draw, outcomes as outcomes
+    from jblast.study.file import Axis as Axis, Study as Study, read_study as read_study
     from jblast.study.sampling.run import run as run, run_into as run_into
+    from jblast.study.sampling.work import draw as draw, outcomes as outcomes
 
 HOMES = {
-    "Axis": "jblast.study.file.study",
-    "Study": "jblast.study.file.study",
-    "draw": "jblast.study.sampling.pure",
-    "outcomes": "jblast.study.sampling.pure",
-    "read_study": "jblast.study.file.read",
+    "Axis": "jblast.study.file",
+    "Study": "jblast.study.file",
+    "draw": "jblast.study.sampling.work",
+    "outcomes": "jblast.study.sampling.work",
+    "read_study": "jblast.study.file",
     "run": "jblast.study.sampling.run",
     "run_into": "jblast.study.sampling.run",
 }

@@ -6,7 +6,7 @@ import pytest
 
 from calibration.benchmark_views import batched, fire_window
 from jblast.sensors.camera import explosion_views, render
-from jblast.verification.cases.explosion_frames import BEHIND, filmed
+from jblast.verification.simulated_recordings import BACKGROUND, filmed
 
 
 @pytest.mark.slow  # three programs
@@ -16,7 +16,7 @@ def test_batches_show_what_render_shows():
     expected = render(
         *(film.scene, film.camera, film.times),
         views=views,
-        background=BEHIND,
+        background=BACKGROUND,
         appearance=film.appearance,
     )
     rows, columns = fire_window(views, film)

@@ -11,7 +11,7 @@ from jblast.detect import (
     white_noise,
 )
 from jblast.errors import InputError
-from jblast.verification.cases.detectors import RATE, coloured, pulse, rumble
+from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 
 @pytest.mark.slow

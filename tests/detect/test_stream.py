@@ -5,7 +5,7 @@ import pytest
 
 from jblast.detect import detections, filtered_by, matched_kernel, stream
 from jblast.errors import InputError
-from jblast.verification.cases.detectors import RATE, coloured, pulse, rumble
+from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 NOISE, SHAPE = rumble(), pulse(0.02)
 KERNEL = matched_kernel(SHAPE, RATE, NOISE)

@@ -3,7 +3,7 @@ import pytest
 
 from jblast.detect import blast_template, recorded_template
 from jblast.errors import InputError
-from jblast.verification.cases.detectors import RATE
+from jblast.verification.simulated_recordings import RATE
 from jblast.waves.waveform import blast_pulse
 
 

@@ -10,7 +10,7 @@ from jblast.detect import (
     white_noise,
 )
 from jblast.errors import InputError
-from jblast.verification.cases.detectors import RATE, coloured, pulse, rumble
+from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 KERNEL = matched_kernel(pulse(0.02), RATE, rumble())
 

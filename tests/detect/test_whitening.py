@@ -4,7 +4,7 @@ import pytest
 from jblast.detect import NoiseSpectrum, matched_kernel, noise_spectrum, white_noise
 from jblast.detect.whitening import median_bias, whitening_taps
 from jblast.errors import InputError
-from jblast.verification.cases.detectors import RATE, coloured, pulse, rumble
+from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 
 @pytest.mark.parametrize("average", ["mean", "median"])

@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.fidelity import choose, error_tables
+from jblast.fidelity import choose, errors
 from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
-from jblast.fidelity.conditions import conditions_of
-from jblast.fidelity.measured_errors import standard_path
-from jblast.fidelity.reference import END, FARTHEST
+from jblast.fidelity.errors import END, FARTHEST, conditions_of, standard_path
 from jblast.report.choice import reason_for
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.uncertain import LogNormal, with_values
@@ -35,7 +33,7 @@ def test_the_reference_is_good_to_what_it_may_itself_be_off():
     choice = choose(scene(10.0, 35.0), ARRIVAL, 0.01)
     assert choice.met
     assert choice.method == "kingery_bulmash"
-    spans = error_tables.reference_uncertainties(ARRIVAL, "surface")
+    spans = errors.reference_uncertainties(ARRIVAL, "surface")
     z = np.array(choice.span)
     uncertainty = [s.error for s in spans if s.end > z[0] and s.start < z[1]]
     assert choice.predicted_error == max(uncertainty)

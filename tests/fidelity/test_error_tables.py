@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from calibration.fidelity_references import spans
-from jblast.fidelity import error_tables
-from jblast.fidelity.measured_errors import (
+from jblast.fidelity import errors
+from jblast.fidelity.errors import (
     BURSTS,
     FAR_NODES,
     MASSES,
     NODES,
+    REFERENCES,
+    SOLVER as SOLVER,
     exponents,
     log_losses,
     log_ratio,
     methods_for,
     standard_path,
 )
-from jblast.fidelity.reference import REFERENCES
-from jblast.fidelity.solver import METHOD as SOLVER
 
 PRINTED = 1e-5
 """Half of the last digit of the tables, and what rounding adds."""
@@ -29,7 +29,7 @@ PRINTED = 1e-5
 @pytest.mark.parametrize("burst", BURSTS)
 @pytest.mark.parametrize("quantity", REFERENCES)
 def test_errors_are_as_stored(quantity, burst):
-    table = error_tables.errors(quantity, burst)
+    table = errors.error_table(quantity, burst)
     np.testing.assert_allclose(np.exp(table.log_z), NODES, rtol=1e-11)
     assert set(table.log_ratio) == set(methods_for(quantity))
     path = standard_path(NODES, burst)
@@ -45,7 +45,7 @@ def test_errors_are_as_stored(quantity, burst):
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["air_arrival_s", "peak_overpressure_pa"])
 def test_errors_of_the_solver_are_as_stored(quantity):
-    table = error_tables.errors(quantity, "free-air")
+    table = errors.error_table(quantity, "free-air")
     path = standard_path(NODES, "free-air")
     now = log_ratio(quantity, SOLVER, path, lossless=True)
     kept = table.log_ratio[SOLVER]
@@ -54,7 +54,7 @@ def test_errors_of_the_solver_are_as_stored(quantity):
 
 @pytest.mark.parametrize("burst", BURSTS)
 def test_losses_are_as_stored(burst):
-    table = error_tables.losses(burst)
+    table = errors.loss_table(burst)
     np.testing.assert_allclose(np.exp(table.log_z), FAR_NODES, rtol=1e-11)
     np.testing.assert_allclose(np.exp(table.log_mass), MASSES, rtol=1e-11)
     now = log_losses(burst)[:, :, ::-1]  # pressures ascend as altitudes fall
@@ -63,7 +63,7 @@ def test_losses_are_as_stored(burst):
 
 def test_references_are_as_stored():
     now = spans()
-    rows = error_tables.rows("references")
+    rows = errors.table_rows("references")
     assert len(now) == len(rows)
     for span, row in zip(now, rows, strict=True):
         assert (span.quantity, span.burst) == (row["quantity"], row["burst"])
@@ -77,16 +77,16 @@ def test_references_are_as_stored():
 def test_spans_of_a_reference_leave_no_gap():
     for quantity in REFERENCES:
         for burst in BURSTS:
-            uncertainty = error_tables.reference_uncertainties(quantity, burst)
+            uncertainty = errors.reference_uncertainties(quantity, burst)
             for near, far in pairwise(uncertainty):
                 assert near.end == far.start
             assert uncertainty[-1].end == REFERENCES[quantity][-1].end
 
 
 def test_every_method_has_a_cost_and_every_table_says_when_it_was_made():
-    costs = error_tables.costs()
+    costs = errors.cost_table()
     for quantity in REFERENCES:
         assert all(costs[quantity, m] > 0 for m in methods_for(quantity))
     for name in ("costs", "references", "exponents", "absorption"):
-        assert "Written by calibration/fidelity.py on 20" in error_tables.head(name)
-        assert "jax" in error_tables.head(name)
+        assert "Written by calibration/fidelity.py on 20" in errors.table_head(name)
+        assert "jax" in errors.table_head(name)

@@ -10,10 +10,12 @@ import pytest
 from calibration.promises import promises, random_path, real_errors, wilson_lower
 from jblast.fidelity import choose_for
 from jblast.fidelity.choose import ALIKE
-from jblast.fidelity.conditions import jitted_conditions
-from jblast.fidelity.measured_errors import BURSTS
-from jblast.fidelity.reference import REFERENCES
-from jblast.fidelity.solver import METHOD as SOLVER
+from jblast.fidelity.errors import (
+    BURSTS,
+    REFERENCES,
+    SOLVER as SOLVER,
+    jitted_conditions,
+)
 from jblast.registry import call, law_for
 
 FEW = 200

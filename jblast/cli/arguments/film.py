@@ -388,11 +388,8 @@ def camera_path(
 def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     """Fly the scene's vehicle, and return where it was."""
     from jblast.sensors.camera.geometry import CameraPath
-    from jblast.study.flights.draws import checked_scene, drawn_scenes
-    from jblast.study.flights.duration import flight_seconds
-    from jblast.study.flights.fly import fly
-    from jblast.study.flights.records import Options
-    from jblast.study.flights.statistics import trajectory_of
+    from jblast.study.flight_results import Options, trajectory_of
+    from jblast.study.flights import checked_scene, drawn_scenes, flight_seconds, fly
 
     vehicle = checked_scene(uncertain, 1, False)
     scene = drawn_scenes(uncertain, 1, seed)

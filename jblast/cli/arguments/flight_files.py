@@ -26,10 +26,9 @@ from jblast.report.mission_figures import (
     map_figure,
     mission_kml,
 )
-from jblast.study.flights.controllers import BOTH_HOLDS
-from jblast.study.flights.records import Flights
-from jblast.study.flights.statistics import hold_words, target_of, trajectory_of
-from jblast.study.missions.records import MissionFlight
+from jblast.study.flight_results import Flights, hold_words, target_of, trajectory_of
+from jblast.study.flights import BOTH_HOLDS
+from jblast.study.missions import MissionFlight
 from jblast.vehicle import Trajectory, path_error
 
 JSON = "fly.json"

@@ -38,8 +38,8 @@ from jblast.report.autopilot import (
     watched_line,
 )
 from jblast.scene import Place, UncertainScene, VehicleSpec, read_scene_or_world
-from jblast.study.flights.draws import checked_scene
-from jblast.study.missions.logged import (
+from jblast.study.flights import checked_scene
+from jblast.study.missions import (
     check_flown,
     flown_record,
     home_of,

@@ -50,10 +50,8 @@ from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.listening import plan, with_ambient
-from jblast.study.flights.encounter import Encounter
-from jblast.study.flights.fly import fly
-from jblast.study.flights.records import Flights, Options
-from jblast.study.flights.statistics import trajectory_of
+from jblast.study.flight_results import Encounter, Flights, Options, trajectory_of
+from jblast.study.flights import fly
 from jblast.vehicle import Trajectory
 from jblast.waves.fireball import fireball_duration
 from jblast.world import (

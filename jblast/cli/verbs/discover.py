@@ -94,8 +94,8 @@ def run(asked: argparse.Namespace) -> int:
     """Read, find, judge, print; return the exit code."""
     import json
 
+    from jblast.discovery.discover import FEWEST_OF_INTERVAL
     from jblast.progress import stages
-    from jblast.study.discovery.ensemble import FEWEST_OF_INTERVAL
 
     threshold = asked.threshold
     least_members = "; fewer have no 5 % and 95 % quantiles"
@@ -110,17 +110,16 @@ def run(asked: argparse.Namespace) -> int:
             )
     if asked.out:
         _check_out(Path(asked.out), force=asked.force)
-    from jblast.study.discovery.trajectory_file import read_trajectory
+    from jblast.discovery.trajectory_file import read_trajectory
 
     begin = stages({"reading": 4.0, "finding": 5.0, "one degree more": 5.0})
     begin("reading")
     data = read_trajectory(asked.trajectory, _names(asked.state), _names(asked.input))
     _check_size(len(data.names), asked.degree, asked.drag)
 
+    from jblast.discovery.discover import discover, replay
+    from jblast.discovery.sparse_regression import polynomial
     from jblast.report.discovery import certain, discovery_answer, discovery_text
-    from jblast.study.discovery.candidate_terms import polynomial
-    from jblast.study.discovery.discover import discover
-    from jblast.study.discovery.replay import replay
 
     def find(degree: int):
         candidates, outside = (

@@ -24,7 +24,7 @@ from jblast.errors import InputError
 if TYPE_CHECKING:
     from jblast.autopilot.logs import FlightRecord
     from jblast.scene import UncertainScene
-    from jblast.study.flights.records import Options
+    from jblast.study.flight_results import Options
 
 Answer = tuple[dict[str, Any], str, Callable[[str, Path], list[str]]]
 
@@ -167,10 +167,9 @@ def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     from jblast.autopilot.lockstep import PLACE
     from jblast.cli.arguments.flight_files import write_flights
     from jblast.report.flights import flights_answer, flights_text
-    from jblast.study.flights.fly import fly
-    from jblast.study.flights.records import TOLERANCE_M
-    from jblast.study.missions.fly import MISSION_STEP_S
-    from jblast.study.missions.logged import hold_record
+    from jblast.study.flight_results import TOLERANCE_M
+    from jblast.study.flights import fly
+    from jblast.study.missions import MISSION_STEP_S, hold_record
     from jblast.vehicle import STEP_S
 
     refuse_plan_out(asked)
@@ -198,8 +197,12 @@ def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     from jblast.cli.arguments.flight_files import write_mission
     from jblast.missions.plan import check_form, plan_text
     from jblast.report.missions import mission_answer, mission_text
-    from jblast.study.missions.fly import MISSION_STEP_S, TOLERANCE_M, fly_mission
-    from jblast.study.missions.logged import mission_record
+    from jblast.study.missions import (
+        MISSION_STEP_S,
+        TOLERANCE_M,
+        fly_mission,
+        mission_record,
+    )
 
     refuse_several(asked)
     if asked.plan_out:
@@ -253,8 +256,7 @@ def flight_options(
     Raises:
         InputError: A number cannot be used, or the profile is none.
     """
-    from jblast.study.flights.encounter import Profile
-    from jblast.study.flights.records import Options
+    from jblast.study.flight_results import Options, Profile
     from jblast.vehicle import read_custom_profile
 
     if asked.profile_moments_about and not asked.profile:

@@ -17,7 +17,7 @@ from jblast.cli.arguments.options import path, writing
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
-    from jblast.study.sampling.ran import Tiles
+    from jblast.study.sampling.run import Tiles
 
 WORDS = ("merge", "report")
 """First words that are no study's file."""
@@ -114,8 +114,8 @@ def _run(asked: argparse.Namespace) -> int:
     import json
 
     from jblast.report.study_run import run_text, study_answer
-    from jblast.study.engine.mesh import mesh_of
-    from jblast.study.file.read import read_study
+    from jblast.study.engine.launch import mesh_of
+    from jblast.study.file import read_study
     from jblast.study.sampling.run import run_into
 
     study = read_study(asked.given[0], allow_code=asked.allow_code)
@@ -165,8 +165,13 @@ def tiles_asked(asked: argparse.Namespace) -> "Iterator[Tiles | None]":
     if asked.workers is not None and asked.scheduler is not None:
         raise InputError("--workers: expected it, or --scheduler, got both")
     import jblast
-    from jblast.study.engine.cluster import client_of, shared, workers_here
-    from jblast.study.sampling.worker import write_summary, write_tile
+    from jblast.study.sampling.cluster import (
+        client_of,
+        shared,
+        workers_here,
+        write_summary,
+        write_tile,
+    )
 
     store = str(Path(asked.out).resolve())
     workers: int | None = asked.workers
@@ -199,7 +204,7 @@ def merge(asked: argparse.Namespace) -> int:
     store = merged(stores, asked.out or stores[0])
     done, tiles = len(store.done()), store.tiles
     if store.attributes["keep"] != "all":
-        from jblast.study.engine.summary.merge import summary_of
+        from jblast.study.engine.merge import summary_of
 
         summary = summary_of(store)
         done, tiles = done + len(summary.done()), tiles + summary.tiles

@@ -376,8 +376,7 @@ def tune_as_asked(asked: argparse.Namespace) -> bool:
     from jblast.report.gain_files import as_json, write_gains
     from jblast.report.gains import gains_answer, gains_text
     from jblast.scene import read_scene
-    from jblast.study.gains.records import Wish
-    from jblast.study.gains.tune import tune_gains
+    from jblast.study.gains import Wish, tune_gains
 
     if asked.out:
         check_directory(asked.out, asked.force)

@@ -1,10 +1,10 @@
 """Blocks of samples through one compiled program, on all devices of a mesh.
 
-A device goes through its blocks one by one; how many there are is a number of the
-program, not part of it. Each device runs a program of its own device alone: XLA writes
-one that several share otherwise, of flights at half of the speed. So the instructions
-that a block meets are the same in a tile of any size, on any number of devices: the
-same numbers come out, bit for bit, on one kind of processor.
+A device calculates its blocks one by one; their number is an argument of the program,
+not part of it. Each device runs a program of its own: the program that XLA compiles for
+several devices together runs flights at half the speed. A block therefore meets the
+same instructions in a tile of any size and on any number of devices, and the results
+are equal bit for bit on one kind of processor.
 """
 
 import warnings
@@ -15,19 +15,34 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh
+from jax.sharding import AxisType, Mesh
 from jaxtyping import Array, Int, PyTree
 
 from jblast.errors import InputError
 from jblast.kept_programs import WIDE
 
+LANES = "lanes"
+"""Axis of the mesh along which samples are shared."""
 Blocks = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
 """From what all blocks share and what is of some, by block first, to an answer for each
 sample, by block and by sample."""
-
-
 Launched = tuple[PyTree[Array], int, PyTree[Array]]
 """Of a device: answers of blocks, or of groups of them, how many, and their counts."""
+
+
+def mesh_of(devices: int | None = None) -> Mesh:
+    """Return a mesh of the local devices, or of the first few.
+
+    Raises:
+        InputError: There are not as many.
+    """
+    there = jax.local_devices()
+    if devices is not None and not 1 <= devices <= len(there):
+        raise InputError(
+            f"devices: expected a whole number from 1 to {len(there)}, which this "
+            f"machine has, got {devices}"
+        )
+    return Mesh(np.array(there[:devices]), (LANES,), axis_types=(AxisType.Auto,))
 
 
 class Reduce(NamedTuple):

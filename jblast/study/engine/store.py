@@ -1,36 +1,122 @@
 """The store of a study on disk: a Zarr group that can be read before it is complete.
 
-A chunk is a file of plain numbers, written whole or not at all (`jblast.files`). A tile
-is done when every column has its chunk, so nothing else has to be kept about what is
-done, and to write a tile twice changes nothing. The layout is Zarr 3 without
-compression (`zarr_format`); to write it takes no package.
+A chunk is a file of plain numbers, written completely or not at all (`jblast.files`). A
+tile is done when every column has its chunk, so no other record of progress is needed,
+and writing a tile twice changes nothing. The layout is Zarr 3
+(https://zarr-specs.readthedocs.io/en/latest/v3/core/): little-endian numbers without
+compression, one file a chunk. No other package is needed to write it.
 """
 
+import contextlib
+import errno
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from jblast.errors import InputError, shown
 from jblast.files import write_bytes, write_text
-from jblast.study.engine.variable import Variable
-from jblast.study.engine.zarr_format import (
-    PLACES,
-    array_of,
-    as_json,
-    read_words,
-    sensor_arrays,
-    words_chunk,
-)
 
+NAME = ".lock"
 SCHEMA = 1
 """Of the attributes and columns: `jblast_study_schema`."""
 GROUP = "zarr.json"
 WHAT = "the store of a study"
+PLACES = "sensor_position_m"
 COORDINATES = ("sensor", PLACES)
+Role = Literal["input", "axis", "outcome", "weight"]
+Kind = Literal["number", "yes_no"]
+NO_ANSWER = -1
+"""Of a yes-or-no: the sample failed. A number that failed is NaN."""
+
+
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a store; the lock goes with the process, however that ends.
+
+    Raises:
+        InputError: Another process holds it.
+        OSError: The folder cannot be written to.
+    """
+    try:
+        import fcntl
+    except ImportError:  # a system without such locks: two write the same numbers
+        yield
+        return
+    path.mkdir(parents=True, exist_ok=True)
+    file = os.open(path / NAME, os.O_CREAT | os.O_RDWR)  # goes when the process does
+    try:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"{path}: another process writes this study; expected one alone"
+            ) from None
+        except OSError as error:  # a file system without locks
+            if error.errno not in (errno.ENOLCK, errno.ENOTSUP):
+                raise
+        yield
+    finally:
+        os.close(file)
+
+
+class Variable(NamedTuple):
+    """A column of a study.
+
+    Attributes:
+        name: As it is asked for.
+        role: What it is to the study: drawn by a prior, set by an axis, an answer.
+        units: Of its values; "1" of none.
+        long_name: In words.
+        kind: A number, or yes (1) and no (0).
+        sensors: Names of the sensors it has a value for; () for one a sample.
+        names: What its whole numbers stand for, of an axis over words.
+    """
+
+    name: str
+    role: Role
+    units: str
+    long_name: str
+    kind: Kind = "number"
+    sensors: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Of the stored values."""
+        if self.kind == "yes_no":
+            return np.dtype("<i1")
+        return np.dtype("<i2" if self.names else "<f8")
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the dimensions."""
+        return ("sample", "sensor") if self.sensors else ("sample",)
+
+    def shape(self, samples: int) -> tuple[int, ...]:
+        """Return the shape of so many samples."""
+        return (samples, len(self.sensors)) if self.sensors else (samples,)
+
+    @property
+    def missing(self) -> float | int:
+        """What stands where there is no answer."""
+        return NO_ANSWER if self.dtype.kind == "i" else float("nan")
+
+    def attributes(self) -> dict[str, object]:
+        """Return what the store says of it."""
+        said: dict[str, object] = {
+            "role": self.role,
+            "units": self.units,
+            "long_name": self.long_name,
+        }
+        if self.role == "outcome":
+            said["kind"] = self.kind
+        if self.names:
+            said["names"] = list(self.names)
+        return said
 
 
 class Store:
@@ -256,3 +342,85 @@ def _variable(name: str, array: dict[str, Any], arrays: dict[str, Any]) -> Varia
         sensors,
         tuple(said.get("names", ())),
     )
+
+
+def as_json(document: Mapping[str, Any]) -> str:
+    """Return a description as its file has it."""
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def array_of(variable: Variable, samples: int, tile: int) -> dict[str, Any]:
+    """Return a column as Zarr describes it."""
+    said = variable.attributes()
+    if variable.sensors:
+        said["coordinates"] = PLACES  # so that xarray takes it for one
+    kinds = {"f8": "float64", "i1": "int8", "i2": "int16"}
+    kind = kinds[variable.dtype.str[1:]]
+    fill = "NaN" if kind == "float64" else variable.missing
+    return described(
+        variable.shape(samples),
+        variable.shape(tile),
+        kind,
+        fill,
+        variable.dims,
+        said,
+    )
+
+
+def described(
+    shape: Sequence[int],
+    chunk: Sequence[int],
+    kind: str,
+    fill: Any,
+    dims: Sequence[str],
+    attributes: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return an array as Zarr 3 describes it."""
+    codec = {"name": "bytes", "configuration": {"endian": "little"}}
+    if kind == "int8":
+        codec = {"name": "bytes"}
+    if kind == "string":
+        codec = {"name": "vlen-utf8"}
+    grid = {"chunk_shape": list(chunk)}
+    return {
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": list(shape),
+        "data_type": kind,
+        "chunk_grid": {"name": "regular", "configuration": grid},
+        "chunk_key_encoding": {"name": "v2", "configuration": {"separator": "."}},
+        "fill_value": fill,
+        "codecs": [codec],
+        "attributes": dict(attributes),
+        "dimension_names": list(dims),
+    }
+
+
+def sensor_arrays(count: int) -> dict[str, Any]:
+    """Return what stands of the sensors: their names, and where they are."""
+    words = {"long_name": "sensor"}
+    where = {"long_name": "place of the sensor: east, north, up", "units": "m"}
+    dims = ("sensor", "direction")
+    return {
+        "sensor": described((count,), (count,), "string", "", ("sensor",), words),
+        PLACES: described((count, 3), (count, 3), "float64", "NaN", dims, where),
+    }
+
+
+def words_chunk(words: Sequence[str]) -> bytes:
+    """Return words as Zarr's vlen-utf8 has them."""
+    encoded = [word.encode() for word in words]
+    parts = [len(encoded).to_bytes(4, "little")]
+    for word in encoded:
+        parts += [len(word).to_bytes(4, "little"), word]
+    return b"".join(parts)
+
+
+def read_words(data: bytes) -> tuple[str, ...]:
+    """Return the words of such a chunk."""
+    at, words = 4, []
+    for _ in range(int.from_bytes(data[:4], "little")):
+        length = int.from_bytes(data[at : at + 4], "little")
+        words.append(data[at + 4 : at + 4 + length].decode())
+        at += 4 + length
+    return tuple(words)

@@ -1,23 +1,80 @@
-"""Tiles one after another on this machine: calculated, written, taken in.
+"""Tiles of samples, calculated and written one after another.
 
-While the devices are at one tile the one before is written by a thread of its own.
+While the devices calculate one tile, a separate thread writes the previous one.
+
+Samples are numbered from 0 to the end of the study. They come in blocks of one fixed
+size. Each block belongs to one variant of the scene, variants alternate, and within a
+variant the cells of the axes alternate. So any completed part of a study has, to within
+a block, the same number of samples of each variant and cell.
+
+The running estimates are mean and standard error of each outcome by cell. Sums of
+values and of squares about the mean are merged by Chan, Golub and LeVeque (1983), eqs.
+2.1; the order of merging matters only by rounding.
 """
 
 import contextlib
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float, Int
 
-from jblast.study.engine.estimates import Estimates
-from jblast.study.engine.numbering import Numbering
-from jblast.study.engine.store import Store
-from jblast.study.engine.variable import Variable
+from jblast.study.engine.store import Store, Variable
 
 Columns = Mapping[str, np.ndarray]
 T = TypeVar("T")
+FILLED = 2048
+"""Down to this size blocks of several variants are smaller, so that fewer samples than
+an eighth of what is asked fill up their last ones."""
+
+
+class Numbering(NamedTuple):
+    """How samples are counted.
+
+    Attributes:
+        block: Samples that a program takes together, a power of two.
+        variants: Scenes that differ in more than numbers.
+        cells: Combinations of the listed values of the axes.
+        samples: In all.
+        tile: Samples of a chunk of the store, the unit that is done or not: a power of
+            two times the block.
+    """
+
+    block: int
+    variants: int
+    cells: int
+    samples: int
+    tile: int
+
+    @property
+    def tiles(self) -> int:
+        """How many tiles there are; the last is filled up."""
+        return -(-self.samples // self.tile)
+
+    def blocks_of(self, tile: int) -> Int[np.ndarray, " block"]:
+        """Return the numbers of a tile's blocks."""
+        each = self.tile // self.block
+        last = -(-self.samples // self.block)
+        return np.arange(tile * each, min((tile + 1) * each, last), dtype=np.int64)
+
+    def variant_of(self, blocks: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+        """Return the variant of each block."""
+        return blocks % self.variants
+
+    def begins_at(self, blocks: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+        """Return the first number of each block among those of its variant."""
+        return blocks // self.variants * self.block
+
+    def of_samples(
+        self, begin: int, end: int
+    ) -> tuple[Int[np.ndarray, " sample"], Int[np.ndarray, " sample"]]:
+        """Return variant and cell of samples."""
+        index = np.arange(begin, end, dtype=np.int64)
+        blocks = index // self.block
+        within = self.begins_at(blocks) + index % self.block
+        return self.variant_of(blocks), within % self.cells
 
 
 @runtime_checkable
@@ -110,6 +167,48 @@ class Writer(contextlib.AbstractContextManager["Writer"]):
             self.wait()
 
 
+class Estimates:
+    """Running estimates of the outcomes of a study.
+
+    Attributes:
+        moments: By name of the outcome.
+    """
+
+    def __init__(self, variables: Sequence[Variable], numbering: Numbering) -> None:
+        self._numbering = numbering
+        self._outcomes = [v for v in variables if v.role == "outcome"]
+        cells = numbering.variants * numbering.cells
+        self.moments = {
+            v.name: Moments(
+                *(np.zeros((cells, *v.shape(0)[1:]), kind) for kind in (int, int)),
+                *(np.zeros((cells, *v.shape(0)[1:])) for _ in range(2)),
+            )
+            for v in self._outcomes
+        }
+
+    def add(self, begin: int, columns: Mapping[str, np.ndarray]) -> None:
+        """Take in samples from a number on."""
+        numbering = self._numbering
+        count = len(columns[self._outcomes[0].name]) if self._outcomes else 0
+        cells = numbering.variants * numbering.cells
+        which = None
+        if cells > 1:
+            variant, cell = numbering.of_samples(begin, begin + count)
+            which = variant * numbering.cells + cell
+        for variable in self._outcomes:
+            values = np.asarray(columns[variable.name])
+            good = values >= 0 if variable.kind == "yes_no" else ~np.isnan(values)
+            more = _moments(values, good, which, cells)
+            self.moments[variable.name] = merged(self.moments[variable.name], more)
+
+    def reached(self, targets: Mapping[str, float]) -> bool:
+        """Whether every standard error, of every cell and sensor, is down."""
+        return bool(targets) and all(
+            (self.moments[name].standard_error() <= target).all()
+            for name, target in targets.items()
+        )
+
+
 class InOrder:
     """Takes tiles in as they come, and hands them on in the order of their numbers."""
 
@@ -136,3 +235,105 @@ class InOrder:
             self.samples += size
             self.reached = self._estimates.reached(self._targets)
         self._heard(self.samples, self._estimates)
+
+
+class Moments(NamedTuple):
+    """Of samples, by variant and cell, and by sensor where an outcome has them.
+
+    Attributes:
+        answers: Samples that have an answer.
+        failed: Samples that have none.
+        mean: Of the answers.
+        square: Sum of the squares about the mean.
+    """
+
+    answers: Int[np.ndarray, "..."]
+    failed: Int[np.ndarray, "..."]
+    mean: Float[np.ndarray, "..."]
+    square: Float[np.ndarray, "..."]
+
+    def standard_error(self) -> Float[np.ndarray, "..."]:
+        """Return that of each mean; infinite of fewer than two answers."""
+        few = self.answers < 2
+        count = np.where(few, 2, self.answers)
+        return np.where(few, np.inf, np.sqrt(self.square / (count - 1) / count))
+
+    def whole(self) -> "Moments":
+        """Return those of all cells together, by sensor."""
+        together = self
+        while len(together.answers) > 1:
+            half = len(together.answers) // 2
+            two = Moments(*(x[: 2 * half] for x in together))
+            rest = Moments(*(x[2 * half :] for x in together))
+            pairs = merged(
+                Moments(*(x[0::2] for x in two)), Moments(*(x[1::2] for x in two))
+            )
+            together = Moments(
+                *(np.concatenate(x) for x in zip(pairs, rest, strict=True))
+            )
+        return together
+
+
+def merged(a: Moments, b: Moments) -> Moments:
+    """Return the moments of two sets of samples together."""
+    count = a.answers + b.answers
+    there = np.where(count > 0, count, 1)
+    apart = b.mean - a.mean
+    mean = a.mean + apart * (b.answers / there)
+    square = a.square + b.square + apart**2 * (a.answers * (b.answers / there))
+    return Moments(count, a.failed + b.failed, mean, square)
+
+
+def _moments(
+    values: np.ndarray, good: np.ndarray, which: np.ndarray | None, cells: int
+) -> Moments:
+    """Return the moments of some samples."""
+    number = np.where(good, values, 0.0).astype(float)
+    if which is None:
+        count = good.sum(axis=0, keepdims=True)
+        there = np.where(count > 0, count, 1)
+        mean = number.sum(axis=0, keepdims=True) / there
+        square = (np.where(good, number - mean, 0.0) ** 2).sum(axis=0, keepdims=True)
+        return Moments(count, len(values) - count, mean, square)
+    flat, good_flat = number.reshape(len(values), -1), good.reshape(len(values), -1)
+
+    def by_cell(column: np.ndarray) -> np.ndarray:
+        return np.stack(
+            [np.bincount(which, c, minlength=cells) for c in column.T.astype(float)],
+            axis=-1,
+        )
+
+    count, all_of = by_cell(good_flat), by_cell(np.ones_like(flat))
+    mean = by_cell(flat) / np.where(count > 0, count, 1)
+    square = by_cell(np.where(good_flat, flat - mean[which], 0.0) ** 2)
+    shape = (cells, *values.shape[1:])
+    return Moments(
+        count.astype(int).reshape(shape),
+        (all_of - count).astype(int).reshape(shape),
+        mean.reshape(shape),
+        square.reshape(shape),
+    )
+
+
+def numbered(
+    draws: int, cells: int, variants: int, *, block: int, tile_samples: int
+) -> Numbering:
+    """Return how the samples of a study are counted.
+
+    Args:
+        draws: Samples of each cell of each variant; of several variants at least so
+            many: they are filled up to whole blocks.
+        cells: Combinations of the listed values of the axes.
+        variants: Scenes that differ in more than numbers.
+        block: The most that a program takes together, a power of two.
+        tile_samples: The most that a chunk of the store should hold.
+    """
+    each = draws * cells
+    block = min(block, 1 << (each - 1).bit_length())
+    while variants > 1 and block > FILLED and -each % block > each / 8:
+        block //= 2
+    samples = each if variants == 1 else variants * block * -(-each // block)
+    tile = block
+    while 2 * tile <= min(tile_samples, samples):
+        tile *= 2
+    return Numbering(block, variants, cells, samples, tile)

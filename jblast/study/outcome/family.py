@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int8, Key
 
 from jblast.scene import UncertainScene
-from jblast.study.engine.variable import NO_ANSWER, Kind
+from jblast.study.engine.store import NO_ANSWER, Kind
 
 Answers = Mapping[str, Array]
 """By outcome a value for each sample, or for each sample and sensor."""

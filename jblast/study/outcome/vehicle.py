@@ -18,11 +18,13 @@ from jaxtyping import Array
 from jblast.scene import Scene, VehicleSpec
 from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
-from jblast.study.flights.bursts import with_bursts_at_start
-from jblast.study.flights.draws import checked_scene
-from jblast.study.flights.duration import flight_seconds
-from jblast.study.flights.fly import flown_by
-from jblast.study.flights.records import TOLERANCE_M, Flown, Options
+from jblast.study.flight_results import (
+    TOLERANCE_M,
+    Flown,
+    Options,
+    with_bursts_at_start,
+)
+from jblast.study.flights import checked_scene, flight_seconds, flown_by
 from jblast.study.outcome.family import (
     Answers,
     Family,

@@ -1,25 +1,127 @@
-"""The numbers of samples: drawn by their priors, or set by axes.
+"""Parameter values of samples: drawn from their priors, or set by axes and designs.
 
-A sample's key is that of the study folded with the sample's number, so it is the same
-whoever calculates it, and when. Folded with 0 it draws the numbers, with the number of
-a family what that family draws.
+A sample's key is that of the study folded with the sample's number, so it does not
+depend on where or when the sample is calculated. Folded with 0 it draws the parameters,
+with the number of an outcome family the random numbers of that family.
+
+Designs other than random draws place samples in the unit cube. Sobol' points are
+scrambled by the seed, so that they are unbiased, and can be made from any index on; a
+Latin hypercube has as many rows as the study has draws; a grid is the midpoints of
+equal parts of each range, with the first parameter varying fastest.
+
+Random numbers are those of `jax.random`, to the last bit, in fewer passes: on a CPU JAX
+evaluates its hash in five passes of a loop for each key. Here the rounds are one
+expression over all keys, which XLA compiles to one pass in vector instructions. The
+hash is Threefry-2x32 with 20 rounds (Salmon et al. 2011).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray, UInt32
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray, UInt32, UInt64
+from scipy.special import ndtri
+from scipy.stats import qmc
 
+from jblast.errors import InputError
 from jblast.parameters import UNBOUNDED
 from jblast.scene import UncertainScene, parameter_named
 from jblast.scene.uncertain import Prior
-from jblast.study.file.study import Axis
-from jblast.study.sampling.threefry import folded, normals
+from jblast.study.file import Axis, Design
 
+MOST_LATIN = 20_000_000
+"""Draws of a Latin hypercube, which is made whole."""
+MOST_SOBOL = 21_201
+"""Dimensions that SciPy has direction numbers for."""
+BITS = 32
+"""Of a Sobol point: of more SciPy passes over none. There are 2^32 points."""
+Points = Callable[[int, int], Float[np.ndarray, "draw dimension"]]
+"""From the first draw and how many, to standard normal coordinates."""
 OF_NUMBERS = 0
 """Folded into a sample's key for the draws of the scene's numbers."""
+ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
+PARITY = np.uint32(0x1BD11BDA)
+ONE = np.uint64(0x3FF0000000000000)
+"""Bits of 1.0."""
+LEAST = np.nextafter(-1.0, 0.0)
+"""From which on a uniform number is made a normal one."""
+Word = UInt32[Array, "..."] | np.uint32
+
+
+def points_of(
+    design: Design, dimensions: int, draws: int, seed: int, source: str
+) -> Points | None:
+    """Return what gives the points of a design; None where keys draw them.
+
+    Args:
+        design: How draws fill what the priors allow.
+        dimensions: How many numbers are drawn.
+        draws: How many draws there are.
+        seed: Of the design.
+        source: The study's file, for messages.
+
+    Raises:
+        InputError: The design cannot be made for so many numbers, or draws.
+    """
+    if design == "random" or dimensions == 0:
+        return None
+    if design == "sobol":
+        return _sobol(dimensions, seed)
+    if design == "latin":
+        if draws > MOST_LATIN:
+            raise InputError(
+                f"{source}: samples: expected at most {MOST_LATIN:,} of a Latin "
+                f'hypercube, got {draws:,}; design = "sobol" has no such limit'
+            )
+        made: list[np.ndarray] = []
+
+        def latin(begin: int, count: int) -> np.ndarray:
+            if not made:
+                made.append(qmc.LatinHypercube(dimensions, rng=seed).random(draws))
+            rows = np.minimum(np.arange(begin, begin + count), draws - 1)
+            return _scores(made[0][rows])
+
+        return latin
+    return _grid(dimensions, draws, source)
+
+
+def _sobol(dimensions: int, seed: int) -> Points:
+    def sobol(begin: int, count: int) -> np.ndarray:
+        engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
+        if begin:  # SciPy takes no step of nothing
+            engine.fast_forward(begin)
+        with np.errstate(all="ignore"):
+            return _scores(engine.random(count))
+
+    return sobol
+
+
+def _grid(dimensions: int, draws: int, source: str) -> Points:
+    """Return the points of a grid of as many parts along each number."""
+    each = round(draws ** (1 / dimensions))
+    if each**dimensions != draws:
+        near = [max(1, each - 1) ** dimensions, each**dimensions]
+        near.append((each + 1) ** dimensions)
+        raise InputError(
+            f"{source}: samples: expected a number of points of a grid over "
+            f"{dimensions} drawn numbers, as {' or '.join(map(str, near))}, got {draws}"
+        )
+
+    def grid(begin: int, count: int) -> np.ndarray:
+        at = np.minimum(np.arange(begin, begin + count), draws - 1)
+        parts = at[:, None] // each ** np.arange(dimensions) % each
+        return _scores((parts + 0.5) / each)
+
+    return grid
+
+
+def _scores(unit: np.ndarray) -> np.ndarray:
+    """Return standard normal coordinates, the corners of the cube left out."""
+    tiny = 2.0**-53
+    return ndtri(np.clip(unit, tiny, 1 - tiny))
 
 
 def key_of_study(seed: int, high: int = 0) -> PRNGKeyArray:
@@ -91,3 +193,68 @@ def allowed(
             good: Any = bounds.allows(values)  # pyright: ignore[reportCallIssue, reportArgumentType]  arrays of JAX compare alike
             inside = good if inside is None else inside & good
     return inside
+
+
+def hashed(first: Word, second: Word, high: Word, low: Word) -> UInt64[Array, "..."]:
+    """Return the hash of two words by a key of two, both in one number."""
+    keys = first, second, first ^ second ^ PARITY
+    x, y = high + keys[0], low + keys[1]
+    for five in range(5):
+        for turn in ROTATIONS[five % 2]:
+            x = x + y
+            y = x ^ ((y << np.uint32(turn)) | (y >> np.uint32(32 - turn)))
+        x = x + keys[(five + 1) % 3]
+        y = y + keys[(five + 2) % 3] + np.uint32(five + 1)
+    # one number, or XLA goes through the rounds once for each word
+    return (x.astype(jnp.uint64) << np.uint64(32)) | y.astype(jnp.uint64)
+
+
+def folded(keys: Key[Array, "..."], data: Any) -> Key[Array, "..."]:
+    """Return keys with a whole number below 2^32 folded in; broadcasting."""
+    if not is_here(keys):
+        shape = jnp.broadcast_shapes(keys.shape, jnp.shape(data))
+        fold = jax.random.fold_in
+        for _ in shape:
+            fold = jax.vmap(fold)
+        return fold(jnp.broadcast_to(keys, shape), jnp.broadcast_to(data, shape))
+    none = np.uint32(0)
+    pairs = words_of(hashed(*words(keys), none, jnp.asarray(data, jnp.uint32)))
+    return jax.random.wrap_key_data(jnp.stack(pairs, -1))
+
+
+def normals(keys: Key[Array, " key"], count: int) -> Float[Array, "key number"]:
+    """Return so many standard normal numbers of each key."""
+    if not is_here(keys):
+        return jax.vmap(lambda key: jax.random.normal(key, (count,)))(keys)
+    first, second = words(keys)
+    pairs = (first.astype(jnp.uint64) << np.uint64(32)) | second.astype(jnp.uint64)
+
+    def bits_of(nth: UInt32[Array, ""]) -> UInt64[Array, " key"]:
+        # no count is as large, which XLA does not know: it would take the words out of
+        # the loop, and go through the rounds that make them once for each
+        own = words_of(pairs ^ (nth >> np.uint32(31)).astype(jnp.uint64))
+        return hashed(*own, np.uint32(0), nth)
+
+    # a loop, so that bits are there once for all that is done with them
+    bits = lax.map(bits_of, jnp.arange(count, dtype=jnp.uint32))
+    unit = lax.bitcast_convert_type((bits >> np.uint64(12)) | ONE, jnp.float64) - 1.0
+    even = jnp.maximum(LEAST, unit * (1.0 - LEAST) + LEAST)
+    return (np.sqrt(2.0) * lax.erf_inv(even)).T
+
+
+def is_here(keys: Key[Array, "..."]) -> bool:
+    """Whether numbers of these keys are drawn here: of Threefry, in float64."""
+    ours = str(jax.random.key_impl(keys)) == "threefry2x32"
+    streams = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]  as JAX says to read it
+    return bool(ours and streams and jnp.zeros(()).dtype == jnp.float64)
+
+
+def words(keys: Key[Array, "..."]) -> tuple[Array, Array]:
+    """Return the two words of each key."""
+    data = jax.random.key_data(keys)
+    return data[..., 0], data[..., 1]
+
+
+def words_of(pair: UInt64[Array, "..."]) -> tuple[Array, Array]:
+    """Return the two words of a number."""
+    return (pair >> np.uint64(32)).astype(jnp.uint32), pair.astype(jnp.uint32)

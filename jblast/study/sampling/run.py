@@ -1,25 +1,51 @@
-"""A study run: into a store that a kill does not harm, or into memory."""
+"""A study from its file to its store or data set.
 
+A run writes tiles into a store, which stays valid if the process is killed, or returns
+an xarray data set. Where samples are too many to store, statistics are written, and on
+request the first samples. The store contains the text of the study, the scenes and the
+versions; a resumed run of another study is refused.
+"""
+
+import json
+import math
 import os
+import platform
 import time
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import jax
 import numpy as np
 from jax.sharding import Mesh
 
-from jblast.errors import InputError
-from jblast.study.engine.estimates import Estimates
-from jblast.study.engine.lock import locked
-from jblast.study.engine.store import Store, open_store
-from jblast.study.engine.tiles import Columns, InOrder, Writer, calculated
-from jblast.study.file.study import Study
-from jblast.study.sampling.dataset import dataset_of
-from jblast.study.sampling.provenance import attributes_of, refuse_other
-from jblast.study.sampling.ran import Ran, Tiles, telling
-from jblast.study.sampling.summarise import rows_of, summarised
-from jblast.study.sampling.work import Work
+import jblast
+from jblast.errors import InputError, shown
+from jblast.progress import Level, Task
+from jblast.study.engine.store import SCHEMA, Store, Variable, locked, open_store
+from jblast.study.engine.summary import State, SummaryStore, merged_states, outcomes_of
+from jblast.study.engine.tiles import (
+    Columns,
+    Estimates,
+    InOrder,
+    Moments,
+    Numbering,
+    Writer,
+    ahead,
+    calculated,
+)
+from jblast.study.file import Keep, Study, sha256_of
+from jblast.study.sampling.work import Reduced, Work
 
+if TYPE_CHECKING:
+    import xarray
+SHOWN = 3
+"""Outcomes whose running estimates a progress line tells."""
+Tiles = Callable[..., Iterable[tuple[int, Columns | None]]]
+"""Calculates tiles by their numbers, in any order; None: whoever calculated one has
+written it. With `summary=True` they are tiles of the statistics, not of samples."""
 if TYPE_CHECKING:
     import xarray
 
@@ -55,6 +81,31 @@ def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
     samples = len(next(iter(whole.values())))
     attributes = attributes_of(work) | {"complete": True, "samples": samples}
     return dataset_of(work.variables, whole, attributes, work.places)
+
+
+@dataclass
+class Ran:
+    """What became of a run.
+
+    Attributes:
+        store: The store.
+        estimates: What is known of each outcome.
+        samples: How many there are now.
+        new: How many were calculated by this run.
+        seconds: How long that took, but for getting ready.
+        complete: Whether the study is complete.
+        reached: Whether it ended by its targets.
+        notes: What there is to say of how it was calculated.
+    """
+
+    store: Store
+    estimates: Estimates
+    samples: int
+    new: int
+    seconds: float
+    complete: bool
+    reached: bool
+    notes: tuple[str, ...] = field(default_factory=tuple)
 
 
 def run_into(
@@ -156,3 +207,298 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
         order.reached,
         work.notes,
     )
+
+
+def rows_of(keep: Keep, samples: int) -> int:
+    """Return how many samples a store keeps themselves: the first ones."""
+    if keep == "all":
+        return samples
+    return 0 if keep == "summary" else min(keep, samples)
+
+
+def opened_summary(store: Store, work: Work) -> tuple[SummaryStore, Reduced]:
+    """Return the statistics of a store, made where there are none, and what adds to it.
+
+    Raises:
+        InputError: They would take too much memory.
+        OSError: They cannot be written.
+    """
+    groups = work.numbering.variants * work.numbering.cells
+    summary = SummaryStore(store.path, store.variables, groups, 0)
+    reduced = Reduced(work, summary.anchors() if summary.there else None)
+    summary.tiles = reduced.tiles
+    if not summary.there:
+        summary.create(reduced.anchors, reduced.tile)
+    return summary, reduced
+
+
+def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ran:
+    """Calculate what a store lacks: rows that are kept, then statistics of all.
+
+    Args:
+        work: What calculates samples.
+        store: The store.
+        limit: How many samples to calculate at most, rounded up to whole tiles.
+        tiles: What calculates them in place of this process.
+    """
+    summary, reduced = opened_summary(store, work)
+    run = _Run(work, summary, reduced)
+    if store.attributes["complete"]:
+        summary.tiles = summary.tiles_said()
+        run.take(summary.done())
+        reached = run.samples < work.numbering.samples
+        return Ran(store, run.estimates, run.samples, 0, 0.0, True, reached, work.notes)
+    begun = time.monotonic()
+    left = _rows(work, store, limit, tiles)
+    done = summary.done()
+    run.take(done)
+    missing = [tile for tile in range(reduced.tiles) if tile not in done]
+    if left is not None:
+        missing = missing[: -(-left // reduced.tile)]
+    new, reached = 0, run.reached
+    if not reached:
+
+        def written(tile: int) -> None:
+            summary.write(tile, reduced.states(tile))
+
+        # whoever may stop at a target begins nothing that lies beyond
+        most = 1 if work.study.sd_target else reduced.ahead
+        here = ahead(written, missing, most)
+        for number, _ in tiles(missing, summary=True) if tiles else here:
+            new += reduced.samples_of(number)
+            run.take({number})
+            if run.reached:
+                break
+    complete = run.reached or run.next == reduced.tiles
+    if complete:
+        summary.resized(run.next, reduced.tile)
+        failed = {n: int(m.failed.sum()) for n, m in run.estimates.moments.items()}
+        store.finish(run.samples, min(store.samples, run.samples), failed=failed)
+    return Ran(
+        store,
+        run.estimates,
+        run.samples,
+        new,
+        time.monotonic() - begun,
+        complete,
+        run.reached,
+        work.notes,
+    )
+
+
+def _rows(
+    work: Work, store: Store, limit: int | None, tiles: Tiles | None
+) -> int | None:
+    """Calculate the samples that are kept; return how many more may be calculated."""
+    done = store.done()
+    missing = [tile for tile in range(store.tiles) if tile not in done]
+    if limit is not None:
+        missing = missing[: -(-limit // store.tile)]
+    if tiles is not None and missing:
+        for _ in tiles(missing):
+            pass
+    elif missing:
+        for tile in missing:
+            store.write_tile(tile, work.tile(tile))
+    return None if limit is None else max(0, limit - len(missing) * store.tile)
+
+
+class _Run:
+    """Takes statistics in in the order of their tiles, as these come."""
+
+    def __init__(self, work: Work, summary: SummaryStore, reduced: Reduced) -> None:
+        self._summary, self._reduced = summary, reduced
+        self._targets = work.study.sd_target
+        self._heard = telling(work.numbering)
+        self._there: set[int] = set()
+        self._state: Mapping[str, State] = reduced.empty()
+        self.estimates = Estimates(work.variables, work.numbering)
+        self.next = self.samples = 0
+        self.reached = False
+
+    def take(self, tiles: Iterable[int]) -> None:
+        """Take in tiles that are written."""
+        self._there |= set(tiles)
+        variables = self._summary.variables
+        while self.next in self._there and not self.reached:
+            own = self._summary.read(self.next, self._reduced.anchors)
+            self._state = merged_states(variables, self._state, own)
+            self.samples += self._reduced.samples_of(self.next)
+            self.next += 1
+            for v in outcomes_of(variables):
+                self.estimates.moments[v.name] = moments_of(v, self._state[v.name])
+            self.reached = self.estimates.reached(self._targets)
+        self._heard(self.samples, self.estimates)
+
+
+def moments_of(variable: Variable, state: State) -> Moments:
+    """Return what running estimates tell of a state."""
+    if variable.kind == "yes_no":
+        share = state.yes / np.maximum(state.known, 1)
+        square = state.yes * (1.0 - share)
+        return Moments(state.known, state.lost, share, square)
+    m = state.moments
+    return Moments(m.finite, m.lost + m.infinite, m.mean, m.squares)
+
+
+def telling(numbering: Numbering) -> Callable[[int, Estimates], None]:
+    """Return what tells how far a run is, how fast, and what is known by now."""
+    teller, total, begun = Task(), numbering.samples, time.monotonic()
+    first: list[int] = []
+
+    def heard(samples: int, estimates: Estimates) -> None:
+        if not first:
+            first.append(samples)
+        gone = time.monotonic() - begun
+        rate = (samples - first[0]) / gone if gone > 0 else 0.0
+        known = "; ".join(
+            _known(name, estimates) for name in [*estimates.moments][:SHOWN]
+        )
+        words = f"{samples:,} of {total:,} samples, {rate:.3g}/s; {known}"
+        through = samples / total
+        teller(Level("", words, through, min(1.0 - through, numbering.tile / total)))
+
+    return heard
+
+
+def _known(name: str, estimates: Estimates) -> str:
+    """Return an outcome's mean and its standard error in words."""
+    whole = estimates.moments[name].whole()
+    mean, error = float(whole.mean.flat[0]), float(whole.standard_error().flat[0])
+    if not math.isfinite(error):
+        return f"{name} {mean:.3g}"
+    digits = max(0, 1 - math.floor(math.log10(error))) if error > 0 else 6
+    return f"{name} {mean:.{min(digits, 9)}f} ± {error:.2g}"
+
+
+def attributes_of(work: Work) -> dict[str, Any]:
+    """Return the attributes of a new store."""
+    study = work.study
+    return {
+        "jblast_study_schema": SCHEMA,
+        "study": study.text,
+        "study_sha256": sha256_of(study.text),
+        **_scenes(study),
+        "seed": study.seed,
+        "design": study.design,
+        "keep": study.keep,
+        "allow_code": study.allow_code,
+        "samples": work.numbering.samples,
+        "block": work.numbering.block,
+        "cells": work.numbering.cells,
+        "variants": work.numbering.variants,
+        "complete": False,
+        "jblast": jblast.__version__,
+        "jax": jax.__version__,
+        "numpy": np.__version__,
+        "platform": platform.platform(),
+        "device": work.mesh.devices.flat[0].device_kind,
+        "notes": list(work.notes),
+    }
+
+
+def _scenes(study: Study) -> dict[str, Any]:
+    """Return what is said of the scene; of several by the name of each."""
+    texts = dict(study.scenes)
+    scene = next(iter(texts.values()), "") if len(texts) < 2 else texts
+    whole = scene if isinstance(scene, str) else json.dumps(scene)
+    return {"scene": scene, "scene_sha256": sha256_of(whole)}
+
+
+def scenes_of(attributes: Mapping[str, Any]) -> dict[str, str]:
+    """Return the scenes of a store by the names its study has for them."""
+    scene = attributes["scene"]
+    if isinstance(scene, Mapping):
+        return dict(scene)
+    return {tomllib.loads(attributes["study"])["scene"]: scene}
+
+
+def refuse_other(store: Store, work: Work) -> None:
+    """Refuse to go on with the store of another study.
+
+    Raises:
+        InputError: The study, its scene or the version of jblast is another; the
+            message says what changed.
+    """
+    new, old = attributes_of(work), store.attributes
+    if new["study_sha256"] != old["study_sha256"]:
+        what = _changes(str(old["study"]), new["study"])
+        raise InputError(
+            f"{work.study.source}: has changed since {store.path} was begun{what}; "
+            "what is computed stays there: change it back, or write to another store"
+        )
+    if new["scene_sha256"] != old["scene_sha256"]:
+        what = _changes(str(old["scene"]), str(new["scene"]))
+        raise InputError(
+            f"{work.study.uncertain.source}: the scene has changed since {store.path} "
+            f"was begun{what}; what is computed stays there: change it back, or write "
+            "to another store"
+        )
+    for name in ("jblast", "block"):
+        if new[name] != old[name]:
+            raise InputError(
+                f"{store.path}: was begun by {name} {old[name]}, this is {name} "
+                f"{new[name]}: samples would not belong together; write to another "
+                "store"
+            )
+
+
+def _changes(old: str, new: str) -> str:
+    """Return which keys differ, in words."""
+    try:
+        before, after = _flat(tomllib.loads(old)), _flat(tomllib.loads(new))
+    except tomllib.TOMLDecodeError:
+        return ""
+    said = [
+        f"{key} was {shown(before.get(key, 'not there'), 40)}, is "
+        f"{shown(after.get(key, 'not there'), 40)}"
+        for key in dict.fromkeys([*before, *after])
+        if before.get(key) != after.get(key)
+    ]
+    return f" ({'; '.join(said[:4])})" if said else " (in comments or spaces alone)"
+
+
+def _flat(tables: Any, name: str = "") -> dict[str, Any]:
+    """Return all values by their whole keys."""
+    if isinstance(tables, dict):
+        pairs = ((f"{name}.{k}" if name else k, v) for k, v in tables.items())
+    elif isinstance(tables, list) and any(isinstance(one, dict) for one in tables):
+        pairs = ((f"{name}[{n}]", v) for n, v in enumerate(tables))
+    else:
+        return {name: tables}
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        found |= _flat(value, key)
+    return found
+
+
+def dataset_of(
+    variables: Sequence[Variable],
+    columns: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Any],
+    places: Mapping[str, Sequence[float]],
+) -> "xarray.Dataset":
+    """Return columns as a data set, as a store of them is read by xarray.
+
+    Args:
+        variables: The columns.
+        columns: Their values.
+        attributes: What the set says of itself.
+        places: East, north, up [m] of the sensors by name.
+    """
+    import xarray
+
+    data = {v.name: (v.dims, columns[v.name], v.attributes()) for v in variables}
+    coordinates: dict[str, Any] = {}
+    if places:
+        where = np.array(list(places.values()))
+        said = {"long_name": "place of the sensor: east, north, up", "units": "m"}
+        coordinates = {
+            "sensor": (
+                "sensor",
+                np.array(list(places), object),
+                {"long_name": "sensor"},
+            ),
+            "sensor_position_m": (("sensor", "direction"), where, said),
+        }
+    return xarray.Dataset(data, coordinates, dict(attributes))

@@ -1,39 +1,79 @@
-"""A study made ready: its columns, and what calculates a tile of them."""
+"""A study as a program: outcome families prepared once, samples calculated by tiles.
+
+Each family of outcomes is prepared for every variant of the scene by a few pilot
+samples; `outcomes` is then a pure function of one sample's key. Tiles of which only
+statistics are stored are reduced where they were calculated.
+
+Fits run from Python on whole batches. On a CPU they finish one block at a time, so that
+a result does not depend on the number of blocks, with as many blocks in parallel as
+there are devices. A GPU finishes all its samples together, in its own memory: only
+columns of the study leave it.
+"""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike, Float, Int, Key, PRNGKeyArray
 
-from jblast.study.engine.launch import Blocks, Launcher, Reduce
-from jblast.study.engine.mesh import mesh_of
-from jblast.study.engine.numbering import numbered
-from jblast.study.engine.summary.tally import VALID
-from jblast.study.engine.variable import Variable
-from jblast.study.file.study import Study
-from jblast.study.outcome.family import Finish
-from jblast.study.sampling.draws import key_of_study, normal_scores, sample_keys
-from jblast.study.sampling.finishing import by_block, where_they_are
-from jblast.study.sampling.parts import (
-    answers_of,
-    input_variables,
-    outcome_variables,
-    parts_of,
+from jblast.errors import InputError, nearest
+from jblast.scene import parameter_named
+from jblast.study.engine.launch import Blocks, Launcher, Reduce, mesh_of
+from jblast.study.engine.store import NO_ANSWER, Variable
+from jblast.study.engine.summary import (
+    ANCHORS,
+    COUNTERS,
+    MOST_COUNTS,
+    VALID,
+    Anchor,
+    State,
+    anchors_of,
+    counts_in,
+    empty_states,
+    merged_states,
+    outcomes_of,
+    reduce_of,
+    states_by_group,
+    states_of,
 )
-from jblast.study.sampling.points import points_of
+from jblast.study.engine.tiles import numbered
+from jblast.study.file import Study
+from jblast.study.outcome.family import Answers, Family, Finish, Prepared, Setting
+from jblast.study.outcome.registry import families_of, outcomes_named
+from jblast.study.sampling.draws import (
+    allowed,
+    key_of_study,
+    normal_scores,
+    numbers_at,
+    part_of,
+    points_of,
+    sample_keys,
+)
 
+MOST_TILES = 256
+"""Parts that a study is cut into, whatever its size."""
+PART, PART_OF_POINTS = 1 << 26, 1 << 24
+"""Samples whose blocks are summed at once, fewer where the host makes their points;
+parts are merged in their order."""
+AHEAD = 4
+"""Parts, or tiles, that devices and host are at together."""
+ANCHOR_SAMPLES = 16
+"""Samples of each cell that tell what its numbers are counted from."""
+ANCHOR_SEED = 0
+"""Of those samples, so that studies of other seeds can be merged."""
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
 """Samples that a device is given at a time, by platform."""
 GROUP = 1 << 19
 """Samples, in whole blocks, that a GPU takes together at most."""
 REDUCED = {"cpu": 1 << 20, "gpu": 1 << 24}
 """Samples of a launch of which statistics alone are kept."""
-
 Columns = dict[str, np.ndarray]
+LEAST_PILOTS, MOST_PILOTS = 256, 4096
+"""Samples that families are made ready by."""
 
 
 class Work:
@@ -247,7 +287,446 @@ class Work:
         return [finish for finish in parts if finish is not None]
 
 
+class Reduced:
+    """What calculates the statistics of tiles.
+
+    Attributes:
+        work: What calculates samples.
+        tile: Samples of a part that is done or not.
+        groups: Variants and cells of the study, as one number.
+        anchors: What numbers are counted from.
+    """
+
+    def __init__(self, work: Work, anchors: Mapping[str, Anchor] | None = None) -> None:
+        self.work, numbering = work, work.numbering
+        self.groups = numbering.variants * numbering.cells
+        counts = counts_in(work.variables, self.groups)
+        if counts > MOST_COUNTS:
+            raise InputError(
+                f"{work.study.source}: keep: expected at most {MOST_COUNTS:,} counts "
+                "of sketches, of all numbers, sensors, cells and variants together, "
+                f'got {counts:,}; keep = "all", or ask for less'
+            )
+        self.tile = numbering.tile
+        while numbering.samples > MOST_TILES * self.tile:
+            self.tile *= 2
+        self.anchors = self._anchors() if anchors is None else dict(anchors)
+        host = any(p.prepared.finish is not None for part in work.parts for p in part)
+        self._on_device = numbering.cells == 1 and not host
+        self._outcomes = outcomes_of(work.variables)
+        self._launchers: dict[int, Launcher] = {}
+        if self._on_device:
+            reduce = reduce_of(self._outcomes, 1 if work.kind == "cpu" else COUNTERS)
+            self._launchers = {
+                n: work.launcher(n, reduce) for n in range(numbering.variants)
+            }
+
+    @property
+    def tiles(self) -> int:
+        """How many tiles there are."""
+        return -(-self.work.numbering.samples // self.tile)
+
+    @property
+    def ahead(self) -> int:
+        """How many tiles are worth calculating at a time."""
+        return AHEAD if self._on_device else 1
+
+    def samples_of(self, tile: int) -> int:
+        """Return how many samples a tile has."""
+        return min(self.tile, self.work.numbering.samples - tile * self.tile)
+
+    def states(self, tile: int) -> dict[str, State]:
+        """Return the states of a tile's outcomes."""
+        begin = tile * self.tile
+        end = begin + self.samples_of(tile)
+        whole = self.empty()
+        reduce, step = self._host, self.work.numbering.tile * self.work.at_once
+        if self._on_device:
+            reduce = self._device
+            step = PART if self.work.points is None else PART_OF_POINTS
+        parts = [(at, min(at + step, end)) for at in range(begin, end, step)]
+        with ThreadPoolExecutor(self.ahead) as pool:
+            for own in pool.map(lambda part: reduce(*part), parts):
+                whole = merged_states(self.work.variables, whole, own)
+        return whole
+
+    def empty(self) -> dict[str, State]:
+        """Return the states of no samples."""
+        return empty_states(self.work.variables, self.groups, self.anchors)
+
+    def _host(self, begin: int, end: int) -> dict[str, State]:
+        """Reduce the columns of samples."""
+        numbering = self.work.numbering
+        tiles = range(begin // numbering.tile, -(-end // numbering.tile))
+        parts = self.work.several(tiles)
+        columns = {n: np.concatenate([part[n] for part in parts]) for n in parts[0]}
+        variant, cell = numbering.of_samples(begin, end)
+        which = variant * numbering.cells + cell
+        return states_by_group(
+            self.work.variables, columns, which, self.groups, self.anchors
+        )
+
+    def _device(self, begin: int, end: int) -> dict[str, State]:
+        """Reduce samples where they are calculated."""
+        work, numbering = self.work, self.work.numbering
+        blocks = np.arange(begin // numbering.block, -(-end // numbering.block))
+        variants = numbering.variant_of(blocks)
+        found: dict[int, dict[str, State]] = {}
+        for variant in range(numbering.variants):
+            own = blocks[variants == variant]
+            if not len(own):
+                continue
+            mine = {
+                name: Anchor(*(x[variant : variant + 1] for x in anchor))
+                for name, anchor in self.anchors.items()
+            }
+            shared, each = work.given(own)
+            shared[ANCHORS] = {
+                name: tuple(jnp.asarray(x.reshape(-1)) for x in anchor)
+                for name, anchor in mine.items()
+            }
+            kept, counts = self._launchers[variant].reduced(shared, each)
+            found[variant] = states_of(self._outcomes, kept, counts, mine)
+        return self._beside(found)
+
+    def _beside(self, found: dict[int, dict[str, State]]) -> dict[str, State]:
+        """Return states of variants as one."""
+        if self.groups == 1:
+            return found[0]
+        empty = self.empty()
+        whole: dict[str, State] = {}
+        for v in self._outcomes:
+            whole[v.name] = _filled(
+                empty[v.name], {n: states[v.name] for n, states in found.items()}
+            )
+        return whole
+
+    def _anchors(self) -> dict[str, Anchor]:
+        """Return what numbers are counted from, by the first samples of each cell."""
+        work, numbering = self.work, self.work.numbering
+        count = -(-ANCHOR_SAMPLES * numbering.cells // numbering.block)
+        columns, which = [], []
+        for variant in range(numbering.variants):
+            blocks = variant + numbering.variants * np.arange(count)
+            answers = work.launcher(variant)(*work.given(blocks, ANCHOR_SEED))
+            found = work.finished(variant, answers)
+            columns.append(
+                {name: x.reshape(-1, *x.shape[2:]) for name, x in found.items()}
+            )
+            begin = numbering.begins_at(blocks)[:, None] + np.arange(numbering.block)
+            which.append(variant * numbering.cells + begin.ravel() % numbering.cells)
+        whole = {
+            name: np.concatenate([one[name] for one in columns]) for name in columns[0]
+        }
+        return anchors_of(work.variables, whole, np.concatenate(which), self.groups)
+
+
+def _filled(empty: State, parts: Mapping[int, State]) -> State:
+    """Return a state with those of single groups in their places."""
+    if hasattr(empty, "_fields"):
+        return type(empty)(
+            *(
+                _filled(
+                    getattr(empty, name),
+                    {n: getattr(s, name) for n, s in parts.items()},
+                )
+                for name in empty._fields
+            )
+        )
+    whole = np.array(empty)
+    for n, part in parts.items():
+        whole[n] = part[0]
+    return whole
+
+
+def draw(
+    key: PRNGKeyArray, study: Study, *, cell: int = 0
+) -> dict[str, Float[Array, ""]]:
+    """Return the numbers of a sample: drawn by its key, or set by axes.
+
+    Args:
+        key: Of the sample: `jax.random.fold_in(jax.random.key(study.seed), index)`.
+        study: The study.
+        cell: Which of `study.cells` sets the axes.
+    """
+    scores = normal_scores(key[None], len(study.drawn))
+    cells = jnp.full((1,), cell)
+    found = numbers_at(study.uncertain, scores, study.numbers, _table(study), cells)
+    return {name: values[0] for name, values in found.items()}
+
+
+def outcomes(
+    key: PRNGKeyArray,
+    study: Study,
+    numbers: Mapping[str, Float[ArrayLike, ""]] | None = None,
+    *,
+    variant: int = 0,
+    cell: int = 0,
+) -> dict[str, Array]:
+    """Return the outcomes of one sample: under `jit`, `vmap` and `grad` alike.
+
+    Args:
+        key: Of the sample, as in `draw`.
+        study: The study; its design is left out: the key draws.
+        numbers: In place of what the key would draw, by name of the scene's numbers;
+            derivatives by them are those of the outcomes.
+        variant: Which of `study.variants` it is of.
+        cell: Which of `study.cells` sets the axes.
+
+    Returns:
+        A number by outcome, or one for each sensor.
+
+    Raises:
+        InputError: An outcome cannot be had of the scene, or only by whole batches, or
+            there is no such number.
+
+    Example:
+        `jax.vmap(lambda key: jblast.study.outcomes(key, study))(keys)`
+    """
+    found = draw(key, study, cell=cell)
+    given = {name: jnp.asarray(value) for name, value in (numbers or {}).items()}
+    for name in given:
+        if name not in found:
+            raise InputError(
+                f"numbers: expected names of {', '.join(found) or '(none)'}, got "
+                f"{name!r}{nearest(name, found)}"
+            )
+    for part in parts_of(study, variant):
+        if part.prepared.finish is not None:
+            raise InputError(
+                f"{study.source}: {part.names[0]} is had of whole batches alone, which "
+                "jblast.study.run makes"
+            )
+    answers = answers_of(
+        study,
+        variant,
+        key[None],
+        normal_scores(key[None], len(study.drawn)),
+        _table(study),
+        jnp.full((1,), cell),
+        {name: value[None] for name, value in given.items()},
+    )
+    return {name: answers[name][0] for name in study.outcomes}
+
+
+def _table(study: Study) -> Float[Array, "cell axis"]:
+    return jnp.asarray(study.cells, float).reshape(len(study.cells), -1)
+
+
 def _tile_samples(variables: tuple[Variable, ...]) -> int:
     """Return how many samples a chunk holds, so that the largest stays below 8 MiB."""
     widest = max(v.dtype.itemsize * max(1, len(v.sensors)) for v in variables)
     return (8 << 20) // widest
+
+
+class Part(NamedTuple):
+    """A family of outcomes, ready for one variant of the scene."""
+
+    family: Family
+    names: tuple[str, ...]
+    prepared: Prepared
+
+
+def parts_of(study: Study, variant: int) -> tuple[Part, ...]:
+    """Return what calculates the outcomes of a variant; made ready once.
+
+    Raises:
+        InputError: There is no such outcome or option, or the scene lacks what an
+            outcome needs.
+    """
+    if variant not in study.prepared:
+        families = families_of(
+            outcomes_named(study.outcomes, study.source, allow_code=study.allow_code)
+        ).values()
+        _refuse_options(study, [family for family, _ in families])
+        with jax.ensure_compile_time_eval():  # also from within a program
+            study.prepared[variant] = tuple(
+                Part(family, tuple(names), prepared)
+                for family, names in families
+                for prepared in (
+                    family.prepare(
+                        Setting(
+                            study.variants[variant],
+                            study.believed[variant],
+                            tuple(names),
+                            study.options,
+                            _pilot(study, variant),
+                        )
+                    ),
+                )
+            )
+    return study.prepared[variant]
+
+
+def _pilot(study: Study, variant: int) -> dict[str, np.ndarray]:
+    """Return numbers of some samples, every cell of the axes among them."""
+    cells = np.array(study.cells, float).reshape(len(study.cells), -1)
+    count = min(max(LEAST_PILOTS, len(cells)), MOST_PILOTS)
+    scores = np.random.default_rng(0).standard_normal((count, len(study.drawn)))
+    which = np.linspace(0, len(cells) - 1, min(count, len(cells))).round().astype(int)
+    numbers = numbers_at(
+        study.variants[variant],
+        jnp.asarray(scores),
+        study.numbers,
+        jnp.asarray(cells),
+        jnp.asarray(np.resize(which, count)),
+    )
+    return {name: np.asarray(values) for name, values in numbers.items()}
+
+
+def answers_of(
+    study: Study,
+    variant: int,
+    keys: Key[Array, " sample"],
+    scores: Float[Array, "sample drawn"],
+    table: Float[Array, "cell axis"],
+    cell: Int[Array, " sample"],
+    numbers: dict[str, Array] | None = None,
+) -> dict[str, Array]:
+    """Return numbers and outcomes of samples of one variant.
+
+    Args:
+        study: The study.
+        variant: Which variant of the scene.
+        keys: Of the samples.
+        scores: Standard normal coordinates of the draws.
+        table: Values of the axes by cell.
+        cell: Of each sample.
+        numbers: In place of what is drawn or set.
+    """
+    uncertain = study.variants[variant]
+    found = numbers_at(uncertain, scores, study.numbers, table, cell)
+    found |= numbers or {}
+    good, whole = allowed(found), dict(found)
+    for part in parts_of(study, variant):
+        answers = part.prepared.batched(part_of(keys, part.family.number), found)
+        whole |= {name: _failed_where(good, values) for name, values in answers.items()}
+    return whole
+
+
+def input_variables(study: Study) -> tuple[Variable, ...]:
+    """Return the columns of what is drawn, and of what axes set."""
+
+    def number(name: str, role: Any) -> Variable:
+        said = parameter_named(name)
+        return Variable(name, role, said.unit, said.words)
+
+    drawn = [number(name, "input") for name in study.drawn]
+    axes = [number(axis.key, "axis") for axis in study.numbers]
+    words = [
+        Variable(
+            axis.key,
+            "axis",
+            "1",
+            f"{axis.key} of the scene",
+            names=tuple(str(value) for value in axis.values),
+        )
+        for axis in study.words
+    ]
+    return (*drawn, *axes, *words)
+
+
+def outcome_variables(study: Study) -> tuple[Variable, ...]:
+    """Return the columns of the outcomes."""
+    sensors = tuple(s.name for s in study.uncertain.scene.sensors)
+    asked = outcomes_named(study.outcomes, study.source, allow_code=study.allow_code)
+    names = {tuple(s.name for s in one.scene.sensors) for one in study.variants}
+    if len(names) > 1 and any(outcome.per_sensor for outcome in asked):
+        raise InputError(
+            f"{study.source}: [axes]: expected the same sensors in every variant of "
+            "the scene, where an outcome is asked of each, got others"
+        )
+    return tuple(
+        Variable(
+            o.name,
+            "outcome",
+            o.units,
+            o.long_name,
+            o.kind,
+            sensors if o.per_sensor else (),
+        )
+        for o in asked
+    )
+
+
+def _failed_where(good: Array | None, values: Any) -> Array:
+    """Mark answers of samples that cannot be as having failed."""
+    if good is None:
+        return values
+    good = good.reshape(good.shape + (1,) * (values.ndim - 1))
+    if jnp.issubdtype(values.dtype, jnp.inexact):
+        return jnp.where(good, values, jnp.nan)
+    return jnp.where(good, values.astype(jnp.int8), jnp.int8(NO_ANSWER))
+
+
+def _refuse_options(study: Study, families: list[Family]) -> None:
+    """Refuse an option that no outcome asked for reads."""
+    known = sorted({key for family in families for key in family.options})
+    for key in study.options:
+        if key not in known:
+            raise InputError(
+                f"{study.source}: [options] {key}: unknown key{nearest(key, known)}; "
+                f"expected one of {', '.join(known) or '(none of these outcomes)'}"
+            )
+
+
+def by_block(
+    finish: Finish, answers: Mapping[str, np.ndarray], devices: Sequence[Any]
+) -> dict[str, np.ndarray]:
+    """Finish blocks, as many at a time as there are devices.
+
+    Args:
+        finish: What finishes a batch.
+        answers: By name a value of every sample of every block.
+        devices: Of one process.
+    """
+    blocks = len(next(iter(answers.values())))
+
+    def some(nth: int) -> list[tuple[int, dict[str, np.ndarray]]]:
+        with jax.default_device(devices[nth]):
+            return [
+                (n, _on_host(finish({k: x[n] for k, x in answers.items()})))
+                for n in range(nth, blocks, len(devices))
+            ]
+
+    with ThreadPoolExecutor(len(devices)) as pool:
+        parts = [done for part in pool.map(some, range(len(devices))) for done in part]
+    rows = [columns for _, columns in sorted(parts, key=lambda one: one[0])]
+    return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+
+
+def where_they_are(
+    finishes: Sequence[Finish],
+    pieces: Sequence[Mapping[str, Array]],
+    wanted: Sequence[str],
+) -> dict[str, np.ndarray]:
+    """Finish what devices have, each its own, and return the columns that are wanted.
+
+    Args:
+        finishes: What finishes batches.
+        pieces: Blocks in their order, those of a piece on one device.
+        wanted: Names of columns.
+    """
+
+    def one(piece: Mapping[str, Array]) -> dict[str, np.ndarray]:
+        shape = next(iter(piece.values())).shape[:2]
+        rows = shape[0] * shape[1]  # not -1: a column may have no width
+        found: dict[str, Any] = {
+            name: x.reshape(rows, *x.shape[2:]) for name, x in piece.items()
+        }
+        (device,) = next(iter(piece.values())).devices()
+        with jax.default_device(device):
+            for finish in finishes:
+                found |= finish(found)
+        kept = {name: found[name] for name in wanted if name in found}
+        for x in kept.values():
+            x.copy_to_host_async()
+        return {n: x.reshape(*shape, *x.shape[1:]) for n, x in _on_host(kept).items()}
+
+    with ThreadPoolExecutor(len(pieces)) as pool:
+        parts = list(pool.map(one, pieces))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _on_host(answers: Answers) -> dict[str, np.ndarray]:
+    return {name: np.asarray(x) for name, x in answers.items()}

@@ -1,10 +1,22 @@
-"""Fit: ways to the optimum of a log, their cost against how often they miss it.
+"""Fits, samplers and Monte Carlo: cost against error.
 
-The logs are those of the map of stability: eight arrivals, each of a charge of its own,
-and poor starts, which know the mass to a factor of 1,000 and the place to a square of
-200 m. All ways start there but `fit_many` and `solve` where they choose for themselves.
+Fit: methods to find the optimum of a log, their cost against the share of failures. The
+logs are those of `verification.stability.fits`: eight arrivals, each of a charge of its
+own, and poor starts, with the mass to a factor of 1,000 and the position to a square of
+200 m. `fit_many` and `solve` also run from starts of their own choice.
+
+Sampler: methods to compute 90 % intervals of a posterior. The case is that of five
+microphones (`verification.sampling_cases`), whose optimum is known. The reference is a
+long run of the compiled sampler; its own error is half the difference between its first
+and second half.
+
+Monte Carlo: draws by key, Sobol' points and importance sampling, for a pressure of
+three uncertain parameters whose mean and probabilities are known
+(`verification.sampling_cases`). An error is the rms over repetitions of the difference
+from the exact value.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -14,28 +26,73 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from jblast.fidelity.timing import best_of
-from jblast.inference import solve
+from jblast.inference import Posterior, solve
+from jblast.inference.identifiability.null_space import Identifiability, identifiability
+from jblast.inference.importance.marginals import weighted_quantiles
+from jblast.inference.importance.psis import Importance, importance
+from jblast.inference.importance.whitening import Whitened, whitened_density
+from jblast.inference.mcmc.emcee_engine import Emcee
+from jblast.inference.mcmc.scan_engine import Scan
+from jblast.inference.mode.laplace import NORMAL_Q95, Laplace, laplace
+from jblast.inference.mode.search import optima
 from jblast.progress import in_words
 from jblast.sensors import planned_layout
 from jblast.sensors.simulate import written
+from jblast.study.rare import (
+    Margin,
+    Points,
+    random_scores,
+    rare_probability,
+    sobol_scores,
+)
 from jblast.verification.benchmark.chart import (
     Benchmark,
     BenchmarkPoint,
     register_benchmark,
 )
-from jblast.verification.stability.inference.poor_starts import (
+from jblast.verification.sampling_cases import (
+    CASE,
+    SHARES,
+    WALKERS,
+    interval_ends,
+    mean_pressure,
+    one_posterior,
+    pressure,
+    probability_above,
+    timed_walk,
+)
+from jblast.verification.stability.fits import (
     OFF,
     Logs,
     best_known,
+    costs,
     draw,
     ours,
-)
-from jblast.verification.stability.inference.stock_solvers import (
-    costs,
     residuals,
     stock_fits,
 )
 
+DIMENSIONS = 3
+SAMPLES = (1 << 10, 1 << 14, 1 << 18)
+RARE_SAMPLES = (1 << 18, 1 << 22)
+"""Plain draws of a rare event; fewer meet it hardly once."""
+REPETITIONS = 16
+COMMON_PA = 12e3
+"""A pressure that one sample in twenty passes, about."""
+IMPORTANCE: dict[str, Points] = {"importance": "random", "both": "sobol"}
+Estimate = Callable[[int], float]
+"""From a seed to an estimate."""
+STEPS = (200, 1000, 5000)
+DRAWS = (500, 4000, 30_000)
+REFERENCE = 20_000
+"""Steps of the walk that the others are held against."""
+RUNS = 3
+"""Runs of the longest, which differ by the seed."""
+MOST_RUNS = 5
+"""Shorter ones are run more often, as chance tells more in them."""
+REFERENCE_SEED = 100
+"""Of no other run."""
+Interval = Float[np.ndarray, "2 free"]
 LOGS = 2000
 SOLVED = 100
 """Logs for `solve`, which takes one at a time."""
@@ -52,6 +109,239 @@ STOCK = (
 )
 SHORT = {"Levenberg-Marquardt": "LM"}
 OWN, POOR = "starts of its own", "poor starts"
+
+
+def montecarlo_points(
+    samples: tuple[int, ...] = SAMPLES,
+    rare_samples: tuple[int, ...] = RARE_SAMPLES,
+    repetitions: int = REPETITIONS,
+) -> list[BenchmarkPoint]:
+    """Return cost and error of each way to a mean and to two probabilities.
+
+    Args:
+        samples: Of an estimate.
+        rare_samples: Of plain draws of a rare event.
+        repetitions: Of each estimate, which differ by the seed.
+    """
+    tell = in_words()
+    found: list[BenchmarkPoint] = []
+
+    def add(panel: str, method: str, number: int, true: float, estimate: Estimate):
+        tell(f"{panel}: {method}, {number:,}")
+        seconds, _ = best_of(lambda: estimate(0), 3)
+        off = [estimate(seed) / true - 1 for seed in range(repetitions)]
+        error = float(np.sqrt(np.mean(np.square(off))))
+        how = ": importance by Sobol' points" if method == "both" else ""
+        said = f"{number:,} samples, {repetitions} repetitions{how}"
+        short = f"{number / 2**20:g}M" if number >= 2**20 else f"{number / 2**10:g}k"
+        found.append(BenchmarkPoint(f"{method} {short}", seconds, error, said, panel))
+
+    ways = {"plain": random_scores_of, "Sobol": sobol_scores}
+    for name, scores in ways.items():
+        for number in samples:
+            add(
+                "mean pressure",
+                name,
+                number,
+                mean_pressure(),
+                lambda seed, n=number, of=scores: float(
+                    np.mean(pressures(of(n, DIMENSIONS, seed)))
+                ),
+            )
+    for threshold, numbers in (
+        (COMMON_PA, samples),
+        (CASE.threshold_pa, rare_samples),
+    ):
+        true, edge = probability_above(threshold), margin_at(threshold)
+        title = f"probability of {true:.2g}"
+        for name, scores in ways.items():
+            for number in numbers:
+                add(
+                    title,
+                    name,
+                    number,
+                    true,
+                    lambda seed, n=number, of=scores, p=threshold: float(
+                        np.mean(pressures(of(n, DIMENSIONS, seed)) > p)
+                    ),
+                )
+        for name, points in IMPORTANCE.items():
+            for number in samples:
+                add(
+                    title,
+                    name,
+                    number,
+                    true,
+                    lambda seed, n=number, by=points, edge=edge: (
+                        rare_probability(
+                            edge, DIMENSIONS, n, seed=seed, points=by
+                        ).probability
+                    ),
+                )
+    return found
+
+
+def random_scores_of(count: int, dimensions: int, seed: int) -> np.ndarray:
+    """Return draws by the keys of their numbers."""
+    return random_scores(np.arange(count), dimensions, seed)
+
+
+def margin_at(threshold_pa: float) -> Margin:
+    """Return the margin of a pressure above a threshold."""
+    return lambda u: jnp.log(pressure(u) / threshold_pa)
+
+
+@jax.jit
+def _pressures(scores):
+    return jax.vmap(pressure)(scores)
+
+
+def pressures(scores: np.ndarray) -> np.ndarray:
+    """Return the pressures of draws [Pa]."""
+    return np.asarray(_pressures(jnp.asarray(scores)))
+
+
+register_benchmark(
+    Benchmark(
+        name="montecarlo",
+        title="Monte Carlo: cost against standard error, by number of samples",
+        cost="time of an estimate, the search for the event included",
+        error="rms over repetitions, of the exact value",
+        measure=montecarlo_points,
+    )
+)
+
+
+class Solved(NamedTuple):
+    """What every sampler starts from.
+
+    Attributes:
+        posterior: It.
+        identified: What its log tells.
+        normal: Its normal approximation.
+        seconds: What that takes, with the optimum known.
+        density: The posterior in coordinates in which it is round.
+    """
+
+    posterior: Posterior
+    identified: Identifiability
+    normal: Laplace
+    seconds: float
+    density: Whitened
+
+
+def solved() -> Solved:
+    """Find the optimum and the normal approximation."""
+    posterior = one_posterior()
+    z = np.asarray(optima(jax.random.key(0), posterior).z[0])
+    identified = identifiability(posterior, z)
+    seconds, normal = best_of(
+        lambda: laplace(posterior, z, identified.identified_basis)
+    )
+    density = whitened_density(posterior, normal, identified)
+    return Solved(posterior, identified, normal, seconds, density)
+
+
+def weighted_ends(found: Importance, normal: Laplace) -> Interval:
+    """Return the ends that weighted draws give, from the optimum."""
+    away = (found.z - normal.z).T
+    return np.array([weighted_quantiles(x, found.weights, SHARES) for x in away]).T
+
+
+def sampler_points(
+    steps: tuple[int, ...] = STEPS,
+    draws: tuple[int, ...] = DRAWS,
+    reference: int = REFERENCE,
+    runs: int = RUNS,
+) -> list[BenchmarkPoint]:
+    """Return the cost of every sampler at some lengths, and the error of its intervals.
+
+    The error is that of the worst end of any unknown, rms over the runs; one below what
+    the reference itself may be off counts as that.
+
+    Args:
+        steps: Of walks, a hundred and more.
+        draws: Of importance sampling.
+        reference: Steps of the walk that the others are held against.
+        runs: Of the longest of each; of a shorter one up to `MOST_RUNS`.
+    """
+    tell = in_words()
+    tell("the optimum")
+    what = solved()
+    free, axes = what.normal.z.size, np.asarray(what.density.root)
+    tell("the reference")
+    long, took = timed_walk(Scan(), what.density, free, reference, REFERENCE_SEED)
+    long = long @ axes.T
+    true, sd = interval_ends(long), long.reshape(-1, free).std(axis=0)
+    half = len(long) // 2
+    halves = interval_ends(long[:half]) - interval_ends(long[half:])
+    own = 0.5 * float(np.max(np.abs(halves) / sd))
+    over = f"{free} unknowns, 90 % intervals"
+    points = []
+
+    def add(method: str, seconds: float, ends: list[Interval], words: str = "") -> None:
+        worst = [np.max(np.abs(one - true) / sd) for one in ends]
+        error = max(own, float(np.sqrt(np.mean(np.square(worst)))))
+        points.append(
+            BenchmarkPoint(method, what.seconds + seconds, error, over + words)
+        )
+
+    for name, sampler in (("emcee", Emcee()), ("one scan", Scan())):
+        for number in steps:
+            tell(f"{name}, {number} steps")
+            times = min(runs * max(steps) // number, MOST_RUNS)
+            walked = [
+                timed_walk(sampler, what.density, free, number, seed)
+                for seed in range(times)
+            ]
+            add(
+                f"{name}, {number:,} steps",
+                min(seconds for _, seconds in walked),
+                [interval_ends(chain @ axes.T) for chain, _ in walked],
+                f", {WALKERS} walkers, {times} runs",
+            )
+    for number in draws:
+        tell(f"importance sampling, {number} draws")
+        times = min(runs * max(draws) // number, MOST_RUNS)
+        drawn = [
+            best_of(
+                lambda number=number, seed=seed: importance(
+                    what.posterior, what.normal, seed=seed, draws=number
+                ),
+                1,
+            )
+            for seed in range(times)
+        ]
+        add(
+            f"importance, {number:,} draws",
+            min(seconds for seconds, _ in drawn),
+            [weighted_ends(found, what.normal) for _, found in drawn],
+            f", {times} runs",
+        )
+    sds = np.sqrt(np.diag(what.normal.covariance))
+    add("Laplace", 0.0, [np.outer([-NORMAL_Q95, NORMAL_Q95], sds)])
+    points.append(
+        BenchmarkPoint(
+            f"one scan, {reference:,} steps",
+            what.seconds + took,
+            own,
+            f"{over}, {WALKERS} walkers",
+            is_reference=True,
+        )
+    )
+    return points
+
+
+register_benchmark(
+    Benchmark(
+        name="sampler",
+        title="Sampling a posterior: cost against error",
+        cost="time of a run, the optimum known",
+        error="worst end of a 90 % interval [posterior sd], or that of the reference",
+        measure=sampler_points,
+        relative=False,
+    )
+)
 
 
 class FitOutcome(NamedTuple):

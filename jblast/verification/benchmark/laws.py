@@ -1,26 +1,45 @@
-"""Arrival, pressure, impulse, duration: what every law costs, and how far it is off."""
+r"""Laws, the shock solver and pressure histories: cost against error.
+
+Laws are compared with the reference of their quantity (`fidelity.errors`).
+
+The shock solver is compared with the exact point source, whose table is from runs with
+up to 800 cells and agrees with an independent one by the method of characteristics to
+1e-6.
+
+Pressure histories are compared with a gauge in a run of the solver with `REFERENCE`
+cells: a point source in air of gamma 1.4 with $P_0 = \rho_0 = E = 1$, so that the
+distance is $\lambda = R\,(P_0/E)^{1/3}$ and the overpressure is over $P_0$. The closed
+forms are given the peak, durations, impulses and underpressure of that history, and
+time counts from the arrival of each run, so only the shape is compared.
+"""
 
 import dataclasses
 import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
+from scipy.interpolate import PchipInterpolator
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import solver
-from jblast.fidelity.error_tables import reference_uncertainties
-from jblast.fidelity.measured_errors import (
+from jblast.errors import InputError
+from jblast.fidelity import errors
+from jblast.fidelity.errors import (
     BURSTS,
     JUST_PAST,
     NODES,
+    REFERENCES,
     holds,
     log_ratio,
     methods_for,
+    reference_uncertainties,
     standard_path,
 )
-from jblast.fidelity.reference import REFERENCES
-from jblast.fidelity.timing import seconds
+from jblast.fidelity.timing import best_of, seconds
 from jblast.progress import in_words
 from jblast.quantities import QUANTITIES
 from jblast.registry import call, law_for
@@ -30,16 +49,338 @@ from jblast.verification.benchmark.chart import (
     BenchmarkPoint,
     register_benchmark,
 )
+from jblast.waves.curves import log_sound_fraction
+from jblast.waves.euler import March, decay_at, point_source_march
+from jblast.waves.euler.point_source_run import ORDERS
+from jblast.waves.laws.point_source import log_overpressure_ratio, point_source_arrival
 from jblast.waves.paths import Path
+from jblast.waves.waveform import (
+    friedlander_decay,
+    friedlander_pressure,
+    modified_friedlander_pressure,
+    negative_phase_pressure,
+)
 
+PLACES = (0.5, 2.0, 10.0)
+"""Scaled distances lambda of the gauges: 1.9, 0.17 and 0.02 ambient pressures."""
+END = 12.5
+"""Lambda of the shock when the negative phase at the last of them is over."""
+CELLS = (50, 100, 200)
+REFERENCE = 400
+SAMPLES = 256
+MANY = 4096
+"""Waveforms a call, when a closed form is timed."""
+STRIDE = 4
+"""Steps between records: with 50 cells some 20 of them in a positive phase."""
+GAMMA = 1.4
+SOLVER_CELLS = (50, 100, 200, 400)
+SPANS = ((0.1, 1.0), (1.0, 10.0), (10.0, 100.0))
+"""Scaled distances lambda of the panels; the run begins at 0.02."""
 BANDS = ((0.5, 3.0), (3.0, 40.0), (40.0, 1000.0))
 """Scaled distances of the panels [m/kg^(1/3)]."""
-
 POINTS = 1 << 17
 """Readings a call, when a law is timed."""
-
 FEWEST = 5
 """Nodes that a method has to share with a band to be drawn in it."""
+
+
+class PulseParameters(NamedTuple):
+    """What a closed form needs of a waveform, in any units that go together.
+
+    Attributes:
+        peak: Overpressure at the front.
+        duration: Of the positive phase.
+        impulse: Of the positive phase.
+        suction: Greatest underpressure, positive.
+        suction_impulse: Of the negative phase, positive.
+    """
+
+    peak: Float[Array, "..."]
+    duration: Float[Array, "..."]
+    impulse: Float[Array, "..."]
+    suction: Float[Array, "..."]
+    suction_impulse: Float[Array, "..."]
+
+
+Form = Callable[[Float[Array, "..."], PulseParameters], Float[Array, "..."]]
+"""The overpressure by the time since arrival, which is not negative."""
+
+
+def form_seconds(form: Form) -> float:
+    """Return what a waveform of `SAMPLES` samples costs, many at once, in float64."""
+    rng = np.random.default_rng(0)
+    peak, duration, fraction, suction, length = (
+        jnp.asarray(rng.uniform(*ends, (MANY, 1)))
+        for ends in ((1e3, 1e5), (1e-3, 1e-1), (0.2, 0.5), (0.05, 0.4), (1.0, 5.0))
+    )
+    pulse = PulseParameters(
+        peak,
+        duration,
+        impulse=fraction * peak * duration,
+        suction=suction * peak,
+        suction_impulse=suction * peak * length * duration,
+    )
+    time = jnp.linspace(0.0, 4.0, SAMPLES)[None, :] * duration
+    compiled = jax.jit(form)
+    return seconds(lambda: compiled(time, pulse)) / MANY
+
+
+class Waveform(NamedTuple):
+    r"""What passes a gauge; times in $\sqrt{\rho_0/P_0}\,(E/P_0)^{1/3}$.
+
+    Attributes:
+        pressure: Overpressure against the time since arrival.
+        pulse: Its peak, durations and so on.
+        end: Of the negative phase, since arrival.
+    """
+
+    pressure: PchipInterpolator
+    pulse: PulseParameters
+    end: float
+
+
+def form_error(form: Form, true: Waveform, end: float) -> float:
+    """Return the rms error of a closed form until a time since arrival."""
+    time = np.linspace(0.0, end, SAMPLES)
+    return _rms(np.asarray(form(jnp.asarray(time), true.pulse)), true, end)
+
+
+def _rms(pressure: Float[np.ndarray, " sample"], true: Waveform, end: float) -> float:
+    off = pressure - true.pressure(np.linspace(0.0, end, SAMPLES))
+    return float(np.sqrt(np.mean(np.square(off)))) / float(true.pulse.peak)
+
+
+def _apart(one: Waveform, true: Waveform, end: float) -> float:
+    return _rms(one.pressure(np.linspace(0.0, end, SAMPLES)), true, end)
+
+
+def reference_uncertainty(
+    coarse: Waveform, middle: Waveform, fine: Waveform, end: float
+) -> float:
+    """Return how far the finest of three runs may be off, by their observed order."""
+    last = _apart(middle, fine, end)
+    ratio = _apart(coarse, middle, end) / last
+    return last / (np.clip(ratio, *(2.0**order for order in ORDERS)) - 1.0)
+
+
+def waveform_points(
+    places: Sequence[float] = PLACES,
+    end: float = END,
+    cells: Sequence[int] = (*CELLS, REFERENCE),
+) -> list[BenchmarkPoint]:
+    """Return cost and error of every way, for both phases at each place.
+
+    An error below what the reference itself may be off counts as that.
+
+    Args:
+        places: Lambda of the gauges [-].
+        end: Lambda of the shock at the end of a run [-].
+        cells: Of the runs, three and more, each twice the one before; the last is the
+            reference.
+    """
+    tell = in_words()
+    costs, runs = {}, {}
+    for number in cells:
+        tell(f"{number} cells")
+        costs[number], run = best_of(lambda n=number: gauge_march(n, places, end), 1)
+        runs[number] = waveforms(run, places)
+    forms = {}
+    for name, form in {**POSITIVE, **WHOLE}.items():
+        if form not in forms:
+            tell(name)
+            forms[form] = form_seconds(form)
+    points = []
+    for column, place in enumerate(places):
+        waves = [runs[number][column] for number in cells]
+        true = waves[-1]
+        for what, allowed, until in (
+            ("positive phase", POSITIVE, float(true.pulse.duration)),
+            ("both phases", WHOLE, true.end),
+        ):
+            panel = f"{what}, lambda = {place:g}"
+            span = f"{panel}, peak {float(true.pulse.peak):.2g} ambient pressures"
+            uncertainty = reference_uncertainty(waves[-3], waves[-2], true, until)
+            points += [
+                BenchmarkPoint(
+                    name,
+                    forms[form],
+                    max(uncertainty, form_error(form, true, until)),
+                    span,
+                    panel,
+                )
+                for name, form in allowed.items()
+            ]
+            points += [
+                BenchmarkPoint(
+                    f"{number} cells",
+                    costs[number],
+                    max(uncertainty, _apart(wave, true, until)),
+                    span,
+                    panel,
+                    is_reference=wave is true,
+                )
+                for number, wave in zip(cells, waves, strict=True)
+            ]
+    return points
+
+
+register_benchmark(
+    Benchmark(
+        name="waveform",
+        title="Pressure history: cost against error",
+        cost=f"time of a waveform of {SAMPLES} samples, many at once; of the solver, "
+        "of a run with gauges at all places",
+        error="rms over the phases, in peaks, or how far the reference may be off",
+        measure=waveform_points,
+    )
+)
+
+
+def gauge_march(cells: int, places: Sequence[float], end: float) -> March:
+    r"""Run a point source with gauges.
+
+    Args:
+        cells: How many.
+        places: $\lambda$ of the gauges [-].
+        end: $\lambda$ of the shock at the end [-].
+    """
+    return point_source_march(cells, end, stride=STRIDE, gauges=tuple(places))
+
+
+def waveforms(run: March, places: Sequence[float]) -> list[Waveform]:
+    """Return what passed each gauge of a run.
+
+    Arrival and peak are those of the fitted shock when it is at the gauge.
+
+    Raises:
+        InputError: The run ends before a negative phase does.
+    """
+    fronts = decay_at(np.asarray(places), run, GAMMA)
+    arrivals = fronts.arrival / np.sqrt(GAMMA)
+    found = []
+    for column, (place, arrival) in enumerate(zip(places, arrivals, strict=True)):
+        past = run.history.time > arrival
+        since = np.concatenate([[0.0], run.history.time[past] - arrival])
+        record = np.asarray(run.history.pressure)[past, column] - 1.0
+        peak = fronts.overpressure_ratio[column]
+        pressure = PchipInterpolator(since, np.concatenate([[peak], record]))
+        crossings = pressure.roots(extrapolate=False)
+        if len(crossings) < 2:
+            raise InputError(
+                f"end: expected a run past the end of the negative phase at lambda = "
+                f"{place:g}, got one to {run.history.clock[-1]:.3g}"
+            )
+        duration, end = crossings[:2]
+        turns = pressure.derivative().roots(extrapolate=False)
+        within = turns[(turns > duration) & (turns < end)]
+        parameters = (
+            peak,
+            duration,
+            pressure.integrate(0.0, duration),
+            -pressure(within).min(),
+            -pressure.integrate(duration, end),
+        )
+        found.append(
+            Waveform(
+                pressure=pressure,
+                pulse=PulseParameters(*(jnp.asarray(value) for value in parameters)),
+                end=float(end),
+            )
+        )
+    return found
+
+
+def triangle(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
+    """Return a straight fall to zero, and nothing after."""
+    return pulse.peak * jnp.maximum(1.0 - time / pulse.duration, 0.0)
+
+
+def decay_one(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
+    """Return Friedlander's pulse of decay 1 with its own tail."""
+    return friedlander_pressure(time, pulse.peak, pulse.duration)
+
+
+def decay_of_impulse(
+    time: Float[Array, "..."], pulse: PulseParameters
+) -> Float[Array, "..."]:
+    """Return Friedlander's pulse that has the impulse, with its own tail."""
+    decay = friedlander_decay(pulse.peak, pulse.impulse, pulse.duration)
+    return modified_friedlander_pressure(time, pulse.peak, pulse.duration, decay)
+
+
+def cut(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
+    """Return Friedlander's pulse that has the impulse, and nothing after."""
+    return jnp.where(time < pulse.duration, decay_of_impulse(time, pulse), 0.0)
+
+
+def with_suction(
+    time: Float[Array, "..."], pulse: PulseParameters
+) -> Float[Array, "..."]:
+    """Return Friedlander's pulse that has the impulse, and the cubic negative phase.
+
+    Its duration is the cubic's own for its underpressure and impulse.
+    """
+    length = 16.0 / 9.0 * pulse.suction_impulse / pulse.suction
+    after = negative_phase_pressure(time, pulse.duration, pulse.suction, length)
+    return jnp.where(time < pulse.duration, decay_of_impulse(time, pulse), after)
+
+
+POSITIVE: dict[str, Form] = {
+    "triangle": triangle,
+    "Friedlander, b = 1": decay_one,
+    "Friedlander, b of impulse": decay_of_impulse,
+}
+"""For the positive phase."""
+WHOLE: dict[str, Form] = {
+    "b = 1, own tail": decay_one,
+    "b of impulse, own tail": decay_of_impulse,
+    "b of impulse, then nothing": cut,
+    "b of impulse, then cubic": with_suction,
+}
+"""For both phases."""
+
+
+def solver_points() -> list[BenchmarkPoint]:
+    """Return the cost of a run and its largest error in pressure and arrival."""
+    tell = in_words()
+    log_lambda = jnp.log(errors.SOLVER_NODES)
+    exact = {
+        "pressure": log_overpressure_ratio(log_lambda),
+        "arrival": log_sound_fraction(log_lambda, point_source_arrival()),
+    }
+    exact = {what: np.asarray(value) for what, value in exact.items()}
+    costs, runs = {}, {}
+    for cells in SOLVER_CELLS:
+        tell(f"{cells} cells")
+        costs[cells] = errors.seconds_of_run(cells)
+        run = errors.solver_decay(cells)
+        runs[cells] = {
+            "pressure": np.log(run.overpressure_ratio),
+            "arrival": np.log(run.arrival / run.scaled),
+        }
+    points = []
+    for start, end in SPANS:
+        inside = (start <= errors.SOLVER_NODES) & (end >= errors.SOLVER_NODES)
+        for what, value in exact.items():
+            span = f"{what}, lambda = {start:g} to {end:g}"
+            for cells, said in runs.items():
+                off = np.abs(np.expm1(said[what] - value))[inside]
+                worst = float(off.max())
+                points.append(
+                    BenchmarkPoint(f"{cells} cells", costs[cells], worst, span, span)
+                )
+    return points
+
+
+register_benchmark(
+    Benchmark(
+        name="solver",
+        title="Shock solver: cost of a run against error",
+        cost="a run of the point source from lambda = 0.02 to 100",
+        error="the largest over the span, beside the exact point source",
+        measure=solver_points,
+    )
+)
 
 
 def law_seconds(quantity: str, name: str) -> float:
@@ -52,8 +393,8 @@ def law_seconds(quantity: str, name: str) -> float:
 
 def method_seconds(quantity: str, method: str) -> float:
     """Return what a reading by a method costs [s]."""
-    if method == solver.METHOD:
-        return solver.seconds_of_run()
+    if method == errors.SOLVER:
+        return errors.seconds_of_run()
     return law_seconds(quantity, method)
 
 

@@ -12,42 +12,42 @@ Measure = Callable[[], FailureMode | list[FailureMode]]
 
 
 def _laws() -> tuple[Measure, ...]:
-    from jblast.verification.stability.laws.laws import law_failures
+    from jblast.verification.stability.laws import law_failures
 
     return (law_failures,)
 
 
 def _wave_forms() -> tuple[Measure, ...]:
-    from jblast.verification.stability.laws.waveforms import wave_form_failures
+    from jblast.verification.stability.waveforms import wave_form_failures
 
     return (wave_form_failures,)
 
 
 def _gradients() -> tuple[Measure, ...]:
-    from jblast.verification.stability.laws.gradients import gradient_failures
+    from jblast.verification.stability.laws import gradient_failures
 
     return (gradient_failures,)
 
 
 def _clocks() -> tuple[Measure, ...]:
-    from jblast.verification.stability.laws.clocks import clock_failures
+    from jblast.verification.stability.laws import clock_failures
 
     return (clock_failures,)
 
 
 def _solver() -> tuple[Measure, ...]:
-    from jblast.verification.stability.laws.shock_solver import solver_failures
+    from jblast.verification.stability.waveforms import solver_failures
 
     return (solver_failures,)
 
 
 def _fits() -> tuple[Measure, ...]:
-    from jblast.verification.stability.inference.outliers import outlier_failure
-    from jblast.verification.stability.inference.poor_starts import poor_start_failures
-    from jblast.verification.stability.inference.unidentifiable import (
+    from jblast.verification.stability.fits import (
         collinear_failure,
         null_direction_failure,
         one_place_failure,
+        outlier_failure,
+        poor_start_failures,
     )
 
     return (
@@ -60,14 +60,12 @@ def _fits() -> tuple[Measure, ...]:
 
 
 def _walks() -> tuple[Measure, ...]:
-    from jblast.verification.stability.inference.ridges import (
+    from jblast.verification.stability.walks import (
         bent_failure,
         endless_failure,
-        null_failure,
-    )
-    from jblast.verification.stability.inference.two_modes import (
         found_failure,
         mirror_failure,
+        null_failure,
         weighed_failure,
     )
 
@@ -82,26 +80,28 @@ def _walks() -> tuple[Measure, ...]:
 
 
 def _events() -> tuple[Measure, ...]:
-    from jblast.verification.stability.camera.events import event_failures
+    from jblast.verification.stability.camera import event_failures
 
     return (event_failures,)
 
 
 def _flights() -> tuple[Measure, ...]:
-    from jblast.verification.stability.flights.flights import flight_failures
+    from jblast.verification.stability.flights import flight_failures
 
     return (flight_failures,)
 
 
 def _detectors() -> tuple[Measure, ...]:
-    from jblast.verification.stability.camera.flashes import flash_failures
-    from jblast.verification.stability.detectors import detector_failures
+    from jblast.verification.stability.detectors import (
+        detector_failures,
+        flash_failures,
+    )
 
     return (detector_failures, flash_failures)
 
 
 def _records() -> tuple[Measure, ...]:
-    from jblast.verification.stability.records import record_failures
+    from jblast.verification.stability.detectors import record_failures
 
     return (record_failures,)
 

@@ -1,12 +1,64 @@
-"""One way in which a method fails: where, what it does there, what jblast does."""
+"""A failure mode of a method: its condition, its effect, and jblast's response.
 
+Its boundary is found as a root, or as the value where a condition changes from true to
+false.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 Response = Literal["marks", "refuses", "falls back", "holds"]
 """What jblast does where a method fails; "holds" where that is avoided altogether."""
+KEYS = {
+    "area": "area",
+    "method": "method",
+    "edge": "failure",
+    "boundary": "boundary",
+    "unit": "unit",
+    "beyond": "beyond",
+    "deed": "response",
+    "said": "message",
+}
+"""Attributes by what files call them."""
+
+
+def crossing(
+    function: Callable[[float], float], low: float, high: float, *, to: float = 1e-12
+) -> float:
+    """Return where a function passes through zero.
+
+    Args:
+        function: Of one number; its signs at `low` and `high` differ.
+        low: One side.
+        high: The other.
+        to: Relative precision.
+    """
+    return float(root_scalar(function, bracket=(low, high), rtol=to).root)
+
+
+def switching_point(
+    answer: Callable[[float], bool | np.bool_],
+    low: float,
+    high: float,
+    *,
+    to: float = 1e-12,
+) -> float:
+    """Return where a question is answered otherwise, by bisection.
+
+    Args:
+        answer: Yes at one of `low` and `high`, no at the other.
+        low: One side.
+        high: The other.
+        to: Relative precision.
+    """
+    found = root_scalar(
+        lambda x: 0.5 - bool(answer(x)), bracket=(low, high), method="bisect", rtol=to
+    )
+    return float(found.root)
 
 
 @dataclass(frozen=True)
@@ -43,19 +95,6 @@ class FailureMode:
     def to_dict(self) -> dict[str, Any]:
         """Return it by the keys of `KEYS`."""
         return {key: getattr(self, attribute) for key, attribute in KEYS.items()}
-
-
-KEYS = {
-    "area": "area",
-    "method": "method",
-    "edge": "failure",
-    "boundary": "boundary",
-    "unit": "unit",
-    "beyond": "beyond",
-    "deed": "response",
-    "said": "message",
-}
-"""Attributes by what files call them."""
 
 
 def verified(response: Response, seen: bool | np.bool_, what: str) -> Response:

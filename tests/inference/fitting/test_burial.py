@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.fidelity.choice import TakenLaw
+from jblast.fidelity.choose import TakenLaw
 from jblast.inference import Posterior
 from jblast.inference.fitting.burial import valid_at_depth
 from jblast.inference.fitting.solution import Solution

@@ -15,7 +15,7 @@ from jblast.inference.posterior.record_likelihood import (
 from jblast.inference.records.pulse_terms import ASKED
 from jblast.inference.records.sampled import sampled_records
 from jblast.sensors.simulate import Noise
-from jblast.verification.cases.pressure_records import (
+from jblast.verification.simulated_recordings import (
     LAWS,
     MASS,
     Recorder,

@@ -6,9 +6,7 @@ import pytest
 
 from jblast.report.flight_figures import distribution_figure
 from jblast.scene import VehicleSpec
-from jblast.study.flights.encounter import Encounter
-from jblast.study.flights.exposure import Exposure
-from jblast.study.flights.records import Flights, Flown, Options
+from jblast.study.flight_results import Encounter, Exposure, Flights, Flown, Options
 from jblast.vehicle import FlightMetrics
 
 COUNT = 40

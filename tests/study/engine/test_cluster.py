@@ -6,9 +6,14 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.study import run_into
-from jblast.study.engine.cluster import client_of, shared, workers_here
 from jblast.study.sampling import work as work_module
-from jblast.study.sampling.worker import write_summary, write_tile
+from jblast.study.sampling.cluster import (
+    client_of,
+    shared,
+    workers_here,
+    write_summary,
+    write_tile,
+)
 from tests.study.engine.test_killed import chunks
 from tests.study.example import STUDY, study_in
 

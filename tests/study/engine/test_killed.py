@@ -13,8 +13,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.study import run_into
 from jblast.study.engine import store as store_module
-from jblast.study.engine.lock import locked
-from jblast.study.engine.store import open_store
+from jblast.study.engine.store import locked, open_store
 from jblast.study.sampling import work as work_module
 from tests.study.example import SCENE, STUDY, study_in, written
 

@@ -5,15 +5,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.study.engine.summary.states import Anchor
-from jblast.study.engine.summary.tally import (
+from jblast.study.engine.store import Variable
+from jblast.study.engine.summary import (
     ANCHORS,
     COUNTERS,
     VALID,
+    Anchor,
     reduce_of,
     states_of,
 )
-from jblast.study.engine.variable import Variable
 from jblast.study.statistics import ACCUMULATORS
 
 BLOCKS, SAMPLES, SENSORS = 3, 256, 2

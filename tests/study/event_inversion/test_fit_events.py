@@ -2,16 +2,17 @@ import numpy as np
 import pytest
 
 from jblast.sensors.camera.events.ideal import Events
-from jblast.study.event_inversion.fireball_film import (
+from jblast.study.event_inversion import (
     MASS,
     START,
     THRESHOLDS,
     TIMES,
     coordinates,
+    event_counts,
+    fit_events,
     log_frames,
     true_counts,
 )
-from jblast.study.event_inversion.fit_events import event_counts, fit_events
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import LogUniform
 from jblast.study import read_study, run_into
-from jblast.study.sampling.parts import parts_of
+from jblast.study.sampling.work import parts_of
 from tests.study.example import SCENE, STUDY, study_in, written
 
 SAYS = {

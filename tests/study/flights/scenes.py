@@ -8,7 +8,7 @@ from jblast.scene import (
     UncertainScene,
     VehicleSpec,
 )
-from jblast.study.flights.fly import Options
+from jblast.study.flights import Options
 
 PLACE = jnp.array([5.0, 0.0, 2.0])
 SPEC = VehicleSpec("crazyflie", PLACE)

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.scene import Charge, Scene, VehicleSpec
-from jblast.study.flights.bursts import with_bursts_at_start
+from jblast.study.flight_results import with_bursts_at_start
 from jblast.vehicle import blast_load
 
 CRAFT = VehicleSpec(model="crazyflie", position=np.array([5.0, 0.0, 12.0]))

@@ -7,9 +7,8 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.report.flights import flights_text
-from jblast.study.flights.controllers import named_controllers
-from jblast.study.flights.fly import fly
-from jblast.study.flights.records import Options
+from jblast.study.flight_results import Options
+from jblast.study.flights import fly, named_controllers
 from tests.study.flights.scenes import scene
 
 

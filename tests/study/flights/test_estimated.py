@@ -5,8 +5,8 @@ import pytest
 
 from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
 from jblast.scene.uncertain import Normal
-from jblast.study.flights.fly import fly
-from jblast.study.flights.records import Options
+from jblast.study.flight_results import Options
+from jblast.study.flights import fly
 
 
 @pytest.mark.slow

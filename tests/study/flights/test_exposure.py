@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.study.flights.encounter import Profile, encounter_at, load_of
-from jblast.study.flights.exposure import Exposure, exposed
+from jblast.study.flight_results import (
+    Exposure,
+    Profile,
+    encounter_at,
+    exposed,
+    load_of,
+)
 from jblast.vehicle import State, blast_load, named
 from jblast.vehicle.metrics import THRESHOLDS
 from jblast.vehicle.quadrotor import PARAMETERS

@@ -21,10 +21,16 @@ from jblast.scene import (
     UncertainScene,
     with_values,
 )
-from jblast.study.flights import fly as fly_module
-from jblast.study.flights.encounter import Profile, encounter_at, load_of
-from jblast.study.flights.fly import Options, fly
-from jblast.study.flights.statistics import quantiles, share_interval, warnings_of
+from jblast.study import flights as fly_module
+from jblast.study.flight_results import (
+    Profile,
+    encounter_at,
+    load_of,
+    quantiles,
+    share_interval,
+    warnings_of,
+)
+from jblast.study.flights import Options, fly
 from jblast.vehicle import blast_load, flight_metrics
 from tests.study.flights.scenes import PLACE, SHORT, SPEC, scene
 

@@ -13,8 +13,8 @@ from jblast.scene import (
     Normal,
     VehicleSpec,
 )
-from jblast.study.flights.encounter import Profile
-from jblast.study.flights.fly import Options, fly
+from jblast.study.flight_results import Profile
+from jblast.study.flights import Options, fly
 from tests.study.flights.scenes import SHORT, SPEC, scene
 
 REFUSED = {

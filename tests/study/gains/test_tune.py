@@ -10,17 +10,18 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import UncertainScene, read_scene
-from jblast.study.flights.records import Options
-from jblast.study.gains.flights import drawn_flights
-from jblast.study.gains.objective import (
+from jblast.study.flight_results import Options
+from jblast.study.gains import (
     FACTORS,
+    Wish,
+    chosen_ranks,
+    drawn_flights,
+    known_peaks,
     margins_to_spare,
     mean_ln_peak,
     scaled,
+    tune_gains,
 )
-from jblast.study.gains.records import Wish, known_peaks
-from jblast.study.gains.tune import tune_gains
-from jblast.study.gains.tuning_flights import chosen_ranks
 from jblast.vehicle import named, named_gains
 
 NAMES = {"hummingbird": 1.0, "iris": 1.0, "crazyflie": 3.0}

@@ -6,9 +6,9 @@ import pytest
 from jblast.scene import UncertainScene, read_scene
 from jblast.scene.uncertain import with_values
 from jblast.study import run
-from jblast.study.engine.mesh import mesh_of
-from jblast.study.flights.fly import fly
-from jblast.study.flights.records import Options
+from jblast.study.engine.launch import mesh_of
+from jblast.study.flight_results import Options
+from jblast.study.flights import fly
 from tests.study.example import study_in
 
 SCENE = """

@@ -7,20 +7,23 @@ import pytest
 from scipy.special import ndtr, ndtri
 from scipy.stats import chi2, kstest
 
-from jblast.study.rare import design_points, rare_probability
-from jblast.study.rare.mixture import (
+from jblast.study.rare import (
+    design_points,
     mixture_about,
     outside_sphere,
     parts_of,
     placed,
+    rare_probability,
     weights_of,
 )
-from jblast.verification.cases.rare_pressure import CASE, margin, probability_above
-from jblast.verification.cases.rare_regions import (
+from jblast.verification.sampling_cases import (
+    CASE,
     RareRegion,
     any_of,
     curved,
     island,
+    margin,
+    probability_above,
     shell,
     tail,
 )

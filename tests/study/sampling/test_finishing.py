@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.study import run
-from jblast.study.engine.mesh import mesh_of
+from jblast.study.engine.launch import mesh_of
 from jblast.study.engine.tiles import calculated
 from jblast.study.outcome.family import FAMILIES
 from jblast.study.sampling import work as work_module

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm, qmc
 
 from jblast.errors import InputError
-from jblast.study.sampling.points import points_of
+from jblast.study.sampling.draws import points_of
 
 DRAWS, DIMENSIONS = 64, 3
 

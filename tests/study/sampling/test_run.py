@@ -9,8 +9,7 @@ from scipy.stats import lognorm
 from jblast.errors import InputError
 from jblast.scene import Air
 from jblast.study import draw, outcomes, run, run_into
-from jblast.study.engine.launch import Launcher
-from jblast.study.engine.mesh import mesh_of
+from jblast.study.engine.launch import Launcher, mesh_of
 from jblast.study.sampling import work as work_module
 from jblast.waves import wu_hao_air_arrival_time
 from jblast.waves.propagation import sound_speed_of

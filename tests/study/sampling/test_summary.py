@@ -8,13 +8,12 @@ import xarray
 
 from jblast.errors import InputError
 from jblast.study import run, run_into
+from jblast.study.engine.launch import mesh_of
 from jblast.study.engine.merge import merged
-from jblast.study.engine.mesh import mesh_of
 from jblast.study.engine.store import open_store
-from jblast.study.engine.summary.states import merged_states
-from jblast.study.engine.summary.store import SummaryStore
+from jblast.study.engine.summary import SummaryStore, merged_states
 from jblast.study.outcome.family import FAMILIES
-from jblast.study.sampling import reduced as reduced_module, work as work_module
+from jblast.study.sampling import work as work_module
 from jblast.study.statistics import NUMBER
 from tests.study.engine.test_killed import chunks
 from tests.study.example import SCENE, STUDY, study_in
@@ -30,7 +29,7 @@ YES_NO = SUMMARY.replace(
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     monkeypatch.setattr(work_module, "_tile_samples", lambda _: 1024)
-    monkeypatch.setattr(reduced_module, "PART", 2048)
+    monkeypatch.setattr(work_module, "PART", 2048)
 
 
 def whole_state(folder, name="air_arrival_s"):

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.study.statistics import NUMBER, origin_of
-from jblast.study.statistics.quantile_sketch import (
+from jblast.study.statistics import (
     BINS,
+    NUMBER,
     RELATIVE_ERROR,
     bin_edges,
     bin_of,
     counted_bin,
+    origin_of,
 )
 
 SHARES = (0.0, 0.01, 0.3, 0.5, 0.9, 0.999, 1.0)

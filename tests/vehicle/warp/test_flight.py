@@ -295,7 +295,7 @@ def squared_deviation(mass, backend):
 @pytest.mark.slow
 def test_an_adjoint_of_a_loop_that_overwrites_its_state_is_wrong():
     """The trap: Warp's tape of x <- x + h x^2 errs by percents, and says nothing."""
-    from jblast.verification.stability.flights.overwriting_loop import (
+    from jblast.verification.stability.flights import (
         slope_by_tape,
         slope_of_steps,
     )

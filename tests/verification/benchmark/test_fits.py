@@ -9,8 +9,7 @@ from jblast.verification.benchmark.fits import (
     fit_points,
     missed,
 )
-from jblast.verification.stability.inference.poor_starts import best_known, draw, ours
-from jblast.verification.stability.inference.stock_solvers import stock_fits
+from jblast.verification.stability.fits import best_known, draw, ours, stock_fits
 
 LOGS, SOLVED, LOOPED = 200, 2, 20
 

@@ -6,8 +6,8 @@ from jblast.inference.importance.psis import Importance
 from jblast.inference.mcmc.emcee_engine import Emcee
 from jblast.inference.mcmc.scan_engine import Scan
 from jblast.inference.mode.laplace import Laplace
-from jblast.verification.benchmark.samplers import sampler_points, solved, weighted_ends
-from jblast.verification.cases.timed_sampling import (
+from jblast.verification.benchmark.fits import sampler_points, solved, weighted_ends
+from jblast.verification.sampling_cases import (
     WALKERS,
     interval_ends,
     timed_walk,

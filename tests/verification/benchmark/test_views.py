@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jblast.sensors.camera import explosion_views
-from jblast.verification.benchmark import BENCHMARKS, views as chart
-from jblast.verification.cases.explosion_frames import LEFT_OUT
+from jblast.verification.benchmark import BENCHMARKS, cameras
+from jblast.verification.simulated_recordings import LEFT_OUT
 
 
 @pytest.fixture(scope="module")
@@ -28,25 +28,25 @@ def one(left_out, frame=3):
 
 @pytest.mark.slow  # two programs
 def test_a_view_is_like_itself_and_less_like_what_the_set_shows(left_out, near):
-    peak, structure = chart.likeness(left_out, one(left_out))
+    peak, structure = cameras.likeness(left_out, one(left_out))
     assert np.isinf(peak).all()
     assert structure == pytest.approx(1.0)
-    peak, structure = chart.likeness(replace(near, sides=1), one(left_out))
+    peak, structure = cameras.likeness(replace(near, sides=1), one(left_out))
     assert 10.0 < peak[0] < 30.0
     assert 0.2 < structure[0] < 0.9
 
 
 def test_all_pictures_left_out_are_looked_at_and_every_other_frame(left_out):
-    assert len(list(chart.between_sides(left_out))) == 80
-    thin = chart.thinned(left_out)
+    assert len(list(cameras.between_sides(left_out))) == 80
+    thin = cameras.thinned(left_out)
     np.testing.assert_array_equal(thin.phase, left_out.phase[::2])
     assert thin.frames.shape[1] == thin.radius.shape[1] == len(thin.phase) == 5
-    frames = {frame for _, _, frame in chart.between_frames(left_out)}
+    frames = {frame for _, _, frame in cameras.between_frames(left_out)}
     assert frames == {1, 3, 5, 7}
 
 
 def test_of_two_frames_the_nearer_is_shown_alone(left_out):
-    views = chart.nearer(left_out)
+    views = cameras.nearer(left_out)
     low, high = np.asarray(left_out.phase)[4:6]
     for part, frame in ((0.3, 4), (0.7, 5)):
         phase = jnp.asarray(low + part * (high - low))
@@ -56,4 +56,4 @@ def test_of_two_frames_the_nearer_is_shown_alone(left_out):
 
 
 def test_it_is_entered_among_the_charts():
-    assert BENCHMARKS["views"].measure is chart.view_points
+    assert BENCHMARKS["views"].measure is cameras.view_points

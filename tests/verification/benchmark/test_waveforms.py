@@ -8,21 +8,17 @@ from scipy.interpolate import PchipInterpolator
 
 from jblast.errors import InputError
 from jblast.verification.benchmark.chart import on_pareto_front
-from jblast.verification.benchmark.closed_waveforms import (
+from jblast.verification.benchmark.laws import (
     POSITIVE,
     WHOLE,
     PulseParameters,
-    with_suction,
-)
-from jblast.verification.benchmark.gauge_waveforms import (
     Waveform,
-    gauge_march,
-    waveforms,
-)
-from jblast.verification.benchmark.waveforms import (
     form_error,
+    gauge_march,
     reference_uncertainty,
     waveform_points,
+    waveforms,
+    with_suction,
 )
 from jblast.waves.laws.point_source import log_overpressure_ratio
 from jblast.waves.waveform import friedlander_impulse

@@ -5,13 +5,12 @@ import pytest
 
 from jblast.verification.stability import detectors
 from jblast.verification.stability.areas import AREAS
-from jblast.verification.stability.camera import flashes
 
 
 def test_detectors_are_entered_into_the_map():
     assert AREAS["detectors"]() == (
         detectors.detector_failures,
-        flashes.flash_failures,
+        detectors.flash_failures,
     )
 
 

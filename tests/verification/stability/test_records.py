@@ -5,18 +5,23 @@ import pytest
 
 from jblast.inference.picks.result import NAMES
 from jblast.observations.records.recording import PressureRecord
-from jblast.verification.cases.far_off_picks import Shares, is_far_off
-from jblast.verification.stability import records
+from jblast.verification.simulated_recordings import Shares, is_far_off
+from jblast.verification.stability import detectors
 from jblast.verification.stability.areas import AREAS
 from tests.inference.records.made import record_pick
 
 
 def test_records_are_entered_into_the_map():
-    assert AREAS["records"]() == (records.record_failures,)
+    assert AREAS["records"]() == (detectors.record_failures,)
 
 
 def test_levels_go_from_harmless_to_hopeless():
-    for levels in (records.SNRS, records.PER_PHASE, records.PERIODS, records.LEFT):
+    for levels in (
+        detectors.PICK_SNRS,
+        detectors.PER_PHASE,
+        detectors.PERIODS,
+        detectors.LEFT,
+    ):
         assert list(levels) == sorted(levels, reverse=True)
 
 
@@ -35,7 +40,7 @@ def test_a_row_begins_where_more_than_a_twentieth_fail():
         unmarked=np.array([0.0, 0.02, 0.01, 0.0]),
         marked=np.array([0.0, 0.1, 0.9, 1.0]),
     )
-    row = records._row("a", (4.0, 3.0, 2.0, 1.0), shares, "m", words="{:g}".format)
+    row = detectors._row("a", (4.0, 3.0, 2.0, 1.0), shares, "m", words="{:g}".format)
     assert (row.boundary, row.response) == (2.0, "marks")
     assert row.beyond == "30% at 2"
     assert row.message.endswith("2% at most, at 3")
@@ -44,11 +49,11 @@ def test_a_row_begins_where_more_than_a_twentieth_fail():
 def test_what_is_far_off_and_called_good_is_not_claimed_to_be_marked():
     shares = Shares(np.array([0.3]), np.array([0.2]), np.array([0.1]))
     with pytest.raises(RuntimeError, match="was seen not to do"):
-        records._row("a", (4.0,), shares, "m", words="{:g}".format)
+        detectors._row("a", (4.0,), shares, "m", words="{:g}".format)
 
 
 @pytest.mark.slow
 def test_noise_makes_picks_fail_and_they_say_so():
-    found = records.noise_shares(records.COLOUR)
-    assert found.failed[0] <= records.SHARE < found.failed[-1]
-    assert found.unmarked.max() <= records.SHARE
+    found = detectors.noise_shares(detectors.COLOUR)
+    assert found.failed[0] <= detectors.SHARE < found.failed[-1]
+    assert found.unmarked.max() <= detectors.SHARE

@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from jblast.verification.cases.pressure_records import (
+from jblast.verification.simulated_recordings import (
     MASS,
     RANGES,
     Recorder,

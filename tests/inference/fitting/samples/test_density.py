@@ -10,7 +10,7 @@ from jblast.inference.fitting.fit import solve
 from jblast.inference.fitting.samples.density import densities_of_samples, nodes_for
 from jblast.inference.picks import pick_records
 from jblast.inference.records.sampled import sampled_records
-from jblast.verification.cases.pressure_records import (
+from jblast.verification.simulated_recordings import (
     Recorder,
     log_of_picks,
     readings,

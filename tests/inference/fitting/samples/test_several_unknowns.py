@@ -7,7 +7,7 @@ import pytest
 from jblast.inference import fit
 from jblast.observations import read
 from jblast.scene import default_scene, freed, with_laws
-from jblast.verification.cases.pressure_records import (
+from jblast.verification.simulated_recordings import (
     LAWS,
     MASS,
     RANGES,

@@ -16,7 +16,7 @@ from jblast.sensors.camera.events.ideal import (
     ideal_events,
     log_intensity,
 )
-from jblast.verification.cases.moving_disc import (
+from jblast.verification.simulated_recordings import (
     THRESHOLD,
     WIDTH,
     analytic,

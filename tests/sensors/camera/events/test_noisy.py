@@ -17,7 +17,7 @@ from jblast.sensors.camera.events.noise import (
     rested,
     shot_noise,
 )
-from jblast.verification.cases.moving_disc import HEIGHT, THRESHOLD, WIDTH, film
+from jblast.verification.simulated_recordings import HEIGHT, THRESHOLD, WIDTH, film
 
 KEY = jax.random.key(0)
 BOTH = (THRESHOLD, THRESHOLD)

@@ -9,7 +9,7 @@ import pytest
 from jblast.sensors.camera.events.ideal import ideal_events, reset_events
 from jblast.sensors.camera.events.noise import IDEAL, noisy_events
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.verification.cases.moving_disc import THRESHOLD, film
+from jblast.verification.simulated_recordings import THRESHOLD, film
 from tests.tools.slopes import check_slopes
 
 BOTH = (0.2, 0.3)

@@ -3,44 +3,44 @@
 import numpy as np
 import pytest
 
-from jblast.verification.cases.moving_disc import analytic
+from jblast.verification.simulated_recordings import analytic
+from jblast.verification.stability import camera
 from jblast.verification.stability.areas import AREAS
-from jblast.verification.stability.camera import events
-from jblast.verification.stability.camera.lenses import behind_failure, fold_failure
+from jblast.verification.stability.camera import behind_failure, fold_failure
 
 
 def test_events_are_entered_into_the_map():
-    assert AREAS["events"]() == (events.event_failures,)
+    assert AREAS["events"]() == (camera.event_failures,)
 
 
 def test_whole_counts_keep_their_digits_ten_times_as_long_as_a_sum():
-    running, counted = events.summed_errors()
-    begin = np.argmax(running > events.LOST)
+    running, counted = camera.summed_errors()
+    begin = np.argmax(running > camera.LOST)
     assert begin > 1000
-    assert counted[: 10 * begin].max() < events.LOST
+    assert counted[: 10 * begin].max() < camera.LOST
 
 
 def test_a_bare_floor_loses_events_of_exact_ramps_and_ours_none():
-    bare, ours = events.lost_to_rounding()
-    assert bare > 0.05 * events.RAMPS
+    bare, ours = camera.lost_to_rounding()
+    assert bare > 0.05 * camera.RAMPS
     assert ours == 0
 
 
 def test_blocks_on_their_own_lose_what_the_stream_keeps():
-    whole, alone, together = events.cut_counts()
+    whole, alone, together = camera.cut_counts()
     assert whole == together == len(analytic()[0])
     assert alone < 0.95 * whole
 
 
 def test_a_pulse_between_two_frames_is_seen_without_frames_only():
-    assert events.pulse_counts(0.2) == (0, 10)
+    assert camera.pulse_counts(0.2) == (0, 10)
     # five thresholds' worth of it still reaches the frames beside
-    assert events.pulse_counts(0.5)[0] > 0
+    assert camera.pulse_counts(0.5)[0] > 0
 
 
 def test_a_still_pixel_sends_what_the_logistic_says():
     at = 0.15
-    assert events.still_count(at) == pytest.approx(2 * np.exp(-1 / at), rel=0.01)
+    assert camera.still_count(at) == pytest.approx(2 * np.exp(-1 / at), rel=0.01)
 
 
 def test_places_behind_the_camera_and_beyond_the_fold_are_marked():

@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from jblast.verification.stability.areas import AREAS
-from jblast.verification.stability.flights import (
-    blasts,
+from jblast.verification.stability import (
     flights,
-    hold_limits,
-    pulses,
-    warp_kernels,
 )
+from jblast.verification.stability.areas import AREAS
 
 
 def test_flights_are_entered_into_the_map():
@@ -34,20 +30,20 @@ def test_a_quaternion_ends_where_its_square_does():
 def test_a_stretch_that_dies_away_is_not_a_swing():
     early = np.array([[1e-6, 1e-15, 1e-6, 1.0]])
     late = np.array([[1e-9, 2e-15, 3e-6, 0.9]])
-    found = hold_limits.Swings(np.ones(1), early, late)
+    found = flights.Swings(np.ones(1), early, late)
     # grown from rounding; grown; so large that it no longer grows
     assert found.up().tolist() == [[False, False, True, True]]
 
 
 def test_plain_sums_round_a_fall_away_and_kept_ones_do_not():
-    plain, ours = warp_kernels.falls()
-    assert plain[-1] > warp_kernels.ALLOWED_M
+    plain, ours = flights.falls()
+    assert plain[-1] > flights.ALLOWED_M
     assert ours.max() < 20 * np.spacing(np.float32(26.0))  # it ends 26 m down
 
 
 @pytest.mark.slow
 def test_a_blast_keeps_its_impulse_at_steps_of_a_hundred_phases():
-    ratio, bare, ours = pulses.impulse_errors()
+    ratio, bare, ours = flights.impulse_errors()
     assert ours.max() < 1e-3
     assert (bare[ratio > 1] > 0.5).all()
 
@@ -72,14 +68,14 @@ def test_who_is_too_fast_is_lost_alone():
 
 @pytest.mark.slow
 def test_loads_are_finite_and_marked_where_laws_end():
-    sizes, held = blasts.near_impulses()
+    sizes, held = flights.near_impulses()
     assert np.isfinite(sizes).all()
-    assert held.tolist() == (blasts.NEAR > 0.178).tolist()
+    assert held.tolist() == (flights.NEAR > 0.178).tolist()
 
 
 @pytest.mark.slow
 def test_held_vehicles_fly_on_up_to_a_charge_and_no_more():
-    alive, peak = blasts.fly_on()
+    alive, peak = flights.fly_on()
     assert alive[:, 0].all()
     assert not alive[:, -1].any()
     for one, moved in zip(alive, peak, strict=True):
@@ -89,7 +85,7 @@ def test_held_vehicles_fly_on_up_to_a_charge_and_no_more():
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["rk4", "euler"])
 def test_no_hold_swings_up_below_its_limit(integrator):
-    up = hold_limits.swings(integrator).up()
-    assert not up[:, hold_limits.SHARES < 0.995].any()
+    up = flights.swings(integrator).up()
+    assert not up[:, flights.SHARES < 0.995].any()
     # the limit of the crazyflie's is the loop's own: it is met to a hundredth
-    assert up[hold_limits.NAMES.index("crazyflie"), hold_limits.SHARES > 1.015].all()
+    assert up[flights.NAMES.index("crazyflie"), flights.SHARES > 1.015].all()

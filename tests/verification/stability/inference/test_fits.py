@@ -8,30 +8,33 @@ import pytest
 from jblast.inference import fit
 from jblast.inference.fitting.unidentified import NEAR, other_modes
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.verification.stability.areas import AREAS
-from jblast.verification.stability.inference import (
-    outliers,
-    poor_starts,
-    unidentifiable,
+from jblast.verification.stability import (
+    fits,
 )
-from jblast.verification.stability.inference.arrival_logs import line, ring, solved_log
-from jblast.verification.stability.inference.stock_solvers import SOLVERS, TOLERANCE
+from jblast.verification.stability.areas import AREAS
+from jblast.verification.stability.fits import (
+    SOLVERS,
+    TOLERANCE,
+    line,
+    ring,
+    solved_log,
+)
 
 
 def test_fits_are_entered_into_the_map():
-    assert poor_starts.poor_start_failures in AREAS["fits"]()
-    assert outliers.outlier_failure in AREAS["fits"]()
-    assert unidentifiable.collinear_failure in AREAS["fits"]()
+    assert fits.poor_start_failures in AREAS["fits"]()
+    assert fits.outlier_failure in AREAS["fits"]()
+    assert fits.collinear_failure in AREAS["fits"]()
 
 
 @pytest.fixture(scope="module")
 def logs():
-    return poor_starts.draw()
+    return fits.draw()
 
 
 @pytest.fixture(scope="module")
 def best(logs):
-    return poor_starts.best_known(logs)
+    return fits.best_known(logs)
 
 
 @pytest.mark.slow
@@ -40,7 +43,7 @@ def best(logs):
 def test_stock_solvers_end_off_the_optimum_and_report_success(
     logs, best, name, precision
 ):
-    of = poor_starts.by_stock(logs, best, name, precision)
+    of = fits.by_stock(logs, best, name, precision)
     # shares of 400: a standard error of 0.025 at most
     assert of.off.mean() > {"Gauss-Newton": 0.4, "BFGS": 0.25}.get(name, 0.05)
     assert of.falsely() > 0
@@ -56,23 +59,23 @@ def test_the_best_ends_known_are_as_good_as_the_truth(logs, best):
     assert np.isfinite(best).all()
     # 0.1 ms tells the mass to about 1 % and the place to about 2 cm
     assert np.abs(away).max() < 1.0
-    assert not poor_starts.off(logs, best, best, np.ones(len(best), bool)).off.any()
+    assert not fits.off(logs, best, best, np.ones(len(best), bool)).off.any()
 
 
 @pytest.mark.slow
 def test_fit_many_and_solve_end_at_the_optimum_of_the_same_logs(logs, best):
-    own = poor_starts.ours(logs)
-    of = poor_starts.off(logs, best, own.z, own.converged)
+    own = fits.ours(logs)
+    of = fits.off(logs, best, own.z, own.converged)
     assert not of.off.any()
     assert own.converged.all()
     assert not own.doubtful.any()
-    assert poor_starts.solved_off(logs, best) == 0
+    assert fits.solved_off(logs, best) == 0
 
 
 @pytest.mark.slow
 def test_fit_many_doubts_the_ends_that_poor_starts_lead_to(logs, best):
-    poor = poor_starts.ours(logs, logs.starts)
-    of = poor_starts.off(logs, best, poor.z, ~poor.doubtful)
+    poor = fits.ours(logs, logs.starts)
+    of = fits.off(logs, best, poor.z, ~poor.doubtful)
     assert of.off.sum() > 10
     assert of.falsely() == 0
     # an optimum all the same, some of them: converged alone would not have told
@@ -83,8 +86,8 @@ def test_fit_many_doubts_the_ends_that_poor_starts_lead_to(logs, best):
 
 @pytest.mark.slow
 def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast():
-    found = solved_log(line(), *unidentifiable.MIRRORED)
-    ends = unidentifiable.by_stock(found.solution, unidentifiable.poor_starts())
+    found = solved_log(line(), *fits.MIRRORED)
+    ends = fits.stock_solutions(found.solution, fits.poor_starts())
     south = np.mean(ends.z[:, 2] < 0)
     assert ends.good > 200
     # a coin of 200: four standard errors
@@ -99,22 +102,22 @@ def test_a_mirror_image_is_reported_as_often_as_the_charge_and_named_by_jblast()
 
 @pytest.mark.slow
 def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
-    mode = unidentifiable.collinear_failure()
+    mode = fits.collinear_failure()
     assert mode.unit.startswith("m ")
     for bent, named in ((0.8 * mode.boundary, 1), (1.2 * mode.boundary, 0)):
-        found = solved_log(line(bent), *unidentifiable.MIRRORED).solution
+        found = solved_log(line(bent), *fits.MIRRORED).solution
         assert len(other_modes(found, True)) == named
     # a charge at the height of its sensors: -2 ln density grows as the offset squared
-    double = unidentifiable.mirror_excess(2 * mode.boundary)
+    double = fits.mirror_excess(2 * mode.boundary)
     assert double / NEAR == pytest.approx(4.0, rel=0.25)
 
 
 @pytest.mark.slow
 def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says():
-    mode = unidentifiable.one_place_failure()
+    mode = fits.one_place_failure()
     assert mode.boundary == 4  # mass and place are three; a mirror image is left at 3
-    one = unidentifiable.at_places(1)
-    ends = unidentifiable.by_stock(one.solution, unidentifiable.poor_starts())
+    one = fits.at_places(1)
+    ends = fits.stock_solutions(one.solution, fits.poor_starts())
     assert ends.good > 300
     assert np.ptp(ends.z[:, 0]) > np.log(1e6)
     answer = fit(one.log, one.uncertain, noise="gaussian")
@@ -125,33 +128,33 @@ def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says
 
 @pytest.mark.slow
 def test_one_outlier_moves_normal_errors_without_bound_and_student_errors_hardly():
-    by = outliers.moved()
-    mode = outliers.outlier_failure()
+    by = fits.moved()
+    mode = fits.outlier_failure()
     # least squares follows a reading in proportion, but for what the law bends
     far = np.abs(by.normal[-1]) / np.abs(by.normal[len(by.normal) // 4])
     assert far == pytest.approx(4.0, rel=0.1)
-    at = np.interp(mode.boundary, outliers.FINE, np.abs(by.normal))
+    at = np.interp(mode.boundary, fits.FINE, np.abs(by.normal))
     assert at == pytest.approx(NORMAL_Q95, rel=1e-6)
     assert np.abs(by.student).max() < NORMAL_Q95
-    assert by.named[outliers.SIZES >= 10].all()
-    assert not by.named[outliers.SIZES <= 3].any()
+    assert by.named[fits.SIZES >= 10].all()
+    assert not by.named[fits.SIZES <= 3].any()
 
 
 @pytest.mark.slow
 def test_an_outlier_is_named_in_the_answer():
     clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")
     value = clean.log.value.copy()
-    value[outliers.WHICH] += outliers.FAR * 1e-4
+    value[fits.WHICH] += fits.FAR * 1e-4
     answer = fit(dataclasses.replace(clean.log, value=value), clean.uncertain).summary
     suspects = answer.suspected_outliers
-    assert [o.sensor for o in suspects] == [clean.log.sensor[outliers.WHICH]]
+    assert [o.sensor for o in suspects] == [clean.log.sensor[fits.WHICH]]
 
 
 @pytest.mark.slow
 def test_wu_hao_tells_no_mass_while_the_solver_reports_success_at_many():
-    mode = unidentifiable.null_direction_failure()
+    mode = fits.null_direction_failure()
     assert mode.boundary > 1000  # starts spread over 1e4; it stays near where it began
-    found = unidentifiable.wu_hao_told()
+    found = fits.wu_hao_told()
     (null,) = found.identifiability.null
-    np.testing.assert_allclose(null, unidentifiable.WU_HAO_NULL, atol=1e-6)
+    np.testing.assert_allclose(null, fits.WU_HAO_NULL, atol=1e-6)
     assert not any(found.identifiability.determined)

@@ -7,7 +7,7 @@ from jblast.errors import InputError
 from jblast.inference import fit
 from jblast.observations.clocks import refuse_unresolved
 from jblast.scene import Free, Scene, UncertainScene
-from jblast.verification.stability.laws.clocks import (
+from jblast.verification.stability.laws import (
     arrival_at,
     clock_failures,
     coarse_from,

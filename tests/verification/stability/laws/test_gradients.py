@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.verification.stability.laws.gradients import (
+from jblast.verification.stability.laws import (
     gradient_failures,
     laws_without_slope,
     pulse,

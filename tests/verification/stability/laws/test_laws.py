@@ -11,16 +11,15 @@ from jblast.observations import Observations
 from jblast.registry import LAWS
 from jblast.report.fit.findings import all_words
 from jblast.scene import Charge, Free, Scene, UncertainScene
-from jblast.verification.stability.laws.kingery_bulmash import kept_value, printed_value
-from jblast.verification.stability.laws.laws import (
+from jblast.verification.stability.laws import (
+    energy_error,
+    kept_value,
     kinney_graham_failures,
     law_failures,
+    point_source_failures,
+    printed_value,
     stokes_failures,
     wu_hao_failures,
-)
-from jblast.verification.stability.laws.point_sources import (
-    energy_error,
-    point_source_failures,
 )
 from jblast.waves import (
     iso_9613_absorption,

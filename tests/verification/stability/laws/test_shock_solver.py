@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.verification.stability.laws.shock_solver import (
+from jblast.verification.stability.waveforms import (
     fewest_cells,
     sod_end,
     torn,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jblast.sensors.calculator import COMBINATIONS
-from jblast.verification.stability.laws.waveforms import (
+from jblast.verification.stability.waveforms import (
     closed_form,
     conwep_decay,
     impulse_errors,

@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from jblast.errors import InputError
 from jblast.sensors.camera.events.exact import frameless_events, implicit_times
 from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.verification.cases.moving_disc import (
+from jblast.verification.simulated_recordings import (
     BRIGHT,
     DARK,
     DURATION,

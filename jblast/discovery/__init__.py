@@ -1,0 +1,1 @@
+"""Equations of motion found in recorded trajectories, with their uncertainty."""

@@ -1,0 +1,100 @@
+r"""Deceleration of a shock front, from its radius at recorded times.
+
+The search target is $dR/dt$ among powers of $R$. A strong shock of a point source has
+$$dR/dt = \tfrac{2}{5} \sqrt{E / (\alpha \rho_0)}\; R^{-3/2}$$
+(Sedov 1959, chapter 4), one that has decayed to sound a constant.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import minimize_scalar
+
+from jblast.discovery.discover import (
+    MEMBERS,
+    THRESHOLD,
+    Discovery,
+    basic_interval,
+    discover_in,
+)
+from jblast.discovery.record import Record, Sides, shock_record
+from jblast.discovery.sparse_regression import grown_terms, powers
+
+EXPONENTS = (0.0, -0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
+"""Powers of R looked among; the first is a constant speed."""
+STEEPEST = -6.0
+FLATTEST = 1.0
+"""Between these the one exponent is looked for."""
+
+
+@dataclass(frozen=True)
+class Slowing:
+    """What a radius history says of dR/dt.
+
+    Attributes:
+        discovery: The equation, as a sum of powers of R [m, s].
+        exponent: Of the one power that comes nearest, dR/dt = a R^n, any real number.
+        low: Lower end of its interval, whose nominal level is the discovery's.
+        high: Upper end.
+        misfit: Root mean square of what the one power leaves, as a share of dR/dt; what
+            noise does is in it.
+    """
+
+    discovery: Discovery
+    exponent: float
+    low: float
+    high: float
+    misfit: float
+
+
+def shock_slowing(
+    time_s: Float[np.ndarray, " row"],
+    radius_m: Float[np.ndarray, " row"],
+    *,
+    threshold: float = THRESHOLD,
+    members: int = MEMBERS,
+    seed: int = 0,
+) -> Slowing:
+    """Find dR/dt of a shock.
+
+    Args:
+        time_s: Since the detonation, positive, rising [s].
+        radius_m: Of the front, positive [m].
+        threshold: Least share of dR/dt for a term to stay.
+        members: Of the ensemble.
+        seed: Of the ensemble.
+    """
+    record = shock_record(time_s, radius_m)
+    discovery = discover_in(
+        record,
+        powers("R", EXPONENTS),
+        ("R",),
+        select=grown_terms,
+        threshold=threshold,
+        members=members,
+        seed=seed,
+    )
+    rng = np.random.default_rng(seed)
+    exponent, misfit = _one_power(record, record.sides)
+    middle, _ = _one_power(record, record.sides_of(record.smooth))
+    found = [
+        _one_power(record, record.sides_of(record.with_noise(record.smooth, rng)))[0]
+        for _ in range(members)
+    ]
+    low, high = basic_interval(np.array(exponent), np.array(found) - middle)
+    return Slowing(discovery, exponent, float(low), float(high), misfit)
+
+
+def _one_power(record: Record, sides: Sides) -> tuple[float, float]:
+    """Return the exponent that leaves least over, and how much that is, relative."""
+    left = sides.left[:, 0]
+    log_radius = np.log(sides.columns[:, 0] / record.smooth[0, 0])
+
+    def over(exponent: float) -> float:
+        term = record.windows.integral @ (record.rate * np.exp(exponent * log_radius))
+        factor = np.dot(term, left) / np.dot(term, term)
+        return float(np.sqrt(np.mean((left - factor * term) ** 2)))
+
+    best = minimize_scalar(over, bounds=(STEEPEST, FLATTEST), method="bounded")
+    return float(best.x), float(best.fun)

@@ -1,0 +1,245 @@
+"""Sparse regression on candidate terms, by PySINDy's optimizers.
+
+Candidates for the right side of an equation are named functions of the states, such as
+polynomials. Standard deviations of coefficients follow from the noise of the record; a
+term counts as significant at `SIGNIFICANT` of them.
+"""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pysindy
+from jaxtyping import Bool, Float
+
+SIGNIFICANT = 3.0
+"""Standard deviations by which a coefficient has to differ from zero."""
+RIDGE = 1e-10
+"""Of the least squares, for columns of unit mean square: none to speak of."""
+REPEATED = 1e-6
+"""Share of a term that earlier terms must leave over, or it repeats them."""
+COLLINEAR = 10.0
+"""Variance inflation factor of two terms above which they count as nearly collinear:
+the usual limit (Marquardt 1970, Technometrics 12:591). One leaves less than a third of
+the other then."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Terms that an equation may have.
+
+    Attributes:
+        names: One a term.
+        evaluate: From the columns, states before inputs, (place, column), to the terms,
+            (place, term).
+    """
+
+    names: tuple[str, ...]
+    evaluate: Callable[[Float[np.ndarray, "place column"]], np.ndarray]
+
+
+def polynomial(
+    columns: Sequence[str], degree: int = 2, *, signed_squares: bool = False
+) -> Candidates:
+    """Return all products of columns up to a degree, the constant among them.
+
+    Args:
+        columns: Names of states, then of inputs.
+        degree: Of the products at most.
+        signed_squares: Also |x| x of each column, as in drag.
+    """
+    library = pysindy.PolynomialLibrary(degree=degree)
+    library.fit(np.zeros((1, len(columns))))  # pyright: ignore[reportArgumentType] (arrays are taken)
+    names = library.get_feature_names(list(columns))
+    powers = np.asarray(library.powers_)
+    if signed_squares:
+        names += [f"|{name}| {name}" for name in columns]
+
+    def evaluate(values: Float[np.ndarray, "place column"]) -> np.ndarray:
+        products = np.prod(values[:, None, :] ** powers, axis=2)
+        if not signed_squares:
+            return products
+        return np.concatenate([products, np.abs(values) * values], axis=1)
+
+    return Candidates(tuple(names), evaluate)
+
+
+def powers(name: str, exponents: Sequence[float]) -> Candidates:
+    """Return powers of one positive column: $R^{-3/2}$ and others."""
+    exponent = np.asarray(exponents, float)
+
+    def evaluate(values: Float[np.ndarray, "place column"]) -> np.ndarray:
+        return values[:, :1] ** exponent
+
+    return Candidates(tuple(f"{name}^{e:g}" if e else "1" for e in exponent), evaluate)
+
+
+class Regression(NamedTuple):
+    """One equation as a regression, window by window.
+
+    Attributes:
+        terms: Integral of each candidate.
+        covariance: Of the noise of the left side.
+    """
+
+    terms: Float[np.ndarray, "window term"]
+    covariance: Float[np.ndarray, "window window"]
+
+
+Selection = Callable[
+    [Regression, Float[np.ndarray, " window"], float], Bool[np.ndarray, " term"]
+]
+"""What picks terms: from candidates, left side and threshold."""
+
+
+def least_squares(
+    regression: Regression,
+    left: Float[np.ndarray, " window"],
+    kept: Bool[np.ndarray, " term"],
+) -> tuple[Float[np.ndarray, " term"], Float[np.ndarray, " term"]]:
+    """Return coefficients and their standard deviations; zero for terms not kept.
+
+    Where the terms leave more over than the noise explains, the standard deviations
+    grow by that factor.
+    """
+    inverse = np.linalg.pinv(regression.terms[:, kept])
+    found = inverse @ left
+    over = np.mean((left - regression.terms[:, kept] @ found) ** 2)
+    noise = np.mean(np.diag(regression.covariance))
+    variance = np.sum((inverse @ regression.covariance) * inverse, axis=1)
+    if over > noise:
+        variance *= over / noise if noise > 0.0 else 1.0
+    coefficients, sds = np.zeros(kept.shape), np.zeros(kept.shape)
+    coefficients[kept], sds[kept] = found, np.sqrt(np.maximum(variance, 0.0))
+    return coefficients, sds
+
+
+def sparse_terms(
+    regression: Regression, left: Float[np.ndarray, " window"], threshold: float
+) -> Bool[np.ndarray, " term"]:
+    """Return which terms an equation needs.
+
+    Sequentially thresholded least squares (Brunton, Proctor and Kutz 2016, PNAS
+    113:3932) on terms and left side of unit mean square, so that the threshold has no
+    unit. Of terms that resemble each other it keeps pairs that cancel; so the least
+    certain coefficient below three standard deviations is dropped, and the rest
+    thresholded again, until none is.
+
+    Args:
+        regression: The candidates.
+        left: Left side of the equation.
+        threshold: Least share of the left side's root mean square for a term to stay.
+    """
+    size = np.sqrt(np.mean(regression.terms**2, axis=0))
+    whole = np.sqrt(np.mean(left**2))
+    kept = size > 0.0
+    while np.any(kept):
+        optimizer = pysindy.STLSQ(threshold=threshold, alpha=RIDGE, max_iter=50)
+        with warnings.catch_warnings():  # that all terms went is an answer here
+            warnings.simplefilter("ignore")
+            optimizer.fit(regression.terms[:, kept] / size[kept], left / whole)
+        kept[kept] = optimizer.coef_[0] != 0.0
+        if not np.any(kept):
+            break
+        coefficients, sds = least_squares(regression, left, kept)
+        certain = np.full(kept.shape, np.inf)
+        sure = kept & (sds > 0.0)
+        certain[sure] = np.abs(coefficients[sure]) / sds[sure]
+        worst = np.argmin(certain)
+        if certain[worst] >= SIGNIFICANT:
+            break
+        kept[worst] = False
+    return kept
+
+
+def grown_terms(
+    regression: Regression, left: Float[np.ndarray, " window"], threshold: float
+) -> Bool[np.ndarray, " term"]:
+    """Return which terms an equation needs, where all candidates resemble each other.
+
+    Among powers of one positive number any sum of several comes near any other, so
+    there is no way down from all of them. Forward regression (orthogonal least squares,
+    Billings, Chen and Korenberg 1989, Int. J. Control 49:2157) adds the term that
+    explains most of what is left, until the next one explains less than the threshold,
+    or leaves a coefficient below three standard deviations.
+
+    Args:
+        regression: The candidates.
+        left: Left side of the equation.
+        threshold: Least share of the left side's root mean square for a term to come.
+    """
+    size = np.sqrt(np.mean(regression.terms**2, axis=0))
+    optimizer = pysindy.FROLS(max_iter=len(size), alpha=RIDGE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        optimizer.fit(regression.terms / size, left / np.sqrt(np.mean(left**2)))
+    kept, over = np.zeros(size.shape, bool), np.mean(left**2)
+    for coefficients in optimizer.history_[1:]:
+        more = kept | (coefficients[0] != 0.0)
+        found, sds = least_squares(regression, left, more)
+        now = np.mean((left - regression.terms @ found) ** 2)
+        gain = np.sqrt(max(over - now, 0.0) / np.mean(left**2))
+        sure = np.all(np.abs(found[more]) >= SIGNIFICANT * sds[more])
+        if gain < threshold or not sure:
+            break
+        kept, over = more, now
+    return kept
+
+
+def repeated_terms(
+    terms: Float[np.ndarray, "window term"],
+) -> Bool[np.ndarray, " term"]:
+    """Return which candidates are sums of earlier ones: no data could tell them."""
+    size = np.linalg.norm(terms, axis=0)
+    unit = terms / np.where(size > 0.0, size, 1.0)
+    repeats = np.zeros(terms.shape[1], bool)
+    for term in range(terms.shape[1]):
+        earlier = unit[:, :term][:, ~repeats[:term]]
+        over = unit[:, term]
+        if earlier.shape[1]:
+            over = over - earlier @ np.linalg.lstsq(earlier, over)[0]
+        repeats[term] = np.linalg.norm(over) < REPEATED
+    return repeats
+
+
+def exchangeable_terms(
+    regression: Regression,
+    left: Float[np.ndarray, " window"],
+    kept: Bool[np.ndarray, " term"],
+) -> list[tuple[int, int]]:
+    """Return pairs of a term of an equation and one that could stand in its place.
+
+    Next to the other terms of the equation the two are nearly collinear: the variance
+    inflation factor of the pair is above `COLLINEAR`. And with both in the equation the
+    coefficient of its own term is less than three standard deviations from zero, so
+    that the equation without it, but with the other, is not rejected.
+
+    Args:
+        regression: All candidates, repeated ones too.
+        left: Left side of the equation.
+        kept: Terms of the equation.
+    """
+    terms, pairs = regression.terms, []
+    for own in np.flatnonzero(kept):
+        rest = kept.copy()
+        rest[own] = False
+        base = np.linalg.qr(terms[:, rest])[0]
+        free = terms - base @ (base.T @ terms)
+        size = np.linalg.norm(free, axis=0)
+        for other in np.flatnonzero(~kept):
+            # a column that the rest of the equation repeats stands in nobody's place
+            if size[other] <= REPEATED * np.linalg.norm(terms[:, other]):
+                continue
+            cosine = free[:, own] @ free[:, other] / (size[own] * size[other])
+            independent = 1.0 - min(float(cosine) ** 2, 1.0)
+            if independent * COLLINEAR > 1.0:
+                continue
+            both = kept.copy()
+            both[other] = True
+            found, sds = least_squares(regression, left, both)
+            same = independent < REPEATED**2
+            if same or abs(found[own]) < SIGNIFICANT * sds[own]:
+                pairs.append((int(own), int(other)))
+    return pairs

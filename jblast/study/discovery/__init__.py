@@ -1,1 +1,0 @@
-"""Laws of motion found in what was recorded, and judged."""

@@ -1,0 +1,590 @@
+"""Statistics of a study whose samples are too many to store.
+
+A state holds the statistics of one outcome for a variant, cell and sensor
+(`study.statistics`, without weights): moments and a quantile sketch of a number, counts
+of yes and no. States of parts of a study, merged in the order of the samples, are the
+state of the whole study, on whichever devices the parts were calculated.
+
+Where a study has no cells, blocks are reduced on the device that calculated them. Sums
+about a value near the mean are kept for a group of blocks, a few numbers for each
+outcome and sensor, and bins are counted over a whole launch. So the data that leave a
+device do not grow with the number of samples.
+
+On disk the statistics are a Zarr group within the store of the study. Each tile and
+outcome has a chunk, written completely or not at all; counts of sketches, most of which
+are zero, are packed by gzip. A tile is done when all its chunks are complete.
+"""
+
+import gzip
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jblast.files import write_bytes, write_text
+from jblast.study.engine.launch import Reduce
+from jblast.study.engine.store import Variable, as_json, described
+from jblast.study.statistics import (
+    ACCUMULATORS,
+    BINS,
+    Moments,
+    NumberState,
+    QuantileSketch,
+    ShareState,
+    bin_of,
+    origin_of,
+)
+
+FOLDER = "summary"
+GROUP = "zarr.json"
+PACKED = "counts"
+ANCHOR = ".anchor"
+GZIP = {"name": "gzip", "configuration": {"level": 1}}
+NUMBERS = ("finite", "infinite", "lost", "mean", "squares", "minimum", "maximum")
+SHARES = ("known", "yes", "lost")
+PARTS = {
+    "number": {"moments": ("float64", len(NUMBERS)), PACKED: ("int64", BINS)},
+    "yes_no": {"share": ("int64", len(SHARES))},
+}
+LAST = {"moments": "moment", PACKED: "bin", "share": "count"}
+VALID, ANCHORS = "_valid", "_anchors"
+"""Which lanes of a block are samples; what numbers are counted from."""
+SUMS = "samples", "infinite", "off", "squares off", "minimum", "maximum"
+"""Of blocks; off from a value near the mean. What is lost bins do not count."""
+COUNTERS = 256
+"""Of a bin, of all lanes, among which a GPU shares samples: two that count at one place
+wait for each other."""
+ROWS = 64
+"""Of a block that are summed side by side before they are summed up: a fixed order."""
+State = Any
+States = Mapping[str, State]
+"""By outcome a state, its arrays of variant and cell together, then of sensors."""
+MOST_COUNTS = 1 << 26
+"""Bins of all sketches of a study, half a gigabyte."""
+
+
+class Anchor(NamedTuple):
+    """What a number is counted from, so that no digit of its spread is lost.
+
+    Attributes:
+        shift: A value among its own, about which sums are taken.
+        origin: What the bins of its sketch are counted from.
+    """
+
+    shift: Float[np.ndarray, "..."]
+    origin: Float[np.ndarray, "..."]
+
+
+class SummaryStore:
+    """The statistics of a study's tiles.
+
+    Attributes:
+        path: Folder of the group.
+        variables: Columns of the study.
+        groups: Variants and cells, as one number.
+        tiles: How many there are.
+    """
+
+    def __init__(
+        self,
+        store: str | os.PathLike[str],
+        variables: Sequence[Variable],
+        groups: int,
+        tiles: int,
+    ) -> None:
+        self.path = Path(store) / FOLDER
+        self.variables, self.groups, self.tiles = tuple(variables), groups, tiles
+
+    def create(self, anchors: Mapping[str, Anchor], tile: int) -> None:
+        """Make it, with no tile in it.
+
+        Args:
+            anchors: What numbers are counted from.
+            tile: Samples of a tile.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        arrays = {}
+        for v, part, shape, kind in self._arrays():
+            name = f"{v.name}.{part}"
+            arrays[name] = self._described(v, part, shape, kind)
+            (self.path / name).mkdir(parents=True, exist_ok=True)
+        for name, anchor in anchors.items():
+            whole = np.stack(anchor, -1).astype("<f8")
+            key = f"{name}{ANCHOR}"
+            dims = ("group", "sensor", "anchor")[-whole.ndim :]
+            if whole.ndim == 2:
+                dims = ("group", "anchor")
+            said = {"long_name": f"shift of the sums and origin of the bins of {name}"}
+            arrays[key] = described(
+                whole.shape, whole.shape, "float64", "NaN", dims, said
+            )
+            (self.path / key).mkdir(parents=True, exist_ok=True)
+            write_bytes(self.path / key / _chunk(0, whole.ndim), whole.tobytes())
+        for name, array in arrays.items():
+            write_text(self.path / name / GROUP, as_json(array))
+        group = {
+            "zarr_format": 3,
+            "node_type": "group",
+            "attributes": {
+                "tile": tile,
+                "moments": list(NUMBERS),
+                "shares": list(SHARES),
+            },
+            "consolidated_metadata": {
+                "kind": "inline",
+                "must_understand": False,
+                "metadata": arrays,
+            },
+        }
+        write_text(self.path / GROUP, as_json(group))
+
+    def _arrays(self):
+        for v in outcomes_of(self.variables):
+            for part, (kind, last) in PARTS[v.kind].items():
+                yield v, part, (*shape_of(v, self.groups), last), kind
+
+    def _described(
+        self, v: Variable, part: str, shape: tuple[int, ...], kind: str
+    ) -> dict[str, Any]:
+        sensors = ("sensor",) if v.sensors else ()
+        dims = ("tile", "group", *sensors, LAST[part])
+        said = {"units": v.units, "long_name": f"{part} of {v.name}, tile by tile"}
+        fill = "NaN" if kind == "float64" else 0
+        array = described((self.tiles, *shape), (1, *shape), kind, fill, dims, said)
+        if part == PACKED:
+            array["codecs"].append(GZIP)
+        return array
+
+    @property
+    def there(self) -> bool:
+        """Whether it was made."""
+        return (self.path / GROUP).exists()
+
+    def tile_samples(self) -> int:
+        """Return how many samples a tile has, but for the last of a study."""
+        return int(json.loads((self.path / GROUP).read_text())["attributes"]["tile"])
+
+    def tiles_said(self) -> int:
+        """Return how many tiles it says that it has when it is complete."""
+        arrays = json.loads((self.path / GROUP).read_text())["consolidated_metadata"]
+        shapes = [
+            array["shape"][0]
+            for name, array in arrays["metadata"].items()
+            if not name.endswith(ANCHOR)
+        ]
+        return int(shapes[0])
+
+    def resized(self, tiles: int, tile: int) -> None:
+        """Say that there are so many tiles."""
+        self.tiles = tiles
+        self.create(self.anchors(), tile)
+
+    def anchors(self) -> dict[str, Anchor]:
+        """Return what numbers are counted from."""
+        found = {}
+        for v in outcomes_of(self.variables):
+            if v.kind == "number":
+                shape = (*shape_of(v, self.groups), 2)
+                path = self.path / f"{v.name}{ANCHOR}" / _chunk(0, len(shape))
+                whole = np.frombuffer(path.read_bytes(), "<f8").reshape(shape)
+                found[v.name] = Anchor(whole[..., 0], whole[..., 1])
+        return found
+
+    def write(self, tile: int, states: Mapping[str, State]) -> None:
+        """Write the states of a tile, each chunk whole or not at all.
+
+        Raises:
+            OSError: A chunk cannot be written.
+        """
+        for v in outcomes_of(self.variables):
+            for part, array in packed(v, states[v.name]).items():
+                kind = PARTS[v.kind][part][0]
+                data = np.ascontiguousarray(array, f"<{kind[0]}8").tobytes()
+                if part == PACKED:
+                    data = gzip.compress(data, 1, mtime=0)
+                write_bytes(self.chunk_path(v, part, tile), data, durable=False)
+
+    def read(self, tile: int, anchors: Mapping[str, Anchor]) -> dict[str, State]:
+        """Return the states of a tile that is done."""
+        found: dict[str, dict[str, np.ndarray]] = {}
+        for v, part, shape, kind in self._arrays():
+            data = self.chunk_path(v, part, tile).read_bytes()
+            if part == PACKED:
+                data = gzip.decompress(data)
+            whole = np.frombuffer(data, f"<{kind[0]}8").reshape(shape)
+            found.setdefault(v.name, {})[part] = whole
+        return {
+            v.name: unpacked(v, found[v.name], anchors)
+            for v in outcomes_of(self.variables)
+        }
+
+    def done(self) -> set[int]:
+        """Return the tiles that are there, whole."""
+        there: set[int] | None = None
+        for v, part, shape, _ in self._arrays():
+            size = 8 * int(np.prod(shape))
+            whole = set()
+            folder = self.path / f"{v.name}.{part}"
+            for path in folder.iterdir():
+                number = path.name.partition(".")[0]
+                if number.isdigit() and _size(path, part) == size:
+                    whole.add(int(number))
+            there = whole if there is None else there & whole
+        return {tile for tile in there or () if tile < self.tiles}
+
+    def chunk_path(self, v: Variable, part: str, tile: int) -> Path:
+        """Return the file of a part of a tile."""
+        dims = len(shape_of(v, self.groups)) + 2
+        return self.path / f"{v.name}.{part}" / _chunk(tile, dims)
+
+
+def _chunk(tile: int, dims: int) -> str:
+    return ".".join([str(tile), *["0"] * (dims - 1)])
+
+
+def _size(path: Path, part: str) -> int:
+    """Return how many bytes a chunk holds; -1 of one that was cut off."""
+    size = path.stat().st_size
+    if part != PACKED:
+        return size
+    if size < 18:  # head and tail of gzip
+        return -1
+    with path.open("rb") as file:  # a chunk ends with its size
+        file.seek(-4, os.SEEK_END)
+        return int.from_bytes(file.read(), "little")
+
+
+Anchors = Mapping[str, Anchor]
+
+
+def states_by_group(
+    variables: Sequence[Variable],
+    columns: Mapping[str, np.ndarray],
+    which: Int[np.ndarray, " sample"],
+    groups: int,
+    anchors: Anchors,
+) -> dict[str, State]:
+    """Return the states of samples.
+
+    Args:
+        variables: The columns.
+        columns: Their values.
+        which: Variant and cell of each sample, as one number.
+        groups: How many of those there are.
+        anchors: What numbers are counted from.
+    """
+    found: dict[str, State] = {}
+    for v in outcomes_of(variables):
+        values = np.asarray(columns[v.name]).reshape(len(which), -1)
+        shape = shape_of(v, groups)
+        if v.kind == "yes_no":
+            parts = values >= 0, values > 0, values < 0
+            found[v.name] = share_from(
+                *(_by(which, x, groups).astype(np.int64).reshape(shape) for x in parts)
+            )
+            continue
+        numbers = _numbers(values, which, groups)
+        origin = np.broadcast_to(anchors[v.name].origin, shape)
+        away = origin.reshape(groups, -1)[which]
+        counts = np.stack(
+            [
+                np.bincount(
+                    which[known] * BINS + np.asarray(bin_of(own[known])),
+                    minlength=groups * BINS,
+                ).reshape(groups, BINS)
+                for own, known in zip((values - away).T, ~np.isnan(values).T)  # noqa: B905
+            ],
+            axis=1,
+        )
+        found[v.name] = NumberState(
+            moments_from(numbers.reshape(*shape, 7)),
+            QuantileSketch(counts.reshape(*shape, BINS), origin),
+        )
+    return found
+
+
+def _by(
+    which: Int[np.ndarray, " sample"], values: np.ndarray, groups: int
+) -> Float[np.ndarray, "group lane"]:
+    """Return sums by group, lane after lane."""
+    return np.stack(
+        [np.bincount(which, lane, minlength=groups) for lane in values.T.astype(float)],
+        axis=-1,
+    )
+
+
+def _numbers(
+    values: Float[np.ndarray, "sample lane"],
+    which: Int[np.ndarray, " sample"],
+    groups: int,
+) -> Float[np.ndarray, "group lane 7"]:
+    """Return the seven numbers that make moments, in two passes."""
+    finite, nan = np.isfinite(values), np.isnan(values)
+    count = _by(which, finite, groups)
+    total = _by(which, np.where(finite, values, 0.0), groups)
+    mean = total / np.maximum(count, 1)
+    off = np.where(finite, values - mean[which], 0.0)
+    low = np.full((groups, values.shape[1]), np.inf)
+    high = -low
+    order = np.argsort(which, kind="stable")
+    begins = np.flatnonzero(np.diff(which[order], prepend=-1))
+    there = which[order][begins]
+    if len(which):
+        sorted_values = values[order]
+        low[there] = np.fmin.reduceat(
+            np.where(np.isnan(sorted_values), np.inf, sorted_values), begins
+        )
+        high[there] = np.fmax.reduceat(
+            np.where(np.isnan(sorted_values), -np.inf, sorted_values), begins
+        )
+    parts = (
+        count,
+        _by(which, ~finite & ~nan, groups),
+        _by(which, nan, groups),
+        mean,
+        _by(which, off**2, groups),
+        low,
+        high,
+    )
+    return np.stack(parts, -1)
+
+
+def anchors_of(
+    variables: Sequence[Variable],
+    columns: Mapping[str, np.ndarray],
+    which: Int[np.ndarray, " sample"],
+    groups: int,
+) -> dict[str, Anchor]:
+    """Return what numbers should be counted from, by some samples of each group."""
+    found = {}
+    for v in outcomes_of(variables):
+        if v.kind == "yes_no":
+            continue
+        shift, origin = np.zeros(shape_of(v, groups)), np.zeros(shape_of(v, groups))
+        for group in range(groups):
+            own = np.asarray(columns[v.name], float)[which == group]
+            if not len(own):
+                continue
+            origin[group] = origin_of(own)
+            known = np.where(np.isfinite(own), own, 0.0)
+            shift[group] = known.sum(0) / np.maximum(np.isfinite(own).sum(0), 1)
+        found[v.name] = Anchor(shift, origin)
+    return found
+
+
+def reduce_of(outcomes: Sequence[Variable], counters: int = 1) -> Reduce:
+    """Return what reduces blocks of some outcomes.
+
+    Args:
+        outcomes: Of the study.
+        counters: Of a bin, of all lanes of an outcome: see `COUNTERS`.
+    """
+    lanes = {v.name: max(1, len(v.sensors)) for v in outcomes}
+    numbers = [v.name for v in outcomes if v.kind == "number"]
+    each = {name: max(1, counters // lanes[name]) for name in numbers}
+
+    def empty(_: Any) -> dict[str, Array]:
+        # the last one is of what is no number
+        return {
+            name: jnp.zeros(BINS * each[name] * lanes[name] + 1, jnp.int32)
+            for name in numbers
+        }
+
+    def step(
+        shared: Mapping[str, Any], counts: dict[str, Array], answers: dict[str, Array]
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        valid, kept, counted = answers[VALID][..., None], {}, {}
+        for v in outcomes:
+            values = answers[v.name].reshape(*valid.shape[:-1], lanes[v.name])
+            if v.kind == "yes_no":
+                kept[v.name] = _shares(values, valid)
+                continue
+            shift, origin = (x[None, None] for x in shared[ANCHORS][v.name])
+            kept[v.name] = _sums(values, valid, shift)
+            several = counts[v.name]
+            place = bin_of(values - origin).astype(jnp.int32)
+            if each[v.name] > 1:
+                turn = jnp.arange(valid.shape[1], dtype=jnp.int32)[None, :, None]
+                place = place * each[v.name] + turn % each[v.name]
+            lane = jnp.arange(lanes[v.name], dtype=jnp.int32)[None, None]
+            place = place * lanes[v.name] + lane
+            place = jnp.where(valid & ~jnp.isnan(values), place, several.size - 1)
+            counted[v.name] = several.at[place.reshape(-1)].add(
+                1, mode="promise_in_bounds", wrap_negative_indices=False
+            )
+        return counted, kept
+
+    def end(counts: dict[str, Array]) -> dict[str, Array]:
+        return {
+            name: several[:-1].reshape(BINS, each[name], -1).sum(axis=1).T
+            for name, several in counts.items()
+        }
+
+    return Reduce(empty, step, end)
+
+
+def _shares(values: Array, valid: Array) -> Array:
+    """Return of each lane how many are known, true, lost."""
+    known, yes = valid & (values >= 0), valid & (values > 0)
+    parts = known, yes, valid & (values < 0)
+    counts = [jnp.sum(x, axis=(0, 1), dtype=jnp.int32) for x in parts]
+    return jnp.stack(counts, -1)[None]
+
+
+def _sums(values: Array, valid: Array, shift: Array) -> Array:
+    """Return of each lane what makes its moments; see `SUMS`."""
+    off = jnp.where(valid & jnp.isfinite(values), values - shift, 0.0)
+    some = valid & ~jnp.isnan(values)
+    low = _folded(jnp.where(some, values, jnp.inf), jnp.minimum, jnp.inf)
+    high = _folded(jnp.where(some, values, -jnp.inf), jnp.maximum, -jnp.inf)
+
+    def counted() -> Array:
+        return jnp.sum(some & jnp.isinf(values), axis=(0, 1), dtype=values.dtype)
+
+    odd = jnp.isinf(low) | jnp.isinf(high)
+    infinite = jax.lax.cond(odd.any(), counted, lambda: jnp.zeros_like(low))
+    samples = jnp.sum(valid, axis=(0, 1), dtype=values.dtype)
+    parts = (
+        jnp.broadcast_to(samples, low.shape),
+        infinite,
+        _folded(off, jnp.add, 0.0),
+        _folded(jnp.square(off), jnp.add, 0.0),
+        low,
+        high,
+    )
+    return jnp.stack(parts, -1)[None]
+
+
+def _folded(x: Array, join: Callable[[Any, Any], Array], none: float) -> Array:
+    """Reduce samples, of a block a power of two, of each lane in one order.
+
+    Rows are joined side by side first, which XLA does in one pass over the lanes; it
+    writes a reduction out otherwise.
+    """
+    rows = min(ROWS, x.shape[1])
+    whole = x[:, :rows]
+    for begin in range(rows, x.shape[1], rows):
+        whole = join(whole, x[:, begin : begin + rows])
+    start = jnp.asarray(none, x.dtype)
+    return jax.lax.reduce(jax.lax.reduce(whole, start, join, (1,)), start, join, (0,))
+
+
+def states_of(
+    outcomes: Sequence[Variable],
+    kept: Mapping[str, np.ndarray],
+    counts: Mapping[str, np.ndarray],
+    anchors: Anchors,
+) -> dict[str, State]:
+    """Return the states of blocks that were reduced, of one variant.
+
+    Args:
+        outcomes: Of the study.
+        kept: Of each group of blocks.
+        counts: Of all blocks, by lane.
+        anchors: Of this variant: a value a lane.
+    """
+    found: dict[str, State] = {}
+    for v in outcomes:
+        shape = v.shape(1)
+        if v.kind == "yes_no":
+            whole = kept[v.name].sum(axis=0, dtype=np.int64)
+            found[v.name] = share_from(*(x.reshape(shape) for x in whole.T))
+            continue
+        parts = np.asarray(kept[v.name], float)
+        samples, infinite, off, square = np.moveaxis(parts.sum(axis=0), -1, 0)[:4]
+        low, high = parts[..., 4].min(axis=0), parts[..., 5].max(axis=0)
+        whole = counts[v.name].astype(np.int64)
+        known = whole.sum(axis=-1)
+        finite, lost = known - infinite, samples - known
+        shift = anchors[v.name].shift.reshape(-1)
+        mean = np.where(finite > 0, shift + off / np.maximum(finite, 1.0), 0.0)
+        squares = np.maximum(square - off**2 / np.maximum(finite, 1.0), 0.0)
+        numbers = np.stack([finite, infinite, lost, mean, squares, low, high], -1)
+        moments = moments_from(numbers.reshape(*shape, len(NUMBERS)))
+        whole = whole.reshape(*shape, -1)
+        origin = anchors[v.name].origin.reshape(shape)
+        found[v.name] = NumberState(moments, QuantileSketch(whole, origin))
+    return found
+
+
+def outcomes_of(variables: Sequence[Variable]) -> list[Variable]:
+    """Return the columns that are answers."""
+    return [v for v in variables if v.role == "outcome"]
+
+
+def shape_of(variable: Variable, groups: int) -> tuple[int, ...]:
+    """Return the shape of an outcome's state: variants and cells, sensors if any."""
+    return variable.shape(groups)
+
+
+def counts_in(variables: Sequence[Variable], groups: int) -> int:
+    """Return how many bins a state has."""
+    numbers = [v for v in outcomes_of(variables) if v.kind == "number"]
+    return BINS * sum(int(np.prod(shape_of(v, groups))) for v in numbers)
+
+
+def empty_states(
+    variables: Sequence[Variable], groups: int, anchors: Anchors
+) -> dict[str, State]:
+    """Return the states of no samples."""
+    found = {}
+    for v in outcomes_of(variables):
+        origin = anchors[v.name].origin if v.kind == "number" else 0.0
+        found[v.name] = ACCUMULATORS[v.kind].empty(shape_of(v, groups), origin)
+    return found
+
+
+def merged_states(
+    variables: Sequence[Variable], a: States, b: States
+) -> dict[str, State]:
+    """Merge states; `a` stands before `b` in the order of the samples.
+
+    Raises:
+        ValueError: Their sketches are counted from different origins.
+    """
+    return {
+        v.name: ACCUMULATORS[v.kind].merge(a[v.name], b[v.name])
+        for v in outcomes_of(variables)
+    }
+
+
+def moments_from(array: Float[np.ndarray, "... 7"]) -> Moments:
+    """Return moments from the numbers that stand for them, `NUMBERS`."""
+    finite, infinite, lost, mean, squares, low, high = np.moveaxis(array, -1, 0)
+    whole = [x.astype(np.int64) for x in (finite, infinite, lost)]
+    one = finite.astype(float), mean, squares
+    return Moments._make([*whole, *one, *one, low, high])
+
+
+def packed(variable: Variable, state: State) -> dict[str, np.ndarray]:
+    """Return a state as arrays, by what they are called beside the outcome's name."""
+    if variable.kind == "yes_no":
+        return {"share": np.stack([state.known, state.yes, state.lost], -1)}
+    m = state.moments
+    parts = m.finite, m.infinite, m.lost, m.mean, m.squares, m.minimum, m.maximum
+    numbers = np.stack([np.asarray(x, float) for x in parts], -1)
+    return {"moments": numbers, "counts": np.asarray(state.sketch.counts, np.int64)}
+
+
+def unpacked(
+    variable: Variable, arrays: Mapping[str, np.ndarray], anchors: Anchors
+) -> State:
+    """Return the state that arrays stand for."""
+    if variable.kind == "yes_no":
+        return share_from(*np.moveaxis(arrays["share"], -1, 0))
+    sketch = QuantileSketch(arrays["counts"], anchors[variable.name].origin)
+    return NumberState(moments_from(arrays["moments"]), sketch)
+
+
+def share_from(known: np.ndarray, yes: np.ndarray, lost: np.ndarray) -> ShareState:
+    """Return the state of yes and no without weights."""
+    weight, hit = known.astype(float), yes.astype(float)
+    return ShareState(known, yes, lost, weight, weight, hit, hit)

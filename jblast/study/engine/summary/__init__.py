@@ -1,1 +1,0 @@
-"""What is kept of a study whose samples are too many to keep: statistics of tiles."""

@@ -1,1 +1,0 @@
-"""A blast's numbers from an event camera's film."""

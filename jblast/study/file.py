@@ -1,0 +1,522 @@
+"""The file of a study: scene, axes and requested outcomes.
+
+A study file is TOML. It names a scene, the number of samples and the outcomes, and may
+vary parameters of the scene along axes:
+
+    [axes]
+    charge_mass_kg = [1, 10, 100]
+    charge_east_m = { from = 5, to = 50, count = 10 }
+    air_temperature_k = { from = 260, to = 300 }
+    "vehicle.model" = ["crazyflie", "hummingbird"]
+
+Listed values are crossed with each other, and each combination has its own draws. A
+range without a count is sampled, uniformly or uniformly in ln.
+"""
+
+import copy
+import hashlib
+import itertools
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from jblast.errors import InputError, nearest, read_text, shown
+from jblast.parameters import CLOCK_OFFSET, PARAMETERS
+from jblast.scene import UncertainScene
+from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader.tables import finite
+from jblast.scene.uncertain import Free, LogUniform, Prior, Uniform, parameter_named
+
+KEYS = (
+    *("scene", "seed", "samples", "sd_target", "design", "keep", "outcomes"),
+    *("axes", "options"),
+)
+MOST_UNTIL_KNOWN = 100_000_000
+"""Samples of a study that ends by its targets, where nobody says how many."""
+MOST_VALUES = 100_000
+RANGE_KEYS = ("from", "to", "count", "scale")
+SCALES = ("linear", "log")
+Design = Literal["random", "sobol", "latin", "grid"]
+DESIGNS: tuple[Design, ...] = ("random", "sobol", "latin", "grid")
+"""How draws fill what the priors allow."""
+Keep = Literal["all", "summary"] | int
+MOST_SAMPLES = 2**40
+"""A limit of the key's counter and of patience: 1e12."""
+OwnFunction = Callable[..., Any]
+"""A user's own outcome: from a key and a scene to a number."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What is varied beside the draws: listed values.
+
+    Attributes:
+        key: A number of the scene by name, or a key of its file as "vehicle.model".
+        values: What it takes, one after another.
+    """
+
+    key: str
+    values: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study.
+
+    Attributes:
+        variants: The scene, once for each combination of `words`.
+        believed: Likewise, with what the scene itself says of its numbers, whatever
+            axes set or draw.
+        outcomes: Names of what is asked of each sample.
+        seed: Of all draws.
+        samples: Draws of each cell of each variant.
+        sd_target: By outcome the standard error at which it is known well enough; the
+            study ends when all are reached.
+        design: How draws fill what the priors allow.
+        keep: "all" samples, a "summary" alone, or so many samples.
+        numbers: Axes over numbers of the scene, crossed with each other.
+        words: Axes over what else the scene's file says, crossed likewise.
+        options: What else outcomes are told.
+        allow_code: Whether outcomes may be functions of the user's own.
+        text: The study's file; "" of one made in Python.
+        scenes: Likewise the scenes', by the names the study has for them.
+        source: Name of the study's file, for messages.
+        prepared: What was made ready of it, by variant.
+    """
+
+    variants: tuple[UncertainScene, ...]
+    believed: tuple[UncertainScene, ...]
+    outcomes: tuple[str, ...]
+    seed: int = 0
+    samples: int = 1000
+    sd_target: Mapping[str, float] = field(default_factory=dict)
+    design: Design = "random"
+    keep: Keep = "all"
+    numbers: tuple[Axis, ...] = ()
+    words: tuple[Axis, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    allow_code: bool = False
+    text: str = ""
+    scenes: Mapping[str, str] = field(default_factory=dict)
+    source: str = "study"
+    prepared: dict[int, Any] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    @property
+    def uncertain(self) -> UncertainScene:
+        """The first variant of the scene."""
+        return self.variants[0]
+
+    @property
+    def cells(self) -> tuple[tuple[float, ...], ...]:
+        """Combinations of the values of the axes over numbers; one, empty, of none."""
+        return tuple(itertools.product(*(axis.values for axis in self.numbers)))
+
+    @property
+    def drawn(self) -> tuple[str, ...]:
+        """Names of the numbers that are drawn, in the order of the key's draws."""
+        return tuple(self.uncertain.beliefs)
+
+
+def read_study(path: str | os.PathLike[str], *, allow_code: bool = False) -> Study:
+    """Read the file of a study.
+
+    Args:
+        path: A TOML file; its `scene` is a path from where it lies.
+        allow_code: Whether outcomes may be functions of the user's own, as
+            `python:module.function`.
+
+    Raises:
+        InputError: The file is no study, or its scene no scene; the message names the
+            key, what was expected there and what came.
+
+    Example:
+        `study = jblast.study.read_study("study.toml")`
+    """
+    text = read_text(path, "a study in TOML")
+    source = str(path)
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{source}: expected a study in TOML, got {error}") from None
+    texts = {
+        name: read_text(Path(path).parent / name, f"the scene of {source}, in TOML")
+        for name in _scene_names(document.get("scene"), source)
+    }
+    study = study_from_document(document, texts, source, Path(path).parent)
+    return replace(study, text=text, allow_code=allow_code)
+
+
+def study_from_text(
+    text: str, scenes: Mapping[str, str], *, allow_code: bool = False
+) -> Study:
+    """Return the study that texts say, as a store holds them: scenes by their names."""
+    study = study_from_document(tomllib.loads(text), scenes, "study", Path())
+    return replace(study, text=text, allow_code=allow_code)
+
+
+def _scene_names(value: Any, source: str) -> tuple[str, ...]:
+    """Return the paths of the scenes, one or several."""
+    names = value if isinstance(value, list) else [value]
+    if not names or not all(isinstance(name, str) and name for name in names):
+        raise InputError(
+            f"{source}: scene: expected the path of a scene, or a list of paths, got "
+            f"{shown(value)}"
+        )
+    return tuple(names)
+
+
+def study_from_document(
+    document: dict[str, Any], scenes: Mapping[str, str], source: str, folder: Path
+) -> Study:
+    """Build a study from what TOML says.
+
+    Args:
+        document: The tables of the file.
+        scenes: What the files of scenes say, by their names.
+        source: The file's name, for the messages.
+        folder: Where the scenes lie, for the messages.
+
+    Raises:
+        InputError: As in `read_study`.
+    """
+    for key in document:
+        if key not in KEYS:
+            raise InputError(
+                f"{source}: {key}: unknown key{nearest(key, KEYS)}; expected one of "
+                f"{', '.join(KEYS)}"
+            )
+    names = _scene_names(document.get("scene"), source)
+    found = [_tables(scenes[name], str(folder / name)) for name in names]
+    numbers, words, drawn = read_axes(document.get("axes", {}), found[0], source)
+    variants, believed = [], []
+    for name, scene in zip(names, found, strict=True):
+        for values in itertools.product(*(axis.values for axis in words)):
+            one = copy.deepcopy(scene)
+            for axis, value in zip(words, values, strict=True):
+                put(one, axis.key, value, f"{source}: [axes] {axis.key}")
+            uncertain = scene_from_document(one, str(folder / name))
+            believed.append(uncertain)
+            variants.append(_settled(uncertain, numbers, drawn, source))
+    _refuse_other_numbers(variants, source)
+    if len(names) > 1:
+        stems = tuple(Path(name).stem for name in names)
+        words = (Axis("scene", stems), *words)
+    samples, targets = size_of(document, source)
+    return Study(
+        variants=tuple(variants),
+        believed=tuple(believed),
+        outcomes=outcomes_of(document.get("outcomes"), source),
+        seed=whole_of(document.get("seed", 0), f"{source}: seed", 0, 2**63 - 1),
+        samples=samples,
+        sd_target=targets,
+        design=design_of(document.get("design", "random"), source),
+        keep=keep_of(document.get("keep", "all"), source),
+        numbers=numbers,
+        words=words,
+        options=options_of(document.get("options", {}), source),
+        scenes=dict(scenes),
+        source=source,
+    )
+
+
+def _tables(text: str, source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{source}: expected a scene in TOML, got {error}") from None
+
+
+def _refuse_other_numbers(variants: list[UncertainScene], source: str) -> None:
+    """Refuse scenes of which other numbers are drawn."""
+    first = tuple(variants[0].beliefs)
+    for one in variants[1:]:
+        if tuple(one.beliefs) != first:
+            raise InputError(
+                f"{source}: scene: expected the same numbers with a prior in each, in "
+                f"one order, {', '.join(first) or 'none'}; got "
+                f"{', '.join(one.beliefs) or 'none'} in {one.source}"
+            )
+
+
+class Drawn(NamedTuple):
+    """An axis that is drawn from.
+
+    Attributes:
+        key: A number of the scene by name.
+        prior: What it is drawn from, in place of what the scene says.
+    """
+
+    key: str
+    prior: Prior
+
+
+def _settled(
+    uncertain: UncertainScene, numbers, drawn: tuple[Drawn, ...], source: str
+) -> UncertainScene:
+    """Return the scene with what the axes draw, and without what they set.
+
+    Raises:
+        InputError: A number is free.
+    """
+    beliefs = dict(uncertain.beliefs)
+    for axis in numbers:
+        beliefs.pop(axis.key, None)
+    for one in drawn:
+        beliefs[one.key] = one.prior
+    for name, belief in beliefs.items():
+        if isinstance(belief, Free):
+            raise InputError(
+                f"{uncertain.source or source}: {name} is free and cannot be drawn; "
+                "give it a value or a prior in the scene, or values in [axes] of "
+                f"{source}"
+            )
+    return replace(uncertain, beliefs=beliefs)
+
+
+def sha256_of(text: str) -> str:
+    """Return the SHA-256 of a text, in hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def size_of(document: dict[str, Any], source: str) -> tuple[int, dict[str, float]]:
+    """Return how many samples there are, and at which errors fewer suffice."""
+    targets = document.get("sd_target", {})
+    if not isinstance(targets, dict):
+        raise InputError(
+            f"{source}: sd_target: expected a standard error by outcome, as "
+            f"{{ air_arrival_s = 1e-4 }}, got {shown(targets)}"
+        )
+    for name, value in targets.items():
+        number = finite(value, f"{source}: sd_target {name}", "a positive number")
+        if number <= 0:
+            raise InputError(
+                f"{source}: sd_target {name}: expected a positive number, got "
+                f"{shown(value)}"
+            )
+    asked = document.get("outcomes")
+    for name in targets:
+        if isinstance(asked, list) and name not in asked:
+            raise InputError(
+                f"{source}: sd_target {name}: expected one of the outcomes, got "
+                f"{name}{nearest(name, [str(a) for a in asked])}"
+            )
+    if "samples" not in document:
+        if not targets:
+            raise InputError(
+                f"{source}: samples: expected how many draws, or sd_target, got neither"
+            )
+        return MOST_UNTIL_KNOWN, {name: float(value) for name, value in targets.items()}
+    samples = whole_of(document["samples"], f"{source}: samples", 1, MOST_SAMPLES)
+    return samples, {name: float(value) for name, value in targets.items()}
+
+
+def whole_of(value: Any, where: str, least: int, most: int) -> int:
+    """Return a whole number within limits; 1e6 is one."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)  # 1e6
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise InputError(f"{where}: expected a whole number, got {shown(value)}")
+    if not least <= value <= most:
+        raise InputError(
+            f"{where}: expected a whole number from {least} to {most:,}, got {value}"
+        )
+    return value
+
+
+def design_of(value: Any, source: str) -> Design:
+    """Return how draws fill what the priors allow."""
+    if value not in DESIGNS:
+        raise InputError(
+            f"{source}: design: expected one of {', '.join(DESIGNS)}, got "
+            f"{shown(value)}{nearest(str(value), DESIGNS)}"
+        )
+    return value
+
+
+def keep_of(value: Any, source: str) -> Keep:
+    """Return what is kept of the samples."""
+    if value in ("all", "summary"):
+        return value
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise InputError(
+            f'{source}: keep: expected "all", "summary" or how many samples, got '
+            f"{shown(value)}"
+        )
+    return value
+
+
+def outcomes_of(value: Any, source: str) -> tuple[str, ...]:
+    """Return the names of the outcomes; whether there are such, the registry knows."""
+    if (
+        not isinstance(value, list)
+        or not value
+        or not all(isinstance(name, str) and name for name in value)
+    ):
+        raise InputError(
+            f"{source}: outcomes: expected a list of names, as "
+            f'["air_arrival_s"], got {shown(value)}'
+        )
+    twice = [name for name in value if value.count(name) > 1]
+    if twice:
+        raise InputError(
+            f"{source}: outcomes: expected each once, got {twice[0]} "
+            f"{value.count(twice[0])} times"
+        )
+    return tuple(value)
+
+
+def options_of(value: Any, source: str) -> dict[str, Any]:
+    """Return what else outcomes are told."""
+    if not isinstance(value, dict):
+        raise InputError(f"{source}: [options]: expected a table, got {shown(value)}")
+    return dict(value)
+
+
+def read_axes(
+    table: Any, scene: dict[str, Any], source: str
+) -> tuple[tuple[Axis, ...], tuple[Axis, ...], tuple[Drawn, ...]]:
+    """Return axes over numbers, over other keys of the scene, and those drawn from.
+
+    Args:
+        table: What stands in [axes].
+        scene: The scene's file.
+        source: The study's file, for messages.
+
+    Raises:
+        InputError: There is no such number or key, or its values cannot be used.
+    """
+    if not isinstance(table, dict):
+        raise InputError(f"{source}: [axes]: expected a table, got {shown(table)}")
+    numbers, words, drawn = [], [], []
+    for key, value in table.items():
+        where = f"{source}: [axes] {key}"
+        if not _is_number(key):
+            words.append(Axis(key, _words(key, value, scene, where)))
+        elif isinstance(value, dict) and "count" not in value:
+            drawn.append(Drawn(key, _prior(key, value, where)))
+        elif isinstance(value, dict):
+            numbers.append(Axis(key, _range(key, value, where)))
+        else:
+            numbers.append(Axis(key, _listed(key, value, where)))
+    return tuple(numbers), tuple(words), tuple(drawn)
+
+
+def _is_number(key: str) -> bool:
+    base = key.partition(".")[0]
+    return base in PARAMETERS or base == CLOCK_OFFSET
+
+
+def _listed(key: str, value: Any, where: str) -> tuple[float, ...]:
+    if not isinstance(value, list) or not value:
+        raise InputError(
+            f"{where}: expected a list of values, or a range such as "
+            f"{{ from = 1, to = 10, count = 5 }}, got {shown(value)}"
+        )
+    return tuple(_allowed(key, one, where) for one in value)
+
+
+def _allowed(key: str, value: Any, where: str) -> float:
+    """Return a value that the number may have."""
+    number, bounds = finite(value, where), parameter_named(key).bounds
+    if not bounds.allows(number):
+        raise InputError(
+            f"{where}: expected what is {bounds.words()}, got {shown(value)}"
+        )
+    return number
+
+
+def _ends(key: str, value: dict[str, Any], where: str) -> tuple[float, float, str]:
+    for name in value:
+        if name not in RANGE_KEYS:
+            raise InputError(
+                f"{where} {name}: unknown key{nearest(name, RANGE_KEYS)}; expected "
+                f"one of {', '.join(RANGE_KEYS)}"
+            )
+    low, high = (
+        _allowed(key, value.get(name), f"{where} {name}") for name in ("from", "to")
+    )
+    scale = value.get("scale", "linear")
+    if scale not in SCALES:
+        raise InputError(
+            f"{where} scale: expected one of {', '.join(SCALES)}, got {shown(scale)}"
+        )
+    if not low < high:
+        raise InputError(f"{where}: expected from < to, got {low:g} and {high:g}")
+    if scale == "log" and not low > 0:
+        raise InputError(f"{where} from: expected above 0 on a log scale, got {low:g}")
+    return low, high, scale
+
+
+def _prior(key: str, value: dict[str, Any], where: str) -> Prior:
+    low, high, scale = _ends(key, value, where)
+    return LogUniform(low, high) if scale == "log" else Uniform(low, high)
+
+
+def _range(key: str, value: dict[str, Any], where: str) -> tuple[float, ...]:
+    low, high, scale = _ends(key, value, where)
+    count = value["count"]
+    if isinstance(count, bool) or not isinstance(count, int):
+        raise InputError(f"{where} count: expected a whole number, got {shown(count)}")
+    if not 2 <= count <= MOST_VALUES:
+        raise InputError(
+            f"{where} count: expected from 2 to {MOST_VALUES:,}, got {count}"
+        )
+    spread = np.geomspace if scale == "log" else np.linspace
+    return tuple(float(one) for one in spread(low, high, count))
+
+
+def _words(key: str, value: Any, scene: dict[str, Any], where: str) -> tuple[Any, ...]:
+    """Return the values of a key of the scene's file that is no number by name."""
+    table, dot, _ = key.partition(".")
+    known = [*PARAMETERS, *scene]
+    if not dot or table not in scene:
+        raise InputError(
+            f"{where}: unknown axis{nearest(key, known)}; expected a number of the "
+            f"scene, one of {', '.join(PARAMETERS)}, or a key of one of its tables, as "
+            '"vehicle.model"'
+        )
+    if not isinstance(value, list) or not value:
+        raise InputError(f"{where}: expected a list of values, got {shown(value)}")
+    return tuple(value)
+
+
+def put(document: dict[str, Any], key: str, value: Any, where: str) -> None:
+    """Put a value into the tables of a scene's file.
+
+    Args:
+        document: The tables; changed.
+        key: As "vehicle.model"; of several tables of a kind the second word is the
+            name: "sensor.gate.position_m".
+        value: What is put there.
+        where: File and key, for messages.
+
+    Raises:
+        InputError: There is no such table.
+    """
+    *way, last = key.split(".")
+    at: Any = document
+    for step in way:
+        if isinstance(at, list):
+            named = [one for one in at if isinstance(one, dict)]
+            found = next((one for one in named if one.get("name") == step), None)
+        else:
+            found = at.get(step)
+        if not isinstance(found, dict | list):
+            names = [str(one.get("name")) for one in at] if isinstance(at, list) else at
+            raise InputError(
+                f"{where}: the scene has no {step}{nearest(step, names)}; expected one "
+                f"of {', '.join(names)}"
+            )
+        at = found
+    if isinstance(at, list):
+        for one in at:
+            one[last] = value
+    else:
+        at[last] = value

@@ -1,0 +1,523 @@
+"""Blasts along a flight, their effect on the vehicle, and the results of flights.
+
+An encounter is the arrival of a blast at the vehicle: its time, its place and the curve
+set of the blast, as given or by height of burst. The load follows from jblast's laws,
+from those of the thesis, or from a custom profile. The exposure of a vehicle is the
+peak overpressure, the peak acceleration by the blasts and the time within a fireball;
+under a custom profile the first and the last are not known. A batch of flights is
+summarised by quantiles over its draws and by the share of vehicles that neither crash
+nor are lost. A blast outside the range of its laws is reported: its load is finite, but
+not reliable.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.stats import binomtest
+
+from jblast.autopilot.estimator import Followed, Thrown
+from jblast.scene import Charge, Scene, VehicleSpec
+from jblast.sensors.camera.fireball import cloud
+from jblast.vehicle import (
+    STEP_S,
+    BlastLoad,
+    CodedLoad,
+    CustomProfile,
+    FlightMetrics,
+    PrintedLoad,
+    State,
+    Trajectory,
+    Vehicle,
+    blast_load,
+    coded_load,
+    printed_load,
+    vehicle_of,
+)
+from jblast.vehicle.from_scene import free_air_at
+from jblast.vehicle.loads.blast import over_alike
+from jblast.vehicle.loads.blast_wave import Blast
+from jblast.vehicle.loads.impulse_table import custom_profile
+from jblast.vehicle.metrics import THRESHOLDS
+from jblast.waves.fireball import fireball_duration
+from jblast.waves.height_of_burst import burst_notes, scaled_height
+from jblast.waves.paths import slant_range
+from jblast.waves.scaling import scaled_distance
+
+METRICS = (
+    "error_before_m",
+    "error_at_blast_m",
+    "error_after_m",
+    "peak_deviation_m",
+    "peak_time_s",
+    "recovery_time_s",
+)
+"""Numbers of a flight: those of `vehicle.FlightMetrics`, and one of `Flown`."""
+QUANTILES = (0.05, 0.5, 0.95)
+HOLD_WORDS = {
+    "with_integral": "with integral action",
+    "without_integral": "without integral action",
+    "cascade": "by a cascade as PX4's",
+    "observer": "with an observer",
+}
+TOLERANCE_M = 0.05
+WINDOW_S = 5e-5
+"""An acceleration is a mean over so long: a tenth of what a front takes to cross."""
+WINDOWS = np.arange(-20.0, 80.0)
+"""About an arrival."""
+ThesisLoad = PrintedLoad | CodedLoad
+FlightLoad = BlastLoad | CustomProfile | ThesisLoad
+LoadLaw = Literal["laws", "thesis-as-printed", "thesis-as-coded"]
+LOADS: Mapping[LoadLaw, Callable[[Scene], FlightLoad]] = {
+    "laws": blast_load,
+    "thesis-as-printed": printed_load,
+    "thesis-as-coded": coded_load,
+}
+"""By what the blasts push: jblast's own laws, or what the thesis makes of it."""
+
+
+class Exposure(NamedTuple):
+    """What a flight's blasts expose its vehicle to.
+
+    Attributes:
+        peak_overpressure_pa: Incident, of the strongest; NaN by a custom profile.
+        peak_acceleration_m_s2: By the blasts alone.
+        fireball_time_s: Within a fireball while it glows, to the distance of the
+            stored rows; NaN by a custom profile.
+    """
+
+    peak_overpressure_pa: Float[Array, "*batch"]
+    peak_acceleration_m_s2: Float[Array, "*batch"]
+    fireball_time_s: Float[Array, "*batch"]
+
+
+EXPOSURES = Exposure._fields
+
+
+class Encounter(NamedTuple):
+    """Blasts as they come to a vehicle; one in each place of the last axis.
+
+    Attributes:
+        arrival_s: On the scene's clock; infinite: it never happens.
+        distance_m: From the charge to the vehicle then.
+        scaled_distance: Sachs's [m/kg^(1/3)]; NaN by a custom profile.
+        overpressure_pa: At its peak, incident; NaN by all but jblast's own laws.
+        in_range: Whether the load is known there.
+    """
+
+    arrival_s: Float[Array, "*batch blast"]
+    distance_m: Float[Array, "*batch blast"]
+    scaled_distance: Float[Array, "*batch blast"]
+    overpressure_pa: Float[Array, "*batch blast"]
+    in_range: Bool[Array, "*batch blast"]
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What one controller made of it. Leading axes are the batch's.
+
+    Attributes:
+        metrics: From the first blast's arrival on.
+        encounter: How each blast came to it.
+        exposure: What they did to it beside moving it.
+        error_at_blast_m: Path error as the first blast comes.
+        lost: Whether a vehicle diverged.
+        trajectory: Of a single flight; None of a batch.
+        thrown: What the blasts did to its estimate; None: it flew by the truth.
+        followed: What a single flight estimated; None of a batch, or by the truth.
+    """
+
+    metrics: FlightMetrics
+    encounter: Encounter
+    exposure: Exposure
+    error_at_blast_m: Float[Array, "*batch"]
+    lost: Bool[Array, "*batch"]
+    trajectory: Trajectory | None
+    thrown: Thrown | None = None
+    followed: Followed | None = None
+
+
+def metric(flown: Flown, name: str) -> Float[np.ndarray, "*batch"]:
+    """Return one of `METRICS` or of `EXPOSURES`."""
+    owner = flown if name == "error_at_blast_m" else flown.metrics
+    return np.asarray(getattr(flown.exposure if name in EXPOSURES else owner, name))
+
+
+def quantiles(
+    values: Float[np.ndarray, " vehicle"], shares: tuple[float, ...] = QUANTILES
+) -> list[float]:
+    """Return quantiles, each one of the values, as some may be infinite.
+
+    What is NaN, as of a vehicle lost before its blast, is left out.
+    """
+    known = values[~np.isnan(values)]
+    if not known.size:
+        return [float("nan")] * len(shares)
+    return [float(np.quantile(known, s, method="inverted_cdf")) for s in shares]
+
+
+def flies_on(flown: Flown) -> Bool[np.ndarray, "*batch"]:
+    """Return who neither crashed nor was lost; no more is asked of them."""
+    return np.asarray(~flown.metrics.crashed)
+
+
+def past_threshold(
+    model: str, flown: Flown
+) -> dict[str, Bool[np.ndarray, "*batch"] | None]:
+    """Return who is past a threshold of its model, by exposure; None: not known."""
+    found: dict[str, Bool[np.ndarray, "*batch"] | None] = {}
+    for name in EXPOSURES:
+        limit, values = THRESHOLDS[model][name].value, metric(flown, name)
+        unknown = limit is None or np.isnan(values).all()
+        found[name] = None if unknown else np.asarray(values > limit)
+    return found
+
+
+def share_interval(flags: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
+    """Return the 90 % interval of a chance of which so many flags are known.
+
+    The exact one of a binomial share (Clopper and Pearson 1934).
+    """
+    found = binomtest(int(flags.sum()), flags.size).proportion_ci(0.90, method="exact")
+    return float(found.low), float(found.high)
+
+
+class Profile(NamedTuple):
+    """A custom profile, which takes the place of the laws.
+
+    Attributes:
+        cases: As `vehicle.read_custom_profile` returns them.
+        moment_point_m: From the point its moments are about to the centre of mass;
+            None: they are about that.
+    """
+
+    cases: Float[np.ndarray, "case 10"]
+    moment_point_m: Sequence[float] | None = None
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to fly.
+
+    Attributes:
+        seconds: Duration; None: from the blasts and the vehicle (`study.flights`).
+        step_s: Of the integrator.
+        integrator: "rk4" or "euler".
+        backend: As `vehicle.simulate` takes it.
+        tolerance_m: Of the path error, within which a vehicle has recovered.
+        profile: In place of the laws' load.
+        load: By which laws blasts push; "laws" are jblast's own.
+        estimator: By what a vehicle flies: "ekf", a filter of what its instruments
+            say; "": the truth.
+    """
+
+    seconds: float | None = None
+    step_s: float = STEP_S
+    integrator: str = "rk4"
+    backend: str = "auto"
+    tolerance_m: float = TOLERANCE_M
+    profile: Profile | None = None
+    load: LoadLaw = "laws"
+    estimator: str = ""
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Flights through the blasts of a scene.
+
+    Attributes:
+        vehicle: What the scene says of it.
+        options: How they were flown.
+        seconds: How long each was.
+        count: How many scenes were drawn; each was flown by each hold.
+        drawn: What was drawn, by name of `scene.PARAMETERS`.
+        blasts: Names of the charges; "" of one alone.
+        places_m: Of the charges, east, north, up.
+        wind_m_s: Towards east, north.
+        holds: By a name of `vehicle.CONTROLLERS`, in the order flown.
+        own: The scene's own hold; None where it does not say.
+        notes: What there is to say of the curves that the blasts were taken by.
+    """
+
+    vehicle: VehicleSpec
+    options: Options
+    seconds: float
+    count: int
+    drawn: dict[str, Float[np.ndarray, "*batch"]]
+    blasts: tuple[str, ...]
+    places_m: Float[np.ndarray, "*batch blast 3"]
+    wind_m_s: Float[np.ndarray, "*batch 2"]
+    holds: dict[str, Flown]
+    own: str | None
+    notes: tuple[str, ...] = ()
+
+
+def warnings_of(flights: Flights) -> list[str]:
+    """Return sentences on what the numbers do not tell by themselves."""
+    said = list(flights.notes)
+    encounter = next(iter(flights.holds.values())).encounter
+    outside = np.mean(~encounter.in_range.all(axis=-1))
+    if outside:
+        whose = (
+            "" if flights.count == 1 else f" of {100 * outside:.3g} % of the flights"
+        )
+        known = "laws hold" if flights.options.profile is None else "profile has cases"
+        said.append(
+            f"a blast{whose} comes from where no {known}: its load is finite, no more"
+        )
+    arrival = np.asarray(encounter.arrival_s)
+    never = np.isposinf(arrival).any(axis=-1)
+    if never.any():
+        said.append("a blast never happens: the time of its charge is infinite")
+    late = np.mean(((arrival > flights.seconds) & (arrival < np.inf)).any(axis=-1))
+    if late:
+        said.append("a blast comes after the end of the flight")
+    for name, flown in flights.holds.items():
+        away = np.mean(flown.error_at_blast_m > flights.options.tolerance_m)
+        if away:
+            whose = (
+                "" if flights.count == 1 else f" in {100 * away:.3g} % of the flights"
+            )
+            said.append(
+                f"{hold_words(name)}: outside the tolerance{whose} already as the "
+                "first blast comes; what start and wind did is in the numbers after it "
+                "(a later time_s of the charge leaves time to settle)"
+            )
+        lost = np.flatnonzero(flown.lost)
+        if lost.size:
+            which = ""
+            if flights.count > 1:
+                more = f" and {lost.size - 10} more" if lost.size > 10 else ""
+                which = f": {', '.join(map(str, lost[:10]))}{more}"
+            said.append(
+                f"{hold_words(name)}: lost {lost.size} of {flights.count}, whose "
+                f"numbers ran away{which}"
+            )
+    return said
+
+
+def target_of(vehicle: VehicleSpec) -> Float[np.ndarray, "3"]:
+    """Return the place a vehicle holds: east, north, up [m]."""
+    return np.asarray(vehicle.held)
+
+
+def trajectory_of(flights: Flights, name: str) -> Trajectory:
+    """Return the path of a single flight by one hold."""
+    trajectory = flights.holds[name].trajectory
+    assert trajectory is not None, "a batch keeps no trajectories"
+    return trajectory
+
+
+def hold_words(name: str) -> str:
+    """Return a controller in words."""
+    return HOLD_WORDS[name]
+
+
+def with_bursts_at_start(
+    scenes: Scene, vehicle: VehicleSpec
+) -> tuple[Scene, tuple[str, ...]]:
+    """Return scenes with the curve sets that hold where their vehicle starts.
+
+    All vehicles of a batch fly through waves of one set: the free-air curves where the
+    reflection from the ground comes after the positive phase for each, else the surface
+    curves, which are the stronger.
+
+    Args:
+        scenes: One, or many with a leading axis in every array.
+        vehicle: Where it starts.
+
+    Returns:
+        The scenes, and what there is to say of charges above the ground.
+    """
+    place = jnp.asarray(vehicle.position)[None, :]
+    charges, notes = [], []
+    for n, charge in enumerate(scenes.charges):
+        free, height = np.zeros(1, bool), np.zeros(1)
+        if np.any(np.asarray(charge.up) > 0.0):
+            free, height = (np.ravel(x) for x in _each(scenes, n, place))
+        if charge.burst is None:
+            burst = "free-air" if free.all() else "surface"
+            charge = replace(charge, burst=burst, by_height=True)
+        if height.max() > 0.0:
+            ends = float(height.min()), float(height.max())
+            notes += burst_notes(charge, ends, free, "vehicle")
+        charges.append(charge)
+    scenes = replace(scenes, charge=charges[0], others=tuple(charges[1:]))
+    return scenes, tuple(notes)
+
+
+def _each(scenes: Scene, n: int, place: Array) -> tuple[Array, Array]:
+    def one(scene: Scene) -> tuple[Array, Array]:
+        charge: Charge = scene.charges[n]
+        return free_air_at(scene, charge, place)[0], scaled_height(scene, charge)
+
+    one = eqx.filter_jit(one)
+    batched = jax.tree.leaves(scenes)[0].ndim > 0
+    return eqx.filter_vmap(one)(scenes) if batched else one(scenes)
+
+
+def exposed(
+    scene: Scene,
+    load: FlightLoad,
+    vehicle: Vehicle,
+    encounter: Encounter,
+    time_s: Float[Array, " time"],
+    states: State,
+) -> Exposure:
+    """Return the exposure of one flight.
+
+    A blast that comes after its end, or never, does nothing to it.
+
+    Args:
+        scene: Whose fireballs these are, as its camera sees them.
+        load: Of the blasts.
+        vehicle: The vehicle.
+        encounter: As `encounter_of` returns it.
+        time_s: Of the stored rows.
+        states: At these times.
+    """
+    felt = encounter.arrival_s <= time_s[-1]
+    arrival = jnp.where(felt, encounter.arrival_s, 0.0)
+
+    def accelerations(came: Float[Array, ""]) -> Float[Array, " window"]:
+        last = jnp.maximum(jnp.sum(time_s < came) - 1, 0)
+        state = jax.tree.map(lambda x: x[last], states)
+
+        def one(start: Float[Array, ""]) -> Float[Array, ""]:
+            push, _ = load.impulse(start, start + WINDOW_S, state, vehicle)
+            return jnp.linalg.norm(push) / (WINDOW_S * vehicle.mass_kg)
+
+        return jax.vmap(one)(came + WINDOW_S * WINDOWS)
+
+    greatest = jnp.max(jax.vmap(accelerations)(arrival), axis=-1)
+    return Exposure(
+        jnp.max(jnp.where(felt, encounter.overpressure_pa, 0.0)),
+        jnp.max(jnp.where(felt, greatest, 0.0)),
+        _in_fire(scene, load, time_s, states.position_m),
+    )
+
+
+def _in_fire(
+    scene: Scene,
+    load: FlightLoad,
+    time_s: Float[Array, " time"],
+    position_m: Float[Array, "time 3"],
+) -> Float[Array, ""]:
+    """Return how long a vehicle is within the fireball of any charge [s]."""
+    if isinstance(load, CustomProfile):
+        return jnp.full((), jnp.nan)
+
+    def burns_about(charge: Charge) -> Bool[Array, " time"]:
+        ball = jax.vmap(cloud, (None, None, 0))(scene, charge, time_s)
+        away = jnp.sum(jnp.square(position_m - ball.centre), axis=-1)
+        since = charge.since(time_s)
+        life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
+        return (since > 0) & (since < life) & (away < jnp.square(ball.radius))
+
+    unnamed = [replace(charge, name="") for charge in scene.charges]
+    inside = jnp.stack(over_alike(burns_about, unnamed)).any(axis=0)
+    return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))
+
+
+def load_of(scene: Scene, profile: Profile | None, by: LoadLaw = "laws") -> FlightLoad:
+    """Return the load of a scene's blasts, or of a profile in place of its one charge.
+
+    Args:
+        scene: What is there.
+        profile: In place of the laws; None: by these.
+        by: Which laws.
+
+    Raises:
+        InputError: As in `vehicle.blast_load` and `vehicle.custom_profile`.
+    """
+    if profile is None:
+        return LOADS[by](scene)
+    charge = scene.charge
+    load = custom_profile(
+        profile.cases,
+        (0.0, 0.0, 0.0),
+        moment_point_m=profile.moment_point_m,
+        vehicle=None if scene.vehicle is None else vehicle_of(scene.vehicle),
+    )
+    place = jnp.stack(charge.position_m)
+    return eqx.tree_at(
+        lambda p: (p.charge_m, p.time_s), load, (place, charge.time_s + 0 * load.time_s)
+    )
+
+
+def arrival_at(
+    load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
+) -> Float[Array, " blast"]:
+    """Return when the blasts come to a place [s]; infinite: never."""
+    if isinstance(load, CustomProfile):
+        return (load.time_s + load.impulse_at(position_m, quaternion)[2])[None]
+    return load.arrival_time_s(position_m)
+
+
+def encounter_at(
+    load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
+) -> Encounter:
+    """Return how the blasts come to a place."""
+    if isinstance(load, CustomProfile):
+        never = jnp.isposinf(load.time_s)
+        distance = slant_range(load.charge_m, position_m)
+        unknown = jnp.full((1,), jnp.nan)
+        return Encounter(
+            arrival_at(load, position_m, quaternion),
+            distance[None],
+            unknown,
+            unknown,
+            (load.in_range(position_m, quaternion) | never)[None],
+        )
+
+    if isinstance(load, ThesisLoad):
+        blasts = load.blasts
+        distance = blasts.distance_m(position_m)
+        unknown = jnp.full_like(distance, jnp.nan)
+        return Encounter(
+            arrival_at(load, position_m, quaternion),
+            distance,
+            scaled_distance(distance, blasts.mass_kg),
+            unknown,
+            distance > 0,
+        )
+
+    def met(blast: Blast) -> tuple[Array, ...]:
+        distance = slant_range(blast.position_m, position_m)
+        # a vehicle on the charge itself has a scaled distance too
+        positive = jnp.maximum(distance, 1e-9)
+        scaled = scaled_distance(positive, blast.mass_kg, load.pressure_pa)
+        return distance, scaled, load.wave_of(blast, position_m).peak, blast.never
+
+    found = zip(*over_alike(met, load.blasts), strict=True)
+    distances, scaled, peaks, never = map(jnp.stack, found)
+    return Encounter(
+        arrival_at(load, position_m, quaternion),
+        distances,
+        scaled,
+        peaks * load.pressure_pa,
+        # of one that never happens it is known that there is none
+        load.in_range(position_m) | never,
+    )
+
+
+def encounter_of(
+    load: FlightLoad,
+    time_s: Float[Array, " time"],
+    position_m: Float[Array, "time 3"],
+    quaternion: Float[Array, "time 4"],
+) -> Encounter:
+    """Return how the blasts come to a flight: to its last row before each.
+
+    A blast after the end of the flight is evaluated at its last row.
+    """
+    rows = jax.vmap(encounter_at, (None, 0, 0))(load, position_m, quaternion)
+    ahead = jnp.cumprod(time_s[:, None] < rows.arrival_s, axis=0)
+    last = jnp.maximum(jnp.sum(ahead, axis=0) - 1, 0)
+    blasts = jnp.arange(last.size)
+    return Encounter(*(values[last, blasts] for values in rows))

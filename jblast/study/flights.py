@@ -1,0 +1,593 @@
+"""A scene's vehicles with a position controller, flown through its blasts.
+
+One flight, or many drawn from the scene's priors. A flight begins at time 0 of the
+scene's clock, over level ground at height 0, in the scene's wind. Each vehicle flies
+once with each controller. Where none is named, these are the SE(3) controller with and
+without integral action: without it wind leaves a permanent offset, and the vehicle does
+not recover. Vehicles with instruments are controlled by an estimate of their state.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, UInt
+
+from jblast.autopilot.estimator import (
+    EstimatedControl,
+    Followed,
+    Thrown,
+    followed,
+    thrown,
+)
+from jblast.autopilot.lockstep import suite_of
+from jblast.errors import InputError
+from jblast.kept_programs import kept
+from jblast.progress import counted
+from jblast.scene import (
+    Place,
+    Scene,
+    UncertainScene,
+    VehicleSpec,
+    draw_scene,
+    parameter_named,
+)
+from jblast.scene.uncertain import leaf_of
+from jblast.sensors.flight_sensors import Barometer
+from jblast.study.flight_results import (
+    FlightLoad,
+    Flights,
+    Flown,
+    Options,
+    arrival_at,
+    encounter_of,
+    exposed,
+    load_of,
+    with_bursts_at_start,
+)
+from jblast.vehicle import (
+    Controller,
+    Each,
+    State,
+    StepGust,
+    Trajectory,
+    controller_of,
+    flight_metrics,
+    hold_of,
+    path_error,
+    simulate,
+    start_of,
+    vehicle_of,
+)
+from jblast.vehicle.quadrotor import in_precision
+
+GROUND_UP_M = 0.0
+CHUNK = {"cpu": 2048, "gpu": 16_384}
+"""Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
+_encounter = kept(encounter_of)
+_encounter_each = eqx.filter_jit(jax.vmap(encounter_of, (0, None, 0, 0)))
+_exposed = kept(exposed)
+_exposed_each = eqx.filter_jit(
+    eqx.filter_vmap(exposed, in_axes=(0, 0, None, 0, None, 0))
+)
+followed_along = kept(followed)
+thrown_of = kept(thrown)
+AFTER_S = 5.0
+"""Seconds after the last arrival where nothing is said."""
+MOST_STEPS = 4_000_000
+"""Steps of a flight: half an hour at the default step."""
+ROWS = 20_000
+"""Stored of a single flight."""
+BATCH_ROWS = 500
+"""Stored of each flight of a batch."""
+ROW_S = 0.02
+"""Most time between two rows, however long the flight: peaks are of a tenth of a second
+and more."""
+MOST_VEHICLES = 10_000_000
+BOTH_HOLDS = ("with_integral", "without_integral")
+"""Flown where nothing is said."""
+
+
+def fly(
+    uncertain: UncertainScene,
+    options: Options | None = None,
+    *,
+    vehicles: int = 1,
+    seed: int = 0,
+    controllers: Sequence[str] | None = None,
+) -> Flights:
+    """Fly a scene's vehicle through its blasts.
+
+    Args:
+        uncertain: The scene; what has a prior is drawn from it.
+        options: How to fly; None: the defaults.
+        vehicles: How many scenes are drawn.
+        seed: Of the draws.
+        controllers: Names of `vehicle.CONTROLLERS`, or "hold" for the SE(3) hold as the
+            scene has it; None: that with integral action and without, the scene's own
+            first.
+
+    Returns:
+        The flights by controller: how far each vehicle was thrown, when it had
+        recovered, which crashed.
+
+    Raises:
+        InputError: The scene cannot be flown, a number cannot be drawn, or an option
+            cannot be used.
+
+    Example:
+        `flights = jblast.fly(jblast.read_scene("scene.toml"), vehicles=100)`
+    """
+    options = Options() if options is None else options
+    vehicle = checked_scene(uncertain, vehicles, options.profile is not None)
+    scenes = drawn_scenes(uncertain, vehicles, seed)
+    notes = ()
+    if options.profile is None:
+        scenes, notes = with_bursts_at_start(scenes, vehicle)
+    seconds = flight_seconds(scenes, vehicle, uncertain.source, options)
+    own = None if vehicle.integral is None else BOTH_HOLDS[not vehicle.integral]
+    names = named_controllers(controllers, own)
+    for name in names:
+        controller_of(vehicle, name)  # or a name that is none ends it at once
+    flown: dict[str, list[Flown]] = {name: [] for name in names}
+    most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
+    rows = rows_stored(seconds, vehicles, options)
+    if rows > BATCH_ROWS:
+        most = max(1, most * BATCH_ROWS // rows)
+    chunks = math.ceil(vehicles / most)
+    size = math.ceil(vehicles / chunks)
+    through = counted(vehicles, "vehicles")
+    for n in range(chunks):
+        # the last chunk is filled up: another size would compile everything anew
+        lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
+        some = scenes if vehicles == 1 else lanes_of(scenes, lanes)
+        carried = {}
+        if options.estimator:
+            drawn = lanes if vehicles > 1 else lanes[0]
+            instruments = instruments_of(uncertain.place, seed, drawn, options.step_s)
+            carried = {"instruments": instruments}
+        for nth, name in enumerate(names, start=1):
+            flown[name].append(
+                flown_by(some, vehicle, name, seconds, vehicles, options, **carried)
+            )
+            here = min(size, vehicles - n * size)
+            through(n * size + nth / len(names) * here)
+    charges = scenes.charges
+    return Flights(
+        vehicle=vehicle,
+        options=options,
+        seconds=seconds,
+        count=vehicles,
+        drawn=drawn_values(uncertain, scenes),
+        blasts=tuple(charge.name for charge in charges),
+        places_m=np.stack([np.stack(c.position_m, axis=-1) for c in charges], axis=-2),
+        wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
+        holds={name: joined(parts, vehicles) for name, parts in flown.items()},
+        own=own if own in names else None,
+        notes=notes,
+    )
+
+
+class Instruments(NamedTuple):
+    """What vehicles fly by.
+
+    Attributes:
+        place: Where the origin lies, whose field they feel; None: PX4's home.
+        seeds: Of each vehicle's draws.
+    """
+
+    place: Place | None
+    seeds: UInt[Array, "*batch"]
+
+
+def flown_by(
+    scenes: Scene,
+    spec: VehicleSpec,
+    hold: str,
+    seconds: float,
+    vehicles: int,
+    options: Options,
+    instruments: Instruments | None = None,
+) -> Flown:
+    """Fly some vehicles with one controller.
+
+    Args:
+        scenes: One, or several with a leading axis in every array.
+        spec: The vehicle.
+        hold: A name of `vehicle.CONTROLLERS`.
+        seconds: How long each flight is.
+        vehicles: How many are flown in all: of one alone every row is kept.
+        options: How to fly.
+        instruments: Of the vehicles, where they fly by what these say.
+    """
+    single = vehicles == 1
+    control = controller_of(spec, hold)
+    start, load = start_of(spec), _load(scenes, options, single)
+    flier: Any = control
+    if options.estimator:
+        assert instruments is not None
+        flier = by_instruments(
+            control, scenes, start, load, instruments, 1 / options.step_s
+        )
+    wind = StepGust(steady_wind(scenes), 0 * scenes.air.wind_east)
+    if not single:
+        count = scenes.air.wind_east.shape
+        start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
+    if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
+        start = in_precision(start, np.dtype("float32"))
+    steps = math.ceil(seconds / options.step_s)
+    trajectory = simulate(
+        vehicle_of(spec),
+        start,
+        duration_s=seconds,
+        step_s=options.step_s,
+        integrator=options.integrator,
+        control=flier if single or flier is control else Each(flier),
+        wind=wind if single else Each(wind),
+        loads=(load if single else Each(load),),
+        ground_up_m=GROUND_UP_M,
+        store_every=math.ceil(steps / rows_stored(seconds, vehicles, options)),
+        backend=options.backend,
+    )
+    trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
+    places = trajectory.position_m, trajectory.quaternion
+    encounter = (_encounter if single else _encounter_each)(
+        load, trajectory.time_s, *places
+    )
+    first = encounter.arrival_s.min(axis=-1)
+    metrics = flight_metrics(
+        trajectory,
+        control.target_m,
+        first,
+        tolerance_m=options.tolerance_m,
+        ground_up_m=GROUND_UP_M,
+    )
+    error = path_error(trajectory, control.target_m)
+    times = jnp.broadcast_to(trajectory.time_s, error.shape)
+    last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
+    before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
+    exposure = (_exposed if single else _exposed_each)(
+        unwatched(scenes),
+        load,
+        vehicle_of(spec),
+        encounter,
+        trajectory.time_s,
+        trajectory.states,
+    )
+    found = Flown(
+        metrics,
+        encounter,
+        exposure,
+        before,
+        trajectory.lost,
+        trajectory if single else None,
+    )
+    if flier is control:
+        return found
+    thrown, estimated = thrown_by_blasts(
+        flier, trajectory, encounter.arrival_s, options.step_s
+    )
+    return replace(found, thrown=thrown, followed=estimated if single else None)
+
+
+def _load(scenes: Scene, options: Options, single: bool) -> FlightLoad:
+    if single:
+        return load_of(scenes, options.profile, options.load)
+    each = eqx.filter_vmap(lambda one: load_of(one, options.profile, options.load))
+    return each(scenes)
+
+
+def steady_wind(scenes: Scene) -> Float[Array, "*batch 3"]:
+    """Return the velocity of a scene's air: east, north, up [m/s]."""
+    air = scenes.air
+    return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east], axis=-1)
+
+
+def unwatched(scenes: Scene) -> Scene:
+    """Leave out who looks on: one program whoever it is and what charges are called."""
+    first, *others = (replace(charge, name="") for charge in scenes.charges)
+    nobody: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
+    nobody |= {"vehicle": None, "ambient": None, "law": ()}
+    return replace(scenes, charge=first, others=tuple(others), **nobody)
+
+
+def lanes_of(scenes: Scene, lanes: Int[np.ndarray, " lane"]) -> Scene:
+    """Return some of a batch of scenes."""
+    return jax.tree.map(lambda x: x[lanes], scenes)
+
+
+def joined(parts: list[Flown], vehicles: int) -> Flown:
+    """Put chunks together, without what filled up the last.
+
+    Args:
+        parts: What became of each chunk.
+        vehicles: How many there are.
+    """
+    if vehicles == 1:
+        return parts[0]
+
+    def whole(*chunks: Array) -> Array:
+        return jnp.concatenate(chunks)[:vehicles]
+
+    return Flown(
+        jax.tree.map(whole, *(part.metrics for part in parts)),
+        jax.tree.map(whole, *(part.encounter for part in parts)),
+        jax.tree.map(whole, *(part.exposure for part in parts)),
+        whole(*(part.error_at_blast_m for part in parts)),
+        whole(*(part.lost for part in parts)),
+        None,
+        jax.tree.map(whole, *(part.thrown for part in parts)),
+    )
+
+
+def instruments_of(
+    place: Place | None,
+    seed: int,
+    lanes: Int[np.ndarray, "*batch"] | np.integer,
+    step_s: float,
+) -> Instruments:
+    """Return what vehicles fly by.
+
+    Args:
+        place: Where the origin lies, if the scene says.
+        seed: Of all draws.
+        lanes: Numbers of the vehicles.
+        step_s: Between two samples of the inertial unit.
+
+    Raises:
+        InputError: That is longer than between two of the barometer.
+    """
+    longest = 1 / Barometer().rate
+    if step_s > longest * (1 + 1e-9):
+        raise InputError(
+            f"step: expected at most {longest:g} s where a vehicle flies by its "
+            f"instruments, the time between two samples of its barometer, got "
+            f"{step_s:g} s"
+        )
+    # a prime past the vehicles of any batch that is looked at one by one
+    seeds = (seed * 1_000_003 + np.asarray(lanes, np.int64)) % 2**32
+    return Instruments(place, jnp.asarray(seeds, jnp.uint32))
+
+
+def by_instruments(
+    control: Controller,
+    scenes: Scene,
+    start: State,
+    load: FlightLoad,
+    instruments: Instruments,
+    rate: float,
+) -> EstimatedControl:
+    """Return who flies by an estimate, for one vehicle or each of a batch.
+
+    Args:
+        control: Who flies.
+        scenes: One, or several with a leading axis in every array.
+        start: Of each vehicle.
+        load: Of the blasts; with the scenes' axis.
+        instruments: Of the vehicles.
+        rate: Of the controller's turns [Hz].
+    """
+
+    def one(scene: Scene, load: FlightLoad, seed: Array) -> EstimatedControl:
+        suite = suite_of(scene, instruments.place, load, rate)
+        return EstimatedControl(control, suite, start, seed)
+
+    seeds = instruments.seeds
+    if not seeds.ndim:
+        return one(scenes, load, seeds)
+    return eqx.filter_vmap(one)(scenes, load, seeds)
+
+
+def thrown_by_blasts(
+    control: EstimatedControl, trajectory: Trajectory, arrival_s: Array, step_s: float
+) -> tuple[Thrown, Followed | None]:
+    """Return what blasts did to the estimates, and the estimate of one flight.
+
+    Args:
+        control: Of the flights.
+        trajectory: All their rows.
+        arrival_s: Of the blasts at each vehicle.
+        step_s: Between two rows.
+    """
+    period = jnp.asarray(step_s, float)
+    if arrival_s.ndim == 1:
+        estimate = followed_along(control, trajectory, period)
+        return thrown_of(estimate, trajectory.time_s, arrival_s), estimate
+    rows = eqx.tree_at(
+        lambda flight: flight.time_s, jax.tree.map(lambda x: 0, trajectory), None
+    )
+    several = eqx.filter_jit(
+        eqx.filter_vmap(_thrown_of, in_axes=(eqx.if_array(0), rows, 0, None))
+    )
+    return several(control, trajectory, arrival_s, period), None
+
+
+def _thrown_of(
+    control: EstimatedControl, flight: Trajectory, arrival_s: Array, period_s: Array
+) -> Thrown:
+    return thrown(followed(control, flight, period_s), flight.time_s, arrival_s)
+
+
+def flight_seconds(
+    scenes: Scene, vehicle: VehicleSpec, source: str, options: Options
+) -> float:
+    """Return how long each flight is: until 5 s after the last blast, in tenths.
+
+    Args:
+        scenes: One, or a batch.
+        vehicle: Whose start and target the blasts come to.
+        source: The scene's file, for the messages.
+        options: How to fly.
+
+    Raises:
+        InputError: A time cannot be used, a blast comes before the flight begins, or
+            no blast before it ends.
+    """
+    for name, value in (
+        ("seconds", options.seconds),
+        ("step", options.step_s),
+        ("tolerance", options.tolerance_m),
+    ):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name}: expected a positive number, got {value:g}")
+    turned = start_of(vehicle).quaternion
+    target = hold_of(vehicle, integral=False).target_m
+    places = jnp.stack([vehicle.position, target])
+
+    def arrivals(scene: Scene):
+        load = load_of(scene, options.profile)
+        return _arrivals(load, places, turned)
+
+    batch = scenes.air.wind_east.ndim > 0
+    came = np.asarray((eqx.filter_vmap(arrivals) if batch else arrivals)(scenes))
+    source = source or "scene"
+    if np.isposinf(came).all(axis=-1).any():
+        raise InputError(
+            f"{source}: [charge] time_s: expected a blast that comes to the vehicle, "
+            "got none: every charge's time is inf, which is never"
+        )
+    if not came.min() >= 0:
+        raise InputError(
+            f"{source}: [charge] time_s: expected blasts that come to the vehicle "
+            f"after its flight begins, at 0 s, got one at {came.min():.4g} s"
+        )
+    seconds = options.seconds
+    if seconds is None:
+        last = came.max(where=came < np.inf, initial=0.0)
+        seconds = math.ceil(10 * (last + AFTER_S)) / 10
+    first = came.min(axis=-1).max()
+    if seconds <= first:
+        raise InputError(
+            f"seconds: expected more than {first:.4g} s, when the"
+            f"{' latest' if batch else ''} first blast comes to the vehicle, "
+            f"got {seconds:g} s"
+        )
+    if seconds / options.step_s > MOST_STEPS:
+        raise InputError(
+            f"seconds: expected at most {MOST_STEPS * options.step_s:g} s in steps of "
+            f"{options.step_s:g} s, got {seconds:g} s"
+        )
+    return seconds
+
+
+@kept
+def _arrivals(
+    load: FlightLoad, places: Float[Array, "place 3"], turned: Float[Array, "4"]
+) -> Float[Array, "place blast"]:
+    return jax.vmap(lambda place: arrival_at(load, place, turned))(places)
+
+
+def rows_stored(seconds: float, vehicles: int, options: Options | None = None) -> int:
+    """Return how many rows of each flight are stored at most; an estimator's, all."""
+    if options is not None and options.estimator:
+        return math.ceil(seconds / options.step_s)
+    return max(ROWS if vehicles == 1 else BATCH_ROWS, math.ceil(seconds / ROW_S))
+
+
+def checked_scene(
+    uncertain: UncertainScene, vehicles: int, by_profile: bool
+) -> VehicleSpec:
+    """Return the vehicle of a scene that can be flown.
+
+    Args:
+        uncertain: The scene.
+        vehicles: How many are to fly.
+        by_profile: Whether a custom profile takes the place of the laws.
+
+    Raises:
+        InputError: It has no vehicle, a charge without a place, a place below ground,
+            several charges for one profile, or no prior to draw several from.
+    """
+    scene, source = uncertain.scene, uncertain.source or "scene"
+    if scene.vehicle is None:
+        raise InputError(
+            f"{source}: [vehicle]: expected a vehicle with its model and position_m, "
+            "got none"
+        )
+    if not 1 <= vehicles <= MOST_VEHICLES:
+        raise InputError(
+            f"vehicles: expected a whole number from 1 to {MOST_VEHICLES:,}, "
+            f"got {vehicles}"
+        )
+    if any(charge.range_m is not None for charge in scene.charges):
+        raise InputError(
+            f"{source}: [charge] range_m: expected position_m, from which the "
+            "vehicle's own distance follows, got a range"
+        )
+    if by_profile and scene.others:
+        raise InputError(
+            f"{source}: [[charge]]: expected one charge for a custom profile, got "
+            f"{len(scene.charges)}"
+        )
+    spec = scene.vehicle
+    for key, place in (
+        ("position_m", spec.position),
+        ("control target_m", spec.target),
+    ):
+        if place is not None and float(place[2]) < 0:
+            raise InputError(
+                f"{source}: [vehicle] {key}: expected a place at or above the ground, "
+                f"up 0 m, got {float(place[2]):g} m"
+            )
+    if vehicles > 1 and not uncertain.beliefs:
+        raise InputError(
+            f"{source}: expected a number with a prior to draw {vehicles} scenes from, "
+            "got none: all vehicles would fly alike"
+        )
+    return spec
+
+
+def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
+    """Draw scenes; several have a leading axis in every array.
+
+    Raises:
+        InputError: A number is free, or one was drawn that cannot be.
+    """
+    key = jax.random.key(seed)
+    if vehicles == 1:
+        scenes = draw_scene(key, uncertain)
+    else:
+        keys = jax.random.split(key, vehicles)
+        scenes = eqx.filter_vmap(lambda key: draw_scene(key, uncertain))(keys)
+    for name, values in drawn_values(uncertain, scenes).items():
+        bounds = parameter_named(name).bounds
+        refused = [v for v in values.ravel() if not bounds.allows(float(v))]
+        if refused:
+            raise InputError(
+                f"{uncertain.source or 'scene'}: seed {seed} draws {name} "
+                f"{refused[0]:g}, one of {len(refused)} such of {values.size}; "
+                f"expected a prior of what is {bounds.words()}"
+            )
+    return scenes
+
+
+def drawn_values(
+    uncertain: UncertainScene, scenes: Scene
+) -> dict[str, Float[np.ndarray, "..."]]:
+    """Return what was drawn, by name."""
+    return {name: np.asarray(leaf_of(scenes, name)) for name in uncertain.beliefs}
+
+
+def named_controllers(
+    controllers: Sequence[str] | None, own: str | None
+) -> tuple[str, ...]:
+    """Return the controllers to fly, each once.
+
+    Args:
+        controllers: Those asked for; None: both holds.
+        own: The scene's own hold; None where it does not say.
+
+    Raises:
+        InputError: An empty list is asked for.
+    """
+    if controllers is None:
+        return BOTH_HOLDS[::-1] if own == BOTH_HOLDS[1] else BOTH_HOLDS
+    if not controllers:
+        raise InputError("controllers: expected one or more, got none")
+    hold = BOTH_HOLDS[0] if own is None else own
+    return tuple(dict.fromkeys(hold if x == "hold" else x for x in controllers))

@@ -1,1 +1,0 @@
-"""A scene's vehicles flown through its blasts, one or many."""

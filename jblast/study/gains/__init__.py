@@ -1,1 +1,0 @@
-"""Gains of a position hold tuned by gradient through a scene's blasts."""

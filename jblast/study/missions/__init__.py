@@ -1,1 +1,0 @@
-"""A scene's vehicle on its mission through blasts."""

@@ -1,0 +1,212 @@
+"""Tiles of a study shared among the workers of a Dask cluster.
+
+A task is the number of a tile and the path of the store: its worker reads the study
+from the store, calculates the tile and writes the chunks itself, each completely or not
+at all. So a task that is done twice, for example after a lost connection, writes the
+same bytes again, and a lost task is done by another worker. Only the completion of the
+tile is returned. All workers must see the store under the same path.
+"""
+
+import contextlib
+import functools
+import itertools
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import jax
+
+import jblast
+from jblast.errors import InputError, needed
+from jblast.study.engine.store import Store, open_store
+from jblast.study.engine.summary import SummaryStore
+from jblast.study.file import sha256_of, study_from_text
+from jblast.study.sampling.run import opened_summary, scenes_of
+from jblast.study.sampling.work import Reduced, Work
+
+EXTRA, WHAT = "cluster", "work is shared among processes"
+RETRIES = 5
+"""Of a task whose worker died."""
+AHEAD = 3
+"""Tasks of a worker that are handed out before their turn."""
+CONNECT_S = 10.0
+Task = Callable[[str, int], str]
+"""From the store and the number of a tile to the version that wrote it."""
+
+
+def write_tile(path: str, tile: int) -> str:
+    """Calculate a tile of a store and write it, unless it is there.
+
+    Args:
+        path: The store.
+        tile: Its number.
+
+    Returns:
+        The version of jblast that this is; of another than the store's nothing is
+        written.
+    """
+    stamp = (Path(path) / "zarr.json").stat().st_mtime_ns
+    store, work = _opened(path, stamp)
+    if store.attributes["jblast"] == jblast.__version__ and tile not in store.done():
+        store.write_tile(tile, work.tile(tile))
+    return jblast.__version__
+
+
+def write_summary(path: str, tile: int) -> str:
+    """Calculate the statistics of a tile and write them; likewise."""
+    stamp = (Path(path) / "zarr.json").stat().st_mtime_ns
+    store = _opened(path, stamp)[0]
+    if store.attributes["jblast"] == jblast.__version__:
+        summary, reduced = _summary(path, stamp)
+        if tile not in summary.done():
+            summary.write(tile, reduced.states(tile))
+    return jblast.__version__
+
+
+@functools.lru_cache(maxsize=2)
+def _summary(path: str, stamp: int) -> tuple[SummaryStore, Reduced]:
+    """Return the statistics of a store and what adds to them, made ready once."""
+    return opened_summary(*_opened(path, stamp))
+
+
+@functools.lru_cache(maxsize=2)
+def _opened(path: str, stamp: int) -> tuple[Store, Work]:
+    """Return a store and what calculates it, made ready once.
+
+    Raises:
+        InputError: This process does not see the store, or would count otherwise.
+    """
+    del stamp  # another of the same name
+    jax.config.update("jax_enable_x64", True)
+    store = open_store(path)
+    if store is None:
+        raise InputError(f"{path}: a worker sees no such store; expected the same path")
+    said = store.attributes
+    study = study_from_text(
+        said["study"], scenes_of(said), allow_code=said["allow_code"]
+    )
+    assert sha256_of(study.text) == said["study_sha256"]
+    work = Work(study)
+    work.cut_as(store.tile)
+    return store, work
+
+
+@contextlib.contextmanager
+def client_of(address: str) -> Iterator[Any]:
+    """Give a client of a scheduler.
+
+    Raises:
+        InputError: Dask is not installed, or the scheduler does not answer.
+    """
+    distributed = needed("distributed", EXTRA, address, WHAT)
+    try:
+        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"scheduler: expected one that answers at {address}, got "
+            f"{' '.join(str(error).split()) or type(error).__name__}"
+        ) from None
+    with client:
+        yield client
+
+
+@contextlib.contextmanager
+def workers_here(count: int) -> Iterator[Any]:
+    """Give a client of so many worker processes on this machine.
+
+    Each has its share of the cores, as many CPU devices of JAX, and one task at a time.
+    It is held to its cores, or XLA would have threads in each worker for all of them.
+
+    Raises:
+        InputError: Dask is not installed, or no worker is asked for.
+    """
+    distributed = needed("distributed", EXTRA, f"{count} workers", WHAT)
+    if count < 1:
+        raise InputError(f"workers: expected a whole number from 1, got {count}")
+    cluster = distributed.LocalCluster(
+        n_workers=count,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        env=environment(max(1, (os.cpu_count() or 1) // count)),
+        silence_logs=50,
+    )
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        for nth, worker in enumerate(client.scheduler_info(n_workers=-1)["workers"]):
+            client.run(hold_to_cores, nth, count, workers=[worker])
+        yield client
+
+
+def hold_to_cores(nth: int, count: int) -> None:
+    """Have all threads of this process run on their share of the cores, if they may.
+
+    Args:
+        nth: Which worker this is, from 0.
+        count: How many there are.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    share = max(1, len(cores) // count)
+    begin = nth * share % len(cores)
+    for thread in os.listdir("/proc/self/task"):
+        os.sched_setaffinity(int(thread), cores[begin : begin + share])
+
+
+def environment(cores: int) -> dict[str, str]:
+    """Return what a worker of a CPU is started with.
+
+    Args:
+        cores: Of the machine that it may use.
+    """
+    return {
+        "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu"),
+        "JAX_NUM_CPU_DEVICES": str(cores),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "XLA_FLAGS": os.environ.get("XLA_FLAGS", ""),
+    }
+
+
+def shared(
+    client: Any, task: Task, store: str, tiles: list[int], version: str
+) -> Iterator[int]:
+    """Have tiles calculated and written; give each number as it is done.
+
+    Args:
+        client: Of a cluster.
+        task: What a worker does.
+        store: The store's folder, as every worker sees it.
+        tiles: Which tiles.
+        version: What each worker has to be.
+
+    Raises:
+        InputError: There is no worker, or one is of another version.
+    """
+    from distributed import as_completed
+
+    there = client.scheduler_info(n_workers=-1)["workers"]
+    if not there:
+        raise InputError("scheduler: expected at least one worker, got none")
+    left = iter(tiles)
+    most = AHEAD * len(there)
+
+    def begun(tile: int) -> Any:
+        return client.submit(task, store, tile, pure=False, retries=RETRIES)
+
+    futures = {begun(tile): tile for tile in itertools.islice(left, most)}
+    waiting = as_completed(list(futures), loop=client.loop)
+    for future in waiting:
+        found = future.result()
+        if found != version:
+            raise InputError(
+                f"workers: expected jblast {version}, as here, got {found}"
+            )
+        yield futures.pop(future)
+        for tile in left:
+            new = begun(tile)
+            futures[new] = tile
+            waiting.add(new)
+            break

@@ -1,0 +1,386 @@
+r"""Contributions of inputs to an outcome's scatter: Sobol' indices and elasticities.
+
+The first-order index of an input is the share of the variance that it explains alone,
+the total index that of all terms in which it takes part (Sobol' 1993; Homma and
+Saltelli 1996); they differ where inputs interact. Both are bootstrapped. For a function
+that can be called again they follow from the pairs of matrices of Saltelli et al.
+(2010), by SciPy.
+
+For existing samples they follow from an expansion of the outcome in orthonormal
+polynomials. Each input is replaced by its rank, as a uniform or a normal score,
+whichever fits better, so that no prior is needed. From the coefficients $c_\alpha$ of
+the products $\prod_i P_{\alpha_i}$ the variance due to input $i$ follows directly
+(Sudret 2008): alone it is $\sum c_\alpha^2$ over the terms of $i$ only, in total over
+all terms with $i$. The degree is chosen by leave-one-out cross-validation (Blatman and
+Sudret 2010), in closed form.
+
+An elasticity is the change of an outcome in per cent for 1 % of an input.
+"""
+
+import itertools
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from numpy.polynomial import hermite_e, legendre
+from scipy.linalg import solve_triangular
+from scipy.special import factorial, ndtri
+
+from jblast.study.statistics import LEVEL
+
+RESAMPLES = 200
+GROUPS = 100
+MOST_ROWS = 4000
+"""Samples that an expansion is fitted to; of more, so many evenly chosen."""
+LEAST_ROWS = 30
+FAR = 0.1
+"""Of first and total index, or of shares by slope and by variance: more is told."""
+DEGREES = range(1, 11)
+ROWS_A_TERM = 5
+"""Samples to a coefficient, at least."""
+MOST_TERMS = 200
+PATIENCE = 3
+"""Degrees that are no better, after which none higher is tried."""
+FAMILIES = ("hermite", "legendre")
+
+
+def elasticities(
+    outcome: Callable[[Mapping[str, Float[Array, ""]]], Float[Array, ""]],
+    numbers: Mapping[str, float],
+) -> dict[str, float]:
+    r"""Return $\partial\ln|y|/\partial\ln|x|$ of each number, by `jax.grad`.
+
+    Args:
+        outcome: From numbers by name to one value.
+        numbers: Where the slopes are taken; each not zero.
+
+    Returns:
+        By name; NaN where the outcome or a number is zero.
+    """
+    point = {name: jnp.asarray(value, float) for name, value in numbers.items()}
+    value, slopes = jax.jit(jax.value_and_grad(outcome))(point)
+    y = float(value)
+    return {
+        name: float(slopes[name]) * numbers[name] / y
+        if y and numbers[name]
+        else float("nan")
+        for name in numbers
+    }
+
+
+def fitted_slopes(
+    inputs: Mapping[str, Float[np.ndarray, " sample"]],
+    values: Float[np.ndarray, " sample"],
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return elasticities, and shares of the variance, of a plane through samples.
+
+    What a store alone tells of slopes: the plane of least squares through the tenth of
+    the samples nearest to the middle, in units of standard deviations.
+
+    Returns:
+        By name the elasticity at the medians, NaN about zero; and the share that the
+        number would have of the variance, were the outcome straight everywhere.
+    """
+    names = [name for name, of in inputs.items() if np.ptp(of) > 0]
+    good = np.isfinite(values)
+    matrix = np.column_stack([np.asarray(inputs[name])[good] for name in names])
+    y = np.asarray(values, float)[good]
+    middle, sd = np.median(matrix, axis=0), matrix.std(axis=0)
+    scores = (matrix - middle) / sd
+    away = np.sum(scores**2, axis=1)
+    count = min(len(y), max(len(y) // 10, 10 * (len(names) + 1)))
+    near = np.argpartition(away, count - 1)[:count]
+    plane = np.column_stack([np.ones(count), scores[near]])
+    found = np.linalg.lstsq(plane, y[near], rcond=None)[0]
+    squares = found[1:] ** 2
+    shares = squares / squares.sum() if squares.sum() > 0 else squares
+    with np.errstate(divide="ignore", invalid="ignore"):
+        elastic = np.where(
+            (found[0] != 0) & (middle != 0), found[1:] / sd * middle / found[0], np.nan
+        )
+    return (
+        dict(zip(names, map(float, elastic), strict=True)),
+        dict(zip(names, map(float, shares), strict=True)),
+    )
+
+
+class SobolIndices(NamedTuple):
+    """Of one outcome; each interval holds 90 %.
+
+    Attributes:
+        names: Of the drawn numbers.
+        first: Share of the variance that each explains alone.
+        first_interval: Its lower and upper end.
+        total: Share of all terms that each takes part in.
+        total_interval: Its lower and upper end.
+        explained: Share of the variance of new samples that the method accounts for;
+            the rest is noise that no drawn number makes, or steps too sharp for it.
+        method: How they were found, in words.
+        rows: Samples they were found from.
+    """
+
+    names: tuple[str, ...]
+    first: Float[np.ndarray, " input"]
+    first_interval: Float[np.ndarray, "2 input"]
+    total: Float[np.ndarray, " input"]
+    total_interval: Float[np.ndarray, "2 input"]
+    explained: float
+    method: str
+    rows: int
+
+
+def indices_from_samples(
+    inputs: Mapping[str, Float[np.ndarray, " sample"]],
+    values: Float[np.ndarray, " sample"],
+    *,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+) -> SobolIndices | None:
+    """Return the indices of samples as they are; None where they do not tell any.
+
+    Args:
+        inputs: What was drawn, independently, by name; what does not vary is left out.
+        values: The outcome; samples of which it is not finite are left out.
+        resamples: Of the bootstrap.
+        seed: Of it.
+    """
+    names = [name for name, of in inputs.items() if np.ptp(of) > 0]
+    good = np.isfinite(values)
+    values = np.asarray(values, float)[good]
+    if len(values) < max(LEAST_ROWS, 3 * len(names)) or not names or not np.ptp(values):
+        return None
+    matrix = np.column_stack([np.asarray(inputs[name])[good] for name in names])
+    if len(values) > MOST_ROWS:
+        chosen = np.linspace(0, len(values) - 1, MOST_ROWS).astype(int)
+        matrix, values = matrix[chosen], values[chosen]
+    scaled = (values - values.mean()) / values.std()
+    fitted = expansion_of(matrix, scaled)
+    first, total = shares_of(fitted.powers, fitted.coefficients, 1.0)
+    firsts, totals = resampled(fitted, scaled, resamples, seed)
+    ends = [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]
+    return SobolIndices(
+        tuple(names),
+        first,
+        np.quantile(firsts, ends, axis=0),
+        total,
+        np.quantile(totals, ends, axis=0),
+        fitted.explained,
+        f"an expansion in {len(fitted.powers)} polynomials",
+        len(values),
+    )
+
+
+class Expansion(NamedTuple):
+    """What was fitted.
+
+    Attributes:
+        design: Products of polynomials at each sample, the constant first.
+        powers: Degree of each number in each product.
+        coefficients: Of the products.
+        explained: Share of the variance of a sample left out that is predicted.
+        family: Polynomials of which score.
+    """
+
+    design: Float[np.ndarray, "sample term"]
+    powers: Int[np.ndarray, "term input"]
+    coefficients: Float[np.ndarray, " term"]
+    explained: float
+    family: str
+
+
+def resampled(
+    fitted: Expansion, values: Float[np.ndarray, " sample"], resamples: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return first and total indices of a bootstrap, a row each.
+
+    What is drawn again is one of `GROUPS` groups of samples, whose sums of products are
+    made once: fits of thousands of samples cost what their coefficients do.
+    """
+    rng, count = np.random.default_rng(seed), len(values)
+    groups = min(GROUPS, count)
+    parts = [np.arange(n, count, groups) for n in range(groups)]
+    grams = np.array([fitted.design[of].T @ fitted.design[of] for of in parts])
+    sides = np.array([fitted.design[of].T @ values[of] for of in parts])
+    squares = np.array([values[of] @ values[of] for of in parts])
+    sizes = np.array([len(of) for of in parts])
+    # so that terms without samples do not stop it; nothing else notices
+    floor = 1e-9 * count * np.eye(fitted.design.shape[1])
+    found = []
+    for _ in range(resamples):
+        times = rng.multinomial(groups, np.full(groups, 1 / groups))
+        gram = np.tensordot(times, grams, 1)
+        gram += floor
+        solved = np.linalg.solve(gram, times @ sides)
+        number = times @ sizes
+        mean = (times @ sides)[0] / number
+        variance = float(times @ squares / number - mean**2)
+        found.append(shares_of(fitted.powers, solved, variance))
+    firsts, totals = zip(*found, strict=True)
+    return np.array(firsts), np.array(totals)
+
+
+def indices_of_function(
+    function: Callable[[Float[np.ndarray, "sample input"]], Float[np.ndarray, " s"]],
+    names: tuple[str, ...],
+    points: int = 1024,
+    *,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+) -> SobolIndices:
+    """Return the indices of a function, from calls of it.
+
+    Args:
+        function: From standard normal coordinates of all numbers to the outcome.
+        names: Of the numbers.
+        points: Rows of each matrix, a power of two; the function is called of
+            `points` times two more than there are numbers.
+        resamples: Of the bootstrap.
+        seed: Of the points and of the bootstrap.
+
+    Raises:
+        ValueError: `points` is no power of two, or an outcome is not finite.
+    """
+    from scipy.stats import norm, sobol_indices
+
+    if points < 2 or points & (points - 1):
+        raise ValueError(f"points: expected a power of two, got {points}")
+
+    def called(columns):
+        values = np.asarray(function(columns.T), float)
+        if not np.isfinite(values).all():
+            raise ValueError("expected an outcome of finite values, got others")
+        return values[None]
+
+    rng = np.random.default_rng(seed)
+    found = sobol_indices(func=called, n=points, dists=[norm()] * len(names), rng=rng)
+    interval = found.bootstrap(confidence_level=LEVEL, n_resamples=resamples)
+    first, total = interval.first_order, interval.total_order
+    return SobolIndices(
+        names,
+        np.ravel(found.first_order),
+        np.array(
+            [first.confidence_interval.low, first.confidence_interval.high]
+        ).reshape(2, -1),
+        np.ravel(found.total_order),
+        np.array(
+            [total.confidence_interval.low, total.confidence_interval.high]
+        ).reshape(2, -1),
+        1.0,
+        "pairs of matrices",
+        points * (len(names) + 2),
+    )
+
+
+def disagreement(
+    indices: SobolIndices, slope_shares: Mapping[str, float]
+) -> dict[str, str]:
+    """Return by number why its slope and its indices tell different things.
+
+    Args:
+        indices: Of the outcome.
+        slope_shares: By number the share of the variance were the outcome as straight
+            as at the middle: slope times standard deviation, squared, over the sum.
+    """
+    said = {}
+    for n, name in enumerate(indices.names):
+        if name not in slope_shares:
+            continue
+        first, total, by_slope = indices.first[n], indices.total[n], slope_shares[name]
+        if abs(by_slope - first) <= FAR and abs(by_slope - total) <= FAR:
+            continue
+        if total - first > FAR:
+            said[name] = "interaction"
+        elif by_slope < first:
+            said[name] = "range"
+        else:
+            said[name] = "nonlinearity"
+    return said
+
+
+def expansion_of(
+    inputs: Float[np.ndarray, "sample input"], values: Float[np.ndarray, " sample"]
+) -> Expansion:
+    """Fit expansions of several degrees, and return that which predicts best."""
+    ranks = uniform_scores(inputs)
+    best: list[Expansion] = []
+    for family in FAMILIES:
+        own: list[Expansion] = []
+        for degree in DEGREES:
+            powers = powers_of(inputs.shape[1], degree)
+            many = len(powers) * ROWS_A_TERM > len(values) or len(powers) > MOST_TERMS
+            if own and many:
+                break
+            design = design_of(ranks, powers, family)
+            own.append(Expansion(design, powers, *fit(design, values), family))
+            at = int(np.argmax([one.explained for one in own]))
+            if len(own) > at + PATIENCE:
+                break
+        best.append(max(own, key=lambda one: one.explained))
+    return max(best, key=lambda one: one.explained)
+
+
+def fit(
+    design: Float[np.ndarray, "sample term"], values: Float[np.ndarray, " sample"]
+) -> tuple[Float[np.ndarray, " term"], float]:
+    """Return coefficients and the share of variance predicted, one sample left out."""
+    # by the normal equations: the columns are nearly orthogonal as they come
+    gram = design.T @ design + 1e-9 * len(values) * np.eye(design.shape[1])
+    root = np.linalg.cholesky(gram)
+    rotated = solve_triangular(root, design.T, lower=True, check_finite=False)
+    found = solve_triangular(root.T, rotated @ values, check_finite=False)
+    left = np.maximum(1 - np.sum(rotated**2, axis=0), 1e-12)
+    off = (values - design @ found) / left
+    variance = np.var(values)
+    return found, float(1 - np.mean(off**2) / variance) if variance > 0 else 0.0
+
+
+def uniform_scores(
+    inputs: Float[np.ndarray, "sample input"],
+) -> Float[np.ndarray, "sample input"]:
+    """Return the rank of each value, from 0 to 1."""
+    from scipy.stats import rankdata
+
+    return (rankdata(inputs, axis=0) - 0.5) / len(inputs)
+
+
+def powers_of(inputs: int, degree: int) -> Int[np.ndarray, "term input"]:
+    """Return all degrees of products of a total degree at most that."""
+    found = [
+        np.bincount(chosen, minlength=inputs)
+        for total in range(degree + 1)
+        for chosen in itertools.combinations_with_replacement(range(inputs), total)
+    ]
+    return np.array([np.zeros(inputs, int) if not len(f) else f for f in found])
+
+
+def design_of(
+    ranks: Float[np.ndarray, "sample input"],
+    powers: Int[np.ndarray, "term input"],
+    family: str,
+) -> Float[np.ndarray, "sample term"]:
+    """Return the products of orthonormal polynomials at each sample."""
+    most = int(powers.max())
+    order = np.arange(most + 1)
+    if family == "hermite":
+        each = hermite_e.hermevander(ndtri(ranks), most) / np.sqrt(factorial(order))
+    else:
+        each = legendre.legvander(2 * ranks - 1, most) * np.sqrt(2 * order + 1)
+    found = np.ones((len(ranks), len(powers)))
+    for n in range(ranks.shape[1]):
+        found *= each[:, n, powers[:, n]]
+    return found
+
+
+def shares_of(
+    powers: Int[np.ndarray, "term input"],
+    coefficients: Float[np.ndarray, " term"],
+    variance: float,
+) -> tuple[Float[np.ndarray, " input"], Float[np.ndarray, " input"]]:
+    """Return first and total shares of a variance."""
+    squares, entered = coefficients**2, powers > 0
+    alone = entered & (entered.sum(axis=1) == 1)[:, None]
+    scale = variance if variance > 0 else 1.0
+    return squares @ alone / scale, squares @ entered / scale

@@ -1,1 +1,0 @@
-"""Cases that charts and benchmarks share."""

@@ -1,1 +1,0 @@
-"""Film in which detectors of flashes are compared: blasts, and what looks like them."""

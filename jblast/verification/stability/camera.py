@@ -1,0 +1,271 @@
+"""Where the formulas of a lens and the arithmetic of event cameras fail.
+
+The formulas of a lens fail behind the camera and beyond the fold of its distortion; the
+arithmetic of events fails in long streams, by rounding and at cuts between batches.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.scene import Camera
+from jblast.sensors.camera.events.exact import frameless_events
+from jblast.sensors.camera.events.ideal import (
+    Reference,
+    count_events,
+    first_reference,
+    ideal_events,
+    smooth_counts,
+)
+from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.geometry import fold_radius, project, unproject
+from jblast.study.event_inversion import STAGES
+from jblast.verification.simulated_recordings import THRESHOLD, film
+from jblast.verification.stability.failure import (
+    FailureMode,
+    crossing,
+    switching_point,
+    verified,
+)
+
+BOTH = (THRESHOLD, THRESHOLD)
+RAMPS = 1000
+MOST = 40
+"""Thresholds in a ramp at most."""
+LOST = 0.01
+"""A reference off by more than this share of a threshold has lost its digits."""
+LONGEST = 1 << 20
+"""Events of a pixel that are followed."""
+BLOCK = 16
+FALSE = 0.01
+"""Events a frame that a still pixel should not send."""
+_convert = jax.jit(ideal_events, static_argnames="capacity")
+BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)
+"""A wide lens's distortion, whose formula folds over inside the view."""
+
+
+def event_failures() -> list[FailureMode]:
+    """Measure every failure mode."""
+    return [_sum(), _rounded(), _cut(), _short(), _warm(), *lens_failures()]
+
+
+def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " event"]]:
+    """Return errors of a reference in float32 after so many events, in thresholds.
+
+    Light goes up by three thresholds and down by two, 1.5 times as large, for ever.
+    First of a sum that runs on, then of whole counts.
+    """
+    up, down = np.float32(THRESHOLD), np.float32(1.5 * THRESHOLD)
+    rises = np.resize([True, True, True, False, False], LONGEST)
+    ups, downs = np.cumsum(rises), np.cumsum(~rises)
+    first = np.float32(-1.7)
+    moves = np.where(rises, up, -down).astype(np.float32)
+    running = np.cumsum(np.append(first, moves), dtype=np.float32)[1:]
+    counted = Reference(
+        jnp.full(LONGEST, first), *(jnp.asarray(n, jnp.int32) for n in (ups, downs))
+    )
+    level = np.asarray(counted.level((jnp.asarray(up), jnp.asarray(down))))
+    exact = float(first) + ups * float(up) - downs * float(down)
+    off = [np.abs(v.astype(float) - exact) / THRESHOLD for v in (running, level)]
+    return off[0], off[1]
+
+
+def _sum() -> FailureMode:
+    running, counted = summed_errors()
+    begin, ours = (int(np.argmax(off > LOST)) for off in (running, counted))
+    return FailureMode(
+        area="events",
+        method="reference of a pixel in float32",
+        failure="a sum of thresholds gathers rounding errors",
+        boundary=float(begin),
+        unit="events",
+        beyond=f"off by {LOST:.0%} of a threshold there, by {running.max():.0%} within "
+        f"{LONGEST:,} events",
+        response=verified("holds", ours > 10 * begin, "references"),
+        message=f"whole counts: {LOST:.0%} after {ours:,} events in float32; streams "
+        "count in float64",
+    )
+
+
+def lost_to_rounding() -> tuple[int, int]:
+    """Return how many of `RAMPS` ramps of k thresholds lack an event: bare, and ours.
+
+    A ramp goes up by exactly k thresholds, written as floats.
+    """
+    rng = np.random.default_rng(0)
+    threshold = rng.uniform(0.05, 0.5, RAMPS)
+    number = rng.integers(1, MOST + 1, RAMPS)
+    begin = rng.uniform(-6.0, 0.0, RAMPS)
+    end = begin + number * threshold
+    bare = np.floor((end - begin) / threshold)
+    both = jnp.asarray(threshold), jnp.asarray(threshold)
+    frames = jnp.asarray(np.stack([begin, end]))
+    ours, _, _ = count_events(frames, both, first_reference(frames[0]))
+    return int((bare != number).sum()), int((np.asarray(ours[0]) != number).sum())
+
+
+def _rounded() -> FailureMode:
+    bare, ours = lost_to_rounding()
+    return FailureMode(
+        area="events",
+        method="count of a ramp of k thresholds",
+        failure="the last event is lost to rounding",
+        boundary=float(bare),
+        unit=f"of {RAMPS}",
+        beyond=f"floor(change/threshold) is k - 1 in {bare} of {RAMPS}, k to {MOST}",
+        response=verified("holds", ours == 0, "ramps"),
+        message="a threshold counts as reached from 16 roundings below it: none lost",
+    )
+
+
+def cut_counts() -> tuple[int, int, int]:
+    """Return events of a film whole, of its parts on their own, and of the stream."""
+    times, logs = film(1000)
+    parts = [slice(a, a + BLOCK) for a in range(0, len(times), BLOCK)]
+
+    def count(part: slice) -> int:
+        given = jnp.asarray(logs[part]), jnp.asarray(times[part])
+        return int(_convert(*given, BOTH, capacity=1 << 14).count)
+
+    blocks = ((times[part], logs[part]) for part in parts)
+    stream = stream_events(blocks, BOTH, in_logarithms=True)
+    together = sum(int(events.count) for events in stream)
+    return count(slice(None)), sum(count(part) for part in parts), together
+
+
+def _cut() -> FailureMode:
+    whole, alone, together = cut_counts()
+    return FailureMode(
+        area="events",
+        method="a recording in blocks, each on its own",
+        failure="what began before a block is forgotten",
+        boundary=1.0,
+        unit="cuts and more",
+        beyond=f"blocks of {BLOCK} frames: {alone:,} of {whole:,} events",
+        response=verified("holds", together == whole, "blocks"),
+        message="stream_events carries the references over: the events of the whole",
+    )
+
+
+def pulse_counts(width: float) -> tuple[int, int]:
+    """Return events of a pulse five thresholds high: of frames, and without.
+
+    Args:
+        width: Its standard deviation, in frames; its middle is that of a frame.
+    """
+    times = np.arange(7.0)
+
+    def light(time, x, y):
+        return 5.01 * THRESHOLD * jnp.exp(-0.5 * jnp.square((time - 2.5) / width))
+
+    clock = jnp.asarray(times)
+    frames = light(clock, 0.0, 0.0)[:, None, None]
+    seen = _convert(frames, clock, BOTH, capacity=64)
+    return int(seen.count), int(frameless_events(light, (1, 1), times, BOTH).count)
+
+
+def _short() -> FailureMode:
+    seen = 0.2
+    boundary = switching_point(lambda w: pulse_counts(w)[0] == 0, 0.05, 0.5, to=1e-3)
+    frames, ours = pulse_counts(seen)
+    return FailureMode(
+        area="events",
+        method="events of frames, linear between them",
+        failure="light that comes and goes between two frames is not seen",
+        boundary=boundary,
+        unit="frames, pulse's sigma, and less",
+        beyond=f"sigma = {seen:g} frames: {frames} of 10 events",
+        response=verified("holds", ours == 10, "a short pulse"),
+        message=f"frameless_events finds {ours} from the same first samples",
+    )
+
+
+def still_count(temperature: float) -> float:
+    """Return smooth events of either sign that a still pixel sends in a frame."""
+    up, down = smooth_counts(jnp.zeros((2, 1, 1)), BOTH, temperature)
+    return float((up + down).sum())
+
+
+def _warm() -> FailureMode:
+    boundary = crossing(lambda t: still_count(t) - FALSE, 0.05, 1.0)
+    last = STAGES[-1][0]
+    return FailureMode(
+        area="events",
+        method="smooth counts",
+        failure=f"a still pixel sends {FALSE:g} events a frame",
+        boundary=boundary,
+        unit="= temperature and above",
+        beyond=f"{still_count(0.3):.2g} a frame at 0.3, {still_count(0.5):.2g} at 0.5",
+        response=verified("holds", still_count(last) < 0.1 * FALSE, "smooth counts"),
+        message=f"fit_events cools down to {last:g}: {still_count(last):.1g} a frame",
+    )
+
+
+def lens_failures() -> list[FailureMode]:
+    """Measure both."""
+    return [behind_failure(), fold_failure()]
+
+
+def wide_camera(distortion=BARREL) -> Camera:
+    """Return a camera at the origin that looks north, 90 degrees wide and more."""
+    return Camera(
+        position=jnp.zeros(3),
+        quaternion=jnp.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]),
+        focal=jnp.full(2, 200.0),
+        center=jnp.array([319.5, 239.5]),
+        width=640,
+        height=480,
+        distortion=jnp.array(distortion),
+    )
+
+
+def behind_failure() -> FailureMode:
+    """Measure what the pinhole's formula makes of a place behind the camera."""
+    camera = wide_camera((0.0,) * 5)
+    place = jnp.array([1.0, -5.0, 0.5])  # behind, to the right, above
+    found = project(camera, place)
+    (fx, fy), (cx, cy) = np.asarray(camera.focal), np.asarray(camera.center)
+    x, y, z = 1.0, -0.5, -5.0
+    ahead = project(camera, jnp.array([1.0, 5.0, 0.5]))
+    seen = bool(ahead.seen) and not bool(found.seen)
+    return FailureMode(
+        area="events",
+        method="pinhole projection x/z",
+        failure="a place behind the camera has a pixel",
+        boundary=0.0,
+        unit="m ahead and less",
+        beyond=f"5 m behind: pixel ({fx * x / z + cx:.0f}, {fy * y / z + cy:.0f}) of "
+        "640 x 480, upside down",
+        response=verified("marks", seen, "a place behind the camera"),
+        message="seen false, and a finite pixel, so that gradients stay finite",
+    )
+
+
+def fold_failure() -> FailureMode:
+    """Measure where the distortion of a wide lens folds over."""
+    camera = wide_camera()
+    edge = float(fold_radius(camera.distortion, jnp.array([1.0, 0.0])))
+    out = 1.4 * edge
+    bent = out * (1.0 + BARREL[0] * out**2)
+    beyond = project(camera, jnp.array([out, 1.0, 0.0]))
+    inside = project(camera, jnp.array([0.99 * edge, 1.0, 0.0]))
+    most = edge * (1.0 + BARREL[0] * edge**2)
+    refused = False
+    try:
+        unproject(camera, camera.center + jnp.array([200.0 * 1.01 * most, 0.0]))
+    except InputError:
+        refused = True
+    seen = bool(inside.seen) and not bool(beyond.seen) and refused
+    return FailureMode(
+        area="events",
+        method=f"lens distortion, k1 = {BARREL[0]:g}",
+        failure="the formula folds over: two directions have one pixel",
+        boundary=float(np.degrees(np.arctan(edge))),
+        unit="degrees off the axis",
+        beyond=f"{np.degrees(np.arctan(out)):.0f} degrees off the axis are put at "
+        f"x = {bent:.2f}, inside the {most:.2f} of the fold",
+        response=verified("marks", seen, "the fold"),
+        message="seen false; unproject refuses a pixel past the fold",
+    )

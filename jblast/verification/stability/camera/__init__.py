@@ -1,1 +1,0 @@
-"""Where cameras and event pixels fail."""

@@ -1,0 +1,702 @@
+r"""Where flights fail: steps, controllers, kernels, pulses.
+
+The limit at which a position controller becomes unstable is measured against the stated
+limit. Near hover the loop depends on times only as multiples of the step: a step longer
+by $s$ is the same step with motors and gains faster by $s$, $\tau_m/s$, $s^2 k_p$,
+$s k_d$, $s^2 k_R$, $s k_\omega$. So one program flies every vehicle at every step.
+
+A blast too close for the laws and too strong for a vehicle, a step longer than the
+pulse, and derivatives by a Warp kernel whose loop overwrites its state are the others.
+"""
+
+import dataclasses
+import functools
+from typing import Any, NamedTuple, no_type_check
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import warp as wp
+from jaxtyping import Array, Bool, Float
+
+import jblast.vehicle.warp  # noqa: F401 - which keeps Warp quiet
+from jblast.constants import FLIGHT_GRAVITY
+from jblast.errors import InputError
+from jblast.scene import Charge, Scene
+from jblast.vehicle import (
+    Each,
+    Gains,
+    PositionHold,
+    State,
+    Vehicle,
+    blast_load,
+    flight_metrics,
+    named,
+    named_gains,
+    simulate,
+    step_limit,
+)
+from jblast.vehicle.quadrotor import PARAMETERS
+from jblast.vehicle.rollout import timetable
+from jblast.vehicle.state import unit
+from jblast.verification.stability.failure import FailureMode, crossing, verified
+
+DRIFT = 1e-9
+"""Of the energy, relative, that a second of free tumble may lose."""
+RATES = np.geomspace(1.0, 300.0, 12)
+STEP = 5e-4
+HOUR = 3600.0
+SPEEDS = np.geomspace(1e4, 1e7, 100)
+"""Starts that may be too fast for the step [m/s]."""
+LOOPS = (1, 2, 3, 5, 10, 20, 40)
+WRONG = 1e-3
+"""Share by which a derivative may be off."""
+STEPS = np.array([1e-2, 2e-3, 5e-4, 1e-4, 2e-5])
+FALL_S, ALLOWED_M = 2.5, 1e-3
+EULER_STEP = 0.02
+RATIOS = np.geomspace(0.03, 100.0, 15)
+"""Steps, over the positive phase."""
+PHASES = (np.arange(8) + 0.5) / 8
+"""Where in a step the front arrives."""
+LOST = 0.1
+FINE = 200
+"""Steps to a positive phase, of the truth."""
+AFTER = 20.0
+"""Positive phases after which the wave is over."""
+SIZE = 6144
+"""Steps that are asked about at once, at most."""
+INSTANT = 1e-4
+"""Of a phase: so long is a force looked at where it is sampled."""
+NEAR = np.array([0.0, 0.01, 0.1, 0.2, 0.5, 1.0, 2.0])
+"""Places so far from a charge of 1 kg [m]."""
+CHARGES = np.geomspace(1.0, 1000.0, 31)
+"""TNT 5 m away [kg]."""
+NAMES = tuple(PARAMETERS)
+CONTROLLER_STEP = 1e-3
+SHARES = np.append(np.linspace(0.9, 1.1, 21), np.arange(1.15, 2.01, 0.05))
+"""Steps, as shares of the claimed limit."""
+START = 1e-6
+"""About the turn they start with [rad/s]."""
+CONTROLLER_STEPS = 6000
+EARLY, LATE = slice(15, 30), slice(45, 61)
+"""Rows of a hundred steps between which a swing grows or dies away."""
+HOME = (0.0, 0.0, 5.0)
+
+
+def flight_failures() -> list[FailureMode]:
+    """Measure every failure mode."""
+    return [
+        *hold_failures(),
+        pulse_failure(),
+        _tumble(),
+        _clock(),
+        _quaternion(),
+        _lost(),
+        near_failure(),
+        *charge_failures(),
+        adjoint_failure(),
+        sum_failure(),
+    ]
+
+
+def tumble_drift(integrator: str) -> Float[np.ndarray, " rate"]:
+    """Return the share of its energy that a free tumble at `RATES` loses a second.
+
+    Args:
+        integrator: "rk4" or "euler".
+    """
+    vehicle = named("hummingbird")  # its three moments of inertia differ
+    bare = eqx.tree_at(
+        lambda v: (v.frame_drag, v.translational_lift),
+        vehicle,
+        (jnp.zeros(3), jnp.zeros(())),
+    )
+    about = np.array([1.0, 0.5, 0.3]) / np.linalg.norm([1.0, 0.5, 0.3])
+    starts = stacked(
+        [
+            eqx.tree_at(lambda s: s.rotor_speed_rad_s, start, jnp.zeros(4))
+            for start in (hovering(bare, rate * about) for rate in RATES)
+        ]
+    )
+    flown = simulate(
+        bare, starts, duration_s=1.0, step_s=STEP, integrator=integrator, store_every=40
+    )
+    w = np.asarray(flown.body_rate_rad_s)
+    energy = np.einsum("...i,ij,...j", w, np.asarray(bare.inertia_kg_m2), w)
+    return np.abs(energy / energy[:, :1] - 1).max(axis=1)
+
+
+def _tumble() -> FailureMode:
+    euler, ours = tumble_drift("euler"), tumble_drift("rk4")
+    at = float(np.exp(np.interp(np.log(DRIFT), np.log(ours), np.log(RATES))))
+    ten = [float(np.interp(10.0, RATES, drift)) for drift in (euler, ours)]
+    return FailureMode(
+        area="flights",
+        method="free tumble, RK4, steps of 0.5 ms",
+        failure=f"the energy drifts by more than {DRIFT:g} a second",
+        boundary=at,
+        unit="rad/s",
+        beyond=f"{RATES[-1]:g} rad/s: {ours[-1]:.1g} a second; semi-implicit Euler "
+        f"drifts by {ten[0]:.1g} at 10 rad/s",
+        response=verified("holds", ten[1] < DRIFT, "free tumble"),
+        message=f"RK4, the default: {ten[1]:.1g} a second at 10 rad/s",
+    )
+
+
+def clock_errors(until_s: float = HOUR) -> tuple[Float[np.ndarray, " step"], float]:
+    """Return errors of a clock summed in float32 at each step, and our largest.
+
+    Args:
+        until_s: So long do the clocks run [s].
+    """
+    exact = (np.arange(round(until_s / STEP)) + 1) * STEP
+    summed = np.cumsum(np.full(exact.size, STEP, np.float32), dtype=np.float32)
+    ours = timetable(until_s, STEP, STEP, np.dtype(np.float32)).start
+    late = np.abs(np.asarray(ours, float)[1:] - exact[:-1])
+    return np.abs(summed - exact), float(late.max())
+
+
+def _clock() -> FailureMode:
+    summed, ours = clock_errors()
+    begins = STEP * (1 + int(np.argmax(summed > STEP / 2)))
+    coarse = float(2.0 ** np.ceil(np.log2(STEP / np.finfo(np.float32).eps)))
+    return FailureMode(
+        area="flights",
+        method="clock of a flight in float32",
+        failure="sums of steps of 0.5 ms are off by half a step",
+        boundary=begins,
+        unit="s of flight",
+        beyond=f"after an hour {summed[-1]:.2g} s off",
+        response=verified("holds", ours <= STEP / 2, "clock"),
+        message="times are counted, n steps, in float64 and rounded last: at most "
+        f"{1e3 * ours:.1g} ms off within an hour; from {coarse:,.0f} s on steps are "
+        "not told apart",
+    )
+
+
+def shortest_quaternion(dtype: type = np.float32) -> float:
+    """Return the length at which a quaternion can no longer be scaled to 1."""
+    powers = np.arange(0, 320)
+    lengths = np.array([float(f"1e-{n}") for n in powers]).astype(dtype)
+    zero = jnp.zeros(lengths.size, dtype)
+    scaled = np.asarray(jax.vmap(unit)((zero, zero, zero, jnp.asarray(lengths)))[3])
+    return float(f"1e-{powers[np.argmax(np.abs(scaled - 1) > 1e-3)]}")
+
+
+def _quaternion() -> FailureMode:
+    turned = np.asarray(unit(tuple(jnp.zeros(4))))
+    shortest = {t.__name__: shortest_quaternion(t) for t in (np.float32, np.float64)}
+    said = [_refusal(length) for length in (0.0, shortest["float32"])]
+    refused = all("length 1, got" in words for words in said)
+    return FailureMode(
+        area="flights",
+        method="quaternion scaled to length 1, float32",
+        failure="its square is zero",
+        boundary=shortest["float32"],
+        unit="long and shorter",
+        beyond=f"length 0: {np.isnan(turned).sum()} of 4 numbers are NaN, and so the "
+        f"flight for ever; in float64 from {shortest['float64']:.0e}",
+        response=verified("refuses", refused, "zero quaternion"),
+        message=f"{said[0]}; {said[1].partition(', ')[2]}",
+    )
+
+
+def _refusal(length: float) -> str:
+    """Return what is said of a quaternion of a length in float32, "" if nothing."""
+    level = hovering(named("crazyflie"))
+    try:
+        short = np.array([0.0, 0.0, 0.0, length], np.float32)
+        dataclasses.replace(level, quaternion=short)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def lost_speeds() -> tuple[Bool[np.ndarray, " speed"], bool]:
+    """Return which starts diverge, and whether the rest fly on bit for bit."""
+    vehicle = named("hummingbird")
+    level = hovering(vehicle)
+
+    def fly(speeds: Float[np.ndarray, " speed"]):
+        starts = [
+            dataclasses.replace(level, velocity_m_s=jnp.array([speed, 0.0, 0.0]))
+            for speed in speeds
+        ]
+        return simulate(vehicle, stacked(starts), duration_s=0.05, store_every=10)
+
+    slow = np.linspace(0.0, 10.0, SPEEDS.size)
+    mixed = np.where(np.arange(SPEEDS.size) % 2, SPEEDS, slow)
+    calm, both = fly(slow), fly(mixed)
+    alike = all(
+        np.array_equal(np.asarray(a)[::2], np.asarray(b)[::2])
+        for a, b in (
+            (calm.position_m, both.position_m),
+            (calm.quaternion, both.quaternion),
+        )
+    )
+    return np.asarray(both.lost), alike
+
+
+def _lost() -> FailureMode:
+    lost, alike = lost_speeds()
+    first = int(np.argmax(lost))
+    seen = alike and lost[first::2].all() and not lost[::2].any()
+    return FailureMode(
+        area="flights",
+        method="a batch of 100, one vehicle of two ever faster",
+        failure="drag by the square, too stiff for a step of 0.5 ms: it diverges",
+        boundary=float(SPEEDS[first]),
+        unit="m/s",
+        beyond=f"{int(lost.sum())} of 50 end in NaN",
+        response=verified("marks", seen, "a batch"),
+        message="those are named as lost, rows NaN; the others fly on as without them, "
+        "bit for bit",
+    )
+
+
+def adjoint_errors() -> Float[np.ndarray, " loop"]:
+    """Return by what share the tape's derivative is off, by steps of the loop."""
+    return np.array(
+        [abs(slope_by_tape(1.0, n) / slope_of_steps(1.0, n) - 1) for n in LOOPS]
+    )
+
+
+def adjoint_failure() -> FailureMode:
+    """Measure when an adjoint of a loop in registers is wrong."""
+    errors = adjoint_errors()
+    first = int(np.argmax(errors > WRONG))
+    said = _kernel_refusal()
+    return FailureMode(
+        area="flights",
+        method="Warp, adjoint of a loop that overwrites its state",
+        failure=f"the derivative is off by more than {WRONG:.1%}, and nothing says so",
+        boundary=float(LOOPS[first]),
+        unit="steps",
+        beyond=f"{LOOPS[-1]} steps: off by {errors[-1]:.0%}",
+        response=verified("refuses", "no derivatives" in said, "gradient by Warp"),
+        message=f"{said}; those of JAX keep or repeat every state",
+    )
+
+
+def _kernel_refusal() -> str:
+    """Return what is said of a derivative through the kernel."""
+    vehicle = named("crazyflie")
+    level = hovering(vehicle)
+
+    def end(speed):
+        start = dataclasses.replace(level, velocity_m_s=speed * jnp.ones(3))
+        return simulate(
+            vehicle, start, duration_s=1e-3, backend="warp:cpu"
+        ).position_m.sum()
+
+    try:
+        jax.grad(end)(1.0)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def falls() -> tuple[Float[np.ndarray, " step"], Float[np.ndarray, " step"]]:
+    """Return how far a fall of 2.5 s in float32 ends off, by step [m].
+
+    First by plain sums of semi-implicit Euler's exact gain in place, then by the
+    kernel, rotors at rest and no drag.
+    """
+    vehicle = eqx.tree_at(
+        lambda v: (v.frame_drag, v.translational_lift),
+        named("hummingbird"),
+        (jnp.zeros(3), jnp.zeros(())),
+    )
+    level = hovering(vehicle)
+    start = dataclasses.replace(
+        level,
+        position_m=level.position_m.astype(jnp.float32),
+        velocity_m_s=level.velocity_m_s.astype(jnp.float32),
+        quaternion=level.quaternion.astype(jnp.float32),
+        body_rate_rad_s=level.body_rate_rad_s.astype(jnp.float32),
+        rotor_speed_rad_s=jnp.zeros(4, jnp.float32),
+    )
+    up = float(start.position_m[2])
+    exact = up - FLIGHT_GRAVITY * FALL_S**2 / 2
+    plain, ours = [], []
+    for step in STEPS:
+        plain.append(abs(_plain_fall(up, float(step)) - exact))
+        flown = simulate(
+            vehicle,
+            start,
+            duration_s=FALL_S,
+            step_s=float(step),
+            store_every=10**6,
+            backend="warp:cpu",
+        )
+        ours.append(abs(float(flown.position_m[-1, 2]) - exact))
+    return np.array(plain), np.array(ours)
+
+
+def _plain_fall(up: float, step: float) -> float:
+    """Return the height after a fall, each step's exact gain summed in float32 [m]."""
+    x, v = np.float32(up), np.float32(0.0)
+    h, g = np.float32(step), np.float32(FLIGHT_GRAVITY)
+    for _ in range(round(FALL_S / step)):
+        x = x + h * (v - g * h / np.float32(2))
+        v = v - g * h
+    return float(x)
+
+
+def sum_failure() -> FailureMode:
+    """Measure at which step float32 rounds a flight away."""
+    plain, ours = falls()
+    first = int(np.argmax(plain > ALLOWED_M))
+    kept = bool((ours < ALLOWED_M).all())
+    return FailureMode(
+        area="flights",
+        method="flight in float32, plain sums",
+        failure=f"a fall of {FALL_S:g} s ends more than 1 mm off",
+        boundary=1e3 * float(STEPS[first]),
+        unit="ms and shorter steps",
+        beyond=f"{1e6 * STEPS[-1]:g} us: {1e3 * plain[-1]:.2g} mm",
+        response=verified("holds", kept, "sums in float32"),
+        message="what a sum rounds away is added to the next: "
+        f"{1e3 * ours.max():.1g} mm at most, steps of 20 us to 10 ms",
+    )
+
+
+@wp.kernel
+@no_type_check
+def grow(start: wp.array[wp.float64], steps: int, end: wp.array[wp.float64]):
+    """Advance x' = x^2 by Euler's method, in a register."""
+    x = start[0]
+    for _ in range(steps):
+        x = x + wp.float64(0.02) * x * x
+    end[0] = x
+
+
+def slope_by_tape(x: float, steps: int) -> float:
+    """Return the derivative of the end by the start that Warp's tape gives."""
+    start = wp.array([x], dtype=wp.float64, device="cpu", requires_grad=True)
+    end = wp.zeros(1, dtype=wp.float64, device="cpu", requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(grow, dim=1, inputs=[start, steps], outputs=[end], device="cpu")
+    tape.backward(grads={end: wp.ones(1, dtype=wp.float64, device="cpu")})
+    assert start.grad is not None
+    return float(start.grad.numpy()[0])
+
+
+def slope_of_steps(x: float, steps: int) -> float:
+    """Return it as the product of the steps' own derivatives."""
+    slope = 1.0
+    for _ in range(steps):
+        slope *= 1 + 2 * EULER_STEP * x
+        x += EULER_STEP * x * x
+    return slope
+
+
+@functools.cache
+def impulse_errors() -> tuple[
+    Float[np.ndarray, " ratio"],
+    Float[np.ndarray, " ratio"],
+    Float[np.ndarray, " ratio"],
+]:
+    """Return ratios of step to positive phase, and errors of the whole impulse.
+
+    First of a force looked at where RK4 does, at both ends and in the middle, then of
+    the load's own impulse; the largest of `PHASES`. Drag alone: the vehicle stays, 7 m
+    from 1 kg of TNT.
+    """
+    load = blast_load(
+        Scene(charge=Charge(mass_kg=1.0, position_m=(5.0, 0.0, 0.0))),
+        front=False,
+        rotors=False,
+    )
+    heavy = eqx.tree_at(lambda v: v.mass_kg, named("crazyflie"), jnp.asarray(1e9))
+    state = hovering(heavy)
+    wave = load.wave_of(load.blasts[0], state.position_m)
+    arrival = float(load.arrival_time_s(state.position_m)[0])
+    phase = float(wave.duration_s)
+    given = jax.jit(jax.vmap(lambda a, b: load.impulse(a, b, state, heavy)[0]))
+
+    def impulses(starts: np.ndarray, length: float) -> Float[np.ndarray, "..."]:
+        # one size for all, so that it is compiled once; before the blast there is none
+        filled = np.full(SIZE, -1.0)
+        filled[: starts.size] = starts.ravel()
+        ends = jnp.asarray(filled + length)
+        found = np.asarray(given(jnp.asarray(filled), ends))[: starts.size]
+        return found.reshape(*starts.shape, 3)
+
+    fine = arrival + phase * np.arange(-1.0, AFTER, 1 / FINE)
+    truth = impulses(fine, phase / FINE).sum(axis=0)
+    bare, ours = [], []
+    for ratio in RATIOS:
+        step = ratio * phase
+        count = int(np.ceil((AFTER + 1) / ratio)) + 2
+        starts = arrival + step * (np.arange(count) - 1 - PHASES[:, None])
+        begin, middle, end = (
+            impulses(starts + along * step, INSTANT * phase) / (INSTANT * phase)
+            for along in (0.0, 0.5, 1.0)
+        )
+        sampled = step / 6 * (begin + 4 * middle + end)
+        for errors, parts in ((bare, sampled), (ours, impulses(starts, step))):
+            off = np.linalg.norm(parts.sum(axis=1) - truth, axis=1)
+            errors.append(off.max() / np.linalg.norm(truth))
+    return RATIOS, np.array(bare), np.array(ours)
+
+
+def pulse_failure() -> FailureMode:
+    """Measure at which step a sampled force loses a hundredth of the impulse."""
+    ratio, bare, ours = impulse_errors()
+    begins = float(ratio[np.argmax(bare > LOST)])
+    ten = int(np.argmin(abs(ratio - 10.0)))
+    return FailureMode(
+        area="flights",
+        method="blast pulse as a force, RK4",
+        failure=f"{LOST:.0%} of its impulse is lost or made up between the stages",
+        boundary=begins,
+        unit="positive phases, the step",
+        beyond=f"a step of {ratio[ten]:.0f} positive phases: wrong by {bare[ten]:.0%}",
+        response=verified("holds", ours.max() < 1e-3, "pulses"),
+        message="a step takes its share of the impulse: wrong by "
+        f"{ours.max():.1g} at most, steps of {ratio[0]:g} to {ratio[-1]:g} phases",
+    )
+
+
+def near_impulses() -> tuple[Float[np.ndarray, " place"], Bool[np.ndarray, " place"]]:
+    """Return the impulses 1 kg gives a Crazyflie at `NEAR` [N s], and the marks."""
+    load = blast_load(Scene(charge=Charge(mass_kg=1.0)))
+    level = hovering(named("crazyflie"))
+
+    def given(distance):
+        place = jnp.array([1.0, 0.0, 0.0]) * distance
+        state = dataclasses.replace(level, position_m=place)
+        push, _ = load.impulse(jnp.zeros(()), jnp.ones(()), state, named("crazyflie"))
+        return jnp.linalg.norm(push), load.in_range(place)[0]
+
+    sizes, held = jax.jit(jax.vmap(given))(jnp.asarray(NEAR))
+    return np.asarray(sizes), np.asarray(held)
+
+
+def near_failure() -> FailureMode:
+    """Measure from where on a load is no longer by the laws."""
+    sizes, held = near_impulses()
+    load = blast_load(Scene(charge=Charge(mass_kg=1.0)))
+
+    def inside(distance: float) -> float:
+        place = jnp.array([distance, 0.0, 0.0])
+        return float(load.in_range(place)[0]) - 0.5
+
+    begins = crossing(inside, 0.1, 1.0)
+    finite = bool(np.isfinite(sizes).all())
+    return FailureMode(
+        area="flights",
+        method="blast load of 1 kg on the ground",
+        failure="nearer than the laws' fits reach",
+        boundary=begins,
+        unit="m from the charge",
+        beyond=f"{NEAR[1]:g} m: {sizes[1]:.2g} N s, as if it were at Z = 0.07; "
+        f"{sizes[0]:.2g} at the charge, without a direction",
+        response=verified(
+            "marks", finite and not held[:3].any() and held[4:].all(), "near"
+        ),
+        message="in_range is false there; the load stays finite",
+    )
+
+
+def fly_on() -> tuple[
+    Bool[np.ndarray, "vehicle charge"], Float[np.ndarray, "vehicle charge"]
+]:
+    """Return after which `CHARGES` each held vehicle flies on, and peak deviations [m].
+
+    They hover 5 m up and 5 m from the charge, in the air; to come down or to turn over
+    is a crash.
+    """
+    vehicles, holds, loads = [], [], []
+    for name in NAMES:
+        for mass in CHARGES:
+            charge = Charge(mass_kg=mass, position_m=(5.0, 0.0, 5.0), burst="free-air")
+            vehicles.append(dataclasses.replace(named(name), name=""))
+            holds.append(PositionHold(HOME, named_gains(name)))
+            loads.append(blast_load(Scene(charge=charge)))
+    flown = simulate(
+        stacked(vehicles),
+        stacked([hovering(vehicle) for vehicle in vehicles]),
+        duration_s=2.0,
+        step_s=1e-3,
+        control=Each(stacked(holds)),
+        loads=(Each(stacked(loads)),),
+        ground_up_m=0.0,
+        store_every=10,
+    )
+    metrics = flight_metrics(
+        flown, jnp.asarray(HOME), blast_time_s=0.0, ground_up_m=0.0
+    )
+    shape = len(NAMES), CHARGES.size
+    alive = ~np.asarray(metrics.crashed).reshape(shape)
+    return alive, np.asarray(metrics.peak_deviation_m).reshape(shape)
+
+
+def charge_failures() -> list[FailureMode]:
+    """Measure the least charge after which each held vehicle does not fly on."""
+    modes = []
+    for name, alive, peak in zip(NAMES, *fly_on(), strict=True):
+        first = int(np.argmin(alive))
+        modes.append(
+            FailureMode(
+                area="flights",
+                method=f"{name}, position hold, 5 m from a charge",
+                failure="it turns over or comes down",
+                boundary=float(CHARGES[first]),
+                unit="kg of TNT",
+                beyond=f"{CHARGES[first - 1]:.2g} kg moves it {peak[first - 1]:.2g} m; "
+                f"it flies on after {int(alive[first:].sum())} of "
+                f"{CHARGES.size - first - 1} larger charges",
+                response=verified("marks", first > 0 and not alive[first], name),
+                message="crashed, in the metrics of the flight",
+            )
+        )
+    return modes
+
+
+class Swings(NamedTuple):
+    """What became of small turns near hover.
+
+    Attributes:
+        limit_s: The claimed limits.
+        early: Largest body rate in a stretch of each flight, at each share [rad/s].
+        late: The same at its end; infinite where the flight is lost.
+    """
+
+    limit_s: Float[np.ndarray, " vehicle"]
+    early: Float[np.ndarray, "vehicle share"]
+    late: Float[np.ndarray, "vehicle share"]
+
+    def up(self) -> Bool[np.ndarray, "vehicle share"]:
+        """Return which swing up: rounding is left of those that died away."""
+        grows = (self.late > self.early) & (self.late > 1e-3 * START)
+        return grows | (self.late > 1e3 * START)
+
+
+def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
+    """Return a vehicle level and at rest, but for a turn [rad/s]."""
+    speed = jnp.sqrt(vehicle.mass_kg * 9.81 / 4 / vehicle.thrust_coefficient)
+    level = jnp.array([0.0, 0.0, 0.0, 1.0])
+    still, turn = jnp.zeros(3), jnp.asarray(body_rate)
+    return State(jnp.asarray(HOME), still, level, turn, jnp.full(4, speed))
+
+
+def quickened(gains: Gains, times: Float[Array, ""]) -> Gains:
+    """Return gains of a loop so many times faster."""
+    square = times * times
+    return Gains(
+        position=square * gains.position,
+        velocity=times * gains.velocity,
+        attitude=square * gains.attitude,
+        body_rate=times * gains.body_rate,
+        integral=square * times * gains.integral,
+        integral_limit=gains.integral_limit,
+    )
+
+
+def swings(integrator: str) -> Swings:
+    """Fly every named vehicle at every share of its limit, asked at every step.
+
+    Args:
+        integrator: "rk4" or "euler".
+    """
+    limits, vehicles, holds = [], [], []
+    for name in NAMES:
+        vehicle, gains = named(name), named_gains(name)
+        limits.append(step_limit(integrator, float(vehicle.motor_lag_s), gains))
+        for share in SHARES:
+            times = jnp.asarray(share * limits[-1] / CONTROLLER_STEP)
+            lag = vehicle.motor_lag_s / times
+            bare = eqx.tree_at(lambda v: v.motor_lag_s, named(name), lag)
+            vehicles.append(eqx.tree_at(lambda v: v.body, bare, None))
+            holds.append(PositionHold(HOME, quickened(gains, times)))
+    starts = [hovering(vehicle, (START, 2 * START, START)) for vehicle in vehicles]
+
+    @jax.jit  # the steps past a limit fly only where the limit is not known
+    def rates(fleet, starts, holds):
+        flown = simulate(
+            fleet,
+            starts,
+            duration_s=CONTROLLER_STEPS * CONTROLLER_STEP,
+            step_s=CONTROLLER_STEP,
+            integrator=integrator,
+            control=Each(holds),
+            store_every=100,
+        )
+        return jnp.linalg.norm(flown.body_rate_rad_s, axis=-1)
+
+    spin = np.asarray(rates(stacked(vehicles), stacked(starts), stacked(holds)))
+    # a lane that is lost has grown without end
+    spin = np.where(np.isfinite(spin), spin, np.inf)
+    early, late = (
+        spin[:, rows].max(axis=1).reshape(len(NAMES), SHARES.size)
+        for rows in (EARLY, LATE)
+    )
+    return Swings(np.array(limits), early, late)
+
+
+def hold_failures() -> list[FailureMode]:
+    """Measure where each vehicle's hold swings up, by either integrator."""
+    return [
+        mode
+        for integrator, words in (("rk4", "RK4"), ("euler", "semi-implicit Euler"))
+        for mode in _failures(integrator, words)
+    ]
+
+
+def _failures(integrator: str, words: str) -> list[FailureMode]:
+    found, modes = swings(integrator), []
+    for name, limit, up, late in zip(
+        NAMES, found.limit_s, found.up(), found.late, strict=True
+    ):
+        first = int(np.argmax(up))
+        last = "lost" if np.isinf(late[first + 1]) else f"{late[first + 1]:.1g} rad/s"
+        kept = SHARES[first] > 0.99 and up[first:].any()
+        kept = kept and _refused(name, integrator, limit)
+        modes.append(
+            FailureMode(
+                area="flights",
+                method=f"{name}, position hold, {words}",
+                failure="a step too long: a turn of 1e-6 rad/s swings up",
+                boundary=1e3 * float(limit * SHARES[first]),
+                unit="ms",
+                beyond=f"{1e3 * limit * SHARES[first + 1]:.3g} ms: {last} after "
+                f"{CONTROLLER_STEPS:,} steps",
+                response=verified("refuses", kept, f"{name}, {integrator}"),
+                message=f"past {1e3 * limit:.4g} ms, motors' and loop's eigenvalues, "
+                "with that limit",
+            )
+        )
+    return modes
+
+
+def _refused(name: str, integrator: str, limit: float) -> bool:
+    """Whether a step just past a limit is refused, and one just within it is not."""
+    vehicle, hold = named(name), PositionHold(HOME, named_gains(name))
+
+    def flies(step: float) -> bool:
+        try:
+            simulate(
+                vehicle,
+                hovering(vehicle),
+                duration_s=step,
+                step_s=step,
+                integrator=integrator,
+                control=hold,
+            )
+        except InputError:
+            return False
+        return True
+
+    return flies(0.999 * limit) and not flies(1.001 * limit)
+
+
+def stacked(trees: list) -> Any:
+    """Return trees with the same leaves as one, a row each; names are dropped."""
+    first = jax.tree.structure(trees[0])
+    leaves = [
+        jnp.stack(part) for part in zip(*map(jax.tree.leaves, trees), strict=True)
+    ]
+    return jax.tree.unflatten(first, leaves)

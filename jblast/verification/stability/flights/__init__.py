@@ -1,1 +1,0 @@
-"""Where flights fail: steps, holds, kernels, pulses."""

@@ -1,1 +1,0 @@
-"""Where fits and walks fail: starts, ridges, modes, outliers."""

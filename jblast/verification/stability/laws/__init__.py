@@ -1,1 +1,0 @@
-"""Where laws, waveforms, clocks and the shock solver fail."""

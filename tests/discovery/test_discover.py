@@ -1,0 +1,263 @@
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jblast.discovery.discover import basic_interval, discover, interval_level, replay
+from jblast.discovery.noise_sweep import drag_case, motor_case, noisy_states
+from jblast.discovery.record import half_width, smoothed, windows
+from jblast.discovery.sparse_regression import Candidates, polynomial
+from jblast.errors import InputError
+from jblast.report.discovery import certain, discovery_text
+
+TIME = np.linspace(0.0, 10.0, 401)
+
+
+@pytest.fixture(scope="module")
+def drag():
+    return drag_case()
+
+
+def pendulum(noise: float = 0.0, damping: float = 0.2) -> np.ndarray:
+    """Return angle and rate of x'' = -4 x - damping x'."""
+    flow = solve_ivp(
+        lambda t, y: [y[1], -4.0 * y[0] - damping * y[1]],
+        (0.0, 10.0),
+        [1.0, 0.0],
+        t_eval=TIME,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    drawn = np.random.default_rng(0).standard_normal(flow.y.T.shape)
+    return flow.y.T + noise * drawn
+
+
+def found_in_case(case, noise: float, seed: int = 0, members: int = 12):
+    states = noisy_states(case, noise, seed)
+    found = discover(
+        case.time_s,
+        states,
+        case.inputs,
+        names=case.names,
+        candidates=case.candidates,
+        held=case.held,
+        members=members,
+    )
+    return found, replay(found, case.time_s, states, case.inputs, held=case.held)
+
+
+def test_a_window_integrates_by_parts():
+    time = np.sort(np.random.default_rng(1).uniform(0.0, 2.0, 60))
+    cut = windows(time, 0.4)
+    left = cut.derivative @ cut.time**3
+    # three nodes a piece, eight pieces a window, whose ends cut pieces in two
+    np.testing.assert_allclose(left, cut.integral @ (3.0 * cut.time**2), rtol=5e-4)
+
+
+def test_a_wide_gap_between_rows_is_cut_into_pieces():
+    time = np.concatenate([np.linspace(0.0, 1.0, 20), np.linspace(3.0, 4.0, 20)])
+    cut = windows(time, 0.3)
+    left = cut.derivative @ np.sin(cut.time)
+    right = cut.integral @ np.cos(cut.time)
+    np.testing.assert_allclose(left, right, atol=5e-4 * np.max(np.abs(right)))
+
+
+def test_windows_are_as_wide_as_the_motion_asks():
+    angle = TIME * 2.0 * np.pi / 2.0  # five periods of 2 s
+    value, slope = np.sin(angle)[:, None], np.pi * np.cos(angle)[:, None]
+    assert half_width(TIME, value, slope) == pytest.approx(1.0 / np.pi, rel=0.01)
+
+
+def test_smoothing_tells_the_noise():
+    noise = 0.05 * np.random.default_rng(2).standard_normal(TIME.shape)
+    sd = smoothed(TIME, (np.sin(TIME) + noise)[:, None]).noise_sd[0]
+    assert sd == pytest.approx(0.05, rel=0.12)  # three standard errors of 401 rows
+
+
+def test_products_and_signed_squares_of_columns():
+    candidates = polynomial(("x", "y"), 2, signed_squares=True)
+    assert candidates.names == (
+        *("1", "x", "y", "x^2", "x y", "y^2"),
+        *("|x| x", "|y| y"),
+    )
+    values = candidates.evaluate(np.array([[-2.0, 3.0]]))
+    np.testing.assert_array_equal(values, [[1, -2, 3, 4, -6, 9, -4, 9]])
+
+
+def test_a_damped_pendulum_is_found():
+    found = discover(TIME, pendulum(0.01), names=("x", "rate"), members=15)
+    assert found.terms(0) == ("rate",)
+    assert found.terms(1) == ("x", "rate")
+    # noise of 1 % over 100 windows that do not overlap much
+    assert found.coefficients[1, 1] == pytest.approx(-4.0, rel=0.01)
+    assert found.coefficients[1, 2] == pytest.approx(-0.2, rel=0.1)
+    assert np.all(found.low <= found.coefficients)
+    assert np.all(found.coefficients <= found.high)
+    np.testing.assert_allclose(found.noise_sd, 0.01, rtol=0.15)
+    text = discovery_text(found, replay(found, TIME, pendulum(0.01)))
+    assert "88 % interval" in text  # the least and the greatest of 15: 14/16
+
+
+@pytest.mark.parametrize("members", [4, 9, 18, 19, 100])
+def test_an_interval_holds_one_more_number_as_often_as_its_level_says(members):
+    drawn = np.random.default_rng(0).standard_normal((members + 1, 20_000))
+    low, high = basic_interval(np.zeros(20_000), drawn[1:])
+    held = np.mean((low <= -drawn[0]) & (-drawn[0] <= high))
+    level = interval_level(members)
+    assert level == (0.9 if members >= 19 else (members - 1) / (members + 1))
+    # binomial, four standard errors
+    assert held == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 20_000))
+
+
+def test_the_same_seed_gives_the_same_ensemble():
+    states = pendulum(0.1)
+    first, again = (
+        discover(TIME, states, names=("x", "rate"), members=5, seed=3) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.inclusion, again.inclusion)
+    np.testing.assert_array_equal(first.low, again.low)
+
+
+def test_the_drag_of_a_vehicle_is_found(drag):
+    case = drag
+    found, again = found_in_case(case, 0.01)
+    for state, (name, truth) in enumerate(case.truth.items()):
+        assert set(found.terms(state)) == set(truth), name
+        for term, value in truth.items():
+            place = found.candidates.names.index(term)
+            # the frame's drag is a fifth of the rotors': 1 % of noise makes it 3 %
+            assert found.coefficients[state, place] == pytest.approx(value, rel=0.05)
+    assert again.reproduced == (True, True)
+
+
+@pytest.mark.slow
+def test_the_lag_of_a_motor_is_found():
+    case = motor_case()
+    found, again = found_in_case(case, 0.01)
+    assert found.terms(0) == ("speed", "command")
+    lag = 1.0 / found.coefficients[0, 2]
+    assert lag == pytest.approx(0.072, rel=0.01)  # a Crazyflie's
+    assert again.reproduced == (True,)
+
+
+def test_held_inputs_need_to_be_said():
+    case = motor_case()
+    held, _ = found_in_case(case, 0.0)
+    linear = discover(
+        case.time_s,
+        case.states,
+        case.inputs,
+        names=case.names,
+        candidates=case.candidates,
+        members=5,
+    )
+    truth = 1.0 / 0.072
+    error = [abs(f.coefficients[0, 2] / truth - 1.0) for f in (held, linear)]
+    assert error[0] < 1e-3 < error[1]
+
+
+def test_so_much_noise_that_terms_are_lost_is_no_certainty(drag):
+    found, _ = found_in_case(drag, 0.3)
+    assert "|U| u" not in found.terms(0)
+    assert np.any((found.inclusion > 0.0) & (found.inclusion < 1.0))
+
+
+def test_a_term_that_repeats_another_is_left_out_and_named():
+    time = np.linspace(0.0, 3.0, 201)
+    falling = (10.0 * np.exp(-0.5 * time))[:, None]
+    names = ("u",)
+    found = discover(
+        time,
+        falling,
+        names=names,
+        candidates=polynomial(names, 2, signed_squares=True),
+        members=5,
+    )
+    assert found.repeated == ("|u| u",)
+    assert found.terms(0) == ("u",)
+
+
+def test_without_the_right_candidates_the_data_do_not_come_back():
+    candidates = Candidates(
+        ("1", "x^2"), lambda v: np.stack([v[:, 0] ** 0, v[:, 0] ** 2], 1)
+    )
+    states = pendulum(0.01)
+    found = discover(
+        TIME, states, names=("x", "rate"), candidates=candidates, members=5
+    )
+    assert replay(found, TIME, states).reproduced == (False, False)
+
+
+def test_a_candidate_that_overflows_is_named():
+    names = ("x", "rate")
+    with pytest.raises(InputError, match=r"term x\^3"):
+        discover(
+            TIME,
+            1e120 * pendulum(),
+            names=names,
+            candidates=polynomial(names, 3),
+            members=5,
+        )
+
+
+def test_equations_that_run_away_are_given_up():
+    names = ("x",)
+    growing = np.exp(0.3 * TIME)[:, None]
+    found = discover(TIME, growing, names=names, members=5)
+    worse = found.__class__(
+        **{**vars(found), "coefficients": 40.0 * found.coefficients}
+    )
+    again = replay(worse, TIME, growing)
+    assert again.misfit[0] == np.inf
+    assert again.reproduced == (False,)
+    assert np.isnan(again.states[-1, 0])
+
+
+def driven() -> tuple[np.ndarray, np.ndarray]:
+    """Return x of x' = -x / 2 + u, and u."""
+    push = np.sin(1.3 * TIME) + 0.5 * np.cos(2.9 * TIME)
+    flow = solve_ivp(
+        lambda t, x: -0.5 * x + np.interp(t, TIME, push),
+        (0.0, 10.0),
+        [1.0],
+        t_eval=TIME,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    return flow.y[0], push
+
+
+def discovered(states, inputs, names):
+    return discover(TIME, states, inputs, names=names, members=12)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.001, 0.03])
+def test_collinear_states_are_exchangeable(noise):
+    state, push = driven()
+    both = np.stack([state, 2.0 * state], axis=1)
+    both += noise * both.std(axis=0) * np.random.default_rng(5).normal(size=both.shape)
+    found = discovered(both, push[:, None], ("x", "y", "push"))
+    again = replay(found, TIME, both, push[:, None])
+    for pairs in found.exchangeable:
+        assert {frozenset(pair) for pair in pairs} == {frozenset(("x", "y"))}
+    assert not certain(found, again)
+    assert "x and y are exchangeable" in discovery_text(found, again).replace(
+        "y and x", "x and y"
+    )
+
+
+def test_collinear_inputs_are_exchangeable_unless_the_record_distinguishes_them():
+    state, push = driven()
+    noisy = state[:, None] + 0.01 * np.random.default_rng(6).normal(size=(401, 1))
+    near, far = (1.5 * push + by * np.sin(7.0 * TIME) for by in (0.002, 0.3))
+    found = discovered(noisy, np.stack([push, near], axis=1), ("x", "push", "pull"))
+    assert {frozenset(pair) for pair in found.exchangeable[0]} == {
+        frozenset(("push", "pull"))
+    }
+    apart = discovered(noisy, np.stack([push, far], axis=1), ("x", "push", "pull"))
+    assert apart.terms(0) == ("x", "push")
+    assert apart.exchangeable == ((),)
+
+
+def test_terms_of_a_true_law_are_not_exchangeable(drag):
+    found, _ = found_in_case(drag, 0.01)
+    assert found.exchangeable == ((), ())
