@@ -2,7 +2,7 @@
 
 The logs are those of `calibration.six_stations`. Starts are
 
-- closed form: `inference.many.starts.multilateration`, from air minus ground arrivals;
+- closed form: `inference.many.starts.closed_form`, from air minus ground arrivals;
   a doubtful end is tried again from draws of the prior;
 - random: mass log-uniform from 1 to 1,000 kg, place uniform in a square of 200 m,
   origin time up to 0.1 s before the first reading. Each log has two; the second is

@@ -20,13 +20,11 @@ import jax
 import numpy as np
 
 from jblast.fidelity.timing import best_of
-from jblast.inference.importance.psis import importance
-from jblast.inference.importance.whitening import densities
+from jblast.inference.importance import importance
 from jblast.inference.mcmc.convergence import convergence
-from jblast.inference.mcmc.emcee_engine import Emcee, moves, of_emcee
-from jblast.inference.mcmc.scan_engine import Scan
-from jblast.inference.mcmc.state import Segment
+from jblast.inference.mcmc.engines import Emcee, Scan, Segment, moves, of_emcee
 from jblast.inference.mode.laplace import NORMAL_Q95
+from jblast.inference.whitening import densities
 from jblast.verification.benchmark.fits import REFERENCE_SEED, solved, weighted_ends
 from jblast.verification.sampling_cases import (
     RECORDS,

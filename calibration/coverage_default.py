@@ -28,7 +28,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.inference import Posterior
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.uncertainty import uncertainty
-from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.identifiability import identifiability
 from jblast.inference.mode.laplace import laplace, marginals
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import parameters_of

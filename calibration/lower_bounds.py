@@ -20,7 +20,7 @@ from jblast.inference import Posterior
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.suspects import UNHEARD
 from jblast.inference.fitting.uncertainty import uncertainty
-from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.identifiability import identifiability
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import parameters_of

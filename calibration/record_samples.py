@@ -23,9 +23,8 @@ from scipy.interpolate import CubicSpline
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.inference.fitting.fit import solve
-from jblast.inference.fitting.samples.density import densities_of_samples
-from jblast.inference.fitting.solution import Solution
-from jblast.inference.importance.marginals import weighted_quantiles
+from jblast.inference.fitting.solution import Solution, densities_of_samples
+from jblast.inference.importance import weighted_quantiles
 from jblast.inference.picks import pick_records
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.inference.records.sampled import sampled_records

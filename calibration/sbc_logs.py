@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jblast.inference import Posterior
-from jblast.inference.identifiability.null_space import identifiability
-from jblast.inference.importance.psis import (
+from jblast.inference.identifiability import identifiability
+from jblast.inference.importance import (
     importance,
     laplace_holds,
     largest_log_sd,

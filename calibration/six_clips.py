@@ -25,7 +25,7 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.errors import InputError
 from jblast.inference import fit
-from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.fit import Fit
 from jblast.observations import Observations, read
 from jblast.observations.places import Frame
 from jblast.scene import Charge, Scene, Sensor, UncertainScene

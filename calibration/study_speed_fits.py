@@ -10,7 +10,7 @@ from calibration.six_stations import LAWS, columns_of, draw, scene_of
 from calibration.study_cases import AIR, sensors, study_of
 from calibration.study_clock import best, platform, programs_of
 from jblast.inference import fit_many
-from jblast.inference.many.from_host import fit_from_host
+from jblast.inference.many.fit_many import fit_from_host
 from jblast.sensors import planned_layout
 from jblast.study.engine.tiles import calculated
 from jblast.study.outcome.fit import AGAIN_Z

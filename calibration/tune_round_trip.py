@@ -30,13 +30,13 @@ import jax  # noqa: E402  JAX is started first
 
 from jblast.files import write_text  # noqa: E402
 from jblast.inference.tuning import Tuned, tune_sound  # noqa: E402
-from jblast.inference.tuning.recorded_sound import RecordedSound  # noqa: E402
-from jblast.inference.tuning.sight import look_of  # noqa: E402
 from jblast.inference.tuning.tune_sight import (  # noqa: E402
+    look_of,
     paired,
     tune_events,
     tune_frames,
 )
+from jblast.inference.tuning.tune_sound import RecordedSound  # noqa: E402
 from jblast.inference.tuning.unknowns import tuned_value  # noqa: E402
 from jblast.report.tune_files import tuned_document  # noqa: E402
 from jblast.report.words import aligned  # noqa: E402

@@ -22,7 +22,7 @@ import numpy as np
 from calibration.world_answers import Answer, go_on
 from calibration.world_fits import Solved, least_at, solutions, worlds
 from calibration.world_subsets import PARTS, SUBSETS, sharpness
-from jblast.inference.importance.psis import (
+from jblast.inference.importance import (
     importance,
     laplace_holds,
     largest_log_sd,

@@ -15,17 +15,16 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.inference import Posterior
-from jblast.inference.identifiability.null_space import (
+from jblast.inference.identifiability import (
     Identifiability,
     identifiability,
 )
-from jblast.inference.importance.interval_check import reaching
-from jblast.inference.importance.psis import Importance, pareto_smoothed
-from jblast.inference.importance.whitening import Whitened, densities, root_of
+from jblast.inference.importance import Importance, pareto_smoothed, reaching
 from jblast.inference.mode.laplace import Laplace, laplace
 from jblast.inference.mode.search import Optima, optima
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import Parameters, parameters_of
+from jblast.inference.whitening import Whitened, densities, root_of
 from jblast.observations import Observations
 from jblast.observations.grouping import some_rows
 from jblast.scene import UncertainScene, WorldSpec

@@ -41,11 +41,14 @@ WITHIN = {
         *("surroundings", "rendering", "events", "files", "film", "bake"),
     ),
     "inference": (
-        *("sanity", "posterior", "picks", "records", "mode", "identifiability"),
-        *("importance", "mcmc", "fitting", "design", "tuning"),
+        *("consensus", "sanity", "posterior", "picks", "records", "mode"),
+        *("identifiability", "whitening", "importance", "mcmc", "fitting", "design"),
+        "tuning",
     ),
     "world": ("server", "remote"),
-    "inference.many": ("solver", "residuals", "starts"),
+    "inference.many": (
+        *("fold", "solver", "residuals", "lanes", "starts", "engine", "fit_many"),
+    ),
     "verification": ("stability", "benchmark"),
     "cli": ("arguments", "verbs"),
 }

@@ -17,22 +17,26 @@ from docs.generate import answer_schemas, answer_tables
 from docs.generate.scene_schema import scene_schema
 from jblast.errors import InputError
 from jblast.fidelity import TakenLaw
-from jblast.inference.design.cramer_rao import Bound
-from jblast.inference.design.summary import AddedDatum, BoundSummary, Sensitivity
+from jblast.inference.design.cramer_rao import (
+    AddedDatum,
+    Bound,
+    BoundSummary,
+    Sensitivity,
+)
 from jblast.inference.fitting.findings import (
     ExchangedSensors,
     NotAtOptimum,
     WrongClock,
     WrongSensor,
 )
-from jblast.inference.identifiability.findings import (
+from jblast.inference.identifiability import (
     Cure,
     EstimableCombination,
     NullDirection,
     OtherMode,
     ResolvingDatum,
 )
-from jblast.inference.posterior.estimate import Estimate, Spread
+from jblast.inference.posterior.parameters import Estimate, Spread
 from jblast.inference.records import log_of
 from jblast.json_values import plain
 from jblast.observations.check import Doubt

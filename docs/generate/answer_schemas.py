@@ -12,16 +12,16 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from docs.generate.attributes import attributes
 from jblast.fidelity import Choice, TakenLaw
-from jblast.inference.design.summary import AddedDatum, BoundSummary
+from jblast.inference.design.cramer_rao import AddedDatum, BoundSummary
 from jblast.inference.fitting.findings import WrongSensor
-from jblast.inference.fitting.place.on_earth import OnEarth
+from jblast.inference.fitting.place import OnEarth
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.identifiability.findings import (
+from jblast.inference.identifiability import (
     Cure,
     EstimableCombination,
     OtherMode,
 )
-from jblast.inference.posterior.finding import Finding
+from jblast.inference.posterior.parameters import Finding
 from jblast.observations.table import Understood
 from jblast.report.autopilot import LockstepAnswer, WatchedAnswer
 from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer

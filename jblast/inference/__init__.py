@@ -1,10 +1,10 @@
-"""What we conclude: one posterior, its optima, and how sure they are.
+"""Inference: one posterior, its optima and their uncertainty.
 
-Under `jit` and `vmap` go what computes: every method of `Posterior` (over places, and
-over the readings of logs of one layout), `information_of_layout`, and the search
-`optimum.optima`. `fit`, `solve`, `bound` and `ensemble` decide things in Python between
-such programs, so they take one log; many go through `fit_many`, which compiles its own,
-or `fit_each`.
+Functions that compute can be put under `jit` and `vmap`: every method of `Posterior`
+(over points, and over the readings of logs of one layout), `information_of_layout`, and
+the search `mode.search.optima`. `fit`, `solve`, `bound` and `ensemble` take decisions
+in Python between such programs, so they take one log. For several logs there are
+`fit_many`, which compiles its own program, and `fit_each`.
 """
 
 from jblast.inference.design.covariance import (
@@ -15,13 +15,20 @@ from jblast.inference.design.sensor_map import (
     BoundMap as BoundMap,
     bound_map as bound_map,
 )
-from jblast.inference.fitting.fit import fit as fit, solve as solve
-from jblast.inference.fitting.fit_each import fit_each as fit_each
-from jblast.inference.fitting.result import Band as Band, Fit as Fit
+from jblast.inference.fitting.fit import (
+    Band as Band,
+    Fit as Fit,
+    fit as fit,
+    fit_each as fit_each,
+    solve as solve,
+)
 from jblast.inference.fitting.solution import Solution as Solution
-from jblast.inference.many.batch import Batch as Batch, batch_of as batch_of
-from jblast.inference.many.fit_many import fit_many as fit_many
-from jblast.inference.many.many_fits import ManyFits as ManyFits
+from jblast.inference.many.fit_many import (
+    Batch as Batch,
+    batch_of as batch_of,
+    fit_many as fit_many,
+)
+from jblast.inference.many.lanes import ManyFits as ManyFits
 from jblast.inference.mcmc.ensemble import Ensemble as Ensemble, ensemble as ensemble
 from jblast.inference.posterior.posterior import (
     Posterior as Posterior,

@@ -55,7 +55,7 @@ class Frame:
 
     The axes are straight: ground of the origin's height lies $d^2 / 2R$ below the plane
     at a distance $d$. Distances between places are those through the air, exact at any
-    range (`flatness` says what is lost by taking the ground as flat).
+    range (`inference.fitting.assumptions.flat_ground` has the error of flat ground).
 
     Attributes:
         lat_deg: Geodetic latitude of the origin, WGS84 [degree].

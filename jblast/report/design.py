@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from jblast.inference.design.cramer_rao import Bound
-from jblast.inference.design.summary import AddedDatum, BoundSummary, Sensitivity
+from jblast.inference.design.cramer_rao import (
+    AddedDatum,
+    Bound,
+    BoundSummary,
+    Sensitivity,
+)
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.inference.posterior.estimate import Estimate, Spread
+from jblast.inference.posterior.parameters import Estimate, Spread
 from jblast.json_values import plain
 from jblast.quantities import ADDITIVE
 from jblast.registry import LAWS

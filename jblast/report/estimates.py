@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.report.words import (
     finite,
     rounded,

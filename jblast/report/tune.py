@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from jblast.inference.tuning.notes import Note
-from jblast.inference.tuning.result import POOR, Tuned
-from jblast.inference.tuning.tunables import TUNABLES
-from jblast.inference.tuning.unknowns import names_known, tuned_value
+from jblast.inference.tuning.result import POOR, Note, Tuned
+from jblast.inference.tuning.unknowns import TUNABLES, names_known, tuned_value
 from jblast.json_values import plain
 from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
 from jblast.report.words import aligned, hanging, joined, parameter_words, rounded

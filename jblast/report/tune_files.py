@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 import jblast
 from jblast.files import write_text
 from jblast.inference.tuning.result import Tuned
-from jblast.inference.tuning.sight import EventsEvidence, FramesEvidence, camera_of
 from jblast.inference.tuning.sound import SoundEvidence
+from jblast.inference.tuning.tune_sight import EventsEvidence, FramesEvidence, camera_of
 from jblast.parameters import CLOCK_OFFSET
 from jblast.report.figure_files import write_drawn
 from jblast.report.figure_style import (

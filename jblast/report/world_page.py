@@ -20,7 +20,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from jblast.errors import InputError
 from jblast.inference import fit_each
-from jblast.inference.fitting.place.confidence_ellipse import (
+from jblast.inference.fitting.place import (
     ConfidenceEllipse,
     charge_ellipse,
 )

@@ -32,11 +32,9 @@ from scipy.stats import chi2, ncx2, norm
 
 from jblast.fidelity.timing import best_of
 from jblast.inference import Posterior
-from jblast.inference.importance.whitening import Density, densities
-from jblast.inference.mcmc.independence_move import Mixture, mixture_of
-from jblast.inference.mcmc.scan_engine import BLOCK
-from jblast.inference.mcmc.state import Engine, WalkState
+from jblast.inference.mcmc.engines import BLOCK, Engine, Mixture, WalkState, mixture_of
 from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.whitening import Density, densities
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import to_error_scale

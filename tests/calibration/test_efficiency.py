@@ -7,7 +7,7 @@ from scipy.stats import norm
 from calibration.efficiency import errors_of, verdict
 from calibration.efficiency_cases import CASES
 from calibration.efficiency_price import price
-from jblast.inference.posterior.error_density import log_noise
+from jblast.inference.posterior.likelihood import log_noise
 
 LOGS = 400
 

@@ -7,7 +7,7 @@ import pytest
 
 from calibration.one_drone import DOCUMENT, HOVERS, SENSES, Known, known_of, table
 from calibration.world_fits import Fitted
-from jblast.inference.importance.psis import Importance
+from jblast.inference.importance import Importance
 from jblast.inference.posterior.parameters import Parameters, parameters_of
 from jblast.scene.reader.scene import world_from_document
 from jblast.world import scene_of_one_blast

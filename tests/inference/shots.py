@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from jblast.inference import Posterior
-from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.identifiability import identifiability
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.mode.search import Optima
 from jblast.inference.posterior.fisher_information import information

@@ -8,15 +8,15 @@ import numpy as np
 
 from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.findings import PoorFit, SuspectedOutlier
-from jblast.inference.fitting.result import Fit
-from jblast.inference.identifiability.findings import (
+from jblast.inference.fitting.fit import Fit
+from jblast.inference.identifiability import (
     Cure,
     EstimableCombination,
     NullDirection,
     OtherMode,
     ResolvingDatum,
 )
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.scene import Charge, Scene, Sensor
 from tests.report.made_up import PLAIN, SOUND, band, estimate, fit_of, log, taken
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from jblast.fidelity import Candidate, Choice, TakenLaw
-from jblast.inference.fitting.result import Band, Fit
+from jblast.inference.fitting.fit import Band, Fit
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.observations import Observations
 from jblast.quantities import TIMES
 from jblast.scene import Scene

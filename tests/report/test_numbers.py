@@ -1,6 +1,6 @@
 import pytest
 
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.report.estimates import printed_estimate
 from jblast.report.words import (
     joined,

@@ -23,7 +23,7 @@ from jblast.progress import each
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jblast.inference.fitting.result import Fit
+    from jblast.inference.fitting.fit import Fit
     from jblast.inference.records import Gathered, PickLog
     from jblast.observations import Observations
     from jblast.observations.records.formats import RecordFiles, Scaling

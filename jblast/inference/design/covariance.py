@@ -8,13 +8,12 @@ from jaxtyping import Array, Float
 
 from jblast.inference.mode.laplace import FALLS, Laplace, half_width, marginals
 from jblast.inference.mode.starts import typical_step
-from jblast.inference.posterior.estimate import Spread
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
     known_covariance,
 )
-from jblast.inference.posterior.parameters import Parameters
+from jblast.inference.posterior.parameters import Parameters, Spread
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.sensors import Layout

@@ -1,26 +1,29 @@
-r"""What a planned layout of sensors could tell, before any shot.
+r"""The Cramer-Rao bound of a planned layout of sensors, before any shot.
 
-The Cramer-Rao bound: no unbiased answer has a covariance below the inverse of the
-Fisher information $F$ (see `fisher_information`), and a fit of a log with few wild
-readings comes close to it. Where $F$ tells nothing the direction is named instead, with
-its cure.
+No unbiased estimate has a covariance below the inverse of the Fisher information $F$
+(see `fisher_information`), and a fit of a log with few wild readings comes close to it.
+Where $F$ is singular the null direction is reported instead, with data that would
+resolve it.
+
+The bound holds at the assumed values of the parameters. It is also computed with each
+reading that could be added to the layout, which ranks them, and with each prior dropped
+or each other unknown given, which shows what the answer is sensitive to. The slopes
+$d \ln y / d \ln W$ of the laws limit any estimate of the mass.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.errors import InputError
-from jblast.inference.design.added_datum import added_data
-from jblast.inference.design.covariance import cramer_rao
+from jblast.fidelity import TakenLaw
+from jblast.inference.design.covariance import cramer_rao, spread_left, worst
 from jblast.inference.design.planned_log import Planned, planned
-from jblast.inference.design.sensitivity import leans_on, mass_exponents
-from jblast.inference.design.summary import BoundSummary
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.unidentified import (
     estimable_combinations,
@@ -28,21 +31,33 @@ from jblast.inference.fitting.unidentified import (
     other_modes,
 )
 from jblast.inference.fitting.warnings import height_beside_the_curves, outside
-from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.identifiability import (
+    EstimableCombination,
+    NullDirection,
+    OtherMode,
+    aside,
+    identifiability,
+    laws_beside,
+)
 from jblast.inference.mode.laplace import Laplace, density_and_slope, marginals
 from jblast.inference.mode.search import optima
-from jblast.inference.posterior.estimate import Spread
-from jblast.inference.posterior.finding import Finding
 from jblast.inference.posterior.fisher_information import (
     information,
     information_of_row,
+    whitened_rows,
 )
+from jblast.inference.posterior.parameters import Finding, Spread
 from jblast.inference.posterior.posterior import Posterior
+from jblast.json_values import plain
+from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.progress import stages
+from jblast.quantities import ADDABLE, ADDITIVE, TIMES
 from jblast.scene import Free, UncertainScene
+from jblast.sensors import Layout
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.layout import check_scene
+from jblast.sensors.record import clock_offsets
 from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
 
 STAGES = {
@@ -53,6 +68,169 @@ STAGES = {
 """Of a bound, and about how many seconds each takes, most of them compiling."""
 STEPS = 12
 """Steps to the optimum, each of which goes most of the way."""
+DEFAULT_SIGMA = {"time": 1e-3, "relative": 0.05}
+"""Error of a datum whose quantity the layout does not record: seconds, or relative."""
+MOST_SENSORS = 12
+"""Data are tried beside so many sensors of a layout, the nearest to the farthest."""
+KNOWN_GAIN = 1.5
+"""An sd is sensitive to a number that, once known, makes it smaller by this factor."""
+PRIOR_LOSS = 1.2
+"""It is sensitive to a prior that, once dropped, makes it larger by this factor."""
+
+
+@dataclass(frozen=True)
+class AddedDatum:
+    """One row that could be added to a layout, and what it would leave unknown.
+
+    Attributes:
+        quantity: What would be recorded.
+        sensor: Beside which sensor of the layout; "" off the sensors' line.
+        position: Where [m]; None in a scene without places.
+        charge: Name of the charge, or "".
+        sigma: Its error: seconds, or relative.
+        is_default: Whether the error is our guess, the layout recording no such.
+        law: Which law would read it.
+        law_valid: Whether that holds there.
+        parameter: The number that it would tell more of.
+        left: How far that may be off then.
+    """
+
+    quantity: str
+    sensor: str
+    position: Float[np.ndarray, "3"] | None
+    charge: str
+    sigma: float
+    is_default: bool
+    law: str
+    law_valid: bool
+    parameter: str
+    left: Spread
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How well one number is known, by what is known of another.
+
+    Attributes:
+        parameter: The one.
+        on: The other.
+        if_known: How far the one may be off were the other known.
+        without_prior: Likewise were the other's prior not believed; None if it has
+            none.
+    """
+
+    parameter: str
+    on: str
+    if_known: Spread
+    without_prior: Spread | None
+
+
+def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
+    """Say which other numbers decide how well one is known.
+
+    Args:
+        plan: The layout.
+        target: Index of the number.
+
+    Returns:
+        One for each that matters, the most first.
+    """
+    posterior, z = plan.posterior, plan.z
+    has_prior = np.asarray(posterior.parameters.has_prior())
+    matrix = np.asarray(information(posterior, jnp.asarray(z)))
+    now = spread_left(posterior, z, matrix, target).width
+    answer = []
+    for i, name in enumerate(posterior.parameters.names):
+        if i == target:
+            continue
+        known = spread_left(posterior, z, matrix, target, known=i)
+        without = None
+        if has_prior[i]:
+            without = spread_left(posterior, z, matrix, target, unbelieved=i)
+        gain = _ratio(now, known.width)
+        loss = 1.0 if without is None else _ratio(without.width, now)
+        if gain < KNOWN_GAIN and loss < PRIOR_LOSS:
+            continue
+        entry = Sensitivity(posterior.parameters.names[target], name, known, without)
+        answer.append((max(gain, loss), entry))
+    return tuple(entry for _, entry in sorted(answer, key=lambda pair: -pair[0]))
+
+
+def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
+    r"""Return the least and largest $d \ln y / d \ln W$ of each quantity.
+
+    Of an air arrival $y$ is the travel time; other times hardly depend on the mass. A
+    scene of several charges, or of a fixed mass, has none.
+    """
+    posterior, z = plan.posterior, jnp.asarray(plan.z)
+    parameters, layout = posterior.parameters, posterior.layout
+    if "charge_mass_kg" not in parameters.names:
+        return {}
+    i = parameters.names.index("charge_mass_kg")
+    there = parameters.scene_at(z)
+    start = np.asarray(clock_offsets(there, layout) + there.charge.time_s)
+    value, moved, grown = map(np.asarray, _mass_slopes(posterior, z, i))
+    quantities = [
+        q for q in layout.quantities() if q == "air_arrival_s" or q not in ADDITIVE
+    ]
+    answer = {}
+    for quantity in quantities:
+        rows = np.isin(layout.quantity, quantity)
+        if rows.any():
+            base = value[rows] - (start[rows] if quantity in TIMES else 0.0)
+            exponent = moved[rows] / base / grown
+            answer[quantity] = (float(exponent.min()), float(exponent.max()))
+    return answer
+
+
+@dataclass(frozen=True)
+class BoundSummary:
+    """What a layout could tell.
+
+    Attributes:
+        at: The numbers taken for true.
+        law: Name of the law that reads each quantity.
+        law_reason: What it was taken by: `report.law_reason` words it.
+        law_valid: Whether every row lies where its law holds.
+        parameters: How far each open number may be off.
+        free: Names of what is open.
+        identifiable: Whether the readings would leave one answer.
+        null_directions: Directions in which no datum moves.
+        ambiguities: Other optima that the data could not rule out.
+        determined: Combinations of unidentified numbers that are identified.
+        noise: Distribution of the independent errors.
+        n_observations: Rows of the planned log.
+        help: Rows that could be added, the most helpful first.
+        leans_on: What the number known worst rests on, the most first.
+        mass_exponents: Least and largest slope of ln of each quantity in ln mass.
+        warnings: What is to be told beside the numbers.
+    """
+
+    at: Mapping[str, float]
+    law: Mapping[str, str]
+    law_reason: Mapping[str, TakenLaw]
+    law_valid: bool
+    parameters: Mapping[str, Spread]
+    free: tuple[str, ...]
+    identifiable: bool
+    null_directions: tuple[NullDirection, ...]
+    ambiguities: tuple[OtherMode, ...]
+    determined: tuple[EstimableCombination, ...]
+    noise: str
+    n_observations: int
+    help: tuple[AddedDatum, ...]
+    leans_on: tuple[Sensitivity, ...]
+    mass_exponents: Mapping[str, tuple[float, float]]
+    warnings: tuple[Finding, ...]
+
+    @property
+    def unidentified(self) -> tuple[str, ...]:
+        """Names of the open numbers of which nothing would be known."""
+        return tuple(n for n, s in self.parameters.items() if not s.is_known)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON can hold it; null is what is not a finite number."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 @dataclass(frozen=True)
@@ -215,3 +393,154 @@ def _warnings(plan: Planned, solution: Solution, valid) -> list[Finding]:
     for charge in scene.charges:
         findings += height_beside_the_curves(solution, charge)
     return findings
+
+
+class Datum(NamedTuple):
+    """One row that could be added: what, where, by which sensor, of which charge."""
+
+    quantity: str
+    position: Float[np.ndarray, "3"]
+    sensor: str
+    group: int
+    clock: str
+    shot: int
+    sigma: float
+    is_default: bool
+
+
+def added_data(plan: Planned) -> tuple[tuple[AddedDatum, ...], int]:
+    """Rank rows that could be added by the sd they leave.
+
+    The sd is that of the charge mass; if no mass is fitted, of the number that is known
+    worst for its typical size.
+
+    Returns:
+        An entry for each row, those first whose laws hold, the most helpful of them
+        before all; and the number's index.
+    """
+    posterior, z = plan.posterior, plan.z
+    target = worst(posterior, z)
+    data = candidates(plan)
+    more = Layout(
+        quantity=tuple(d.quantity for d in data),
+        position=jnp.asarray(np.array([d.position for d in data])),
+        slant_range=jnp.full(len(data), jnp.nan),
+        time=jnp.full(len(data), jnp.nan),
+        group=tuple(d.group for d in data),
+        shot=tuple(d.shot for d in data),
+        clock=tuple(d.clock for d in data),
+    )
+    scene = posterior.parameters.scene_at(jnp.asarray(z))
+    laws = dict(posterior.laws) | laws_beside(posterior, scene, more)
+    both = Posterior(
+        posterior.parameters,
+        posterior.layout.beside(more),
+        jnp.zeros(len(plan.log) + len(data)),
+        jnp.concatenate([posterior.sigma, jnp.asarray([d.sigma for d in data])]),
+        tuple(sorted(laws.items())),
+        posterior.noise,
+    )
+    known, valid = map(np.asarray, _with_each(both, jnp.asarray(z), len(plan.log)))
+    entries = []
+    for datum, matrix, holds in zip(data, known, valid, strict=True):
+        left = spread_left(posterior, z, matrix, target)
+        entries.append(_entry(datum, plan, laws, bool(holds), target, left))
+    entries.sort(key=lambda e: (not e.law_valid, e.left.width))
+    return tuple(entries), target
+
+
+def _entry(datum: Datum, plan: Planned, laws, holds, target, left) -> AddedDatum:
+    parameters = plan.posterior.parameters
+    charge = parameters.scene.charges[datum.shot]
+    return AddedDatum(
+        quantity=datum.quantity,
+        sensor=datum.sensor,
+        position=datum.position if charge.range_m is None else None,
+        charge=charge.name,
+        sigma=datum.sigma,
+        is_default=datum.is_default,
+        law=laws[datum.quantity],
+        law_valid=holds,
+        parameter=parameters.names[target],
+        left=left,
+    )
+
+
+def candidates(plan: Planned) -> list[Datum]:
+    """Return the rows to try: each quantity beside each sensor, and at a new place."""
+    posterior, log = plan.posterior, plan.log
+    layout = posterior.layout
+    position, distance = (
+        np.asarray(x)
+        for x in (layout.position, posterior.misfit(jnp.asarray(plan.z)).slant_range)
+    )
+    sigmas = dict(
+        zip(reversed(layout.quantity), np.asarray(posterior.sigma)[::-1], strict=True)
+    )
+    answer = []
+    for shot, charge in enumerate(posterior.parameters.scene.charges):
+        rows = {log.sensor[i]: i for i in np.flatnonzero(np.array(layout.shot) == shot)}
+        ranked = sorted(rows, key=lambda name: distance[rows[name]])
+        picked = np.unique(np.linspace(0, len(ranked) - 1, MOST_SENSORS).astype(int))
+        places = [
+            (position[i], name, layout.group[i], layout.clock[i])
+            for name in (ranked[k] for k in picked)
+            for i in (rows[name],)
+        ]
+        if charge.range_m is None:
+            reach = float(np.median(distance))
+            places.append(
+                (aside(posterior, reach), "", max(layout.group) + 1 + shot, "")
+            )
+        for quantity in ADDABLE:
+            timed = "time" if quantity in TIMES else "relative"
+            sigma = float(sigmas.get(quantity, DEFAULT_SIGMA[timed]))
+            answer += [
+                Datum(quantity, at, name, group, clock, shot, sigma, is_default)
+                for is_default in (quantity not in sigmas,)
+                for at, name, group, clock in places
+                if (name, quantity, shot)
+                not in zip(log.sensor, log.quantity, layout.shot, strict=True)
+            ]
+    return answer
+
+
+@kept
+def _with_each(
+    posterior: Posterior, z: Float[Array, " free"], planned: int
+) -> tuple[Float[Array, "added free free"], Bool[Array, " added"]]:
+    """Return the information of the first rows with each of the others added."""
+    jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
+    misfit = posterior.misfit(z)
+    prior = jnp.diag(posterior.parameters.has_prior())
+
+    def with_row(row: Array) -> Float[Array, "free free"]:
+        rows = jnp.append(jnp.arange(planned), row)
+        of_rows = jax.tree.map(lambda x: x[rows], misfit)
+        gained = whitened_rows(posterior, of_rows, jacobian[rows])
+        return gained.T @ gained + prior
+
+    rows = jnp.arange(planned, len(jacobian))
+    return jax.lax.map(with_row, rows), misfit.valid[planned:]
+
+
+def _ratio(wide: float, narrow: float) -> float:
+    """How many times wider; 1 where neither is known."""
+    if np.isinf(wide):
+        return 1.0 if np.isinf(narrow) else np.inf
+    return wide / narrow if narrow > 0 else np.inf
+
+
+@kept
+def _mass_slopes(posterior: Posterior, z: Float[Array, " free"], mass: int):
+    """Return predictions, their slopes in a mass's coordinate, and that of ln mass."""
+
+    def readings(step):
+        there = z.at[mass].add(step)
+        name = posterior.parameters.names[mass]
+        grown = jnp.log(posterior.parameters.values(there)[name])
+        return posterior.misfit(there).predicted, grown
+
+    step = jnp.zeros((), z.dtype)
+    (value, _), (moved, grown) = jax.jvp(readings, (step,), (jnp.ones_like(step),))
+    return value, moved, grown

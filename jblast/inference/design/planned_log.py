@@ -1,4 +1,9 @@
-"""The log a planned layout would write if nature kept to the laws: no data needed."""
+"""The noise-free log of a planned layout: the readings that the laws predict.
+
+Uncertain numbers have the given values, or the medians of their priors. Sensors on a
+vehicle are placed where it hovers at its set point, level: the tilt against a wind is
+neglected.
+"""
 
 import math
 from collections.abc import Mapping
@@ -12,9 +17,12 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError, argument, nearest
 from jblast.fidelity import TakenLaw
-from jblast.inference.design.hovering import hovering
-from jblast.inference.posterior.fireball_growth import GROWTH, as_seen, own_growth
-from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.parameters import (
+    GROWTH,
+    as_seen,
+    own_growth,
+    parameters_of,
+)
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.observations import Observations, resolve_positions
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
@@ -23,6 +31,7 @@ from jblast.scene import (
     Free,
     Scene,
     UncertainScene,
+    VehicleSpec,
     parameter_named,
     with_values,
 )
@@ -217,3 +226,37 @@ def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
 
 def _shown(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {value:g}" for name, value in values.items())
+
+
+def hovering(scene: Scene) -> Scene:
+    """Return a scene whose riding sensors stand where its vehicle holds, level.
+
+    Of a wind, against which a vehicle tilts, nothing is counted: it moves what rides
+    by a part of its offset.
+
+    Args:
+        scene: Its sensors with a mount have no place; without a vehicle it stays.
+    """
+    if scene.vehicle is None:
+        return scene
+    vehicle = scene.vehicle
+    sensors = tuple(
+        replace(one, position_m=place_on(vehicle, one.offset_m))
+        if one.mount and not np.isfinite(np.asarray(one.position_m)).all()
+        else one
+        for one in scene.sensors
+    )
+    return replace(scene, sensors=sensors)
+
+
+def place_on(vehicle: VehicleSpec, offset_m: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return where a point of a level vehicle is at the place it holds.
+
+    Args:
+        vehicle: Its yaw is from east to north.
+        offset_m: Forward, left, up [m].
+    """
+    forward, left, up = jnp.asarray(offset_m, float)
+    cos, sin = jnp.cos(vehicle.yaw), jnp.sin(vehicle.yaw)
+    turned = [cos * forward - sin * left, sin * forward + cos * left, up]
+    return vehicle.held + jnp.stack(turned)

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from jblast.inference.posterior.estimate import Estimate
-from jblast.inference.posterior.finding import Finding
+from jblast.inference.posterior.parameters import Estimate, Finding
 
 
 @dataclass(frozen=True)

@@ -1,55 +1,79 @@
-"""Fit a blast to a log: the main job."""
+"""Fit a blast to one log, or to several logs one after another.
+
+A fit reads the log, chooses the laws, searches the optima, computes the uncertainty and
+collects the warnings. `solve` ends after the optimum and its normal approximation.
+`fit_each` fits several logs independently; a log that fails is reported, and the others
+are fitted all the same. Predictive bands for figures are quantiles of posterior draws
+along a line away from the charge.
+
+One program per layout is compiled, and decisions between programs are made in Python,
+so a fit cannot be put under `jit`; `many.fit_many` can.
+"""
 
 import os
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, argument
 from jblast.fidelity import TakenLaw
-from jblast.inference.fitting.burial import valid_at_depth
+from jblast.inference.fitting.assumptions import valid_at_depth
 from jblast.inference.fitting.findings import FlashesSetAside
-from jblast.inference.fitting.goodness_of_fit import standardised_residuals
-from jblast.inference.fitting.predictive_bands import bands
-from jblast.inference.fitting.result import Fit
-from jblast.inference.fitting.samples.density import room_for, with_sample_density
+from jblast.inference.fitting.goodness_of_fit import (
+    POOR,
+    p_value,
+    standardised_residuals,
+)
 from jblast.inference.fitting.solution import (
     Choices,
     Solution,
     choices_for,
+    room_for,
     settle_laws,
+    with_sample_density,
     with_samples,
 )
-from jblast.inference.fitting.summary import summary_of
+from jblast.inference.fitting.summary import Summary, summary_of
 from jblast.inference.fitting.uncertainty import Method, uncertainty
-from jblast.inference.identifiability.null_space import identifiability
-from jblast.inference.importance.whitening import refuse_without_density
+from jblast.inference.identifiability import identifiability
 from jblast.inference.mode.laplace import laplace
-from jblast.inference.mode.mirror_images import with_mirror_images
 from jblast.inference.mode.range_profile import range_profile, with_best_range
-from jblast.inference.mode.search import Optima, likeliest_start, optima
-from jblast.inference.posterior.fireball_growth import as_seen
-from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.mode.search import (
+    Optima,
+    likeliest_start,
+    optima,
+    with_mirror_images,
+)
+from jblast.inference.posterior.parameters import (
+    Finding,
+    Parameters,
+    as_seen,
+    parameters_of,
+)
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.inference.posterior.record_likelihood import SampledRecords
+from jblast.inference.whitening import refuse_without_density
+from jblast.kept_programs import kept
 from jblast.observations import Observations, resolve_positions
-from jblast.observations.clocks import (
-    refuse_unsolvable_clocks,
-    untied_flashes,
-)
+from jblast.observations.clocks import refuse_unsolvable_clocks, untied_flashes
 from jblast.observations.grouping import located, some_rows
 from jblast.observations.records.formats import Scaling
 from jblast.observations.scenes import for_log
 from jblast.observations.table import SAMPLES
-from jblast.progress import stages
-from jblast.scene import UncertainScene, default_scene, freed
+from jblast.progress import each, stages
+from jblast.quantities import DIRECTIONS, TIMED
+from jblast.scene import Scene, UncertainScene, default_scene, freed
 from jblast.scene.uncertain import NO_SCENE
-from jblast.sensors import layout_of
+from jblast.sensors import Layout, layout_of, record
 from jblast.sensors.law_choice import law_names
+from jblast.sensors.layout import components
+from jblast.sensors.record import path_to
 from jblast.sensors.simulate import Noise
 
 DRAWS_IN_BANDS = 200
@@ -65,6 +89,188 @@ STAGES = {
 """Of a fit, and about how many seconds each takes, most of them compiling."""
 OF_SAMPLES = ("reading samples", "counting samples")
 """Those that only a log with records of samples has."""
+POINTS = 80
+
+
+@dataclass(frozen=True)
+class Band:
+    """What the posterior says of one quantity along a line away from the charge.
+
+    Attributes:
+        quantity: A key of `observations.QUANTITIES`.
+        shot: Of which of the scene's charges.
+        axis: "range_m", or "time_s" for `TIMED` quantities.
+        x: Where, increasing.
+        q05: 5 % quantile over the posterior, laws taken as exact; clock times are on
+            the common clock.
+        answer: The law at the answer, as `Fit.predicted`.
+        q95: 95 % quantile.
+        valid: Where the law holds at the answer.
+    """
+
+    quantity: str
+    shot: int
+    axis: str
+    x: Float[np.ndarray, " point"]
+    q05: Float[np.ndarray, " point"]
+    answer: Float[np.ndarray, " point"]
+    q95: Float[np.ndarray, " point"]
+    valid: Bool[np.ndarray, " point"]
+
+
+def bands(
+    parameters: Parameters,
+    z: Float[np.ndarray, " free"],
+    draws: Float[np.ndarray, "draw free"],
+    observations: Observations,
+    sensors: Layout,
+    distance: Float[np.ndarray, " row"],
+    laws: Mapping[str, str],
+) -> tuple[Band, ...]:
+    """Return the band of every quantity and charge of a log.
+
+    It goes from half to twice the reach of the readings, through still air: along a
+    range alone the wind has no direction. A draw that places the charge elsewhere is
+    nearer to some sensors and further from others; at a sensor's range, from the
+    answer, it is shown by what that sensor would read. Between them it is nearer by a
+    share that runs straight in ln of the range.
+
+    Args:
+        parameters: What was fitted.
+        z: The answer.
+        draws: Coordinates drawn from the posterior.
+        observations: The log.
+        sensors: Its rows.
+        distance: Slant range of each row at the answer [m].
+        laws: Name of the law for each quantity.
+    """
+    answer = []
+    answered = parameters.scene_at(jnp.asarray(z))
+    shot = sensors.shot
+    for quantity, of in dict.fromkeys(zip(observations.quantity, shot, strict=True)):
+        rows = np.isin(observations.quantity, quantity) & (np.array(shot) == of)
+        if quantity in DIRECTIONS:  # do not depend on the range
+            continue
+        is_radius = quantity in TIMED
+        # times count from the explosion, which clocks may show at any time
+        start = float(answered.charges[of].time_s) if is_radius else 0.0
+        reach = (observations.time - start if is_radius else distance)[rows]
+        positive = reach[reach > 0]
+        if positive.size == 0:
+            continue
+        x = start + np.geomspace(positive.min() / 2, positive.max() * 2, POINTS)
+        nothing = np.full(POINTS, np.nan)
+        one = int(np.flatnonzero(rows)[0])
+        first, seen_from = observations.position[one], observations.slant_range[one]
+        layout = Layout(
+            quantity=(quantity,) * POINTS,
+            # of radii: where they are seen from
+            position=jax.device_put(np.tile(np.nan_to_num(first), (POINTS, 1))),
+            slant_range=jax.device_put(np.full(POINTS, seen_from) if is_radius else x),
+            time=jax.device_put(x if is_radius else nothing),
+            group=(0,) * POINTS,
+            shot=(of,) * POINTS,
+            clock=("",) * POINTS,
+        )
+        needed = tuple((name, laws[name]) for name, _ in components(quantity))
+        near, first_at = np.unique(np.where(rows, distance, 0.0), return_index=True)
+        covered = near > 0
+        value, valid = _recordings(
+            parameters,
+            jax.device_put(np.concatenate([z[None, :], draws])),
+            layout,
+            None if is_radius else sensors.only(first_at[covered]),
+            jax.device_put(near[covered]),
+            needed,
+        )
+        q05, q95 = np.quantile(np.asarray(value)[1:], [0.05, 0.95], axis=0)
+        answer.append(
+            Band(
+                quantity=quantity,
+                shot=of,
+                axis="time_s" if is_radius else "range_m",
+                x=x,
+                q05=q05,
+                answer=np.asarray(value)[0],
+                q95=q95,
+                valid=np.asarray(valid)[0],
+            )
+        )
+    return tuple(answer)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The answer to one log.
+
+    Attributes:
+        summary: What was found.
+        observations: The log.
+        scene: The scene at the maximum of the posterior.
+        predicted: The law's value at each row, in the row's unit.
+        distance: Slant range of each row at the answer [m].
+        residual: (measured - predicted - shared effects) / sd of each row; of a lower
+            bound the least error that keeps it: 0 where the law says more.
+        sd: Independent standard deviation of each row: seconds for times, else in ln.
+        shared: The shared effects at each row, same unit as `sd`.
+        draws: Posterior draws of every parameter that the data determine.
+        shot: Which of the scene's charges each row is of.
+        bands: One for each quantity observed, and charge.
+        weighted: Whether draws of the normal approximation were weighted.
+        posterior_reason: Why intervals come from the normal approximation, or a walk.
+        ensemble: The walk the draws are from, where there was one.
+        density: The posterior.
+        exit_code: 0 answered, 4 computed with a doubt: not converged, not
+            identifiable, nothing that was asked for identified, a poor fit, a law that
+            holds for no row or not for those a requested number rests on, or a log
+            that one clock or sensor spoils.
+    """
+
+    summary: Summary
+    observations: Observations
+    scene: Scene
+    predicted: Float[np.ndarray, " row"]
+    distance: Float[np.ndarray, " row"]
+    residual: Float[np.ndarray, " row"]
+    sd: Float[np.ndarray, " row"]
+    shared: Float[np.ndarray, " row"]
+    shot: tuple[int, ...]
+    draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
+    bands: tuple[Band, ...] = ()
+    posterior_reason: Finding | None = None
+    weighted: bool = False
+    ensemble: Any = None
+    density: Any = None
+
+    @property
+    def origin_time(self) -> Float[np.ndarray, " row"]:
+        """When the charge of each row exploded, on the common clock [s]."""
+        times = np.array([float(charge.time_s) for charge in self.scene.charges])
+        return times[list(self.shot)]
+
+    @property
+    def exit_code(self) -> int:
+        """Return the exit code of the contract: 0 answered, 4 computed with a doubt."""
+        found = self.summary
+        answered = found.converged and found.identifiable
+        answered = answered and not found.identifies_nothing
+        doubt = self.is_poor or self.is_outside or self.summary.explained_by
+        return 0 if answered and not doubt else 4
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether the log disagrees with its laws by more than its errors allow."""
+        p = p_value(self.summary.chi2, self.summary.dof)
+        return p is not None and p < POOR
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the laws hold for no row, or a number rests on rows outside."""
+        return self.summary.law_valid_rows == 0 or bool(self.summary.extrapolated)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what was found as JSON can hold it."""
+        return self.summary.to_dict()
 
 
 def fit(
@@ -272,3 +478,63 @@ def _stages(*, of_samples: bool) -> Callable[[str], None]:
     return stages(
         {k: v for k, v in STAGES.items() if of_samples or k not in OF_SAMPLES}
     )
+
+
+def fit_each(
+    logs: Mapping[str, Observations],
+    uncertain: UncertainScene | None = None,
+    *,
+    noise: Noise = "student",
+    posterior: Method = "weighted",
+    seed: int = 0,
+    scaling: Scaling | None = None,
+    high_pass_hz: float | None = None,
+) -> dict[str, Fit | InputError]:
+    """Fit every log with the same scene. Logs of the same rows compile once.
+
+    Args:
+        logs: By name.
+        uncertain: As for `fit`.
+        noise: As for `fit`.
+        posterior: As for `fit`.
+        seed: As for `fit`.
+        scaling: As for `fit`.
+        high_pass_hz: As for `fit`.
+
+    Returns:
+        By name, the fit; or why that log could not be fitted.
+    """
+    answers: dict[str, Fit | InputError] = {}
+    for name, observations in each(logs.items(), "logs"):
+        try:
+            answers[name] = fit(
+                observations,
+                uncertain,
+                noise=noise,
+                posterior=posterior,
+                seed=seed,
+                scaling=scaling,
+                high_pass_hz=high_pass_hz,
+            )
+        except InputError as error:
+            answers[name] = error
+    return answers
+
+
+@kept
+def _recordings(parameters, draws, layout, sensors, near, laws):
+    """Return what each draw reads along a layout, its sensors at their own ranges."""
+
+    def one(z):
+        scene = parameters.scene_at(z)
+        if sensors is None:
+            recording = record(scene, layout, dict(laws))
+            return recording.value, recording.valid
+        own = path_to(scene, sensors, scene.charges[layout.shot[0]]).slant_range
+        x = layout.slant_range
+        further = jnp.interp(jnp.log(x), jnp.log(near), jnp.log(own / near))
+        moved = replace(layout, slant_range=x * jnp.exp(further))
+        recording = record(scene, moved, dict(laws))
+        return recording.value, recording.valid
+
+    return jax.vmap(one)(draws)

@@ -1,25 +1,39 @@
-"""How well the answer fits, and which readings it does not believe."""
+"""Goodness of fit: chi squared, suspected outliers, conflict of prior and data.
 
+Residuals are standardised, and Student-t residuals enter chi squared as the normal
+scores of their quantiles. The p-value is the probability of a larger chi squared if
+errors are as stated. A poor fit may result from a prior: the same log is then fitted
+with all numbers free, and numbers that the log alone identifies far from their prior
+are named.
+"""
+
+from dataclasses import replace
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import betainc, gammaincc, ndtr, ndtri
 
 from jblast.inference.fitting.findings import SuspectedOutlier
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.identifiability import identifiability
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import Observations
+from jblast.scene import Free, parameter_named
 from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
 
 WILD = 0.05
 """Readings are suspected that so small a share of honest logs would hold."""
-
 POOR = 0.001
 """A fit with a smaller chance than this is called poor."""
-
 FITS = 0.01
 """With no smaller chance than this a log and a scene agree."""
+FAR = 3.0
+"""A number further than this from its prior's middle, in its sds, is not believed."""
 
 
 class ResidualSummary(NamedTuple):
@@ -144,3 +158,45 @@ def suspected_outliers(
         for row in np.argsort(-np.abs(residual))
         if wild[row]
     )
+
+
+def against_priors(solution: Solution) -> dict[str, float]:
+    """Return numbers by which a log fits well, but which their priors rule out.
+
+    The search is made once more with every number free. Those are named that the log
+    alone tells.
+    """
+    parameters = solution.posterior.parameters
+    believed = [not isinstance(belief, Free) for belief in parameters.beliefs]
+    if not any(believed):
+        return {}
+    free = Parameters(
+        parameters.names,
+        tuple(
+            Free(positive=parameter_named(name).positive) for name in parameters.names
+        ),
+        parameters.scene_at(jnp.asarray(solution.laplace.z)),
+    )
+    posterior = replace(solution.posterior, parameters=free)
+    z = np.asarray(optima(jax.random.key(0), posterior).z[0])
+    identified = identifiability(posterior, z)
+    left = standardised_residuals(posterior, z)
+    p = p_value(
+        *chi_squared(
+            posterior,
+            z,
+            left,
+            identified.identified_basis.shape[1],
+        )
+    )
+    if p is not None and p < POOR:
+        return {}
+    values = free.values(jnp.asarray(z))
+    against = {}
+    for name, belief, is_told in zip(
+        parameters.names, parameters.beliefs, identified.determined, strict=True
+    ):
+        away = float(belief.unconstrain(values[name]))
+        if is_told and not isinstance(belief, Free) and not abs(away) < FAR:
+            against[name] = float(values[name])
+    return against

@@ -10,8 +10,7 @@ from jaxtyping import Bool
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.fidelity import TakenLaw
-from jblast.inference.fitting.doubts.left_fixed import more_to_free
-from jblast.inference.fitting.extrapolated import extrapolated
+from jblast.inference.fitting.assumptions import extrapolated
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
@@ -27,6 +26,7 @@ from jblast.inference.fitting.suspects import (
     accused_sensors,
     explained_by,
     lies_far,
+    more_to_free,
     other_explanations,
 )
 from jblast.inference.fitting.uncertainty import Uncertainty
@@ -38,13 +38,12 @@ from jblast.inference.fitting.unidentified import (
     requested,
 )
 from jblast.inference.fitting.warnings import assumptions_of, warnings_of
-from jblast.inference.identifiability.findings import (
+from jblast.inference.identifiability import (
     EstimableCombination,
     NullDirection,
     OtherMode,
 )
-from jblast.inference.posterior.estimate import Estimate
-from jblast.inference.posterior.finding import Finding
+from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.json_values import plain
 from jblast.observations import Observations
 from jblast.observations.table import Understood

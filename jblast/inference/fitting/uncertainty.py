@@ -16,31 +16,28 @@ from jblast.inference.fitting.findings import (
 )
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.unidentified import identified_estimates
-from jblast.inference.importance.findings import (
+from jblast.inference.importance import (
+    GOOD_SHAPE,
+    MAX_QUANTILE_ERROR,
+    NARROW,
     DrawsWeighted,
     FewEffectiveDraws,
     ImportanceCannotTell,
     NormalIntervals,
     NormalJudged,
     RangeFollowed,
-)
-from jblast.inference.importance.interval_check import check_intervals
-from jblast.inference.importance.marginals import marginals_of_draws
-from jblast.inference.importance.psis import (
-    GOOD_SHAPE,
-    MAX_QUANTILE_ERROR,
-    NARROW,
+    check_intervals,
     importance,
     laplace_holds,
     largest_log_sd,
     largest_quantile_error,
+    marginals_of_draws,
 )
 from jblast.inference.mcmc.ensemble import Ensemble, ensemble
 from jblast.inference.mcmc.run import WALKERS
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.range_profile import DETERMINED, RangeProfile
-from jblast.inference.posterior.estimate import Estimate
-from jblast.inference.posterior.finding import Finding
+from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.parameters import CHARGE_POSITION
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]

@@ -13,21 +13,19 @@ from jaxtyping import Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.identifiability.combinations import combination, space_of
-from jblast.inference.identifiability.findings import (
+from jblast.inference.identifiability import (
     EstimableCombination,
     NullDirection,
     OtherMode,
-)
-from jblast.inference.identifiability.null_space import estimable_forms
-from jblast.inference.identifiability.resolving_data import (
+    combination,
     cure_of_ambiguity,
     cure_of_null,
+    estimable_forms,
+    space_of,
 )
 from jblast.inference.mode.laplace import NORMAL_Q95, laplace
 from jblast.inference.mode.search import SEPARATE
 from jblast.inference.mode.starts import layout_size, typical_step
-from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
@@ -35,6 +33,7 @@ from jblast.inference.posterior.fisher_information import (
     whitened_jacobian,
     whitened_rows,
 )
+from jblast.inference.posterior.parameters import Estimate
 from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import Free, parameter_named
 

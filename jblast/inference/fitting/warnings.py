@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.inference.fitting.doubts.flatness import flat_ground
+from jblast.inference.fitting.assumptions import flat_ground, still_air
 from jblast.inference.fitting.findings import (
     BurstsUnsettled,
     ClocksTakenToAgree,
@@ -23,14 +23,10 @@ from jblast.inference.fitting.findings import (
     PoorFit,
     PriorConflict,
 )
-from jblast.inference.fitting.goodness_of_fit import POOR, p_value
-from jblast.inference.fitting.prior_conflict import against_priors
-from jblast.inference.fitting.samples.findings import SamplesRoughlyCounted
-from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.still_air import still_air
+from jblast.inference.fitting.goodness_of_fit import POOR, against_priors, p_value
+from jblast.inference.fitting.solution import SamplesRoughlyCounted, Solution
 from jblast.inference.fitting.unidentified import resting_on, unlearned
-from jblast.inference.posterior.estimate import Estimate
-from jblast.inference.posterior.finding import Finding
+from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.parameters import CLOCK_OFFSET

@@ -1,19 +1,29 @@
-"""What fits logs of one layout: compiled once, and kept."""
+"""The compiled program that fits logs of one layout.
+
+One loop fits a block of lanes by Levenberg-Marquardt and evaluates the covariance and
+convergence of each result. A batch of any size is cut into blocks, over all devices,
+and compiled once for each size of block. A loop does not wait for its slowest lanes:
+a share of stragglers is collected, and continued together. Lanes that Gauss-Newton does
+not end are continued by Newton's method, and doubtful ones are tried again from other
+starts. Programs are kept for the `KEPT` latest layouts.
+"""
 
 import functools
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
+from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError
-from jblast.inference.many.chunks import CompiledLoop
 from jblast.inference.many.lanes import (
     LaneResults,
+    ManyFits,
     better,
     doubtful,
     fitted_values,
@@ -21,16 +31,34 @@ from jblast.inference.many.lanes import (
     lanes_where,
     scatter_lanes,
 )
-from jblast.inference.many.loop import Loop, with_effects
-from jblast.inference.many.many_fits import ManyFits
-from jblast.inference.many.residuals.readings import Readings, checked, faults_of, read
-from jblast.inference.many.residuals.rows import LaneRows, rows_of
-from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
-from jblast.inference.many.solver.normal_equations import MOST_UNKNOWNS
-from jblast.inference.many.solver.quadratic_model import half_square
-from jblast.inference.many.starts.multilateration import closed_form
-from jblast.inference.many.starts.nearest_prior_draw import ReferenceSet, reference_set
-from jblast.inference.many.starts.tries import Starts, given_starts
+from jblast.inference.many.residuals import (
+    LaneRows,
+    Readings,
+    checked,
+    faults_of,
+    read,
+    rows_of,
+)
+from jblast.inference.many.solver import (
+    MOST_UNKNOWNS,
+    Expansion,
+    LaneLevenbergMarquardt,
+    Triangle,
+    cholesky,
+    expansion,
+    half_square,
+    inverse_of,
+    newton,
+    triangle,
+)
+from jblast.inference.many.starts import (
+    ClosedForm,
+    ReferenceSet,
+    Starts,
+    closed_form,
+    given_starts,
+    reference_set,
+)
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import UncertainScene
@@ -44,8 +72,14 @@ STRAGGLERS = 0.02
 """A loop does not wait for this share of its logs; they go on together later."""
 TOGETHER = 1024
 """Not more logs than this go through all their other tries at once."""
-
 _ENGINES: dict[Any, "Engine"] = {}
+MOST_STEPS = 200
+Inputs = tuple[Float[Array, "unknown lane"] | None, Readings]
+"""Where lanes start, or nothing where that is the closed form; and their readings."""
+LANES = {"cpu": (16, 128), "gpu": (1 << 10, 1 << 14, 1 << 18, 1 << 20)}
+"""Logs that go through one loop together, by platform: the least that suffices."""
+CHUNKS = {"cpu": 128, "gpu": 1}
+"""Loops that one call of the compiled program runs, on each device."""
 
 
 def engine_for(
@@ -82,6 +116,170 @@ def engine_for(
             del _ENGINES[next(iter(_ENGINES))]
         _ENGINES[key] = Engine(rows, devices)
     return _ENGINES[key]
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Fits lanes of one layout.
+
+    Attributes:
+        rows: The layout.
+        solver: With the loss of these rows.
+        form: Where lanes start that are given no start.
+        sigma: Instrument errors if all logs have the same.
+    """
+
+    rows: LaneRows
+    solver: LaneLevenbergMarquardt
+    form: ClosedForm | None
+    sigma: Float[np.ndarray, "row 1"] | None
+
+    def fit(self, stragglers: Float[Array, ""], lanes: Inputs) -> LaneResults:
+        """Fit lanes, but for the share of them that is not waited for."""
+        y, (measured, errors, bad) = lanes
+        if y is None:
+            # here, and not beforehand: where the readings are in a cache
+            y = self._begin(measured)
+        sigma = self._sigma(errors)
+        bad = bad | ~jnp.isfinite(y).all(axis=0)
+        y = jnp.where(jnp.isfinite(y), y, 0.0)
+        floor = self._floor(measured, sigma)
+        options = {"floor": floor, "skip": bad, "stragglers": stragglers}
+
+        def residuals(y, args):
+            return self.rows.miss(y, args[0], self._sigma(args[1]))
+
+        found = optx.least_squares(
+            residuals,
+            self.solver,
+            y,
+            (measured, errors),
+            options=options,
+            has_aux=True,
+            max_steps=MOST_STEPS,
+            throw=False,
+        )
+        state, free = found.state, len(self.rows.parameters.names)
+        true, misfit, known = self._end(found.value, state.info, measured, sigma, floor)
+        # by the curvature that the solver goes by; the true one may be less than it
+        converged = self.solver.at_optimum(state.info) & cholesky(true.hessian).positive
+        factor = cholesky(known)
+        columns = inverse_of(factor)
+        covariance = jnp.stack([jnp.stack(c[:free]) for c in columns[:free]])
+        return LaneResults(
+            y=found.value,
+            cost=true.f,
+            misfit=misfit,
+            covariance=jnp.where(factor.positive, covariance, jnp.nan),
+            converged=converged & jnp.isfinite(true.f) & ~bad,
+            tolerance=jnp.sqrt(self.solver.square_tolerance(state.info)),
+            steps=state.steps,
+            done=state.done | bad,
+        )
+
+    def onwards(
+        self, y: Float[Array, "unknown lane"], readings: Readings
+    ) -> Float[Array, "unknown lane"]:
+        """Return where Newton's method leads from the ends of lanes."""
+        measured, errors, bad = readings
+        sigma = self._sigma(errors)
+        good = ~bad & jnp.isfinite(y).all(axis=0)
+
+        def cost(y):
+            miss = self.rows.miss(y, measured, sigma)
+            value, slope, _ = self.solver.loss(miss.residual)
+            gradient = [jnp.sum(column * slope, axis=0) for column in miss.columns]
+            return jnp.sum(value, axis=0), jnp.stack(gradient)
+
+        first = jnp.where(good, y, 0.0)
+        floor = self._floor(measured, sigma)
+        f = cost(first)[0]
+        slack = floor * (jnp.sqrt(2 * jnp.abs(f)) + floor)
+        return jnp.where(good, newton(cost, first, slack), y)
+
+    def _floor(self, measured, sigma) -> Float[Array, " lane"]:
+        """Return what rounding adds to the length of the vector of residuals."""
+        # a reading minus a prediction is as wrong as the reading's last digit
+        scale = jnp.where(sigma > 0, sigma, 1.0)  # 0: the law's scatter is all there is
+        eps = jnp.finfo(measured.dtype).eps
+        return eps * jnp.sqrt(jnp.sum(jnp.square(measured / scale), axis=0))
+
+    def _sigma(self, errors: Array | None) -> Array | np.ndarray:
+        """Return the instrument errors, constants where all logs have the same."""
+        sigma = self.sigma if errors is None else errors
+        assert sigma is not None
+        return sigma
+
+    def _begin(
+        self, measured: Float[Array, "row lane"]
+    ) -> Float[Array, "unknown lane"]:
+        """Return where lanes start in closed form."""
+        assert self.form is not None
+        z = self.form.start(self.rows, measured)
+        return with_effects(self.rows, z)
+
+    def _end(
+        self, y, info: Expansion, measured, sigma, floor
+    ) -> tuple[Expansion, Float[Array, " lane"], Triangle]:
+        """Return the true cost about an end, the misfit, and what the data tell."""
+        rows, loss = self.rows, self.rows.loss
+        if self.solver.loss is half_square:
+            # what the solver knows of the end is all there is to know
+            return info, info.f, info.hessian
+        miss = rows.miss(y, measured, sigma)
+        true = expansion(loss.true, y, *miss, floor)
+        misfit = jnp.sum(loss(miss.residual)[0][: rows.scored], axis=0)
+        known = rows.miss(y, measured, sigma, sd_known=True) if rows.varies else miss
+        return true, misfit, triangle(known.columns, loss.information(known.residual))
+
+
+class CompiledLoop:
+    """Runs lanes through one loop's program, compiled for each size of block."""
+
+    def __init__(self, loop: Loop, devices: int | None = None) -> None:
+        self.loop, self.devices = loop, devices
+        self.programs: dict[tuple[int, int], Callable[..., LaneResults]] = {}
+        self.onwards = jax.jit(loop.onwards)
+
+    def run(
+        self,
+        y: Float[Array, "unknown lane"] | None,
+        readings: Readings,
+        stragglers: float,
+    ) -> LaneResults:
+        """Fit lanes, but for a share of stragglers in each loop.
+
+        Args:
+            y: Where to start; nothing for the closed form.
+            readings: Of the lanes.
+            stragglers: The share.
+        """
+        count = readings.bad.size
+        each, chunks, devices = _sizes(count, self.devices or len(jax.devices()))
+        block = each * chunks * devices
+        program = self._program(chunks, devices, each)
+        parts = []
+        for begin in range(0, count, block):
+            cut = functools.partial(_cut, begin=begin, end=begin + block)
+            inputs = jax.tree.map(cut, (y, readings))
+            share = jnp.asarray(stragglers, readings.measured.dtype)
+            parts.append(program(share, inputs))
+        if len(parts) == 1 and count == block:
+            return parts[0]
+        return jax.tree.map(lambda *x: jnp.concatenate(x, axis=-1)[..., :count], *parts)
+
+    def _program(
+        self, chunks: int, devices: int, each: int
+    ) -> Callable[..., LaneResults]:
+        """Return what runs one block; compiled once."""
+        if (chunks, each) not in self.programs:
+
+            def here(stragglers, inputs):
+                return _one_by_one(self.loop, chunks, stragglers, inputs)
+
+            spread = here if devices == 1 else _over_devices(here, devices)
+            self.programs[chunks, each] = jax.jit(spread)
+        return self.programs[chunks, each]
 
 
 class Engine:
@@ -243,3 +441,63 @@ class Engine:
                 key_of_draws, blank, self.rows, typical
             )
         return self.reference_sets[key]
+
+
+def with_effects(
+    rows: LaneRows, z: Float[Array, "free lane"]
+) -> Float[Array, "unknown lane"]:
+    """Return a place by its coordinates, the shared effects at zero."""
+    return jnp.concatenate([z, jnp.zeros((rows.effects, z.shape[1]), z.dtype)])
+
+
+def _sizes(count: int, devices: int) -> tuple[int, int, int]:
+    """Return lanes of a loop, loops of a device, and devices, for so many lanes."""
+    platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
+    share = -(-count // devices)
+    each = next((n for n in LANES[platform] if n >= share), LANES[platform][-1])
+    chunks = min(CHUNKS[platform], 1 << (-(-share // each) - 1).bit_length())
+    return each, chunks, devices
+
+
+def _cut(x: Array, begin: int, end: int) -> Array:
+    """Return a block of lanes, filled up with bad ones, which are skipped."""
+    x = x[..., begin:end]
+    short = end - begin - x.shape[-1]
+    around = [(0, 0)] * (x.ndim - 1) + [(0, short)]
+    return jnp.pad(x, around, constant_values=1) if short else x
+
+
+def _one_by_one(loop: Loop, chunks: int, stragglers, inputs: Inputs) -> LaneResults:
+    """Go through the chunks of a device one by one."""
+    if chunks == 1:
+        return loop.fit(stragglers, inputs)
+    split = jax.tree.map(
+        lambda x: jnp.moveaxis(x.reshape(*x.shape[:-1], chunks, -1), -2, 0), inputs
+    )
+    results = jax.lax.map(lambda x: loop.fit(stragglers, x), split)
+    return jax.tree.map(
+        lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1), results
+    )
+
+
+def _over_devices(
+    here: Callable[..., LaneResults], devices: int
+) -> Callable[..., LaneResults]:
+    """Give each device its share of the lanes."""
+    mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
+    along: dict[int, Any] = {
+        n: PartitionSpec(*[None] * (n - 1), "lane") for n in (1, 2, 3)
+    }
+    one = along[1]
+    along_lanes = LaneResults(along[2], one, one, along[3], one, one, one, one)
+
+    def everywhere(stragglers, inputs: Inputs) -> LaneResults:
+        return jax.shard_map(
+            here,
+            mesh=mesh,
+            in_specs=(PartitionSpec(), jax.tree.map(lambda x: along[x.ndim], inputs)),
+            out_specs=along_lanes,
+            check_vma=False,
+        )(stragglers, inputs)
+
+    return everywhere

@@ -1,15 +1,54 @@
-"""The same fit for thousands to millions of independent logs of one layout."""
+"""The same fit for thousands to millions of independent logs of one layout.
 
-from collections.abc import Mapping
+`batch_of` joins logs of equal rows into the arrays that `fit_many` takes. Logs whose
+rows differ, lower bounds and correlated errors are refused.
 
+`fit_from_host` fits logs in host memory in pieces. While the device fits one piece, the
+next is copied to it and the results of the previous one are copied back, so copies take
+no extra time until they take longer than the fits.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.many.lanes import COST_Z_MAX
-from jblast.inference.many.many_fits import ManyFits
-from jblast.scene import UncertainScene
-from jblast.sensors import Layout
+from jblast.errors import InputError, nearest, shown
+from jblast.inference.many.lanes import COST_Z_MAX, ManyFits
+from jblast.inference.many.residuals import checked_shapes
+from jblast.inference.posterior.posterior import refuse_exact
+from jblast.observations import Observations, resolve_positions
+from jblast.observations.clocks import refuse_unresolved
+from jblast.observations.grouping import located
+from jblast.registry import names_for
+from jblast.scene import Scene, UncertainScene
+from jblast.scene.uncertain import NO_SCENE
+from jblast.sensors import Layout, layout_of, resolve_laws
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulate import Noise
+
+PIECE = {"cpu": 1 << 14, "gpu": 1 << 20}
+"""Logs of a piece, by platform."""
+COPIES = 2
+"""Pieces that are copied back at a time."""
+KEPT: dict[str, Callable[[ManyFits], Array]] = {
+    "z": lambda fits: fits.z,
+    "sd": lambda fits: fits.sd(),
+    "cost": lambda fits: fits.cost,
+    "misfit": lambda fits: fits.misfit,
+    "covariance": lambda fits: fits.covariance,
+    "converged": lambda fits: fits.converged,
+    "doubtful": lambda fits: fits.doubtful,
+    "steps": lambda fits: fits.steps,
+    "bad": lambda fits: fits.bad,
+}
+"""What may be asked of fits: fields of `ManyFits`, and standard deviations."""
+SAME = ("sensor", "quantity", "path", "shot", "clock")
+PLACED = ("position", "slant_range", "time")
 
 
 def fit_many(
@@ -48,9 +87,9 @@ def fit_many(
         laws: Name of the law for each of `layout.quantities()`.
         noise: Distribution of the independent errors.
         starts: Fitted coordinates to start from, (log, free) or (try, log, free);
-            without them in closed form (`many.starts.multilateration`), or where that
+            without them in closed form (`many.starts.closed_form`), or where that
             does not apply, and for tries after the first, the nearest of draws of the
-            prior, by the readings (`many.starts.nearest_prior_draw`).
+            prior, by the readings (`many.starts.reference_set`).
         tries: How often a log may start again whose end is no optimum, or has a cost
             that readings would hardly have; the lowest cost counts.
         seed: Of the reference set.
@@ -82,3 +121,232 @@ def fit_many(
         seed=seed,
         again_z=again_z,
     )
+
+
+def fit_from_host(
+    uncertain: UncertainScene,
+    layout: Layout,
+    values: Float[np.ndarray, "log row"],
+    relative_sigma: Float[np.ndarray, "..."],
+    laws: Mapping[str, str],
+    *,
+    keep: Sequence[str] = ("z", "sd", "converged"),
+    piece: int | None = None,
+    dtype: Any = None,
+    out: Mapping[str, np.ndarray] | None = None,
+    **options: Any,
+) -> dict[str, np.ndarray]:
+    """Fit many logs of one layout from host to host.
+
+    Args:
+        uncertain: As in `fit_many`, like what follows.
+        layout: Who recorded what.
+        values: The readings.
+        relative_sigma: Their errors, of each row or of each row of each log.
+        laws: Names of laws by quantity.
+        keep: What is wanted of each log: names of `KEPT`.
+        piece: Logs that are fitted together.
+        dtype: Of the numbers that come back; `numpy.float32` halves what is copied. The
+            fits are in the precision of JAX whatever it is.
+        out: Arrays to fill, as an earlier call returned them: memory that the system
+            has given already is not asked for again.
+        **options: Of `fit_many`: noise, tries, seed, devices.
+
+    Returns:
+        What was asked for by name, a row a log.
+
+    Raises:
+        InputError: As `fit_many`, or there is nothing of such a name to keep, or `out`
+            has another shape.
+
+    Example:
+        `fit_from_host(uncertain, layout, readings, sigma, laws, keep=("z", "sd"))`
+    """
+    _refuse_other(keep, piece)
+    shape = np.shape(values)
+    checked_shapes(layout, shape, np.shape(relative_sigma))
+    platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
+    size = min(piece or PIECE[platform], max(1, len(values)))
+    if not len(values):
+        values = np.ones((1, shape[1]))
+        relative_sigma = np.broadcast_to(relative_sigma, (1, shape[1]))
+        options |= {"tries": 1}
+    begins = range(0, len(values), size)
+    each = np.ndim(relative_sigma) == 2
+
+    def cut(begin: int) -> tuple[Array, Any]:
+        """Return a piece on the device: the last as long as the others."""
+        rows = np.minimum(np.arange(begin, begin + size), len(values) - 1)
+        whole = begin + size <= len(values)
+        some = values[begin : begin + size] if whole else values[rows]
+        return jax.device_put(some), relative_sigma[rows] if each else relative_sigma
+
+    def back(found: Mapping[str, Array], begin: int) -> None:
+        end = min(begin + size, shape[0])
+        for name, part in found.items():
+            whole[name][begin:end] = np.asarray(part)[: end - begin]
+
+    whole: dict[str, np.ndarray] = {}
+    with ThreadPoolExecutor(1) as there, ThreadPoolExecutor(COPIES) as returning:
+        coming = there.submit(cut, 0)
+        waiting = []
+        for begin in begins:
+            here, sigma = coming.result()
+            if begin + size < len(values):
+                coming = there.submit(cut, begin + size)
+            fits = fit_many(uncertain, layout, here, sigma, laws, **options)
+            found = {name: _in(dtype, KEPT[name](fits)) for name in keep}
+            if not whole:
+                whole |= {n: _filled(n, x, shape[0], out) for n, x in found.items()}
+            for part in found.values():
+                part.copy_to_host_async()
+            waiting.append(returning.submit(back, found, begin))
+            while len(waiting) > COPIES:  # no more answers on the device than that
+                waiting.pop(0).result()
+        for one in waiting:
+            one.result()
+    return whole
+
+
+def _refuse_other(keep: Sequence[str], piece: int | None) -> None:
+    """Refuse what cannot be kept, and pieces of nothing."""
+    for name in keep:
+        if name not in KEPT:
+            raise InputError(
+                f"keep: expected names of {', '.join(KEPT)}, got "
+                f"{name!r}{nearest(name, KEPT)}"
+            )
+    if piece is not None and piece < 1:
+        raise InputError(f"piece: expected a positive whole number, got {piece}")
+
+
+def _in(dtype: Any, x: Array) -> Array:
+    """Return numbers in another precision, where they are."""
+    numbers = dtype is not None and jnp.issubdtype(x.dtype, jnp.floating)
+    return x.astype(dtype) if numbers else x
+
+
+def _filled(
+    name: str, like: Array, logs: int, out: Mapping[str, np.ndarray] | None
+) -> np.ndarray:
+    """Return the array that answers of a name go into."""
+    shape, dtype = (logs, *like.shape[1:]), np.dtype(like.dtype)
+    if out is None:
+        return np.empty(shape, dtype)
+    given = out.get(name)
+    if given is None or (given.shape, given.dtype) != (shape, dtype):
+        got = "nothing" if given is None else f"{given.shape} of {given.dtype}"
+        raise InputError(f"out, {name}: expected {shape} of {dtype}, got {got}")
+    return given
+
+
+class Batch(NamedTuple):
+    """What `fit_many` takes after the scene, in its order.
+
+    Attributes:
+        layout: Who recorded what, the same in every log.
+        values: The readings.
+        relative_sigma: Their instrument errors: shares of the readings, of times and
+            directions seconds and radians; 0 where the law's scatter is all there is.
+        laws: Name of the law for each of `layout.quantities()`.
+    """
+
+    layout: Layout
+    values: Float[np.ndarray, "log row"]
+    relative_sigma: Float[np.ndarray, "log row"]
+    laws: Mapping[str, str]
+
+
+def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
+    """Put logs together: `fit_many(uncertain, *batch_of(logs, uncertain))` fits them.
+
+    All logs share their laws, so the scene has to name them (`scene.with_laws`): the
+    automatic choice depends on the answer of each.
+
+    Args:
+        logs: Each of a blast of its own: the same rows in the same order.
+        uncertain: The scene and what is not known of it, the same for all.
+
+    Raises:
+        InputError: There is no log, one has other rows than the first, a lower bound
+            or covariances; one and the
+            scene do not go together, or the choice of a law is left open.
+    """
+    if not logs:
+        raise InputError("logs: expected at least one, got none")
+    first = located(logs[0], uncertain)
+    first = resolve_positions(
+        first,
+        uncertain.scene,
+        uncertain.beliefs,
+        is_default=uncertain.source == NO_SCENE,
+    )
+    layout = layout_of(first, uncertain.scene)
+    laws = _named_laws(uncertain.scene, layout)
+    for number, log in enumerate(logs):
+        _refuse_other_rows(log, logs[0], number)
+        _refuse_bounds(log)
+        _refuse_covariances(log)
+        refuse_exact(log, uncertain.scene.scatter, laws)
+        refuse_unresolved(log)
+    values = np.array([log.value for log in logs])
+    sigma = np.nan_to_num(np.array([log.error_scale() for log in logs]))
+    return Batch(layout, values, sigma, laws)
+
+
+def _named_laws(scene: Scene, layout: Layout) -> dict[str, str]:
+    """Return the law of every quantity, if there is no choice left."""
+    named = dict(scene.law)
+    for quantity in layout.quantities():
+        if named.get(quantity, "auto") == "auto" and len(names_for(quantity)) > 1:
+            raise InputError(
+                f"[law] {quantity}: expected a name, one of "
+                f"{', '.join(names_for(quantity))}, as all logs of a batch share their "
+                "laws; got auto"
+            )
+    return law_names(resolve_laws(scene, layout))
+
+
+def _refuse_bounds(log: Observations) -> None:
+    """Refuse a log one of whose readings is a lower bound."""
+    if (bounds := log.bounds()).any():
+        row = int(np.argmax(bounds))
+        raise InputError(
+            f"{log.where(row)}: expected a reading, got the lower bound "
+            f">{log.value[row]:g}; fit logs with lower bounds with fit_each"
+        )
+
+
+def _refuse_covariances(log: Observations) -> None:
+    """Refuse a log whose readings share errors, which lanes take as independent."""
+    if log.covariances:
+        raise InputError(
+            f"{log.source or 'observations'}: expected independent errors, got the "
+            f"covariance of record {shown(log.covariances[0].record)}; fit logs whose "
+            "readings share errors with fit_each"
+        )
+
+
+def _refuse_other_rows(log: Observations, first: Observations, number: int) -> None:
+    """Refuse a log whose rows are not those of the first."""
+    name = log.source or f"log {number}"
+    if len(log) != len(first):
+        raise InputError(
+            f"{name}: expected {len(first)} rows as in the first log, got {len(log)}; "
+            "fit logs of different rows with fit_each"
+        )
+    other = np.zeros(len(log), bool)
+    for field in SAME:
+        other |= np.array(getattr(log, field)) != np.array(getattr(first, field))
+    for field in PLACED:
+        pair = getattr(log, field), getattr(first, field)
+        same = np.isclose(*pair, rtol=0, atol=0, equal_nan=True)
+        other |= ~same.reshape(len(log), -1).all(axis=1)
+    if other.any():
+        row = int(np.argmax(other))
+        raise InputError(
+            f"{name}: row {row + 1}: expected {first.sensor[row]}, "
+            f"{first.quantity[row]}, placed as in the first log; got "
+            f"{log.sensor[row]}, {log.quantity[row]}; fit logs of different rows with "
+            "fit_each"
+        )

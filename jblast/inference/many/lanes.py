@@ -1,20 +1,24 @@
-"""Lanes of a batch: some taken out and put back, and the result of each."""
+"""Lanes of a batch, and the results of fits of many logs.
+
+A lane is one log of a batch. Lanes are gathered and scattered, so that a part of a
+batch can be fitted again. A result is doubtful where the fit did not converge or its
+cost is more than `COST_Z_MAX` standard deviations above the mean that the errors imply.
+"""
 
 from typing import NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.inference.many.residuals.rows import LaneRows
+from jblast.inference.many.residuals import LaneRows
 from jblast.sensors.simulate import Noise
 
 LEAST = 16
 """Fewer lanes are filled up to so many."""
-
 Tree = TypeVar("Tree")
-
 COST = {"gaussian": (0.5, 0.70711), "student": (0.70093, 0.98290)}
 """Mean and standard deviation of the cost of one reading: for Student-t of nu degrees
 of freedom, with a = (nu + 1)/2, a (psi(a) - psi(nu/2)) and a sqrt(psi'(nu/2) -
@@ -104,3 +108,45 @@ def fitted_values(rows: LaneRows, results: LaneResults, bad: Bool[Array, " lane"
     covariance = jnp.where(bad[None, None, :], jnp.nan, results.covariance)
     costs = (jnp.where(bad, jnp.nan, c) for c in (results.cost, results.misfit))
     return z.T, jnp.moveaxis(covariance, 2, 0), numbers, *costs
+
+
+class ManyFits(eqx.Module):
+    """What many logs say, each of its own blast.
+
+    Attributes:
+        names: The free numbers.
+        z: Where the optimum is, in fitted coordinates: ln of a free positive number;
+            what has a prior counts from its median, in its standard deviations (of ln,
+            for a log-normal). NaN for a bad log.
+        values: The numbers by name.
+        cost: Minus ln of the joint density at the optimum, up to a constant.
+        misfit: What of it the readings and priors add, 0 for a perfect log.
+        covariance: Of the coordinates, by Fisher information; NaN where that is
+            singular.
+        converged: Whether $z$ is an optimum: the gradient, in standard deviations, is
+            down to `tolerance`, and the cost curves upwards on every side. It does not
+            say that it is the best one.
+        doubtful: Whether $z$ may not be the best there is, all tries used up: it did
+            not converge, or has a misfit that readings would hardly have.
+        tolerance: How long a gradient counts as none; larger where rounding hides more.
+        steps: Places tried.
+        bad: Whether a log could not be read.
+        faults: What is wrong with each of the first bad logs, by number.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    z: Float[Array, "log free"]
+    values: dict[str, Float[Array, " log"]]
+    cost: Float[Array, " log"]
+    misfit: Float[Array, " log"]
+    covariance: Float[Array, "log free free"]
+    converged: Bool[Array, " log"]
+    doubtful: Bool[Array, " log"]
+    tolerance: Float[Array, " log"]
+    steps: Int[Array, " log"]
+    bad: Bool[Array, " log"]
+    faults: tuple[tuple[int, str], ...] = eqx.field(static=True)
+
+    def sd(self) -> Float[Array, "log free"]:
+        """Return the standard deviation of each coordinate."""
+        return jnp.sqrt(jnp.diagonal(self.covariance, axis1=1, axis2=2))

@@ -1,18 +1,25 @@
-r"""Has an ensemble of walkers said enough: autocorrelation, R-hat, error of quantiles.
+r"""Convergence of an ensemble of walkers: autocorrelation, R-hat, error of quantiles.
 
-The autocorrelation time $\tau = 1 + 2 \sum \rho_t$ is Sokal's, cut off at the first lag
-beyond $5 \tau$ (Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5:65; Foreman-Mackey
-et al. 2013, PASP 125:306). Deviations are taken from the mean of *all* walkers, not
-each from its own as emcee does: a walker that never leaves its mode then counts as one
-draw, however long it stays. $\hat R$ is that of ranks (Vehtari et al. 2021, Bayesian
-Analysis 16:667) over two halves of the walkers and two halves of the steps.
+The autocorrelation time $\tau = 1 + 2 \sum \rho_t$ is Sokal's, truncated at the first
+lag beyond $5 \tau$ (Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5:65;
+Foreman-Mackey et al. 2013, PASP 125:306). Deviations are from the mean of *all*
+walkers, not each walker's own as in emcee: a walker that never leaves its mode then
+counts as one draw, however long it stays. $\hat R$ is the rank-normalised one (Vehtari
+et al. 2021, Bayesian Analysis 16:667) over two halves of the walkers and two halves of
+the steps.
+
+Progress is reported as steps and effective samples, with an estimate of the number
+required.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtri
+
+from jblast.progress import Level, Task
 
 WINDOW = 5.0
 LONG_ENOUGH = 50.0
@@ -25,6 +32,26 @@ WATCHED = 64
 """Walkers whose autocorrelation is averaged: more tell no more and cost time."""
 RANKED = 100_000
 TAILS = (0.05, 0.95)
+
+
+def r_hat(x: Float[np.ndarray, "step walker"]) -> float:
+    """Return R-hat of ranks over two halves of the walkers and two of the steps."""
+    steps, walkers = x.shape
+    stride = -(-steps * walkers // RANKED)
+    x = x[::stride]
+    half, pack = len(x) // 2, walkers // 2
+    if half < 2:
+        return np.inf
+    parts = np.array(
+        [
+            x[rows, columns].ravel()
+            for rows in (slice(0, half), slice(half, 2 * half))
+            for columns in (slice(0, pack), slice(pack, 2 * pack))
+        ]
+    )
+    # the same for what lies far from the middle, so that unequal spreads are seen too
+    folded = np.abs(parts - np.median(parts))
+    return max(_r_hat_of(_normal_scores(part)) for part in (parts, folded))
 
 
 @dataclass(frozen=True)
@@ -103,26 +130,6 @@ def autocorrelation_time(
     return max(float(tau[beyond[0] if len(beyond) else -1]), 1.0)
 
 
-def r_hat(x: Float[np.ndarray, "step walker"]) -> float:
-    """Return R-hat of ranks over two halves of the walkers and two of the steps."""
-    steps, walkers = x.shape
-    stride = -(-steps * walkers // RANKED)
-    x = x[::stride]
-    half, pack = len(x) // 2, walkers // 2
-    if half < 2:
-        return np.inf
-    parts = np.array(
-        [
-            x[rows, columns].ravel()
-            for rows in (slice(0, half), slice(half, 2 * half))
-            for columns in (slice(0, pack), slice(pack, 2 * pack))
-        ]
-    )
-    # the same for what lies far from the middle, so that unequal spreads are seen too
-    folded = np.abs(parts - np.median(parts))
-    return max(_r_hat_of(_normal_scores(part)) for part in (parts, folded))
-
-
 def _normal_scores(x: np.ndarray) -> np.ndarray:
     """Replace numbers by the normal scores of their ranks; equal ones share theirs."""
     _, place, count = np.unique(x, return_inverse=True, return_counts=True)
@@ -154,3 +161,81 @@ def _worst_tail(x: Float[np.ndarray, "step walker"]) -> float:
         low, high = np.quantile(x, np.clip([share - step, share + step], 0, 1))
         errors.append(0.5 * (high - low) / sd)
     return float(max(errors))
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a sampler has come.
+
+    Attributes:
+        steps: Done so far.
+        steps_wanted: About how many it will take in all; NaN until that is known.
+        ess: Effective sample size so far, of the worst coordinate; NaN likewise.
+        ess_wanted: Likewise at the end.
+    """
+
+    steps: int
+    steps_wanted: float
+    ess: float
+    ess_wanted: float
+
+    def words(self) -> str:
+        """Return all this in words."""
+        if not np.isfinite(self.steps_wanted):
+            return f"{self.steps:,} steps"
+        return (
+            f"{self.steps:,} of about {self.steps_wanted:,.0f} steps, "
+            f"{self.ess:,.0f} of {self.ess_wanted:,.0f} effective samples"
+        )
+
+    def share(self) -> float:
+        """Return how much of the walk is done; zero as long as that is not known."""
+        if not np.isfinite(self.steps_wanted):
+            return 0.0
+        return min(1.0, self.steps / max(self.steps_wanted, 1.0))
+
+
+Report = Callable[[Progress], None]
+
+
+def nothing(_: Progress) -> None:
+    """Report nothing."""
+
+
+def to_listener() -> Report:
+    """Return a report to whoever listens."""
+    tell = Task()
+    return lambda progress: tell(Level("", progress.words(), progress.share(), 0.0))
+
+
+@dataclass
+class Pace:
+    """Turns steps and judgements into progress.
+
+    Attributes:
+        done: Steps so far.
+        most: Steps at which it ends whatever is reached.
+        walkers: How many walk.
+        precision: What is wanted.
+        checks: After how many steps it is judged, rising.
+        judged: The last judgement.
+    """
+
+    done: int
+    most: int
+    walkers: int
+    precision: float
+    checks: Sequence[int]
+    judged: Convergence | None = None
+
+    def now(self) -> Progress:
+        """Return how far it has come."""
+        wanted = ess = ess_wanted = np.nan
+        if self.judged is not None:
+            tau = np.max(self.judged.tau)
+            total = self.judged.warm_up + self.judged.steps_wanted(self.precision)
+            later = [check for check in self.checks if check >= max(total, self.done)]
+            wanted = float(min([self.most, *later]))
+            ess = float((self.done - self.judged.warm_up) * self.walkers / tau)
+            ess_wanted = float((wanted - self.judged.warm_up) * self.walkers / tau)
+        return Progress(self.done, wanted, ess, ess_wanted)

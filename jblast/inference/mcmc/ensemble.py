@@ -1,52 +1,66 @@
-"""The posterior by an ensemble of walkers, until its quantiles are known well enough.
+"""The posterior by an ensemble of walkers, until its quantiles are precise enough.
 
-Walkers start from the normal approximation at every optimum that counts, and walk in
-coordinates in which the posterior is round: by emcee, or by the same moves in one
-compiled loop. Each step is one of the kinds in `state.SHARES`.
+Walkers start from the normal approximation at every optimum of enough weight, and move
+in coordinates in which the posterior is round: by emcee, or by the same moves in one
+compiled loop. Each step is one of the kinds in `engines.SHARES`. Findings report a
+chain that is too short, chains that disagree, several modes and long ridges.
+
+Draws are exported in the schema of ArviZ, as one tree and one NetCDF file. Up to ArviZ
+0.23 (Python 3.11) `from_dict` takes a keyword for each group and returns its own
+InferenceData; from 1.0 (Python 3.12) it takes one mapping and returns xarray's
+DataTree. Both give a DataTree here.
 """
 
 import os
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
-from jblast.inference.identifiability.null_space import Identifiability
-from jblast.inference.importance.whitening import (
-    Whitened,
-    non_finite_rows,
-    root_of,
-    whitened_density,
-)
-from jblast.inference.mcmc.checkpoint import Store
-from jblast.inference.mcmc.convergence import Convergence
-from jblast.inference.mcmc.findings import (
-    Interrupted,
-    long_ridge,
-    several_modes,
-    shortfalls,
+from jblast.files import replacing
+from jblast.inference.identifiability import Identifiability
+from jblast.inference.mcmc.convergence import (
+    ALIKE,
+    LONG_ENOUGH,
+    Convergence,
+    Report,
+    to_listener,
 )
 from jblast.inference.mcmc.modes import Mode, Ridge, modes, ridge
-from jblast.inference.mcmc.progress import Report, to_listener
 from jblast.inference.mcmc.run import (
     MOST_STEPS,
     PRECISION,
     WALKERS,
     Sampler,
     Start,
+    Store,
     sample,
 )
 from jblast.inference.mode.laplace import Laplace, laplace
 from jblast.inference.mode.search import SEPARATE, Optima
-from jblast.inference.posterior.finding import Finding
+from jblast.inference.posterior.parameters import Finding, Parameters
 from jblast.inference.posterior.posterior import Posterior
+from jblast.inference.whitening import (
+    Whitened,
+    non_finite_rows,
+    root_of,
+    whitened_density,
+)
+from jblast.observations import Observations
 
 UNLIKELY = 1e-3
 """An optimum with less of the posterior than this beside the best gets no walkers."""
+if TYPE_CHECKING:
+    import xarray
+NEEDED = "expected ArviZ and a writer: pip install arviz h5netcdf h5py"
+MOST_DRAWS = 200_000
+"""Steps are thinned so that no more draws than this are kept."""
 
 
 @dataclass(frozen=True)
@@ -241,3 +255,243 @@ def _mode_about(center, mode: Mode) -> Mode:
         low=mode.low + center,
         high=mode.high + center,
     )
+
+
+@dataclass(frozen=True)
+class Interrupted(Finding):
+    """The walk was stopped by hand.
+
+    Attributes:
+        steps: It had taken by then.
+    """
+
+    steps: int
+
+
+@dataclass(frozen=True)
+class QuantilesUncertain(Finding):
+    """Quantiles are known less well than was wanted.
+
+    Attributes:
+        parameter: Those of which are known worst.
+        error: Their Monte Carlo error, in standard deviations of the number.
+        wanted: What it should have been at most.
+    """
+
+    parameter: str
+    error: float
+    wanted: float
+
+
+@dataclass(frozen=True)
+class ChainTooShort(Finding):
+    """The walk is short beside its autocorrelation time.
+
+    Attributes:
+        parameter: That with the longest.
+        steps: The walk's length.
+        times: So many autocorrelation times that is.
+        wanted: What it should have been at least.
+    """
+
+    parameter: str
+    steps: int
+    times: float
+    wanted: float
+
+
+@dataclass(frozen=True)
+class ChainsDisagree(Finding):
+    """Walkers differ among themselves.
+
+    Attributes:
+        parameter: Where they do most.
+        r_hat: Their R-hat.
+        wanted: What it should have been less than.
+    """
+
+    parameter: str
+    r_hat: float
+    wanted: float
+
+
+@dataclass(frozen=True)
+class SeveralModes(Finding):
+    """The posterior has several modes.
+
+    Attributes:
+        shares: Of the posterior, one a mode.
+        peaks: Where each is, by the numbers in which they differ.
+    """
+
+    shares: tuple[float, ...]
+    peaks: tuple[Mapping[str, float], ...]
+
+
+@dataclass(frozen=True)
+class LongRidge(Finding):
+    """The posterior is far longer than its normal approximation.
+
+    Attributes:
+        longer: How many times.
+        low: Where it begins, by the numbers in which its ends differ.
+        high: Where it ends.
+        is_endless: Whether the density does not fall beyond: it is improper.
+    """
+
+    longer: float
+    low: Mapping[str, float]
+    high: Mapping[str, float]
+    is_endless: bool
+
+
+def shortfalls(
+    judged: Convergence, names: Sequence[str], precision: float
+) -> list[Finding]:
+    """Return in what a walk falls short of what was wanted."""
+    found: list[Finding] = []
+    worst = int(np.argmax(judged.error))
+    error = float(judged.error[worst])
+    if not error <= precision:
+        found.append(QuantilesUncertain(names[worst], error, precision))
+    worst = int(np.argmax(judged.tau))
+    times = float(judged.steps / judged.tau[worst])
+    if not judged.steps >= LONG_ENOUGH * judged.tau[worst]:
+        found.append(ChainTooShort(names[worst], judged.steps, times, LONG_ENOUGH))
+    worst = int(np.argmax(judged.r_hat))
+    r_hat = float(judged.r_hat[worst])
+    if not r_hat < ALIKE:
+        found.append(ChainsDisagree(names[worst], r_hat, ALIKE))
+    return found
+
+
+def several_modes(modes: Sequence[Mode], parameters: Parameters) -> list[Finding]:
+    """Return the modes by the numbers in which they differ, if there are several."""
+    if len(modes) < 2:
+        return []
+    first = modes[0]
+    differ = np.zeros(len(parameters.names), bool)
+    for mode in modes[1:]:  # in what the 90 % intervals do not meet
+        differ |= (mode.low > first.high) | (mode.high < first.low)
+    if not differ.any():
+        differ[:] = True
+    peaks = _values(parameters, np.array([mode.peak for mode in modes]), differ)
+    return [SeveralModes(tuple(float(mode.share) for mode in modes), peaks)]
+
+
+def long_ridge(ridge: Ridge | None, parameters: Parameters) -> list[Finding]:
+    """Return the ends of a ridge, if there is one."""
+    if ridge is None:
+        return []
+    values = parameters.values_of_each(jnp.asarray(ridge.ends))
+    differ = np.array(
+        [
+            abs(np.diff(np.asarray(values[name]))[0])
+            > 0.01 * np.abs(np.asarray(values[name])).max()
+            for name in parameters.names
+        ]
+    )
+    if not differ.any():
+        differ[:] = True
+    low, high = _values(parameters, ridge.ends, differ)
+    return [LongRidge(float(ridge.longer), low, high, bool(ridge.endless))]
+
+
+def _values(parameters: Parameters, z, which) -> tuple[dict[str, float], ...]:
+    values = parameters.values_of_each(jnp.asarray(z))
+    return tuple(
+        {
+            name: float(values[name][i])
+            for name, asked in zip(parameters.names, which, strict=True)
+            if asked
+        }
+        for i in range(len(z))
+    )
+
+
+def inference_data(
+    ensemble: Ensemble,
+    posterior: Posterior,
+    observations: Observations,
+    notes: Sequence[str] = (),
+) -> "xarray.DataTree":
+    """Return an ensemble as ArviZ knows it, each walker a chain.
+
+    Groups: `posterior` (every number, in the units of its name), `sample_stats` (`lp`,
+    ln of the density per unit of the fitted coordinates), `observed_data`.
+
+    Args:
+        ensemble: The walk.
+        posterior: What was walked.
+        observations: The log.
+        notes: What to say beside the draws.
+
+    Raises:
+        InputError: ArviZ is not installed.
+    """
+    stride = max(-(-ensemble.log_density.size // MOST_DRAWS), 1)
+    z = ensemble.z[:, ::stride]
+    values = posterior.parameters.values_of_each(
+        jnp.asarray(z.reshape(-1, z.shape[-1]))
+    )
+    rows = [
+        f"{sensor} {quantity}"
+        for sensor, quantity in zip(
+            observations.sensor, observations.quantity, strict=True
+        )
+    ]
+    groups: dict[str, dict[str, Any]] = {
+        "posterior": {
+            name: np.asarray(values[name]).reshape(z.shape[:2])
+            for name in ensemble.names
+        },
+        "sample_stats": {"lp": ensemble.log_density[:, ::stride]},
+        "observed_data": {"reading": np.asarray(observations.value)},
+    }
+    tree = _tree(groups, {"row": rows}, {"reading": ["row"]})
+    tree["posterior"].attrs.update(_about(ensemble, stride, notes))
+    return tree
+
+
+def write_inference_data(tree: "xarray.DataTree", path: str | os.PathLike[str]) -> None:
+    """Write a tree as a NetCDF file, whole or not at all.
+
+    Raises:
+        InputError: h5netcdf is not installed, or the file cannot be written.
+    """
+    try:
+        with replacing(path) as temporary:
+            tree.to_netcdf(temporary, engine="h5netcdf")
+    except ImportError:
+        raise InputError(f"{path}: {NEEDED}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def _tree(groups, coords, dims) -> "xarray.DataTree":
+    try:
+        with warnings.catch_warnings():  # 0.23 announces 1.0 when it is imported
+            warnings.simplefilter("ignore", FutureWarning)
+            import arviz
+    except ImportError:
+        raise InputError(f"the ArviZ schema: {NEEDED}") from None
+    from_dict: Any = arviz.from_dict  # its arguments are those of one of two lines
+    if int(arviz.__version__.split(".")[0]) < 1:
+        return from_dict(**groups, coords=coords, dims=dims).to_datatree()
+    return from_dict(groups, coords=coords, dims=dims)
+
+
+def _about(ensemble: Ensemble, stride: int, notes: Sequence[str]) -> dict[str, Any]:
+    """What NetCDF keeps beside the draws: numbers and text only."""
+    judged = ensemble.convergence
+    return {
+        "inference_library": "emcee" if ensemble.sampler == "emcee" else "jblast",
+        "sampling_time": ensemble.seconds,
+        "tuning_steps": judged.warm_up,
+        "thinned_by": stride,
+        "converged": int(ensemble.converged),
+        "autocorrelation_time": judged.tau,
+        "effective_sample_size": judged.ess,
+        "r_hat": judged.r_hat,
+        "why": "; ".join(notes),
+    }

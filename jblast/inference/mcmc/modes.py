@@ -19,7 +19,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float
 
-from jblast.inference.importance.whitening import Density, densities
+from jblast.inference.whitening import Density, densities
 
 VALLEY = 2.0
 """Two modes: ln-density falls by at least this between them."""

@@ -1,7 +1,23 @@
-"""Walk until the quantiles are known well enough: the loop about every sampler."""
+"""Sampling until the quantiles are precise enough: the loop around every sampler.
 
+The walk is drawn in segments. Convergence is judged after the first `FIRST_JUDGED`
+steps, and then each time the number of steps has grown by a factor of `JUDGED_AGAIN`.
+The walk ends when the Monte Carlo error of the 5 and 95 % quantiles is below the
+requested precision, at the most steps, or at Ctrl-C, and draws made until then are
+returned.
+
+A walk can be stored and resumed: a folder of numbered `.npz` files, one for each
+segment, with arrays only, each written completely or not at all.
+"""
+
+import signal
+import threading
 import time
-from collections.abc import Sequence
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
@@ -9,19 +25,27 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
-from jblast.inference.importance.whitening import Density, densities
-from jblast.inference.mcmc.checkpoint import Store
-from jblast.inference.mcmc.convergence import Convergence, convergence
-from jblast.inference.mcmc.emcee_engine import Emcee
-from jblast.inference.mcmc.independence_move import Mixture, mixture_of
-from jblast.inference.mcmc.interrupt import interrupts
-from jblast.inference.mcmc.progress import Pace, Report, nothing
-from jblast.inference.mcmc.scan_engine import Scan
-from jblast.inference.mcmc.state import Engine, Segment, WalkState
+from jblast.files import replacing
+from jblast.inference.mcmc.convergence import (
+    Convergence,
+    Pace,
+    Report,
+    convergence,
+    nothing,
+)
+from jblast.inference.mcmc.engines import (
+    Emcee,
+    Engine,
+    Mixture,
+    Scan,
+    Segment,
+    WalkState,
+    mixture_of,
+)
+from jblast.inference.whitening import Density, densities
 
 Sampler = Literal["emcee", "scan"]
 ENGINES: dict[str, Engine] = {"emcee": Emcee(), "scan": Scan()}
-
 WALKERS = 64
 PRECISION = 0.05
 MOST_STEPS = 20_000
@@ -35,6 +59,7 @@ RETRY_SHRINK = 0.5
 TRIES = 40
 SAME = 1e-6
 """Densities, or places in standard deviations, that differ by more are others."""
+RANDOM = "random_"
 
 
 class Start(NamedTuple):
@@ -71,6 +96,81 @@ class Sampled(NamedTuple):
     interrupted: bool
     resumed: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder that holds a walk.
+
+    Attributes:
+        folder: Made when something is kept.
+    """
+
+    folder: Path
+
+    def begin(self, about: Mapping[str, np.ndarray]) -> None:
+        """Keep what the walk is of.
+
+        Raises:
+            InputError: The folder cannot be written.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._write("about.npz", about)
+        except OSError as error:
+            raise InputError(
+                f"{self.folder}: cannot be written ({error.strerror}); expected a "
+                "folder for the chain"
+            ) from None
+
+    def about(self) -> dict[str, np.ndarray] | None:
+        """Return what the walk kept here is of; None if there is none."""
+        path = self.folder / "about.npz"
+        return _read(path) if path.exists() else None
+
+    def keep(self, first: int, stretch: Segment) -> None:
+        """Keep a stretch that begins after so many steps."""
+        if len(stretch.chain):
+            random = {RANDOM + name: array for name, array in stretch.random.items()}
+            self._write(
+                f"steps-{first:08d}.npz",
+                {
+                    "chain": stretch.chain,
+                    "log_density": stretch.log_density,
+                    **random,
+                },
+            )
+
+    def stretches(self) -> list[Segment]:
+        """Return all that was kept, in order.
+
+        Raises:
+            InputError: A file is damaged, or one is missing between others.
+        """
+        found, steps = [], 0
+        for path in sorted(self.folder.glob("steps-*.npz")):
+            arrays = _read(path)
+            if path.name != f"steps-{steps:08d}.npz" or not {
+                "chain",
+                "log_density",
+            } <= set(arrays):
+                raise InputError(
+                    f"{path}: expected a stretch that begins after step {steps}, got "
+                    "another; a file of the chain is missing or foreign: remove the "
+                    "folder to start anew"
+                )
+            random = {
+                name.removeprefix(RANDOM): array
+                for name, array in arrays.items()
+                if name.startswith(RANDOM)
+            }
+            found.append(Segment(arrays["chain"], arrays["log_density"], random))
+            steps += len(arrays["chain"])
+        return found
+
+    def _write(self, name: str, arrays: Mapping[str, np.ndarray]) -> None:
+        with replacing(self.folder / name) as part, part.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
 
 
 def sample(
@@ -233,3 +333,43 @@ def _kept(store: Store, density, sampler, walkers, axes) -> list[Segment]:
             "another: its densities differ; give another folder"
         )
     return done
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        raise InputError(
+            f"{path}: expected a stretch of a chain, got a file that is damaged or "
+            "something else; remove the folder to start anew"
+        ) from None
+
+
+@contextmanager
+def interrupts() -> Iterator[list[int]]:
+    """End what is inside at Ctrl-C, and note it.
+
+    One that Python raises within a destructor is swallowed there: then the note alone
+    is left, for the loop to look at.
+
+    Yields:
+        A list that grows by each. Only the main thread receives signals.
+    """
+    noted: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    main = threading.current_thread() is threading.main_thread()
+
+    def note(number, frame):
+        noted.append(number)
+        raise KeyboardInterrupt
+
+    if main and before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield noted
+    except KeyboardInterrupt:
+        noted.append(signal.SIGINT)
+    finally:
+        if signal.getsignal(signal.SIGINT) is note:
+            signal.signal(signal.SIGINT, before)

@@ -20,14 +20,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.posterior.estimate import Estimate
 from jblast.inference.posterior.fisher_information import (
     NULL,
     information,
     whitened_jacobian,
     whitened_rows,
 )
-from jblast.inference.posterior.parameters import Parameters
+from jblast.inference.posterior.parameters import Estimate, Parameters
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.scene import parameter_named

@@ -1,18 +1,24 @@
-"""Where a search begins: many places, spread over what the parameters could be."""
+"""Starting points of a search, spread over the plausible range of each parameter.
+
+A number with a prior is drawn from it. A free positive number is spread by a factor, a
+free position over the surroundings of the sensors: half of the starts lie among the
+sensors, the others around and beyond them. Where a sensor measured a direction, every
+other start is moved onto its line of sight. A free origin time, or clock offset, is set
+last, so that the median residual of the readings of that clock is zero.
+"""
 
 import math
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from jblast.constants import STANDARD_SOUND_SPEED
-from jblast.inference.mode.starts_along_sight import places_along_sight, sight_length
-from jblast.inference.mode.starts_by_clock import with_times_met
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
-from jblast.parameters import CHARGE_POSITION
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
+from jblast.quantities import CLOCK_TIMES, DIRECTIONS, FIREBALL_RADII
 from jblast.scene import Free, parameter_named
 from jblast.scene.uncertain import Belief, value_of
 
@@ -25,6 +31,14 @@ microphones with a free clock 8 of 64 starts reach the best optimum with it, non
 without (`tests/cli/verbs/infer/test_fit_clocks.py`)."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 """Multiples of this, modulo 1, are evenly spread however many are taken."""
+AWAY = 100.0
+"""How far a charge is seen from at least, for a start [m]."""
+FARTHER = 3.0
+"""Starts along a line are spread by this factor, one standard deviation."""
+BEARINGS = ("bearing_rad", "jolt_bearing_rad")
+"""What says in which direction the charge is, or in which it is not."""
+SHORT = 1e-3
+"""A time in which fireballs grow [s]."""
 
 
 @kept
@@ -140,3 +154,165 @@ def _spread_factors(count: int) -> Float[np.ndarray, " start"]:
     number = np.arange(count)
     beyond = FARTHEST ** ((number * GOLDEN) % 1.0)
     return np.where(number % 4 == 0, 1.0, np.where(number % 4 == 3, beyond, AMONG))
+
+
+def sight_length(posterior: Posterior) -> Float[Array, ""]:
+    """Return a typical distance of what sensors see the direction of [m]; else zero.
+
+    How far sound goes in the time between the log's first and last clock times.
+    """
+    quantity = posterior.layout.quantity
+    if not np.isin(quantity, tuple(DIRECTIONS)).any():
+        return jnp.zeros(())
+    clock = posterior.measured[np.isin(quantity, CLOCK_TIMES)]
+    if clock.size == 0:
+        return jnp.asarray(AWAY)
+    return jnp.maximum(STANDARD_SOUND_SPEED * jnp.ptp(clock), AWAY)
+
+
+def places_along_sight(
+    posterior: Posterior,
+    z: Float[Array, "start free"],
+    normal: Float[Array, "start free"],
+) -> Float[Array, "start free"]:
+    """Move every other start's free places onto lines of sight, where there are any.
+
+    Args:
+        posterior: Has the bearings.
+        z: Starts.
+        normal: A standard normal draw for each coordinate.
+    """
+    names, beliefs = posterior.parameters.names, posterior.parameters.beliefs
+    scene = posterior.parameters.scene
+    for shot, charge in enumerate(scene.charges):
+        place = [name + scene.label(charge) for name in CHARGE_POSITION]
+        at = [names.index(name) if name in names else -1 for name in place]
+        if at[0] < 0 or at[1] < 0:
+            continue
+        up = jnp.broadcast_to(charge.up, len(z)) if at[2] < 0 else z[:, at[2]]
+        moved = _along_sight(
+            posterior,
+            np.array(posterior.layout.shot) == shot,
+            jnp.stack([z[:, at[0]], z[:, at[1]], up], axis=1),
+            normal[:, at[0]],
+        )
+        for i, coordinate in zip(at, moved.T, strict=True):
+            if i >= 0 and isinstance(beliefs[i], Free):
+                z = z.at[:, i].set(coordinate)
+    return z
+
+
+def _along_sight(
+    posterior: Posterior,
+    of_shot: np.ndarray,
+    place: Float[Array, "start 3"],
+    spread: Float[Array, " start"],
+) -> Float[Array, "start 3"]:
+    """Move every other place onto the line of sight of the first bearing, if any.
+
+    The others stay: a second bearing may say better, or a library of places be drawn
+    for logs that are yet to come.
+
+    Args:
+        posterior: Has the bearings.
+        of_shot: Which rows are of the charge.
+        place: East, north, up of the charge in each start [m].
+        spread: A standard normal draw for each.
+    """
+    layout = posterior.layout
+    seen = np.flatnonzero(of_shot & np.isin(layout.quantity, BEARINGS))
+    if seen.size == 0:
+        return place
+    tall = np.flatnonzero(of_shot & np.isin(layout.quantity, "elevation_rad"))
+    angle = posterior.measured[seen[0]]
+    if layout.quantity[seen[0]] == "jolt_bearing_rad":  # thrown away from it
+        angle = angle + math.pi
+    rise = jnp.tan(posterior.measured[tall[0]]) if tall.size else 0.0
+    line = jnp.stack([jnp.sin(angle), jnp.cos(angle), jnp.asarray(rise)])
+    distance = sight_length(posterior) * FARTHER**spread
+    on_line = layout.position[seen[0]][None, :] + distance[:, None] * line[None, :]
+    return jnp.where(jnp.arange(len(place))[:, None] % 2 == 0, on_line, place)
+
+
+def with_times_met(
+    posterior: Posterior,
+    z: Float[Array, "start free"],
+    normal: Float[Array, "start free"],
+) -> Float[Array, "start free"]:
+    """Set free origin times, by clocks that are known, then clocks that are not.
+
+    Args:
+        posterior: Has the readings.
+        z: Starts, their places set.
+        normal: A standard normal draw for each coordinate.
+    """
+    for i, label in _free(posterior, "origin_time_s"):
+        z = _with_origin_time(posterior, z, i, label, normal[:, i])
+    timed = np.isin(posterior.layout.quantity, CLOCK_TIMES)
+    for i, label in _free(posterior, CLOCK_OFFSET):
+        z = _met(posterior, z, i, timed & (np.array(posterior.layout.clock) == label))
+    return z
+
+
+def _free(posterior: Posterior, base: str) -> list[tuple[int, str]]:
+    """Return the coordinates that are one free number, and the label of each."""
+    parameters = posterior.parameters
+    parts = [name.partition(".") for name in parameters.names]
+    return [
+        (i, label)
+        for i, ((name, _, label), belief) in enumerate(
+            zip(parts, parameters.beliefs, strict=True)
+        )
+        if name == base and isinstance(belief, Free)
+    ]
+
+
+def _with_origin_time(
+    posterior: Posterior,
+    z: Float[Array, "start free"],
+    i: int,
+    label: str,
+    normal: Float[Array, " start"],
+) -> Float[Array, "start free"]:
+    """Set the origin time of a charge by its rows, those of a flash if radii are seen.
+
+    Args:
+        posterior: Has the readings.
+        z: Starts.
+        i: Coordinate of the origin time.
+        label: Name of the charge.
+        normal: A standard normal draw.
+    """
+    layout, scene = posterior.layout, posterior.parameters.scene
+    named = [charge.name for charge in scene.charges]
+    of_charge = np.array(layout.shot) == (named.index(label) if scene.others else 0)
+    radii = of_charge & np.isin(layout.quantity, FIREBALL_RADII)
+    rows = of_charge & np.isin(layout.quantity, CLOCK_TIMES)
+    offsets = [name.partition(".") for name in posterior.parameters.names]
+    unknown = [clock for base, _, clock in offsets if base == CLOCK_OFFSET]
+    known = rows & ~np.isin(layout.clock, unknown)
+    rows = known if known.any() else rows
+    flash = rows & np.isin(layout.quantity, "flash_time_s")
+    rows = flash if radii.any() and flash.any() else rows
+    z = _met(posterior, z, i, rows)
+    if radii.any():
+        z = z.at[:, i].set(_before_radii(z[:, i], layout.time[radii], normal))
+    return z
+
+
+def _met(posterior: Posterior, z, i: int, rows: Bool[np.ndarray, " row"]):
+    """Move a time by as much as the median of some readings is later than predicted."""
+    if not rows.any():
+        return z
+    residual = jax.vmap(lambda z: posterior.misfit(z).residual)(z)
+    return z.at[:, i].add(jnp.median(residual[:, np.flatnonzero(rows)], axis=1))
+
+
+def _before_radii(origin, times, normal):
+    """Return origin times, those that are not before the first radius moved there.
+
+    A radius before the explosion hardly says when that was.
+    """
+    long = jnp.maximum(jnp.ptp(times), SHORT)
+    earlier = times.min() - jnp.abs(normal) * long
+    return jnp.where(origin < times.min(), origin, earlier)

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jblast.inference.posterior.error_density import (
+from jblast.inference.posterior.likelihood import (
     information_of_row,
     survival_information,
 )

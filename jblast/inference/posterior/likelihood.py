@@ -1,25 +1,40 @@
-r"""The probability of residuals whose rows share effects.
+r"""The likelihood of residuals whose rows share effects.
 
-Row $i$ misses by $r_i = \sum_k L_{ik} v_k + s_i \epsilon_i$: shared effects $v$ are
-standard normal and loaded by $L$, what is left, $\epsilon$, is standard normal or
-Student-t with 4 degrees of freedom. Of a row that is a lower bound it is known that it
-misses by $r_i$ or more: its own error counts with the survival function, where others
-count with the density. The effects are integrated out: exactly for normal $\epsilon$,
-where this is $\ln N(r; 0, \mathrm{diag}(s^2) + L L^T)$, and otherwise by the
-variational Gaussian approximation (Opper & Archambeau 2009, Neural Comput. 21:786). For
-any normal density $q(v) = N(m, \Sigma)$
+Row $i$ has the residual $r_i = \sum_k L_{ik} v_k + s_i \epsilon_i$: shared effects $v$
+are standard normal with loadings $L$, the independent error $\epsilon$ is standard
+normal or Student-t with 4 degrees of freedom. A lower bound states that its residual is
+$r_i$ or more: its independent error enters with the survival function instead of the
+density. The effects are integrated out: exactly for normal $\epsilon$, where the result
+is $\ln N(r; 0, \mathrm{diag}(s^2) + L L^T)$, and otherwise by the variational Gaussian
+approximation (Opper & Archambeau 2009, Neural Comput. 21:786). For any normal density
+$q(v) = N(m, \Sigma)$
 
 $$\ln p(r) \ge \sum_i E_q[\ln p(r_i | v)] - \tfrac{1}{2} m^T m
   - \tfrac{1}{2} \mathrm{tr} \Sigma + \tfrac{1}{2} \ln |\Sigma| + \tfrac{k}{2}.$$
 
 Here $\Sigma = (I + L^T W L)^{-1}$ with $W$ the expected (Fisher) information of each
-row about its mean, and $m$ is where the bound is largest. $\Sigma$ does not depend on
-$m$: the bound has no poles, where Laplace's method has one wherever two modes of $v$
-become one, and where one maximum takes over from another it has a kink and no step.
-For 2 to 20 Student-t rows that share one effect the bound is 0.001 to 0.01 below the
-exact integral, where Laplace's method is off by up to 0.1.
+row about its mean, and $m$ maximises the bound. $\Sigma$ does not depend on $m$: the
+bound has no poles, where Laplace's method has one wherever two modes of $v$ merge, and
+where one maximum overtakes another it has a kink and no step. For 2 to 20 Student-t
+rows that share one effect the bound is 0.001 to 0.01 below the exact integral, where
+Laplace's method is off by up to 0.1.
+
+With $u$ the independent error in standard deviations and $f$ its density, a reading
+contributes $f(u)$, and a lower bound the survival function $S(u)$. For 4 degrees of
+freedom, with $t/\sqrt{4 + t^2} = \sin\theta$, it is
+$S = (1 - \sin\theta)^2 (2 + \sin\theta) / 4$, written so that neither tail loses
+digits.
+
+The mode of the effects needs $(I + L^T \mathrm{diag}(w) L)^{-1}$ and its determinant.
+Effects of a shot load many rows. Effects of a path, and errors that the rows of one
+record share, load the rows of that path alone, so their part of the matrix consists of
+small blocks. These are eliminated first, each by itself, which leaves a system of the
+effects of shots (the Schur complement). Ten records of four quantities share 30 errors
+and have 20 effects of paths: ten systems of five and one of the shot's four, instead of
+one of 54.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -27,17 +42,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Bool, Float
 
-from jblast.inference.posterior.effect_systems import Blocks, effects_of
-from jblast.inference.posterior.error_density import (
-    information_of_row,
-    log_noise,
-    log_survival,
-    noise_slopes,
-    survival_information,
-    survival_slopes,
-)
+from jblast.sensors.layout import picked
+from jblast.sensors.path_scatter import solve_system
 from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
 
 ROUNDS = 100
@@ -56,6 +65,16 @@ MANY_ROWS = 100
 """With more rows than this for each effect one node is used: the squares of those
 standard deviations are then 0.014 at most on average (their sum times the information
 is below the number of effects), and 200,000 rows take 0.2 s, not 0.8."""
+MOST_OF_A_BLOCK = 16
+"""Groups of more effects are not eliminated one by one (see `blocks_of`)."""
+Block = tuple[tuple[int, ...], tuple[int, ...]]
+Blocks = tuple[Block, ...]
+"""Rows and columns of each group of effects that load no rows but these, all of which
+no other group loads."""
+FAR = 10.0
+"""Where the series of Mills' ratio takes over from `log_ndtr`."""
+TERMS = 12
+"""Of that series; at `FAR` what is left out is 1e-13 of it."""
 
 
 class Rows(NamedTuple):
@@ -126,7 +145,7 @@ def log_likelihood(
         loading: What one standard deviation of each effect adds to each row $L$.
         noise: Distribution of the independent errors.
         lower_bound: Whether what was measured is a lower bound; None if none is.
-        blocks: Effects that load rows of their own, for speed (`effect_systems`).
+        blocks: Effects that load rows of their own, for speed (see `Apart`).
     """
     r, load = residual / sd, loading / sd[:, None]
     if loading.shape[1] == 0:
@@ -313,3 +332,330 @@ def _step(v, damping, rows, effects):
     weight = curvature + jnp.minimum(damping, 1.0) * (safe - curvature)
     step, log_determinant = effects.solved(weight, effects.gathered(slope) - v)
     return step / jnp.maximum(damping, 1.0), jnp.isfinite(log_determinant)
+
+
+class Together(NamedTuple):
+    r"""Effects each of which may load all rows.
+
+    Of more effects than rows the system of the rows is solved, the smaller one. With
+    $K = L L^T$ and $W$ the weights, $(I + L^T W L)^{-1} = I - L^T W (I + K W)^{-1} L$
+    and $|I + L^T W L| = |I + K W|$.
+
+    Attributes:
+        load: What one standard deviation of each adds.
+        covariance: $K$ where there are more effects than rows, else None.
+    """
+
+    load: Float[Array, "row effect"]
+    covariance: Float[Array, "row row"] | None
+
+    def added(self, v: Float[Array, " effect"]) -> Float[Array, " row"]:
+        """Return what effects add to each row."""
+        return self.load @ v
+
+    def gathered(self, of_row: Float[Array, " row"]) -> Float[Array, " effect"]:
+        """Return $L^T x$."""
+        return self.load.T @ of_row
+
+    def solved(self, weight: Float[Array, " row"], right: Float[Array, " effect"]):
+        """Solve, and return ln of the determinant; NaN if not positive definite.
+
+        By rows it is also NaN for some positive definite systems with negative weights.
+        """
+        if self.covariance is None:
+            answer, size = solve_system(self._matrix(weight), right[:, None])
+            return answer[:, 0], size
+        answer, size = solve_system(self._matrix(weight), (self.load @ right)[:, None])
+        return right - self.load.T @ (weight * answer[:, 0]), size
+
+    def spread(self, weight: Float[Array, " row"]):
+        """Return each row's variance under the inverse, and ln of the determinant."""
+        if self.covariance is None:
+            unit = jnp.eye(self.load.shape[1])
+            inverse, size = solve_system(self._matrix(weight), unit)
+            return jnp.sum((self.load @ inverse) * self.load, axis=1), size
+        variance, size = solve_system(self._matrix(weight), self.covariance)
+        return jnp.diagonal(variance), size
+
+    def in_order(self, v: Float[Array, " effect"]) -> Float[Array, " effect"]:
+        """Return effects in the order of the columns."""
+        return v
+
+    def _matrix(self, weight):
+        if self.covariance is None:
+            unit = jnp.eye(self.load.shape[1])
+            return unit + self.load.T @ (weight[:, None] * self.load)
+        return jnp.eye(len(weight)) + self.covariance * weight[None, :]
+
+
+class Apart(NamedTuple):
+    """Effects of which some load all rows, and others those of their record alone.
+
+    Here effects are in an order of their own: the first kind, and then those of each
+    record, as many of each; the ones that are missing load nothing and stay zero.
+
+    Attributes:
+        load: Of the first kind.
+        of_record: Of the second kind.
+        record: Whose rows those of `of_record` are; rows of no record are missing.
+        place: Of each column among the effects.
+    """
+
+    load: Float[Array, "row effect"]
+    of_record: Float[Array, "record row_of_record error"]
+    record: np.ndarray
+    place: np.ndarray
+
+    def added(self, v: Float[Array, " held"]) -> Float[Array, " row"]:
+        """Return what effects add to each row."""
+        first, own = self._parted(v)
+        of_records = jnp.sum(self.of_record * own[:, None, :], axis=2)
+        return self.load @ first + self._by_row(of_records)
+
+    def gathered(self, of_row: Float[Array, " row"]) -> Float[Array, " held"]:
+        """Return $L^T x$."""
+        own = jnp.sum(self.of_record * self._by_record(of_row)[:, :, None], axis=1)
+        return jnp.concatenate([self.load.T @ of_row, own.ravel()])
+
+    def solved(self, weight: Float[Array, " row"], right: Float[Array, " held"]):
+        """Solve, and return ln of the determinant; NaN if not positive definite."""
+        first, own = self._parted(right)
+        across, inner, matrix, sizes = self._first_kind(weight, own[:, :, None])
+        first -= jnp.einsum("kag,ka->g", across, inner[:, :, -1])
+        outer, size = solve_system(matrix, first[:, None])
+        outer = outer[:, 0]
+        own = inner[:, :, -1] - jnp.einsum("kag,g->ka", inner[:, :, :-1], outer)
+        return jnp.concatenate([outer, own.ravel()]), size + sizes
+
+    def spread(self, weight: Float[Array, " row"]):
+        """Return each row's variance under the inverse, and ln of the determinant."""
+        count = self.load.shape[1]
+        turned = jnp.swapaxes(self.of_record, 1, 2)
+        _, inner, matrix, sizes = self._first_kind(weight, turned)
+        alone = jnp.sum(turned * inner[:, :, count:], axis=1)
+        inverse, size = solve_system(matrix, jnp.eye(count))
+        along = jnp.einsum("kra,kag->krg", self.of_record, inner[:, :, :count])
+        left = self.load - self._by_row(along)
+        variance = jnp.sum((left @ inverse) * left, axis=1) + self._by_row(alone)
+        return variance, size + sizes
+
+    def _first_kind(self, weight, right):
+        """Eliminate the effects of records.
+
+        Args:
+            weight: Of each row.
+            right: Right sides of each record's system.
+
+        Returns:
+            What effects of the first kind and of records share, this and `right`
+            solved, the system that is left of the first kind, and ln of the
+            determinant of those of records.
+        """
+        count, errors = self.load.shape[1], self.of_record.shape[2]
+        weighted = self.of_record * self._by_record(weight)[:, :, None]
+        block = jnp.eye(errors)[None] + jnp.einsum(
+            "kra,krb->kab", weighted, self.of_record
+        )
+        across = jnp.einsum("kra,krg->kag", weighted, self._by_record(self.load))
+        both = jnp.concatenate([across, right], axis=2)
+        inner, sizes = jax.vmap(solve_system)(block, both)
+        matrix = jnp.eye(count) + self.load.T @ (weight[:, None] * self.load)
+        matrix -= jnp.einsum("kag,kah->gh", across, inner[:, :, :count])
+        return across, inner, matrix, jnp.sum(sizes)
+
+    def in_order(self, v: Float[Array, " held"]) -> Float[Array, " effect"]:
+        """Return effects in the order of the columns."""
+        return v[self.place]
+
+    def _parted(self, v):
+        """Return effects of the first kind, and those of each record."""
+        count, (records, _, errors) = self.load.shape[1], self.of_record.shape
+        return v[:count], v[count:].reshape(records, errors)
+
+    def _in_turn(self) -> bool:
+        """Return whether rows stand record by record, of each as many: cheaper so."""
+        rows = np.arange(len(self.load))
+        return self.record.size == rows.size and bool(
+            (self.record.ravel() == rows).all()
+        )
+
+    def _by_row(self, of_records):
+        """Return what records have of each row; zero of rows of no record."""
+        flat = of_records.reshape(self.record.size, *of_records.shape[2:])
+        if self._in_turn():
+            return flat
+        place = np.full(len(self.load) + 1, len(flat))
+        place[self.record.ravel()] = np.arange(len(flat))
+        nothing = jnp.zeros((1, *flat.shape[1:]), flat.dtype)
+        return jnp.concatenate([flat, nothing])[place[:-1]]
+
+    def _by_record(self, of_row):
+        """Return what the rows of each record have; zero of what is missing."""
+        if self._in_turn():
+            return of_row.reshape(*self.record.shape, *of_row.shape[1:])
+        nothing = jnp.zeros((1, *of_row.shape[1:]), of_row.dtype)
+        return jnp.concatenate([of_row, nothing])[self.record]
+
+
+def effects_of(load: Float[Array, "row effect"], blocks: Blocks) -> Together | Apart:
+    """Return effects in the form that is solved fastest."""
+    rows, columns = load.shape
+    if rows < columns:
+        return Together(load, load @ load.T)
+    if not blocks or columns <= 1:
+        return Together(load, None)
+    record = _padded([block for block, _ in blocks], rows)
+    error = _padded([block for _, block in blocks], columns)
+    alone = np.setdiff1d(np.arange(columns), error)
+    place = np.zeros(columns + 1, int)
+    place[alone] = np.arange(alone.size)
+    place[error] = alone.size + np.arange(error.size).reshape(error.shape)
+    wide = jnp.pad(load, ((0, 1), (0, 1)))
+    of_record = wide[record[:, :, None], error[:, None, :]]
+    return Apart(picked(load.T, alone).T, of_record, record, place[:-1])
+
+
+def blocks_of(loading: Float[np.ndarray, "row effect"]) -> Blocks:
+    """Return which effects load rows that no others do; () if a group is large.
+
+    Args:
+        loading: What one standard deviation of each effect adds to each row.
+    """
+    return joined_blocks(
+        [
+            (tuple(np.flatnonzero(loaded).tolist()), (column,))
+            for column, loaded in enumerate(loading.T)
+        ]
+    )
+
+
+def joined_blocks(parts: Sequence[Block]) -> Blocks:
+    """Make one of those that share rows; () if it then has many effects.
+
+    Args:
+        parts: Rows and columns; each column stands in one of them.
+    """
+    first: dict[int, int] = {}
+    joined = list(range(len(parts)))
+
+    def root(part: int) -> int:
+        while joined[part] != part:
+            joined[part] = part = joined[joined[part]]
+        return part
+
+    for part, (rows, _) in enumerate(parts):
+        for row in rows:
+            joined[root(part)] = root(first.setdefault(row, part))
+    blocks: dict[int, tuple[set[int], set[int]]] = {}
+    for part, (rows, columns) in enumerate(parts):
+        block = blocks.setdefault(root(part), (set(), set()))
+        block[0].update(rows)
+        block[1].update(columns)
+    if any(len(columns) > MOST_OF_A_BLOCK for _, columns in blocks.values()):
+        return ()
+    return tuple((tuple(sorted(r)), tuple(sorted(c))) for r, c in blocks.values())
+
+
+def _padded(lists: list[tuple[int, ...]], missing: int) -> np.ndarray:
+    """Return lists as rows of one array, what is missing by a number of its own."""
+    most = max(len(entries) for entries in lists)
+    return np.array(
+        [[*entries, *[missing] * (most - len(entries))] for entries in lists]
+    )
+
+
+def log_noise(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
+    """Return ln of the density of a standardised independent error."""
+    if noise == "gaussian":
+        return -0.5 * jnp.square(u) - 0.5 * jnp.log(2 * jnp.pi)
+    nu = STUDENT_FREEDOM
+    # Gamma((nu + 1)/2) / (Gamma(nu/2) sqrt(nu pi)) is 3/8 for nu = 4
+    return jnp.log(0.375) - 0.5 * (nu + 1) * jnp.log1p(jnp.square(u) / nu)
+
+
+def noise_slopes(u: Float[Array, "..."], noise: Noise) -> tuple[Array, Array]:
+    """Return the first and second derivative of minus `log_noise`."""
+    if noise == "gaussian":
+        return u, jnp.ones_like(u)
+    nu = STUDENT_FREEDOM
+    heavy = nu + jnp.square(u)
+    return (nu + 1) * u / heavy, (nu + 1) * (nu - jnp.square(u)) / jnp.square(heavy)
+
+
+def information_of_row(noise: Noise) -> float:
+    r"""Return the information of one standardised error about its mean.
+
+    1 for a normal error, $(\nu + 1)/(\nu + 3)$ for Student-t (Lange, Little & Taylor
+    1989, J. Am. Stat. Assoc. 84:881, appendix B, with one dimension).
+    """
+    nu = STUDENT_FREEDOM
+    return 1.0 if noise == "gaussian" else (nu + 1) / (nu + 3)
+
+
+def log_survival(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
+    """Return ln of the chance of a standardised error of $u$ or more."""
+    if noise == "gaussian":
+        is_far, near, far = _split(u)
+        less = _mills_series(far)
+        tail = log_noise(far, noise) - jnp.log(far) + jnp.log1p(-less)
+        return jnp.where(is_far, tail, log_ndtr(-near))
+    cosine, sine, above = _angle(u)
+    is_right = u > 0
+    size = 4 * jnp.log(cosine) - 2 * jnp.log(jnp.where(is_right, above, 1.0))
+    below = jnp.where(is_right, 0.0, jnp.square(above) * (2 - sine) / 4)
+    return jnp.where(is_right, size + jnp.log((2 + sine) / 4), jnp.log1p(-below))
+
+
+def survival_slopes(u: Float[Array, "..."], noise: Noise) -> tuple[Array, Array]:
+    r"""Return the first and second derivative of minus `log_survival`.
+
+    The first is the hazard $\lambda = f/S$, the second $\lambda(\lambda - \psi)$ with
+    $\psi = -f'/f$, which for Student-t is negative above 1.6.
+    """
+    if noise == "gaussian":
+        is_far, near, far = _split(u)
+        less = _mills_series(far)
+        rate = jnp.exp(log_noise(near, noise) - log_ndtr(-near))
+        hazard = jnp.where(is_far, far / (1 - less), rate)
+        excess = jnp.where(is_far, far * less / (1 - less), rate - near)
+        return hazard, hazard * excess
+    cosine, sine, above = _angle(u)
+    hazard = 1.5 * cosine * jnp.square(above) / (2 + sine)
+    return hazard, hazard * (hazard - noise_slopes(u, noise)[0])
+
+
+def survival_information(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
+    r"""Return the information of a lower bound about its mean: $f^2/(S(1-S))$.
+
+    That of the answer, yes or no, whether the reading passes the bound: what a bound
+    tells on average, positive whatever came.
+    """
+    both = log_survival(u, noise) + log_survival(-u, noise)
+    return jnp.exp(2 * log_noise(u, noise) - both)
+
+
+def _angle(u):
+    """Return cosine and sine of the angle whose tangent is u/2, and 1 + the sine."""
+    is_wide = jnp.abs(u) > 2  # squares of wide ones may overflow
+    wide, slim = jnp.where(is_wide, u, 2.0), jnp.where(is_wide, 2.0, u)
+    long = jnp.abs(wide) * jnp.sqrt(1 + jnp.square(2 / wide))
+    length = jnp.where(is_wide, long, jnp.sqrt(4 + jnp.square(slim)))
+    cosine, sine = 2 / length, u / length
+    left = jnp.where(u > 0, 0.0, sine)
+    above = jnp.where(u > 0, 1 + sine, jnp.square(cosine) / (1 - left))
+    return cosine, sine, above
+
+
+def _split(u):
+    """Return where u is far up the tail, u where it is not, and u where it is."""
+    is_far = u > FAR
+    return is_far, jnp.where(is_far, 0.0, u), jnp.where(is_far, u, FAR)
+
+
+def _mills_series(u):
+    """Return $1 - u S(u)/f(u)$ of a normal far up its tail, by its series."""
+    t = 1 / jnp.square(u)
+    less = jnp.zeros_like(u)
+    for odd in range(2 * TERMS - 1, 0, -2):
+        less = odd * t * (1 - less)
+    return less

@@ -1,8 +1,21 @@
-"""What is fitted: the uncertain numbers of a scene as one vector of coordinates.
+"""The parameters of a fit, and the values reported for them.
 
-Each number has its own coordinate $z$ (`scene.uncertain`): its logarithm where it is
-free and positive, itself where it is free, a normal score where it has a prior.
+The uncertain numbers of a scene are one vector of coordinates. Each number has its own
+coordinate $z$ (see `scene.priors`): its logarithm where it is free and positive, the
+number itself where it is free, a normal score where it has a prior.
+
+The growth time of a fireball is free unless the scene states otherwise: no source gives
+it to better than a factor of two.
+
+An `Estimate` is the result for one number in its unit: most probable value, standard
+deviation, 90 % interval. A `Finding` is a reason or warning, as a value without words.
 """
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,8 +25,12 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.kept_programs import kept
+from jblast.quantities import BY_CAMERA, FIREBALL_RADII
 from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
 from jblast.scene.uncertain import Belief
+from jblast.waves.fireball import fireball_growth_time
+
+GROWTH = "fireball_growth_s"
 
 
 class Parameters(eqx.Module):
@@ -74,3 +91,134 @@ def parameters_of(uncertain: UncertainScene) -> Parameters:
         beliefs=tuple(uncertain.beliefs.values()),
         scene=uncertain.scene,
     )
+
+
+def as_seen(
+    uncertain: UncertainScene,
+    quantity: Sequence[str],
+    time: Float[np.ndarray, " row"],
+) -> UncertainScene:
+    """Return a scene as a log with a fireball's radii is read; without any, unchanged.
+
+    The growth time is free unless the scene says otherwise: no source tells it better
+    than to a factor of two. It starts at a third of the time the radii span.
+
+    Light is taken to be there at once where radii are read off images. Their times have
+    no delay either, so the origin time is that of the light at the camera, 3 us late a
+    kilometre. A delay of the flash alone would be taken for news of the range: readings
+    of a millisecond would place the charge some 100 km away.
+
+    Args:
+        uncertain: The scene.
+        quantity: Of each row of the log.
+        time: Of each row, by its clock [s]; NaN if it has none.
+    """
+    radii = time[np.isin(quantity, FIREBALL_RADII)]
+    if radii.size == 0:
+        return uncertain
+    scene = replace(uncertain.scene, instant_light=bool(set(BY_CAMERA) & set(quantity)))
+    beliefs = dict(uncertain.beliefs)
+    if scene.fireball_growth is None:  # a belief puts its start into the scene
+        start = np.ptp(radii) / 3 or own_growth(scene)
+        scene = with_values(scene, {GROWTH: start})
+        beliefs[GROWTH] = Free(positive=True)
+    return replace(uncertain, scene=scene, beliefs=beliefs)
+
+
+def own_growth(scene: Scene) -> float:
+    """Return the growth time that the law has of itself for a scene's first charge."""
+    return float(fireball_growth_time(scene.charge.tnt_mass("fireball_radius_m")))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far a number may be off; NaN where nothing is known of it.
+
+    Attributes:
+        sd: Standard deviation, in the number's unit.
+        log_sd: Standard deviation of its ln; NaN for one that may be negative.
+    """
+
+    sd: float = math.nan
+    log_sd: float = math.nan
+
+    @property
+    def is_known(self) -> bool:
+        """Whether anything is known of it."""
+        return not (math.isnan(self.sd) and math.isnan(self.log_sd))
+
+    @property
+    def width(self) -> float:
+        """The sd in ln, or without one the sd; infinite where nothing is known."""
+        if not math.isnan(self.log_sd):
+            return self.log_sd
+        return math.inf if math.isnan(self.sd) else self.sd
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimate of one number, in its unit.
+
+    A number that is not identified has no value and no standard deviation; the ends of
+    its 90 % interval are finite where they are known all the same.
+
+    Attributes:
+        value: The most probable value; NaN where it is not identified.
+        sd: Standard deviation.
+        log_sd: Standard deviation of its ln; NaN for one that may be negative.
+        q05: 5 % quantile: lower end of the 90 % interval.
+        q50: Median.
+        q95: 95 % quantile: upper end of the 90 % interval.
+        identified: Whether there is a value.
+    """
+
+    value: float = math.nan
+    sd: float = math.nan
+    log_sd: float = math.nan
+    q05: float = math.nan
+    q50: float = math.nan
+    q95: float = math.nan
+    identified: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Set `identified` from the value."""
+        object.__setattr__(self, "identified", math.isfinite(self.value))
+
+    def interval_alone(self) -> "Estimate":
+        """Return the 90 % interval without a value: an unidentified number."""
+        return Estimate(q05=self.q05, q95=self.q95)
+
+    @property
+    def spread(self) -> Spread:
+        """Its standard deviations alone."""
+        return Spread(self.sd, self.log_sd)
+
+    def times(self, factor: float) -> "Estimate":
+        """Return what is known of so many times the number; its sd in ln stays."""
+        return Estimate(
+            self.value * factor,
+            self.sd * factor,
+            self.log_sd,
+            self.q05 * factor,
+            self.q50 * factor,
+            self.q95 * factor,
+        )
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something to be told beside the numbers: what it is, and its own numbers.
+
+    It has no words: `report.fit.findings` has them.
+    """
+
+    @property
+    def code(self) -> str:
+        """Its name for programs: `law_out_of_range`."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", type(self).__name__).lower()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its name and its numbers."""
+        return {"code": self.code} | {
+            f.name: getattr(self, f.name) for f in fields(self)
+        }

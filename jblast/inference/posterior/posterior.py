@@ -1,4 +1,28 @@
-"""The one log-posterior that every method of inference calls."""
+r"""The one log-posterior that every method of inference calls.
+
+It is the sum of the log-prior of the fitted coordinates (`parameters`) and of the
+log-likelihood of the readings (`likelihood`), or of the samples of pressure records
+(`record_likelihood`).
+
+The readings of one record have correlated errors of covariance $C = S R S$, with $S$
+the diagonal matrix of the sigmas. With $\kappa$ the smallest eigenvalue of the
+correlations $R$ it is $C = \kappa S^2 + S (R - \kappa I) S$: each row keeps an
+independent error of variance $\kappa \sigma^2$, and the remainder, of one rank less, is
+a sum of normal effects that the rows share. Among all splits with the same share for
+each row this one leaves the rows the most, and a single row keeps all.
+
+A correction may be added to the log-density where another one, which is too expensive
+to evaluate often, is known at some nodes $w_i$. It is the polyharmonic spline (Duchon
+1977, Lect. Notes Math. 571:85)
+$s(w) = \sum_i \lambda_i |w - w_i|^3 + q(w)$ through the differences $d_i$, with a
+quadratic $q$ and weights orthogonal to all quadratics, $\sum_i \lambda_i q(w_i) = 0$.
+Its leave-one-out error at a node is $\lambda_i / B_{ii}$, with $B$ the inverse of the
+spline's equations (Rippa 1999, Adv. Comput. Math. 11:193). Beyond the nodes it is
+constant, with its value at their edge.
+
+A posterior is refused for a row that has no error at all, and for a log whose shared
+effects would exceed the memory or the time of a fit.
+"""
 
 import math
 from collections.abc import Mapping
@@ -11,29 +35,44 @@ import numpy as np
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Bool, Float
 
-from jblast.inference.posterior.correlated_errors import own_and_shared_errors
-from jblast.inference.posterior.density_correction import DensityCorrection
-from jblast.inference.posterior.effect_systems import (
+from jblast.errors import InputError
+from jblast.inference.posterior.likelihood import (
     Blocks,
     blocks_of,
     joined_blocks,
+    log_likelihood,
 )
-from jblast.inference.posterior.likelihood import log_likelihood
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.record_likelihood import (
     ResidualRows,
     SampledRecords,
     record_log_likelihood,
 )
-from jblast.inference.posterior.refused_logs import refuse_exact, refuse_vast
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unresolved
+from jblast.observations.covariances import rows_with_covariance
 from jblast.parameters import CHARGE_POSITION
+from jblast.registry import law_for
+from jblast.scene import Scene
 from jblast.sensors import Layout, record
+from jblast.sensors.layout import components
 from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights
-from jblast.sensors.record import Recording, residuals_of, to_error_scale
+from jblast.sensors.record import Recording, count_effects, residuals_of, to_error_scale
 from jblast.sensors.simulate import ErrorModel, Noise, error_model, paths_of
+
+HELD = 30_000_000
+"""Rows times shared effects, of which a few times as many numbers (0.24 GB each) are
+held in memory: a log with more is refused."""
+WORK = 5_000_000_000
+"""Rows times the square of the effects, gone through several times for each density:
+with four times as much a fit took more than five minutes on two cores."""
+EQUAL_EIGENVALUES = 1e-12
+"""An eigenvalue of correlations no further above the smallest loads nothing."""
+TINY = 1e-30
+"""Keeps the slope of a root at zero a number."""
+PSEUDO_INVERSE_CUTOFF = 1e-12
+"""Of the spline's equations: what is smaller is of directions that no node lies in."""
 
 
 class Misfit(eqx.Module):
@@ -48,7 +87,7 @@ class Misfit(eqx.Module):
         slant_range: Distance from the charge [m].
         record_sd: Of the independent scale, what the law's record scatter is.
         blocks: Rows and columns of `loading` that share nothing with others, for speed
-            alone (see `effect_systems`).
+            alone (see `likelihood.Apart`).
     """
 
     residual: Float[Array, " row"]
@@ -59,6 +98,34 @@ class Misfit(eqx.Module):
     slant_range: Float[Array, " row"]
     record_sd: Float[Array, " row"]
     blocks: Blocks = eqx.field(static=True, default=())
+
+
+class DensityCorrection(eqx.Module):
+    """What is added to a log-density.
+
+    Attributes:
+        center: Where the spline's coordinates begin.
+        inverse: Takes distances from there into these: standard deviations.
+        nodes: Where the difference is known.
+        weights: Of each node; 0 where there is none.
+        tail: Coefficients of the quadratic.
+        reach: How far from the center nodes lie.
+    """
+
+    center: Float[Array, " free"]
+    inverse: Float[Array, "free free"]
+    nodes: Float[Array, "node free"]
+    weights: Float[Array, " node"]
+    tail: Float[Array, " term"]
+    reach: Float[Array, ""]
+
+    def __call__(self, z: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return what is added at a place."""
+        w = self.inverse @ (z - self.center)
+        w = w * jnp.minimum(1.0, self.reach / jnp.sqrt(w @ w + TINY))
+        away = jnp.sum(jnp.square(self.nodes - w[None, :]), axis=1)
+        cubes = away * jnp.sqrt(away + TINY)
+        return self.weights @ cubes + self.tail @ _quadratic(w)
 
 
 class Posterior(eqx.Module):
@@ -74,7 +141,7 @@ class Posterior(eqx.Module):
         lower_bound: Whether each reading is a lower bound; None if none is.
         shared_error: What one standard deviation of each error that readings of one
             record share adds to each; None if all are independent. `sigma` is then
-            what is left of each (see `correlated_errors`).
+            what is left of each (see `own_and_shared_errors`).
         error_blocks: Rows and columns of `shared_error` that each record has for
             itself, for speed alone; () if that is not known.
         records: Whose samples count in place of the rows read off them; None: of none.
@@ -298,3 +365,147 @@ def posterior_of(
         shared_error=jax.device_put(shared) if shared.size else None,
         error_blocks=blocks_of(shared),
     )
+
+
+def refuse_exact(
+    observations: Observations, scatter: bool, laws: Mapping[str, str]
+) -> None:
+    """Refuse a row that neither its instrument nor its law gives any error.
+
+    Raises:
+        InputError: As said; the message names the first such row.
+    """
+    for quantity in dict.fromkeys(observations.quantity):
+        of_law = [law_for(q, laws[q]) for q, _ in components(quantity)]
+        if scatter and not all(law.is_exact() for law in of_law):
+            continue
+        of_kind = np.array([q == quantity for q in observations.quantity])
+        for row in np.flatnonzero(of_kind & ~(observations.sigma > 0)):
+            why = (
+                f"{' and '.join(law.name for law in of_law)} is exact"
+                if scatter
+                else "the scene says scatter = false"
+            )
+            raise InputError(
+                f"{observations.source or 'observations'}: "
+                f"{observations.sensor[row]}, {quantity}: expected a sigma, since "
+                f"{why}; got none"
+            )
+
+
+def refuse_vast(
+    observations: Observations,
+    scene: Scene,
+    layout: Layout,
+    laws: Mapping[str, str],
+    shared_errors: int,
+) -> None:
+    """Refuse a log whose rows and effects of paths no memory holds.
+
+    Raises:
+        InputError: As said; the message counts them.
+    """
+    rows = len(observations)
+    effects = count_effects(scene, layout, laws) + shared_errors
+    if rows * effects > HELD or rows * effects**2 > WORK:
+        raise InputError(
+            f"{observations.source or 'observations'}: {rows} rows of "
+            f"{len(set(layout.group))} paths share {effects} effects; expected rows "
+            f"times effects to be at most {HELD:.0e}, and times their square "
+            f"{WORK:.0e}: put the mean of a path's readings, and its sigma, in place "
+            "of them all; or name a law that does not scatter from path to path"
+        )
+
+
+def own_and_shared_errors(
+    observations: Observations,
+) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row effect"]]:
+    """Take the errors of instruments apart.
+
+    Args:
+        observations: A log; see `Observations.covariances`.
+
+    Returns:
+        The standard deviation of each row's own error (0 where the log gives none), and
+        what one standard deviation of each shared error adds to each row; in seconds
+        for times, else in ln.
+
+    Raises:
+        InputError: A sigma disagrees with its covariance, or a quantity of a record
+            stands in two rows.
+    """
+    sigma = np.nan_to_num(observations.error_scale())
+    own, columns = sigma.copy(), []
+    for rows, covariance in rows_with_covariance(observations):
+        values, vectors = np.linalg.eigh(covariance.correlation)
+        if len(rows) < 2:
+            continue
+        own[rows] *= np.sqrt(values[0])
+        for value, vector in zip(values[1:], vectors.T[1:], strict=True):
+            if value - values[0] <= EQUAL_EIGENVALUES:
+                continue
+            column = np.zeros(len(sigma))
+            column[rows] = sigma[rows] * np.sqrt(value - values[0]) * vector
+            columns.append(column)
+    return own, np.stack(columns, axis=1) if columns else np.zeros((len(sigma), 0))
+
+
+def no_correction(free: int, nodes: int) -> DensityCorrection:
+    """Return a correction that adds nothing, of the shape of one that does.
+
+    Args:
+        free: Coordinates.
+        nodes: Room for so many.
+    """
+    terms = (free + 1) * (free + 2) // 2
+    return DensityCorrection(
+        jnp.zeros(free),
+        jnp.eye(free),
+        jnp.zeros((nodes, free)),
+        jnp.zeros(nodes),
+        jnp.zeros(terms),
+        jnp.asarray(1.0),
+    )
+
+
+def correction_by(
+    blank: DensityCorrection,
+    w: Float[np.ndarray, "node free"],
+    apart: Float[np.ndarray, " node"],
+) -> tuple[DensityCorrection, Float[np.ndarray, " node"]]:
+    """Lay a spline through differences.
+
+    Args:
+        blank: Has center and coordinates, and room for all nodes.
+        w: Nodes in these coordinates.
+        apart: What is added there.
+
+    Returns:
+        The correction, and by how much it would miss each node if that were left out.
+    """
+    count, free = w.shape
+    room = blank.nodes.shape[0]
+    away = np.linalg.norm(w[:, None, :] - w[None, :, :], axis=2) ** 3
+    terms = np.asarray(_quadratic(jnp.asarray(w.T))).T
+    none = np.zeros((terms.shape[1], terms.shape[1]))
+    equations = np.block([[away, terms], [terms.T, none]])
+    inverse = np.linalg.pinv(equations, rcond=PSEUDO_INVERSE_CUTOFF, hermitian=True)
+    found = inverse @ np.concatenate([apart, np.zeros(len(none))])
+    missed = found[:count] / np.diag(inverse)[:count]
+    nodes, weights = np.zeros((room, free)), np.zeros(room)
+    nodes[:count], weights[:count] = w, found[:count]
+    made = DensityCorrection(
+        blank.center,
+        blank.inverse,
+        jnp.asarray(nodes),
+        jnp.asarray(weights),
+        jnp.asarray(found[count:]),
+        jnp.asarray(np.linalg.norm(w, axis=1).max()),
+    )
+    return made, missed
+
+
+def _quadratic(w: Float[Array, "free ..."]) -> Float[Array, "term ..."]:
+    """Return the terms of a quadratic."""
+    first, second = np.triu_indices(w.shape[0])
+    return jnp.concatenate([jnp.ones_like(w[:1]), w, w[first] * w[second]])

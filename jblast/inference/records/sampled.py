@@ -19,7 +19,7 @@ from jblast.inference.picks.ready.case import prepared
 from jblast.inference.picks.ready.clipped import clipped_samples
 from jblast.inference.picks.ready.start import bank_of
 from jblast.inference.picks.unknowns import CENTRE, SPREAD, natural_of
-from jblast.inference.posterior.correlated_errors import own_and_shared_errors
+from jblast.inference.posterior.posterior import own_and_shared_errors
 from jblast.inference.posterior.record_likelihood import SampledRecords, evidence
 from jblast.inference.records.covariance import TOLD
 from jblast.inference.records.pulse_terms import (

@@ -1,22 +1,42 @@
-r"""What a sound record says of a scene: Whittle's likelihood of its spectrum.
+r"""Whittle's likelihood of a sound record.
 
-The record is $y = m(\theta) + n$: $m$ what `sensors.microphone` makes of the blast
-without noise, $n$ Gaussian noise of the spectrum $S(f;\theta)$ (`noise_spectrum`). Of
-its Fourier coefficients, which are independent where the record is long,
+The record is $y = m(\theta) + n$: $m$ is the noise-free output of `sensors.microphone`
+for the blast, $n$ Gaussian noise of the spectrum $S(f;\theta)$. For its Fourier
+coefficients, which are independent where the record is long,
 
 $$-\ln L = \sum_k \ln S_k + |Y_k - M_k|^2 / S_k$$
 
-(Whittle 1953, from memory). So the wave form tells of absorption, filter and scale, the
-powers of what is left tell of noise, in one likelihood. As least squares it is the sum
-of two, whose gradients add up to its own at the place where $S$ and the powers are
-taken from, which the solver moves on (`solve.py`):
+(Whittle 1953, from memory). So the wave form constrains absorption, filter and scale,
+and the power of the residual constrains the noise, in one likelihood. As least squares
+it is the sum of two parts, whose gradients add up to its own at the point where $S$ and
+the powers are evaluated, which the solver updates (`search.solve`):
 
 - the wave form over the noise, $\sqrt2\,(Y_k - M_k(\theta))/\sqrt{S_k}$;
 - in bands of frequency, of $n$ coefficients each, the deviance of the powers $P$ of
-  what is left, $\pm\sqrt{2n\,(g - 1 - \ln g)}$ with $g$ the mean of $P_k/S_k(\theta)$.
+  the residual, $\pm\sqrt{2n\,(g - 1 - \ln g)}$ with $g$ the mean of
+  $P_k/S_k(\theta)$.
 
-The record is tapered by a cosine over a twentieth of it at either end, so that what is
-loud does not leak to where it is quiet.
+The record is tapered by a cosine over a twentieth of it at either end, so that strong
+frequencies do not leak into weak ones.
+
+The noise is that of the place and of the wind, which the instrument filters, and of the
+instrument itself. With $H$ the filter's response and $q$ the smallest step that is
+recorded,
+
+$$S(f) = |H|^2 \big(e^{-2h/H_a} S_a + S_w\big) + S_i + q^2/12$$
+
+each from the taps from which `sensors.signal.noise` draws it. White noise of rms
+$\sigma$ has $S = \sigma^2$: the mean over frequency is the square of the rms.
+
+Samples at the recorder's limit are inferred from the others. With $K$ the inverse
+covariance of the noise, a circulant of $1/S(f)$, the most probable residual at the
+samples $a$, given the others $b$, is
+
+$$x_a = -K_{aa}^{-1} K_{ab}\,x_b$$
+
+so that least squares of the filled record are those of the others: a clipped sample
+adds no information. A line between the samples before and after would count those two
+as often as there are samples between.
 """
 
 import math
@@ -29,21 +49,31 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
-from jblast.inference.tuning.limit_samples import filled, filling, padded_places
-from jblast.inference.tuning.noise_spectrum import noise_spectrum
-from jblast.inference.tuning.pieces import around_limit, bands_of, taper_of
-from jblast.scene import Scene
+from jblast.scene import Instrument, Scene, Sensor
 from jblast.sensors import microphone, pressure_gauge
+from jblast.sensors.microphone import WIND_SLOPE, share_at_height
+from jblast.sensors.samples import BLOCK, coloured_noise
+from jblast.waves.propagation import air_density, ambient as ambient_of
 
 DEEPEST = 1e-9
 """Where the noise is less than this part of the loudest, a record of any length holds
 what leaked from elsewhere, and is not looked at."""
 FLOAT_STEP = 2.0**-24
 """Rounding of what floats of 32 bits hold."""
-
 RECORDERS = {"microphone": microphone.record, "pressure": pressure_gauge.record}
+MOST = 2048
+"""Samples that are filled so; of more the matrix takes too long."""
+TOGETHER = 64
+"""Records share programs whose samples at the limit are as many of these."""
+TAPER = 0.05
+"""Part of a record that is faded in, and out."""
+BANDS = 48
+FEWEST = 12
+"""Fourier coefficients in a band."""
+SKIPPED = 4
+"""Fourier coefficients from the mean on, which taper and drifts spoil."""
 
 
 class Weights(NamedTuple):
@@ -52,7 +82,7 @@ class Weights(NamedTuple):
     Attributes:
         sd: Of each Fourier coefficient; infinite where it is not looked at.
         power: Of what is left of each.
-        limit: What fills samples at the recorder's limit (`limit_samples`).
+        limit: What fills samples at the recorder's limit (see `filling`).
     """
 
     sd: Float[Array, " frequency"]
@@ -224,3 +254,195 @@ def sound_evidence(
         bands=jnp.asarray(bands),
         counts=jnp.asarray(counts),
     )
+
+
+def noise_spectrum(scene: Scene, sensor: Sensor) -> Float[Array, " frequency"]:
+    """Return the spectrum at `BLOCK` + 1 frequencies from 0 to half the rate [Pa2].
+
+    Args:
+        scene: What is there.
+        sensor: A microphone, or a pressure gauge, which hears no ambient sound.
+    """
+    instrument = sensor.instrument or Instrument()
+    rate = instrument.rate
+    heard = jnp.zeros(BLOCK + 1)
+    if sensor.kind != "pressure":
+        heard = _around(scene, sensor, instrument)
+    high_pass, low_pass = instrument.high_pass, instrument.low_pass
+    if high_pass is not None or low_pass is not None:
+        heard = heard * passed_power(rate, high_pass, low_pass, BLOCK + 1)
+    if instrument.noise is not None and instrument.noise_slope is not None:
+        own = coloured_noise(
+            jax.random.key(0), rate, instrument.noise, instrument.noise_slope
+        )
+        heard = heard + _power(own.response)
+    elif instrument.noise is not None:
+        heard = heard + jnp.square(instrument.noise)
+    if instrument.bits is not None and instrument.full_scale is not None:
+        step = instrument.full_scale / 2.0 ** (instrument.bits - 1)
+        heard = heard + jnp.square(step) / 12.0
+    return heard
+
+
+def passed_power(
+    rate: float,
+    high_pass: Float[ArrayLike, ""] | None,
+    low_pass: Float[ArrayLike, ""] | None,
+    count: int,
+) -> Float[Array, " frequency"]:
+    r"""Return what an instrument's filter leaves of power, from 0 to half the rate [-].
+
+    With $w = \tan(\pi f/f_s)/\tan(\pi f_c/f_s)$, $1/(1 + w^4)$ of a Butterworth
+    low-pass of second order turned by the bilinear transform,
+    $w^4/(1 + w^4)$ of a high-pass: what `filter_gain` finds of `causal_filter` by
+    solving its system, for batches of which XLA's pool of threads on the CPU may wait
+    in vain, within a program that differentiates them (jaxlib 0.10).
+
+    Args:
+        rate: Samples a second [Hz].
+        high_pass: Corner [Hz]; None: there is none.
+        low_pass: Likewise.
+        count: Of frequencies.
+    """
+    # at half the rate the tangent is infinite: just below it
+    turn = jnp.linspace(0.0, 0.5 - 1e-6, count)
+    passed = jnp.ones(count)
+    for corner, is_high in ((high_pass, True), (low_pass, False)):
+        if corner is None:
+            continue
+        over = jnp.tan(jnp.pi * turn) / jnp.tan(jnp.pi / rate * jnp.asarray(corner))
+        fourth = jnp.square(jnp.square(over))
+        passed = passed * (fourth if is_high else 1.0) / (1.0 + fourth)
+    return passed
+
+
+def _around(
+    scene: Scene, sensor: Sensor, instrument: Instrument
+) -> Float[Array, " frequency"]:
+    """Return what is heard without a blast, before the instrument."""
+    heard, ambient = jnp.zeros(BLOCK + 1), scene.ambient
+    if ambient is not None and ambient.loop is None:
+        unit = coloured_noise(jax.random.key(0), instrument.rate, 1.0, ambient.slope)
+        share = share_at_height(ambient, sensor.position_m[2])
+        heard = heard + jnp.square(share * ambient.level) * _power(unit.response)
+    if instrument.wind_noise is not None:
+        air = scene.air
+        density = air_density(*ambient_of(air), air.relative_humidity)
+        level = density * (air.wind_east**2 + air.wind_north**2)
+        unit = coloured_noise(jax.random.key(0), instrument.rate, 1.0, WIND_SLOPE)
+        heard += jnp.square(instrument.wind_noise * level) * _power(unit.response)
+    return heard
+
+
+def _power(response) -> Float[Array, " frequency"]:
+    return jnp.square(response.real) + jnp.square(response.imag)
+
+
+def padded_places(clipped: Bool[np.ndarray, " sample"]) -> Int[np.ndarray, " limit"]:
+    """Return which samples are to be filled; none if they are too many.
+
+    Behind them stand some past the end of the record, which are left out.
+    """
+    places = np.flatnonzero(clipped)
+    if places.size > MOST or places.size == clipped.size:
+        return np.zeros(0, int)
+    more = -places.size % TOGETHER
+    return np.pad(places, (0, more), constant_values=clipped.size)
+
+
+def filling(
+    places: Int[Array, " limit"], sd: Float[Array, " frequency"], count: int
+) -> Float[Array, "limit limit"]:
+    r"""Return $K_{aa}^{-1}$.
+
+    Args:
+        places: Samples at the limit.
+        sd: Of the noise's Fourier coefficients; infinite where they are not looked at.
+        count: Samples of the record.
+    """
+    if not places.size:
+        return jnp.zeros((0, 0), sd.dtype)
+    kernel = jnp.fft.irfft(jnp.square(1.0 / sd), count)
+    inside = places < count
+    both = inside[:, None] & inside[None, :]
+    between = (places[:, None] - places[None, :]) % count
+    own = kernel[0] * jnp.eye(places.size, dtype=sd.dtype)
+    return jnp.linalg.inv(jnp.where(both, kernel[between], own))
+
+
+def filled(
+    left: Float[Array, " sample"],
+    places: Int[Array, " limit"],
+    sd: Float[Array, " frequency"],
+    held: Float[Array, "limit limit"],
+) -> Float[Array, " sample"]:
+    """Return what is left, at samples at the limit what all others make likeliest.
+
+    Args:
+        left: What is left of a tapered record.
+        places: Samples at the limit.
+        sd: Of the noise's Fourier coefficients; infinite where they are not looked at.
+        held: From `filling`.
+    """
+    if not places.size:
+        return left
+    others = left.at[places].set(0.0, mode="drop")
+    of, share = jnp.fft.rfft(others), jnp.square(1.0 / sd)
+    pulls = jnp.fft.irfft(lax.complex(share * of.real, share * of.imag), left.size)
+    pulls = pulls.at[places].get(mode="fill", fill_value=0.0)
+    return others.at[places].set(-held @ pulls, mode="drop")
+
+
+def taper_of(count: int) -> Float[np.ndarray, " sample"]:
+    """Return a record's weights: 1, but a cosine at both ends."""
+    faded = max(1, round(TAPER * count))
+    rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(faded) + 0.5) / faded)
+    return np.concatenate([rise, np.ones(count - 2 * faded), rise[::-1]])
+
+
+def around_limit(
+    clipped: Bool[np.ndarray, " sample"],
+) -> tuple[Int[np.ndarray, "2 sample"], Float[np.ndarray, " sample"]]:
+    """Return for each sample the two that stand for it, and the share of the second.
+
+    Noise is loudest where it is slow, so a line between the samples before and after is
+    near to what it was where the recorder was at its limit.
+    """
+    number = np.arange(clipped.size)
+    if not clipped.any() or clipped.all():
+        return np.stack([number, number]), np.zeros(clipped.size)
+    alive = number[~clipped]
+    after = np.minimum(np.searchsorted(alive, number), alive.size - 1)
+    before = np.maximum(np.searchsorted(alive, number, side="right") - 1, 0)
+    first, last = alive[before], alive[after]
+    apart = np.maximum(last - first, 1)
+    return np.stack([first, last]), np.where(clipped, (number - first) / apart, 0.0)
+
+
+def bands_of(
+    count: int,
+) -> tuple[Int[np.ndarray, " frequency"], Float[np.ndarray, " band"]]:
+    """Return the band of each Fourier coefficient of a record, and their sizes.
+
+    Bands are even in the logarithm of frequency where they hold enough; neither the
+    lowest few coefficients nor the one at half the rate, which is real, are in any.
+    """
+    size = count // 2 + 1
+    edges = np.geomspace(SKIPPED, size - 1, BANDS + 1)
+    number = np.arange(size)
+    band = np.searchsorted(edges, number, side="right") - 1
+    band[(number < SKIPPED) | (number >= size - 1)] = -1
+    merged, held, current = np.full(size, -1), [], 0
+    for one in range(BANDS):
+        inside = band == one
+        if not inside.any():
+            continue
+        merged[inside] = current
+        total = np.count_nonzero(merged == current)
+        if total >= FEWEST:
+            held.append(total)
+            current += 1
+    if held and (rest := np.count_nonzero(merged == current)):
+        merged[merged == current] = current - 1
+        held[-1] += rest
+    return merged, np.array(held, float)

@@ -1,25 +1,43 @@
-"""A scene tuned to what one of its sensors heard."""
+"""A scene tuned to the sound record of one of its sensors.
+
+The record is read from a file and compared with the scene: sampling rate, length,
+limit. The blast is located in it by the matched filter for the noise of the scene, and
+the numbers are found by Whittle's likelihood (`sound`). How well the record is
+explained is tested in frequency (chi squared of the deviances of the bands), in time
+(Ljung-Box test of the whitened residual) and at the blast (chi squared of the whitened
+residual there).
+"""
 
 import math
+import os
 from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+from scipy.stats import chi2
 
-from jblast.errors import InputError
-from jblast.inference.tuning.answer import answer
-from jblast.inference.tuning.explained_sound import best_lag, explained_sound
-from jblast.inference.tuning.notes import Note
-from jblast.inference.tuning.recorded_sound import RecordedSound
-from jblast.inference.tuning.result import NothingHeardError, Tuned
-from jblast.inference.tuning.search.solve import problem_from, solve
-from jblast.inference.tuning.sound import SoundEvidence, sound_evidence
+from jblast.errors import InputError, argument, nearest
+from jblast.inference.tuning.result import (
+    Explained,
+    Note,
+    NothingHeardError,
+    Tuned,
+    answer,
+)
+from jblast.inference.tuning.search import problem_from, solve
+from jblast.inference.tuning.sound import SoundEvidence, over, sound_evidence
 from jblast.inference.tuning.unknowns import (
     filled,
     tuned_value,
     unknowns_of,
     with_tuned,
 )
+from jblast.observations.records.formats import Scaling, open_record
 from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import Instrument, Scene, UncertainScene
 from jblast.sensors.listening import Truth, truth_of
@@ -33,6 +51,32 @@ DURATIONS = 8.0
 """Of the positive phase, until a blast has gone by."""
 AIMED_AT = 0.3
 """Part of a record where a blast is put first whose time is not known."""
+HEARD_BY = ("air_arrival_s", "peak_overpressure_pa", "positive_duration_s")
+"""What a record of sound is made from."""
+SOUND_KINDS = ("microphone", "pressure")
+FEWEST_SAMPLES = 512
+MOST_SAMPLES = 2**23
+"""Three minutes at 48 kHz: half a gigabyte for each unknown."""
+LAGS = 20
+"""Samples apart between which what is left is looked at for a likeness."""
+
+
+class RecordedSound(NamedTuple):
+    """A record, and whose it is.
+
+    Attributes:
+        source: The file.
+        samples: As the file holds them.
+        sensor: Its place among the scene's.
+        pascals: What a sample of 1 stands for; None: the sensor's full scale.
+        notes: What was done in reading.
+    """
+
+    source: str
+    samples: Float[np.ndarray, " sample"]
+    sensor: int
+    pascals: float | None
+    notes: tuple[str, ...]
 
 
 def tune_sound(
@@ -96,10 +140,6 @@ def tune_sound(
         notes.append(Note("law_invalid", {"quantities": heard}))
     explained = explained_sound(evidence, tuned, len(unknowns), blast)
     return answer(problem, found, "sound", explained, notes)
-
-
-HEARD_BY = ("air_arrival_s", "peak_overpressure_pa", "positive_duration_s")
-"""What a record of sound is made from."""
 
 
 def _loudness(scene: Scene, recorded: RecordedSound) -> float:
@@ -194,3 +234,180 @@ def _blast(truth: Truth, rate: float, count: int) -> tuple[int, int] | None:
     begin = int(np.clip(first.min() * rate, 0, count))
     end = int(np.clip(last.max() * rate, 0, count))
     return (begin, end) if end > begin else None
+
+
+def recorded_sound(
+    path: str | os.PathLike[str],
+    scene: Scene,
+    source: str,
+    sensor: str | None = None,
+    full_scale_pa: float | None = None,
+) -> RecordedSound:
+    """Read what a microphone or a pressure gauge of a scene recorded.
+
+    Args:
+        path: The file.
+        scene: What is there.
+        source: Of the scene, for messages.
+        sensor: Name of who recorded; None: the one that the file is named after, or
+            the only one there is.
+        full_scale_pa: Pascals that a sample of 1 stands for; None: 1 of floats, the
+            sensor's full scale of whole numbers.
+
+    Raises:
+        InputError: It cannot be read, holds nothing, is of another rate than the
+            sensor's, or it is open whose it is or what its samples stand for.
+    """
+    index = _index(Path(path), scene, source, sensor)
+    own = scene.sensors[index]
+    instrument = own.instrument or Instrument()
+    who = f"sensor {own.name!r}"
+    recordings = open_record(path, Scaling(full_scale_pa))
+    count = sum(len(one.names) for one in recordings)
+    if count > 1:
+        raise InputError(
+            f"{path}: expected the one channel of {who}, got {count}; write it into a "
+            "file of its own"
+        )
+    (recording,) = recordings
+    if abs(recording.rate_hz - instrument.rate) > 1e-6 * instrument.rate:
+        raise InputError(
+            f"{path}: expected {instrument.rate:g} samples a second, the rate_hz of "
+            f"{who} in {source}, got {recording.rate_hz:g}"
+        )
+    if not FEWEST_SAMPLES <= recording.length <= MOST_SAMPLES:
+        raise InputError(
+            f"{path}: expected {FEWEST_SAMPLES:,} to {MOST_SAMPLES:,} samples, got "
+            f"{recording.length:,}"
+        )
+    samples = recording.samples(0, recording.length)[0]
+    if not np.ptp(samples) > 0:
+        raise InputError(
+            f"{path}: expected a record of sound, got {samples[0]:g} throughout"
+        )
+    pascals: float | None = 1.0
+    if recording.full_scale is not None and full_scale_pa is None:
+        if instrument.full_scale is None:
+            raise InputError(
+                f"{path}: holds whole numbers; expected {argument('full_scale')}, the "
+                "pascals that a sample of 1 stands for, or full_scale_pa of "
+                f"{who} in {source}"
+            )
+        pascals = None
+    return RecordedSound(str(path), samples, index, pascals, recording.notes)
+
+
+def _index(path: Path, scene: Scene, source: str, sensor: str | None) -> int:
+    """Return which sensor of a scene recorded a file."""
+    kinds = " or ".join(SOUND_KINDS)
+    heard = [
+        index for index, one in enumerate(scene.sensors) if one.kind in SOUND_KINDS
+    ]
+    names = [scene.sensors[index].name for index in heard]
+    if not heard:
+        raise InputError(f"{source}: expected a [[sensor]] of kind {kinds}, got none")
+    if sensor is not None:
+        _check_name(sensor, names, scene, source)
+        index = heard[names.index(sensor)]
+    elif path.stem in names:
+        index = heard[names.index(path.stem)]
+    elif len(heard) == 1:
+        index = heard[0]
+    else:
+        raise InputError(
+            f"{path}: expected {argument('sensor')}, which of {', '.join(names)} in "
+            f"{source} recorded it; got none, and no file of a sensor's name"
+        )
+    own = scene.sensors[index]
+    if own.mount or not np.isfinite(np.asarray(own.position_m)).all():
+        raise InputError(
+            f"{source}: [[sensor]] {own.name!r}: expected position_m of a sensor at "
+            f"rest, got {'a mount' if own.mount else 'nothing'}"
+        )
+    return index
+
+
+def _check_name(name: str, names: Sequence[str], scene: Scene, source: str) -> None:
+    if name in names:
+        return
+    of_all = {one.name: one.kind for one in scene.sensors}
+    if name in of_all:
+        kind = of_all[name] or "not said"
+        raise InputError(
+            f"{argument('sensor')}: expected one of {', '.join(names)} in {source}, "
+            f"which write sound, got {name!r}, whose kind is {kind}"
+        )
+    raise InputError(
+        f"{argument('sensor')}: expected one of {', '.join(names)} in {source}, got "
+        f"{name!r}{nearest(name, names)}"
+    )
+
+
+def explained_sound(
+    evidence: SoundEvidence,
+    scene: Scene,
+    unknowns: int,
+    blast: tuple[int, int] | None,
+) -> Explained:
+    """Return how well a record is explained by a scene.
+
+    Args:
+        evidence: The record.
+        scene: What was found.
+        unknowns: How many numbers were looked for.
+        blast: First sample of the blast, and the one after its last; None: it is not
+            in the record.
+    """
+    deviance, white = _left(evidence, scene)
+    deviance, white = np.asarray(deviance), np.asarray(white)
+    dof = max(deviance.size - unknowns, 1)
+    total = float(np.square(deviance).sum())
+    tests = {"spectrum": float(chi2.sf(total, dof))}
+    inside = white[white != 0.0]
+    tests["whiteness"] = whiteness(inside)
+    if blast is not None:
+        there = white[slice(*blast)]
+        there = there[there != 0.0]
+        if there.size:
+            energy = float(np.square(there).sum())
+            tests["blast"] = float(chi2.sf(energy, there.size))
+    sum_of_squares = float(np.square(inside).sum())
+    return Explained(sum_of_squares, int(inside.size), tests)
+
+
+def whiteness(white: Float[np.ndarray, " sample"]) -> float:
+    """Return the probability of so much likeness from lag to lag, by Ljung and Box."""
+    n, energy = white.size, float(np.square(white).sum())
+    lags = np.arange(1, min(LAGS, n // 4) + 1)
+    likeness = np.array([white[lag:] @ white[:-lag] for lag in lags]) / energy
+    q = n * (n + 2) * float((np.square(likeness) / (n - lags)).sum())
+    return float(chi2.sf(q, lags.size))
+
+
+@eqx.filter_jit
+def _left(
+    evidence: SoundEvidence, scene: Scene
+) -> tuple[Float[Array, " band"], Float[Array, " sample"]]:
+    weights = evidence.weights(scene)
+    return evidence.deviance(scene, weights), evidence.time_residuals(scene)
+
+
+@eqx.filter_jit
+def best_lag(
+    evidence: SoundEvidence, scene: Scene
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return by how many samples a record is later than a scene has it, and its SNR.
+
+    By the matched filter for the noise that the scene has: the lag, in samples, around
+    the record's end; and how many standard deviations the blast stands out there.
+    """
+    n = evidence.samples.size
+    sd = evidence.weights(scene).sd
+    expected = over(jnp.fft.rfft(evidence.predicted(scene)), sd)
+    record = over(jnp.fft.rfft(evidence.samples), sd)
+    match = jnp.fft.irfft(jnp.conj(expected) * record, n)
+    lag = jnp.argmax(match)
+    power = jnp.square(expected.real) + jnp.square(expected.imag)
+    energy = jnp.fft.irfft(lax.complex(power, jnp.zeros_like(power)), n)[0]
+    snr = match[lag] * jnp.sqrt(2.0 * n / energy) / jnp.sqrt(2.0)
+    return jnp.where(lag > n // 2, lag - n, lag).astype(float), snr

@@ -12,14 +12,14 @@ from jblast.inference.fitting.findings import (
     WrongClock,
     WrongSensor,
 )
-from jblast.inference.fitting.place.on_earth import on_earth
-from jblast.inference.fitting.result import Fit
-from jblast.inference.identifiability.findings import (
+from jblast.inference.fitting.fit import Fit
+from jblast.inference.fitting.place import on_earth
+from jblast.inference.identifiability import (
     EstimableCombination,
     NullDirection,
     OtherMode,
 )
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.json_values import plain
 from jblast.report.choice import law_reasons
 from jblast.report.fit.findings import (

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from jblast.constants import LIGHT_SPEED
-from jblast.inference.fitting.result import Band, Fit
+from jblast.inference.fitting.fit import Band, Fit
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.report.estimates import WIDE_LOG_SD, printed_estimate
 from jblast.report.figure_style import (

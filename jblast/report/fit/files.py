@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
-from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.fit import Fit
 from jblast.report.fit.document import answer_json
 from jblast.report.fit.findings import all_words
 from jblast.report.fit.geo_files import PLACE_FILES, write_place
@@ -117,7 +117,7 @@ def write_report(
 
 def _write_draws(fit: Fit, path: Path) -> Path:
     """Write the walk as NetCDF in the schema of ArviZ."""
-    from jblast.inference.mcmc.inference_data import (
+    from jblast.inference.mcmc.ensemble import (
         inference_data,
         write_inference_data,
     )

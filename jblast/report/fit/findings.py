@@ -5,15 +5,15 @@ from functools import singledispatch
 
 import numpy as np
 
+from jblast.inference import importance
 from jblast.inference.fitting import findings as fitting
+from jblast.inference.fitting.assumptions import StillAir, WindPassesForSoundSpeed
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
-from jblast.inference.fitting.samples.findings import SamplesRoughlyCounted
-from jblast.inference.fitting.still_air import StillAir, WindPassesForSoundSpeed
+from jblast.inference.fitting.solution import SamplesRoughlyCounted
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.identifiability.findings import Cure, OtherMode, ResolvingDatum
-from jblast.inference.importance import findings as importance
-from jblast.inference.mcmc import findings as mcmc
-from jblast.inference.posterior.finding import Finding
+from jblast.inference.identifiability import Cure, OtherMode, ResolvingDatum
+from jblast.inference.mcmc import ensemble as mcmc
+from jblast.inference.posterior.parameters import Finding
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import QUANTITIES
 from jblast.report.words import finite, joined, parameter_words, printed_number

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.files import write_text
-from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.json_values import plain
 from jblast.observations.places import Frame

@@ -17,8 +17,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 
-from jblast.inference.fitting.place.shock_rings import ShockRing
-from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.fit import Fit
+from jblast.inference.fitting.place import ShockRing
 from jblast.report.figure_style import (
     BLUE,
     INK,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import jblast
-from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.report.estimates import printed_estimate
 from jblast.report.figure_files import Picture

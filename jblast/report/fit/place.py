@@ -7,21 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.fitting.place.confidence_ellipse import (
+from jblast.inference.fitting.fit import Fit
+from jblast.inference.fitting.place import (
     ConfidenceEllipse,
+    CredibleRegion,
+    PlaceOnEarth,
+    ShockRing,
     charge_ellipse,
     confidence_ellipse,
+    credible_regions,
+    on_earth,
     place_draws,
     rests_on_clocks,
+    shock_rings,
+    utc,
 )
-from jblast.inference.fitting.place.credible_region import (
-    CredibleRegion,
-    credible_regions,
-)
-from jblast.inference.fitting.place.on_earth import PlaceOnEarth, on_earth, utc
-from jblast.inference.fitting.place.shock_rings import ShockRing, shock_rings
-from jblast.inference.fitting.result import Fit
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.places import Frame
 from jblast.report.fit.rows import Accepted, outlier_rows
 from jblast.report.words import law_words, printed_number

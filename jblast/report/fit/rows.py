@@ -6,9 +6,9 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.rows import AT_LEAST
 from jblast.quantities import ADDITIVE
 from jblast.report.words import (

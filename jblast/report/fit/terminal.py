@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.inference.design.summary import BoundSummary
+from jblast.inference.design.cramer_rao import BoundSummary
 from jblast.inference.fitting.findings import (
     AsAsked,
     ExchangedSensors,
@@ -18,11 +18,11 @@ from jblast.inference.fitting.findings import (
     WrongClock,
     WrongSensor,
 )
-from jblast.inference.fitting.result import Fit
+from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.fitting.unidentified import requested
-from jblast.inference.importance.findings import RangeFollowed
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.importance import RangeFollowed
+from jblast.inference.posterior.parameters import Estimate
 from jblast.parameters import CHARGE_POSITION, PARAMETERS, described
 from jblast.registry import LAWS, Law, law_for
 from jblast.report.choice import law_reasons

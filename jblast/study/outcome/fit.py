@@ -20,7 +20,7 @@ from jaxtyping import Array
 
 from jblast.errors import InputError, nearest
 from jblast.inference.many.fit_many import fit_many
-from jblast.inference.many.many_fits import ManyFits
+from jblast.inference.many.lanes import ManyFits
 from jblast.scene import UncertainScene, freed, parameter_named
 from jblast.scene.uncertain import Prior, names_in, value_of, with_values
 from jblast.sensors import planned_layout, record, resolve_laws

@@ -27,14 +27,12 @@ from scipy.optimize import least_squares
 
 from jblast.fidelity.timing import best_of
 from jblast.inference import Posterior, solve
-from jblast.inference.identifiability.null_space import Identifiability, identifiability
-from jblast.inference.importance.marginals import weighted_quantiles
-from jblast.inference.importance.psis import Importance, importance
-from jblast.inference.importance.whitening import Whitened, whitened_density
-from jblast.inference.mcmc.emcee_engine import Emcee
-from jblast.inference.mcmc.scan_engine import Scan
+from jblast.inference.identifiability import Identifiability, identifiability
+from jblast.inference.importance import Importance, importance, weighted_quantiles
+from jblast.inference.mcmc.engines import Emcee, Scan
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace, laplace
 from jblast.inference.mode.search import optima
+from jblast.inference.whitening import Whitened, whitened_density
 from jblast.progress import in_words
 from jblast.sensors import planned_layout
 from jblast.sensors.simulate import written

@@ -16,21 +16,23 @@ from jaxtyping import Float
 from jblast.errors import InputError
 from jblast.inference import Ensemble, Solution, ensemble
 from jblast.inference.fitting.uncertainty import uncertainty
-from jblast.inference.importance.findings import IntervalsOff
-from jblast.inference.importance.interval_check import check_intervals
-from jblast.inference.importance.psis import MAX_QUANTILE_ERROR
-from jblast.inference.importance.whitening import (
+from jblast.inference.importance import (
+    MAX_QUANTILE_ERROR,
+    IntervalsOff,
+    check_intervals,
+)
+from jblast.inference.mcmc.convergence import Convergence, convergence
+from jblast.inference.mcmc.engines import Mixture, mixture_of
+from jblast.inference.mcmc.ensemble import LongRidge
+from jblast.inference.mcmc.run import Sampled, Start, sample
+from jblast.inference.posterior.parameters import Estimate
+from jblast.inference.whitening import (
     Density,
     Whitened,
     densities,
     root_of,
     whitened_density,
 )
-from jblast.inference.mcmc.convergence import Convergence, convergence
-from jblast.inference.mcmc.findings import LongRidge
-from jblast.inference.mcmc.independence_move import Mixture, mixture_of
-from jblast.inference.mcmc.run import Sampled, Start, sample
-from jblast.inference.posterior.estimate import Estimate
 from jblast.verification.stability.failure import FailureMode, crossing, verified
 from jblast.verification.stability.fits import (
     MIRRORED,

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from jblast.inference import bound, bound_map
-from jblast.inference.design.added_datum import candidates
+from jblast.inference.design.cramer_rao import AddedDatum, candidates
 from jblast.inference.design.planned_log import planned as plan_of
-from jblast.inference.design.summary import AddedDatum
-from jblast.inference.posterior.estimate import Spread
+from jblast.inference.posterior.parameters import Spread
 from jblast.quantities import QUANTITIES
 from jblast.report.design import data_lines
 from jblast.scene import Charge, Free, LogNormal, Sensor, UncertainScene

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.design.hovering import hovering
+from jblast.inference.design.planned_log import hovering
 from jblast.scene import Charge, Scene, Sensor, VehicleSpec
 
 NOWHERE = jnp.full(3, jnp.nan)

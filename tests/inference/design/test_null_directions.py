@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import bound
-from jblast.inference.posterior.estimate import Spread
+from jblast.inference.posterior.parameters import Spread
 from jblast.report.fit.findings import cure_words
 from jblast.scene import (
     Free,

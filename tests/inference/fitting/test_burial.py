@@ -9,7 +9,7 @@ import pytest
 
 from jblast.fidelity.choose import TakenLaw
 from jblast.inference import Posterior
-from jblast.inference.fitting.burial import valid_at_depth
+from jblast.inference.fitting.assumptions import valid_at_depth
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.warnings import (
     height_beside_the_curves,

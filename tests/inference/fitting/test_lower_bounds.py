@@ -14,7 +14,7 @@ from jblast.inference.fitting.goodness_of_fit import (
     suspected_outliers,
 )
 from jblast.inference.fitting.suspects import UNHEARD
-from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.identifiability import identifiability
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.report.fit.findings import cure_words, datum_words
 from jblast.scene import (
     Free,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from jblast.inference import Posterior
+from jblast.inference.fitting.assumptions import still_air, wider_with_wind
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.still_air import still_air, wider_with_wind
-from jblast.inference.identifiability.null_space import identifiability
+from jblast.inference.identifiability import identifiability
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.report.fit.findings import words

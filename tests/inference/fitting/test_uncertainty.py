@@ -12,13 +12,13 @@ import jblast.inference.fitting.uncertainty
 from jblast.inference import fit
 from jblast.inference.fitting.findings import DirectionUnidentified
 from jblast.inference.fitting.uncertainty import uncertainty
-from jblast.inference.importance.interval_check import (
+from jblast.inference.importance import (
     FREEDOM,
+    MAX_QUANTILE_ERROR,
     IntervalError,
     check_intervals,
     reaching,
 )
-from jblast.inference.importance.psis import MAX_QUANTILE_ERROR
 from jblast.report.fit.findings import all_words, reason_words, words
 from tests.catalogue import (
     MASS_FREE,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.inference.importance.marginals import marginals_of_draws, weighted_quantiles
+from jblast.inference.importance import marginals_of_draws, weighted_quantiles
 from jblast.inference.mode.laplace import marginals
 from tests.inference.shots import five_solved
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.importance.psis import (
+from jblast.inference.importance import (
     generalised_pareto,
     importance,
     laplace_holds,

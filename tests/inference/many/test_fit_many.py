@@ -10,8 +10,8 @@ import pytest
 
 from jblast.inference import fit_many
 from jblast.inference.many.engine import engine_for
-from jblast.inference.many.residuals.rows import rows_of
-from jblast.inference.many.starts.multilateration import closed_form
+from jblast.inference.many.residuals import rows_of
+from jblast.inference.many.starts import closed_form
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.inference import fit_many
-from jblast.inference.many.from_host import KEPT, fit_from_host
+from jblast.inference.many.fit_many import KEPT, fit_from_host
 from tests.inference.many.five_sensors import LAWS, problem
 
 # where rounding leaves an optimum: 4e-8 of a standard deviation, by the solver's

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.mcmc.checkpoint import Store
-from jblast.inference.mcmc.state import Segment
+from jblast.inference.mcmc.engines import Segment
+from jblast.inference.mcmc.run import Store
 
 
 def stretch(steps, value=0.0):

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.importance.marginals import marginals_of_draws
-from jblast.inference.importance.psis import importance
-from jblast.inference.mcmc.ensemble import ensemble
-from jblast.inference.mcmc.findings import ChainTooShort
+from jblast.inference.importance import importance, marginals_of_draws
+from jblast.inference.mcmc.ensemble import ChainTooShort, ensemble
 from jblast.report.fit.findings import all_words
 from tests.catalogue import BOTH
 from tests.inference.shots import five_solved, place_of, shot, solved

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from jblast.inference.mcmc.independence_move import independence_move, mixture_of
+from jblast.inference.mcmc.engines import independence_move, mixture_of
 
 CENTER = np.array([[0.0, 0.0], [3.0, -4.0]])
 ROOT = np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.5, 0.2], [-0.1, 2.0]]])

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.mcmc.ensemble import ensemble
-from jblast.inference.mcmc.inference_data import inference_data, write_inference_data
+from jblast.inference.mcmc.ensemble import (
+    ensemble,
+    inference_data,
+    write_inference_data,
+)
 from jblast.report.fit.findings import all_words
 from tests.catalogue import AROUND
 from tests.inference.logs import log

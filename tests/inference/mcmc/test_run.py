@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.mcmc.checkpoint import Store
-from jblast.inference.mcmc.emcee_engine import Emcee
-from jblast.inference.mcmc.run import Start, sample
+from jblast.inference.mcmc.engines import Emcee
+from jblast.inference.mcmc.run import Start, Store, sample
 from tests.inference.mcmc.densities_by_hand import (
     COVARIANCE,
     Nowhere,

@@ -3,8 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.mode.mirror_images import with_mirror_images
-from jblast.inference.mode.search import Optima
+from jblast.inference.mode.search import Optima, with_mirror_images
 from tests.catalogue import AROUND, BOTH
 from tests.inference.shots import place_of, shot
 

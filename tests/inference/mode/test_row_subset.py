@@ -11,8 +11,13 @@ import pytest
 from jblast.errors import InputError
 from jblast.inference import information_of_layout, posterior_of
 from jblast.inference.mode.laplace import density_and_slope
-from jblast.inference.mode.row_subset import MOST_ROWS, is_long, row_subset, spread_rows
-from jblast.inference.mode.search import optima
+from jblast.inference.mode.search import (
+    MOST_ROWS,
+    is_long,
+    optima,
+    row_subset,
+    spread_rows,
+)
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Air, Scene, UncertainScene, freed, with_values
@@ -122,7 +127,7 @@ def test_many_paths_with_effects_make_a_log_long(paths):
 
 @pytest.mark.parametrize(("limit", "most"), [("HELD", 30), ("WORK", 200)])
 def test_more_rows_times_effects_than_can_be_held_are_refused(monkeypatch, limit, most):
-    monkeypatch.setattr(f"jblast.inference.posterior.refused_logs.{limit}", most)
+    monkeypatch.setattr(f"jblast.inference.posterior.posterior.{limit}", most)
     rows = [
         (f"s{i}", "positive_impulse_pa_s", 50.0, 5.0, (100.0 + i, 0.0, 0.0))
         for i in range(6)

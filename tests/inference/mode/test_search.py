@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.mode.least_squares import residuals
-from jblast.inference.mode.search import MET, onward
+from jblast.inference.mode.search import MET, onward, residuals
 from tests.catalogue import AROUND, BOTH
 from tests.inference.shots import shot
 

@@ -9,13 +9,15 @@ from scipy import integrate, stats
 
 from jblast.errors import InputError
 from jblast.inference.fitting.goodness_of_fit import chi_squared, standardised_residuals
-from jblast.inference.many import batch
-from jblast.inference.posterior.correlated_errors import own_and_shared_errors
-from jblast.inference.posterior.effect_systems import blocks_of, joined_blocks
+from jblast.inference.many.fit_many import batch_of
 from jblast.inference.posterior.fisher_information import whitened_rows
-from jblast.inference.posterior.likelihood import log_likelihood
+from jblast.inference.posterior.likelihood import (
+    blocks_of,
+    joined_blocks,
+    log_likelihood,
+)
 from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.posterior.posterior import posterior_of
+from jblast.inference.posterior.posterior import own_and_shared_errors, posterior_of
 from jblast.observations.table import RecordCovariance
 from jblast.scene import with_laws
 from jblast.sensors import layout_of
@@ -176,7 +178,7 @@ def test_a_sigma_changed_after_the_pick_is_refused():
 
 def test_lanes_refuse_logs_whose_readings_share_errors():
     with pytest.raises(InputError, match="share errors with fit_each"):
-        batch.batch_of([picks()], with_laws(MASS_FREE, LAWS))
+        batch_of([picks()], with_laws(MASS_FREE, LAWS))
 
 
 @pytest.mark.slow

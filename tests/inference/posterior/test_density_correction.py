@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.posterior.density_correction import (
+from jblast.inference.posterior.posterior import (
     DensityCorrection,
     correction_by,
     no_correction,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import bound, fit, fit_many
-from jblast.inference.posterior.fireball_growth import as_seen, own_growth
+from jblast.inference.posterior.parameters import as_seen, own_growth
 from jblast.observations import Observations, read
 from jblast.report.fit.findings import cure_words
 from jblast.scene import Camera, Charge, Free, Scene, Sensor, UncertainScene, read_scene

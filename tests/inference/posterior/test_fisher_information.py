@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import posterior_of
-from jblast.inference.identifiability.null_space import (
+from jblast.inference.identifiability import (
     Identifiability,
     echelon,
     estimable_forms,

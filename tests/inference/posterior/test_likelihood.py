@@ -5,8 +5,7 @@ import pytest
 from jax.test_util import check_grads
 from scipy import integrate, stats
 
-from jblast.inference.posterior.error_density import log_noise
-from jblast.inference.posterior.likelihood import log_likelihood
+from jblast.inference.posterior.likelihood import log_likelihood, log_noise
 
 RNG = np.random.default_rng(7)
 RESIDUAL = jnp.asarray(RNG.normal(size=6) * 0.1)

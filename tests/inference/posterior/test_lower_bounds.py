@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from jblast.inference.posterior.error_density import (
+from jblast.inference.posterior.likelihood import (
+    blurred,
+    log_likelihood,
     log_survival,
     survival_information,
     survival_slopes,
 )
-from jblast.inference.posterior.likelihood import blurred, log_likelihood
 
 ERRORS: dict[str, Any] = {"gaussian": stats.norm(), "student": stats.t(df=4)}
 RNG = np.random.default_rng(3)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.inference.sanity import doubts
-from jblast.inference.sanity.magnitudes import rising_peaks
-from jblast.inference.sanity.readings import Readings
+from jblast.inference.consensus import Readings
+from jblast.inference.sanity import doubts, rising_peaks
 from jblast.observations import Observations, some_rows
 from jblast.observations.places import Frame
 from jblast.scene import default_scene, freed

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.tuning.limit_samples import filled, filling, padded_places
+from jblast.inference.tuning.sound import filled, filling, padded_places
 
 COUNT = 96
 CLIPPED = np.isin(np.arange(COUNT), [20, 21, 22, 23, 24, 40, 41, 70])

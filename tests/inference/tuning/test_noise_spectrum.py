@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.tuning.noise_spectrum import noise_spectrum, passed_power
+from jblast.inference.tuning.sound import noise_spectrum, passed_power
 from jblast.scene import Ambient, Charge, Instrument, Scene, Sensor
 from jblast.sensors import microphone
 from jblast.sensors.instrument import causal_filter, filter_gain

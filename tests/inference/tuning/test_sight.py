@@ -4,10 +4,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.tuning.search.beginnings import best_of_several, places
-from jblast.inference.tuning.search.solve import problem_from
-from jblast.inference.tuning.sight import camera_of, look_of
-from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
+from jblast.inference.tuning.search import best_of_several, places, problem_from
+from jblast.inference.tuning.tune_sight import (
+    camera_of,
+    look_of,
+    paired,
+    tune_events,
+    tune_frames,
+)
 from jblast.inference.tuning.unknowns import filled, unknowns_of
 from jblast.report.tune_files import tune_figure
 from jblast.scene.reader.scene import scene_from_document

@@ -9,11 +9,11 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.inference.tuning import recorded_sound, tune_sound
-from jblast.inference.tuning.pieces import around_limit, bands_of
-from jblast.inference.tuning.recorded_sound import RecordedSound
 from jblast.inference.tuning.result import NothingHeardError
-from jblast.inference.tuning.search.solve import parts_told
+from jblast.inference.tuning.search import parts_told
+from jblast.inference.tuning.sound import around_limit, bands_of
 from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
+from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import Between
 from jblast.observations.records.sound import write_sound
 from jblast.report.tune import list_text, tune_answer, tune_text

@@ -6,12 +6,14 @@ from typing import Any, get_type_hints
 
 import pytest
 
-from jblast.inference.fitting import findings as fitting, still_air
-from jblast.inference.fitting.samples import findings as samples
-from jblast.inference.importance import findings as importance
-from jblast.inference.mcmc import findings as mcmc
-from jblast.inference.posterior.estimate import Estimate
-from jblast.inference.posterior.finding import Finding
+from jblast.inference import importance
+from jblast.inference.fitting import (
+    assumptions,
+    findings as fitting,
+    solution,
+)
+from jblast.inference.mcmc import ensemble as mcmc
+from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.json_values import plain
 from jblast.report.fit.findings import words
 from tests.report import example
@@ -29,7 +31,7 @@ ACCUSED = (fitting.WrongSensor, fitting.WrongClock, fitting.ExchangedSensors)
 
 def kinds():
     """Return every class of findings."""
-    for room in (fitting, samples, still_air, importance, mcmc):
+    for room in (fitting, solution, assumptions, importance, mcmc):
         for kind in vars(room).values():
             is_one = isinstance(kind, type) and issubclass(kind, Finding)
             if is_one and kind not in (Finding, *ACCUSED):

@@ -7,7 +7,7 @@ import pytest
 
 import jblast
 from jblast.inference.fitting.findings import AsAsked
-from jblast.inference.importance.findings import ImportanceCannotTell
+from jblast.inference.importance import ImportanceCannotTell
 from jblast.report import summary
 from jblast.report.fit.terminal import HELD
 from tests.report import example

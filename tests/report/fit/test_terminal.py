@@ -5,7 +5,7 @@ import pytest
 import scipy.stats
 
 from jblast.inference.fitting.findings import ExchangedSensors, WrongClock
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.posterior.parameters import Estimate
 from jblast.report import summary
 from jblast.report.fit.document import fit_document
 from jblast.report.fit.findings import goodness_p, goodness_sentence

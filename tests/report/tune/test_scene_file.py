@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from jblast.inference.tuning.tunables import TUNABLES
+from jblast.inference.tuning.unknowns import TUNABLES
 from jblast.report.tune import key_words
 from jblast.report.tune_files import moved, scene_text, tuned_document
 from jblast.scene.reader.scene import scene_from_document

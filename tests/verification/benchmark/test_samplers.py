@@ -2,9 +2,8 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from jblast.inference.importance.psis import Importance
-from jblast.inference.mcmc.emcee_engine import Emcee
-from jblast.inference.mcmc.scan_engine import Scan
+from jblast.inference.importance import Importance
+from jblast.inference.mcmc.engines import Emcee, Scan
 from jblast.inference.mode.laplace import Laplace
 from jblast.verification.benchmark.fits import sampler_points, solved, weighted_ends
 from jblast.verification.sampling_cases import (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.constants import STANDARD_SOUND_SPEED
-from jblast.inference.fitting.doubts.flatness import EARTH_RADIUS, flat_ground
+from jblast.inference.fitting.assumptions import EARTH_RADIUS, flat_ground
 from jblast.observations import Observations
 from jblast.observations.places import Frame
 

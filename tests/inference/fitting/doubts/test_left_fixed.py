@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jblast
-from jblast.inference.fitting.doubts.left_fixed import out_of_order
 from jblast.inference.fitting.findings import MoreToFree
+from jblast.inference.fitting.suspects import out_of_order
 from jblast.report import summary
 from jblast.scene import Charge, Free, Scene, Sensor, UncertainScene, default_scene
 from jblast.sensors import simulate

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.stats import chi2
 
-from jblast.inference.fitting.place.confidence_ellipse import (
+from jblast.inference.fitting.place import (
     charge_ellipse,
     confidence_ellipse,
     place_draws,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.path import Path
 
-from jblast.inference.fitting.place.credible_region import credible_regions
+from jblast.inference.fitting.place import credible_regions
 
 COUNT = 8000
 

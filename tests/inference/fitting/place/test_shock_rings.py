@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.fitting.place.shock_rings import (
+from jblast.inference.fitting.place import (
     LEVELS,
     PEAK,
     peak_law,

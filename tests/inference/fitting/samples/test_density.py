@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.inference.fitting.fit import solve
-from jblast.inference.fitting.samples.density import densities_of_samples, nodes_for
+from jblast.inference.fitting.solution import densities_of_samples, nodes_for
 from jblast.inference.picks import pick_records
 from jblast.inference.records.sampled import sampled_records
 from jblast.verification.simulated_recordings import (

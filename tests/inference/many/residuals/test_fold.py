@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jblast.inference.many.residuals.fold import CannotFoldError, fold, over_cells
+from jblast.inference.many.fold import CannotFoldError, fold, over_cells
 from jblast.registry import LAWS, call
 from jblast.waves.paths import Path
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.many.residuals.readings import checked, faults_of
+from jblast.inference.many.residuals import checked, faults_of
 from jblast.scene import Scene
 from jblast.sensors import layout_of
 from tests.inference.logs import log

@@ -5,9 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.many.residuals.row_groups import grouped_rows
-from jblast.inference.many.residuals.row_program import row_program
-from jblast.inference.many.residuals.rows import rows_of
+from jblast.inference.many.residuals import grouped_rows, row_program, rows_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.scene import Clock, Ground, Scene, UncertainScene, freed

@@ -5,7 +5,7 @@ import optimistix as optx
 import pytest
 from scipy.optimize import least_squares
 
-from jblast.inference.many.solver.levenberg_marquardt import LaneLevenbergMarquardt
+from jblast.inference.many.solver import LaneLevenbergMarquardt
 
 TIMES = jnp.linspace(0.0, 3.0, 9)
 

@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.many.solver.newton import newton
+from jblast.inference.many.solver import newton
 
 
 def on_lanes(cost):

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.many.solver.normal_equations import (
+from jblast.inference.many.solver import (
     backward,
     cholesky,
     forward,

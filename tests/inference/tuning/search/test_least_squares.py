@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipys
 
-from jblast.inference.tuning.search.least_squares import least_squares
+from jblast.inference.tuning.search import least_squares
 
 
 def rosenbrock(y):

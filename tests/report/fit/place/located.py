@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.fidelity import TakenLaw
+from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.goodness_of_fit import SuspectedOutlier
-from jblast.inference.fitting.result import Fit
 from jblast.observations import Observations
 from jblast.observations.places import Frame
 from jblast.scene import Air, Charge, Scene, Sensor

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from jblast.inference.fitting.place.on_earth import on_earth
-from jblast.inference.posterior.estimate import Estimate
+from jblast.inference.fitting.place import on_earth
+from jblast.inference.posterior.parameters import Estimate
 from jblast.report.fit.document import fit_document
 from jblast.report.fit.place import earth_lines
 from jblast.scene import Charge

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from jblast.inference.fitting.place.shock_rings import LEVELS
+from jblast.inference.fitting.place import LEVELS
 from jblast.observations.places import Frame
 from jblast.report.fit.geo_files import features, geojson, write_place
 from jblast.report.fit.place import ground_map

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from jblast.inference.identifiability.findings import OtherMode, ResolvingDatum
+from jblast.inference.identifiability import OtherMode, ResolvingDatum
 from jblast.report.figure_files import image_bytes
 from jblast.report.fit.map import map_figure
 from jblast.report.fit.place import (

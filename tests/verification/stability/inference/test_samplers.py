@@ -7,9 +7,9 @@ from jblast.errors import InputError
 from jblast.inference import ensemble, fit
 from jblast.inference.fitting.findings import DirectionUnidentified
 from jblast.inference.fitting.uncertainty import uncertainty
-from jblast.inference.importance.psis import MAX_QUANTILE_ERROR
+from jblast.inference.importance import MAX_QUANTILE_ERROR
 from jblast.inference.mcmc.convergence import LONG_ENOUGH
-from jblast.inference.mcmc.findings import LongRidge, SeveralModes
+from jblast.inference.mcmc.ensemble import LongRidge, SeveralModes
 from jblast.report.fit.findings import all_words
 from jblast.verification.stability import walks
 from jblast.verification.stability.areas import AREAS

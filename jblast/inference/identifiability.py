@@ -1,0 +1,443 @@
+"""Identifiability: null directions, estimable combinations, and data that would help.
+
+A null direction is a direction in the space of the fitted coordinates along which the
+predictions stay the same within the errors. Candidates are eigenvectors of the Fisher
+information, scaled by typical steps, of near zero eigenvalue. Each is confirmed by a
+step of finite length, from which Gauss-Newton returns to the curve along which no
+prediction changes. Without such a curve the derivative vanished by symmetry alone, and
+the direction is identified. Combinations that
+vanish along all null directions are estimable although their parameters are not. They
+are named like `air_sound_speed_m_s * charge_mass_kg^0.2`.
+
+For each null direction, additional data are compared by the change of their prediction
+along it: every quantity at a sensor of the log, and at a position off the sensors'
+line. Between two optima the datum whose prediction differs most is named. A prior on
+any parameter of the direction resolves it as well.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.inference.mode.starts import layout_size, typical_step
+from jblast.inference.posterior.fisher_information import (
+    NULL,
+    information,
+    unit_diagonal,
+    whitened_jacobian,
+    whitened_rows,
+)
+from jblast.inference.posterior.parameters import GROWTH
+from jblast.inference.posterior.posterior import Posterior
+from jblast.kept_programs import kept
+from jblast.observations import CLOCK_TIMES, TIMES
+from jblast.parameters import CLOCK_OFFSET
+from jblast.quantities import ADDABLE, BY_CAMERA
+from jblast.scene import Scene
+from jblast.sensors import Layout, record, resolve_laws
+from jblast.sensors.law_choice import law_names
+from jblast.sensors.record import to_error_scale
+
+STEP = 1.0
+"""How far a null direction is followed to confirm it, in typical steps."""
+NULL_TOLERANCE = 1e-4
+"""Data that move by less than this many standard deviations along it have not moved."""
+ROUNDS = 20
+"""Steps back onto the curve of a null direction, at most."""
+HALVINGS = 12
+"""Such a step is halved so often before it is given up: it must bring data nearer."""
+ROUNDING = 1e-5
+"""A part of a direction smaller than this, in standard deviations, is rounding."""
+BANG = "air_arrival_s"
+RESOLVED_CHANGE = 0.03
+"""A datum is a cure if a typical step along the direction moves it by 3 %."""
+Where = Literal["sensor", "place", "aside", "range", "later"]
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """How the data divide the space of the parameters.
+
+    Attributes:
+        null: One row for each direction along which no datum moves, in coordinates.
+        identified_basis: Basis of the rest, one column each.
+        determined: Whether each parameter is out of every null direction.
+        followed: Where following each null direction for a finite step led.
+    """
+
+    null: Float[np.ndarray, "null free"]
+    identified_basis: Float[np.ndarray, "free identified"]
+    determined: tuple[bool, ...]
+    followed: Float[np.ndarray, "null free"]
+
+
+def identifiability(
+    posterior: Posterior, z: Float[np.ndarray, " free"]
+) -> Identifiability:
+    """Find the null directions at a place, and confirm each by moving along it.
+
+    A number with a prior is known, however little beside what the data know; so its
+    information counts as no less than the data's.
+    """
+    scale = typical_step(posterior)
+    known = np.asarray(information(posterior, jax.device_put(z)))
+    prior = np.diag(np.asarray(posterior.parameters.has_prior()) * np.diag(known))
+    size, values, vectors = map(
+        np.asarray, unit_diagonal(jax.device_put(known + prior), scale)
+    )
+    followed = [
+        _followed(posterior, z, vector / size, size) if value < NULL else None
+        for value, vector in zip(values, vectors.T, strict=True)
+    ]
+    data = len(posterior.measured) + int(np.sum(posterior.parameters.has_prior()))
+    for k in range(z.size - data):  # fewer data than unknowns, whatever was found
+        followed[k] = z if followed[k] is None else followed[k]
+    is_null = np.array([there is not None for there in followed], dtype=bool)
+    null = echelon(vectors[:, is_null].T)
+    return Identifiability(
+        null=_led_by_one(null / size),
+        identified_basis=vectors[:, ~is_null] / size[:, None],
+        determined=tuple(bool((column == 0).all()) for column in null.T),
+        followed=np.array([t for t in followed if t is not None]).reshape(null.shape),
+    )
+
+
+def _followed(posterior, z, direction, size) -> np.ndarray | None:
+    """Follow a direction for a finite step, on its curve; None if data move.
+
+    A derivative can vanish by symmetry alone (a charge at the height of its sensors);
+    then a finite step is seen. A true invariance may be curved (a charge on a circle
+    about its one sensor), so after the step the told directions are adjusted.
+    """
+    step = (
+        STEP
+        * direction
+        / np.max(np.abs(direction) / np.asarray(typical_step(posterior)))
+    )
+    started = _whitened_prediction(posterior, z, z)
+    there = z + step
+    miss = _whitened_prediction(posterior, there, z) - started
+    for _ in range(ROUNDS):
+        if np.linalg.norm(miss) < NULL_TOLERANCE:
+            away = np.linalg.norm((there - z) * size)
+            return there if away > 0.5 * np.linalg.norm(step * size) else None
+        jacobian = np.asarray(whitened_jacobian(posterior, jnp.asarray(there)))
+        if not (np.isfinite(jacobian).all() and np.isfinite(miss).all()):
+            return None
+        back = -np.linalg.pinv(jacobian / size, rcond=1e-6) @ miss / size
+        for part in 0.5 ** np.arange(HALVINGS):  # whole steps run away off a cone
+            nearer = _whitened_prediction(posterior, there + part * back, z) - started
+            with np.errstate(over="ignore"):  # beyond all reach is no nearer
+                is_nearer = np.linalg.norm(nearer) < np.linalg.norm(miss)
+            if is_nearer:
+                there, miss = there + part * back, nearer
+                break
+        else:
+            return None
+    return None
+
+
+def _whitened_prediction(posterior, z, where):
+    """Predictions and prior terms at z, in the standard deviations of elsewhere."""
+    at, here = posterior.misfit(jnp.asarray(where)), posterior.misfit(jnp.asarray(z))
+    data = whitened_rows(posterior, at, -here.residual[:, None])[:, 0]
+    return np.concatenate([data, posterior.parameters.has_prior() * z])
+
+
+def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"]:
+    """Combine rows so that each leads with a 1 no other row has: the shortest names.
+
+    Rows are of length about 1; what is left of an entry by rounding becomes zero.
+    """
+    rows = np.array(rows, float)
+    lead = 0
+    for column in range(rows.shape[1]):
+        if lead == len(rows):
+            break
+        best = lead + int(np.argmax(np.abs(rows[lead:, column])))
+        if np.abs(rows[best, column]) <= ROUNDING:
+            continue
+        rows[[lead, best]] = rows[[best, lead]]
+        rows[lead] /= rows[lead, column]
+        for other in range(len(rows)):
+            if other != lead:
+                rows[other] -= rows[other, column] * rows[lead]
+        lead += 1
+    sizes = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
+    rows[np.abs(rows) < ROUNDING * sizes] = 0.0
+    return rows
+
+
+def _led_by_one(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"]:
+    """Scale each row so that its first entry is 1."""
+    return np.array([row / row[np.flatnonzero(row)[0]] for row in rows]).reshape(
+        rows.shape
+    )
+
+
+def estimable_forms(found: Identifiability) -> Float[np.ndarray, "told free"]:
+    """Return the estimable combinations of parameters not identified singly.
+
+    Each row is a linear form in the coordinates that vanishes along every null
+    direction; parameters determined by themselves take no part.
+    """
+    shy = [i for i, determined in enumerate(found.determined) if not determined]
+    if not shy:
+        return np.zeros((0, len(found.determined)))
+    # The forms on the shy parameters that vanish on the null directions; led by the
+    # last parameter, so that speeds and times are told in terms of the mass. Scaled,
+    # so that a metre and a second count alike.
+    size = np.abs(found.null).max(axis=0)[shy]
+    null = found.null[:, shy] / size
+    forms = np.linalg.svd(null)[2][len(null) :]
+    estimable = np.zeros((len(forms), len(found.determined)))
+    estimable[:, shy] = _led_by_one(echelon(forms[:, ::-1]) / size[::-1])[:, ::-1]
+    return estimable
+
+
+@dataclass(frozen=True)
+class ResolvingDatum:
+    """A datum that would tell what a log cannot.
+
+    Attributes:
+        quantity: What to record.
+        where: "sensor" (at one of the log), "place" (a new one), "aside" (a new place
+            off the sensors' line), "range" (a new one) or "later" (at a later time).
+        on_right_clock: Whether by a clock that is right.
+        is_bang: Whether it is heard after a flash that the log holds: then it ranges.
+    """
+
+    quantity: str
+    where: Where
+    on_right_clock: bool = False
+    is_bang: bool = False
+
+
+def candidates(
+    posterior: Posterior, z: Float[np.ndarray, " free"]
+) -> tuple[Layout, list[ResolvingDatum]]:
+    """Return rows that could be added to a log, and what each is.
+
+    Each quantity at a sensor of the log, and at a place off the sensors' line, no
+    nearer to them than the nearest is to the charge.
+    """
+    layout = posterior.layout
+    position = np.asarray(layout.position)
+    given = np.asarray(layout.slant_range)
+    places: list[tuple[np.ndarray, float, Where]] = [(position[0], given[0], "sensor")]
+    if np.isnan(given).all():
+        reach = float(np.min(posterior.misfit(jnp.asarray(z)).slant_range))
+        apart = float(np.max(np.ptp(position, axis=0))) > 0
+        new = aside(posterior, reach)
+        places.append((new, np.nan, "aside" if apart else "place"))
+    else:
+        places.append((position[0], 2 * np.nanmax(given), "range"))
+    rows = [(q, *place) for q in ADDABLE for place in places]
+    data = [ResolvingDatum(q, where) for q, _, _, where in rows]
+    return Layout(
+        quantity=tuple(q for q, *_ in rows),
+        position=jnp.asarray(np.array([p for _, p, _, _ in rows])),
+        slant_range=jnp.asarray([r for _, _, r, _ in rows]),
+        time=jnp.full(len(rows), jnp.nan),
+        group=tuple(range(len(rows))),
+        shot=(0,) * len(rows),
+        clock=("",) * len(rows),
+    ), data
+
+
+def aside(posterior: Posterior, reach: float = 0.0) -> Float[np.ndarray, "3"]:
+    """Return a place off the sensors' line, as far from their middle as they spread.
+
+    Args:
+        posterior: Knows the sensors.
+        reach: It is no nearer than this [m].
+    """
+    position = np.asarray(posterior.layout.position)
+    middle, size = position.mean(axis=0), max(float(layout_size(posterior)), reach)
+    _, _, axes = np.linalg.svd((position - middle)[:, :2], full_matrices=True)
+    return middle + size * np.array([*axes[-1], 0.0])
+
+
+@dataclass(frozen=True)
+class Cure:
+    """What would end a null direction: any one of these.
+
+    Attributes:
+        parameters: A prior on one of them, or a measurement.
+        data: Rows that could be added.
+    """
+
+    parameters: tuple[str, ...]
+    data: tuple[ResolvingDatum, ...]
+
+
+def cure_of_null(
+    posterior: Posterior,
+    z: Float[np.ndarray, " free"],
+    direction: Float[np.ndarray, " free"],
+) -> Cure:
+    """Return which data, or which priors, would end a null direction."""
+    layout, possible = candidates(posterior, z)
+    scene = posterior.parameters.scene_at(jnp.asarray(z))
+    laws = laws_beside(posterior, scene, layout)
+
+    scale = np.asarray(typical_step(posterior))
+    _, moved = jax.jvp(
+        lambda z: log_reading(posterior, layout, laws, z),
+        (jnp.asarray(z),),
+        (jnp.asarray(direction / np.max(np.abs(direction) / scale)),),
+    )
+    data = [
+        datum
+        for datum, seen in zip(possible, np.abs(moved) > RESOLVED_CHANGE, strict=True)
+        if seen
+    ]
+    taking_part = tuple(
+        name
+        for name, weight in zip(posterior.parameters.names, direction, strict=True)
+        if weight != 0
+    )
+    clocks = any(name.startswith(f"{CLOCK_OFFSET}.") for name in taking_part)
+    is_filmed = bool(set(BY_CAMERA) & set(posterior.layout.quantity))
+    data = [
+        replace(
+            datum,
+            on_right_clock=clocks and datum.quantity in CLOCK_TIMES,
+            is_bang=is_filmed and datum.quantity == BANG,
+        )
+        for datum in _without_repeats(data)
+    ]
+    if GROWTH in taking_part:
+        data.append(ResolvingDatum("fireball_radius_m", "later"))
+    return Cure(taking_part, tuple(data))
+
+
+def laws_beside(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str, str]:
+    """Return the log's own laws, and those that would be chosen for the rest."""
+    return law_names(resolve_laws(scene, layout)) | {
+        q: n for q, n in posterior.laws if q in layout.quantities()
+    }
+
+
+@kept
+def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
+    """Readings of a layout in ln, or in units of a typical travel time."""
+    scene = posterior.parameters.scene_at(z)
+    value = record(scene, layout, laws).value
+    timed = np.isin(layout.quantity, TIMES)
+    typical = layout_size(posterior) / STANDARD_SOUND_SPEED
+    return to_error_scale(jnp.where(timed, value / typical, value), layout.quantity)
+
+
+def _without_repeats(data: Sequence[ResolvingDatum]) -> list[ResolvingDatum]:
+    """Leave out a new place where a sensor of the log would do."""
+    at_sensor = {datum.quantity for datum in data if datum.where == "sensor"}
+    return [
+        datum
+        for datum in data
+        if datum.where == "sensor" or datum.quantity not in at_sensor
+    ]
+
+
+def cure_of_ambiguity(
+    posterior: Posterior,
+    here: Float[np.ndarray, " free"],
+    there: Float[np.ndarray, " free"],
+) -> ResolvingDatum:
+    """Return which datum differs most between two solutions."""
+    layout, possible = candidates(posterior, here)
+    scene = posterior.parameters.scene_at(jnp.asarray(here))
+    laws = laws_beside(posterior, scene, layout)
+    apart = np.abs(
+        log_reading(posterior, layout, laws, jnp.asarray(here))
+        - log_reading(posterior, layout, laws, jnp.asarray(there))
+    )
+    return possible[int(np.nanargmax(apart))]
+
+
+def combination(
+    names: Sequence[str], space: Sequence[str], weights: Float[np.ndarray, " free"]
+) -> tuple[str, bool]:
+    """Name a linear form in the coordinates.
+
+    Returns:
+        The name, and whether it is a product of powers (every part is in ln).
+    """
+    parts = [(n, s, w) for n, s, w in zip(names, space, weights, strict=True) if w != 0]
+    if all(s == "ln" for _, s, _ in parts):
+        return " * ".join(
+            name if _short(w) == "1" else f"{name}^{_short(w)}" for name, _, w in parts
+        ), True
+    terms = [(f"ln({n})" if s == "ln" else n, w) for n, s, w in parts]
+    first, *rest = [
+        (w < 0, name if _short(abs(w)) == "1" else f"{_short(abs(w))} * {name}")
+        for name, w in terms
+    ]
+    text = ("-" if first[0] else "") + first[1]
+    return text + "".join(f" {'-' if neg else '+'} {t}" for neg, t in rest), False
+
+
+def space_of(space: Sequence[str], weights: Float[np.ndarray, " free"]) -> str:
+    """Return the space a direction is told in: "ln", "linear" or "mixed"."""
+    used = {s for s, w in zip(space, weights, strict=True) if w != 0}
+    return used.pop() if len(used) == 1 else "mixed"
+
+
+def _short(weight: float) -> str:
+    return f"{weight:.4g}"
+
+
+@dataclass(frozen=True)
+class NullDirection:
+    """A direction in which parameters change together and no datum moves.
+
+    Attributes:
+        parameters: By how much each takes part; its coordinate is ln where it is
+            positive.
+        space: "ln", "linear" or "mixed": what the coordinates are.
+        cure: What would end it.
+    """
+
+    parameters: Mapping[str, float]
+    space: str
+    cure: Cure
+
+
+@dataclass(frozen=True)
+class OtherMode:
+    """Another optimum that the data cannot rule out.
+
+    Attributes:
+        parameters: Every number there.
+        differ: Names of the numbers in which it is another.
+        delta_chi2: By how much chi squared differs.
+        cure: What would tell the two apart best.
+    """
+
+    parameters: Mapping[str, float]
+    differ: tuple[str, ...]
+    delta_chi2: float
+    cure: ResolvingDatum
+
+
+@dataclass(frozen=True)
+class EstimableCombination:
+    """A combination of unidentified numbers that the data do identify.
+
+    Attributes:
+        combination: Its formula.
+        value: What it is.
+        sd: Standard deviation of that.
+        is_local: Whether it holds near the answer only, the invariance being curved.
+    """
+
+    combination: str
+    value: float
+    sd: float
+    is_local: bool = False

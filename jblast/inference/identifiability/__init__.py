@@ -1,1 +1,0 @@
-"""Which directions the data leave open, and what datum would close them."""

@@ -1,1 +1,0 @@
-"""Draws weighted to the posterior: proposals, smoothed weights, interval checks."""

@@ -1,0 +1,448 @@
+"""A program for one row of one log, run over arrays of rows and lanes.
+
+`vmap` gives every array of such a program a leading lane axis: a position becomes
+(lane, 3), a selection of rows a gather, a wind of zero a sum of products with zero.
+Here the program's small arrays are taken apart instead: each of their entries is a
+*cell*, one array of shape (row, lane), (row, 1), (1, lane) or (1, 1), and every
+operation is one of cells. A small array is a NumPy array of objects whose entries are
+cells.
+
+Values that depend on the layout alone are computed once, by NumPy where it gives the
+same result. Sums with zero and products with zero and one are omitted (zero times
+anything is zero), known branches are resolved, common subexpressions are computed once,
+and a derivative's $x^{c-1}$ is $x^c / x$. Elementwise arithmetic remains, with the
+lanes last, which XLA vectorises best. Primitives that cannot be written in cells raise
+`CannotFoldError`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.extend.core import ClosedJaxpr, Literal
+from jaxtyping import Array
+
+INNER = ("jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "remat2")
+NOT_ELEMENTWISE = ("while", "scan", "cond", "sort", "cumsum", "custom_vjp_call")
+REDUCE = {
+    "reduce_sum": "add",
+    "reduce_max": "max",
+    "reduce_min": "min",
+    "reduce_and": "and",
+    "reduce_or": "or",
+    "reduce_prod": "mul",
+}
+SCATTER = {
+    "scatter": None,
+    "scatter-add": lax.add_p,
+    "scatter-mul": lax.mul_p,
+    "scatter-min": lax.min_p,
+    "scatter-max": lax.max_p,
+}
+WITH_CELLS = {
+    "add": lax.add_p,
+    "max": lax.max_p,
+    "min": lax.min_p,
+    "and": lax.and_p,
+    "or": lax.or_p,
+    "mul": lax.mul_p,
+}
+REARRANGE = [
+    "broadcast_in_dim",
+    "reshape",
+    "squeeze",
+    "expand_dims",
+    "transpose",
+    "slice",
+    "rev",
+    "gather",
+    "dynamic_slice",
+    "concatenate",
+    "stack",
+    "pad",
+    "copy",
+    "copy_p",
+    "split",
+    "unstack",
+]
+BY_NUMPY: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "add_any": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "neg": np.negative,
+    "abs": np.abs,
+    "sign": np.sign,
+    "max": np.maximum,
+    "min": np.minimum,
+    "pow": np.power,
+    "exp": np.exp,
+    "log": np.log,
+    "log1p": np.log1p,
+    "sqrt": np.sqrt,
+    "square": np.square,
+    "cbrt": np.cbrt,
+    "lt": np.less,
+    "le": np.less_equal,
+    "gt": np.greater,
+    "ge": np.greater_equal,
+    "eq": np.equal,
+    "ne": np.not_equal,
+    "and": np.bitwise_and,
+    "or": np.bitwise_or,
+    "not": np.bitwise_not,
+    "is_finite": np.isfinite,
+    "stop_gradient": np.asarray,
+    "copy": np.asarray,
+    "select_n": lambda which, *cases: np.choose(np.asarray(which, int), cases),
+}
+"""What NumPy computes of known cells: each call of JAX would compile a program."""
+Cell = Any
+"""A NumPy array where it is known beforehand, else a JAX array; of two dimensions."""
+
+
+def fold(
+    function: Callable[..., Any], arguments: Sequence[Cell]
+) -> list[Array | np.ndarray]:
+    """Run a function of numbers over cells.
+
+    Args:
+        function: Takes as many numbers, returns a flat sequence of numbers.
+        arguments: A cell for each; NumPy arrays are taken as known beforehand.
+
+    Raises:
+        CannotFoldError: The function holds a loop or the like.
+    """
+    shapes = [jax.ShapeDtypeStruct((), a.dtype) for a in arguments]
+    closed = jax.make_jaxpr(function)(*shapes)
+    inputs = [boxed(uniform(a)) for a in arguments]
+    return [cell.item() for cell in _run(Operations(), closed, inputs)]
+
+
+def over_cells(
+    function: Callable[..., Any],
+    arguments: Sequence[Cell],
+    whole: Callable[..., Any] | None = None,
+) -> list[Array | np.ndarray]:
+    """Run a function of numbers over cells: taken apart, or if need be by `vmap`.
+
+    Args:
+        function: Takes as many numbers, returns a flat sequence of numbers.
+        arguments: A cell for each.
+        whole: The same function as `vmap` is to have it; None: as it is.
+    """
+    try:
+        return fold(function, arguments)
+    except CannotFoldError:
+        shape = np.broadcast_shapes(*(a.shape for a in arguments))
+        full = [jnp.broadcast_to(a, shape) for a in arguments]
+        return list(jax.vmap(jax.vmap(whole or function))(*full))
+
+
+class Operations:
+    """Remembers what was computed."""
+
+    def __init__(self) -> None:
+        self.known: dict[Any, Cell] = {}
+        self.kept: list[Cell] = []  # an id is good while its object lives
+
+    def __call__(self, primitive, cells: list[Cell], params) -> Cell:
+        """Compute one elementwise operation of cells, if it has to be computed."""
+        name = primitive.name
+        short = shortcut(name, cells, params)
+        if short is not None:
+            return short
+        key = (name, str(params), *(identity(c) for c in cells))
+        if key not in self.known:
+            cell = self._lower_power(name, cells)
+            if cell is None:
+                cell = computed(primitive, cells, params)
+            self.known[key] = cell
+            self.kept += cells
+        return self.known[key]
+
+    def _lower_power(self, name: str, cells: list[Cell]) -> Cell | None:
+        """Return a power by the next higher one, if that is known."""
+        if name != "pow" or not isinstance(cells[1], np.ndarray):
+            return None
+        higher = self.known.get(("pow", "{}", id(cells[0]), identity(cells[1] + 1.0)))
+        return None if higher is None else computed(lax.div_p, [higher, cells[0]], {})
+
+
+def _run(
+    operation: Operations, closed: ClosedJaxpr, inputs: list[np.ndarray]
+) -> list[np.ndarray]:
+    """Run a jaxpr over boxes of cells."""
+    values: dict[Any, np.ndarray] = {}
+
+    def read(var):
+        return cells(var.val) if isinstance(var, Literal) else values[var]
+
+    jaxpr = closed.jaxpr
+    values.update(zip(jaxpr.constvars, map(cells, closed.consts), strict=True))
+    values.update(zip(jaxpr.invars, inputs, strict=True))
+    for equation in jaxpr.eqns:
+        out = _equation(operation, equation, [read(v) for v in equation.invars])
+        values.update(zip(equation.outvars, out, strict=True))
+    return [read(v) for v in jaxpr.outvars]
+
+
+def _equation(
+    operation: Operations, equation: Any, inputs: list[np.ndarray]
+) -> list[np.ndarray]:
+    """Run one equation of a jaxpr."""
+    name, params = equation.primitive.name, equation.params
+    if name in INNER:
+        inner = params.get("jaxpr", params.get("call_jaxpr"))
+        inner = inner if hasattr(inner, "consts") else ClosedJaxpr(inner, ())
+        return _run(operation, inner, inputs)
+    if all(plain(x) for x in inputs):
+        out = at_once(equation.primitive, params, [unboxed(x) for x in inputs])
+        return [cells(o) for o in out]
+    if name in REARRANGE:
+        return rearranged(equation, inputs)
+    if name in REDUCE:
+        return [reduced(operation, REDUCE[name], inputs[0], params["axes"])]
+    if name in SCATTER:
+        return [scattered(operation, equation, inputs)]
+    if name == "dot_general":
+        return [contracted(operation, *inputs, *params["dimension_numbers"])]
+    if name in NOT_ELEMENTWISE or equation.effects or len(equation.outvars) > 1:
+        raise CannotFoldError(name)
+    shape = equation.outvars[0].aval.shape
+    try:
+        spread = [np.broadcast_to(x, shape) for x in inputs]
+    except ValueError:
+        raise CannotFoldError(name) from None
+    out = np.empty(shape, object)
+    for at in np.ndindex(shape):
+        out[at] = operation(equation.primitive, [x[at] for x in spread], params)
+    return [out]
+
+
+def shortcut(name: str, cells: list[Cell], params) -> Cell | None:
+    """Return the answer where a cell known beforehand gives it."""
+    if name == "select_n" and isinstance(cells[0], np.ndarray) and cells[0].size == 1:
+        return cells[1 + int(cells[0].item())]
+    if name == "convert_element_type" and cells[0].dtype == params["new_dtype"]:
+        return cells[0]
+    if name in ("copy", "stop_gradient"):
+        return cells[0]
+    if len(cells) != 2:
+        return None
+    a, b = (number(c) for c in cells)
+    is_float = jnp.issubdtype(cells[0].dtype, jnp.floating)
+    if name in ("add", "add_any"):
+        return cells[1] if a == 0 else cells[0] if b == 0 else None
+    if name == "sub" and b == 0:
+        return cells[0]
+    if name == "mul":
+        if a == 0 or b == 0:
+            return np.zeros((1, 1), cells[0].dtype)
+        return cells[1] if a == 1 else cells[0] if b == 1 else None
+    if name == "div" and is_float:
+        return cells[0] if b == 1 or a == 0 else None
+    if name == "and" and not is_float and cells[0].dtype == bool:
+        return cells[1] if a == 1 else cells[0] if b == 1 else None
+    return None
+
+
+def computed(primitive, cells: list[Cell], params) -> Cell:
+    """Compute, now if all is known."""
+    shape = np.broadcast_shapes(*(c.shape for c in cells))
+    if all(isinstance(c, np.ndarray) for c in cells):
+        full = [np.broadcast_to(c, shape) for c in cells]
+        return uniform(at_once(primitive, params, full)[0])
+    return primitive.bind(*(jnp.broadcast_to(c, shape) for c in cells), **params)
+
+
+def reduced(
+    operation: Operations, name: str, x: np.ndarray, axes: Sequence[int]
+) -> np.ndarray:
+    """Combine cells along axes."""
+    kept = [a for a in range(x.ndim) if a not in axes]
+    shape = tuple(x.shape[a] for a in kept)
+    rows = x.transpose(*kept, *axes).reshape(*shape, -1)
+    out = np.empty(shape, object)
+    for at in np.ndindex(shape):
+        total, *rest = rows[at]
+        for cell in rest:
+            total = operation(WITH_CELLS[name], [total, cell], {})
+        out[at] = total
+    return out
+
+
+def scattered(operation: Operations, equation, inputs: list[np.ndarray]) -> np.ndarray:
+    """Combine some entries of an array with others."""
+    onto, places, new = inputs
+    primitive = SCATTER[equation.primitive.name]
+    if not plain(places):
+        raise CannotFoldError("scatter to places that are not known")
+    params = dict(equation.params) | {"update_jaxpr": None, "update_consts": ()}
+    numbers = np.arange(new.size, dtype=np.int32).reshape(new.shape)
+    with jax.ensure_compile_time_eval():
+        nowhere = jnp.full(onto.shape, -1, jnp.int32)
+        where = np.asarray(
+            lax.scatter_p.bind(nowhere, unboxed(places), numbers, **params)
+        )
+    if np.unique(where[where >= 0]).size != new.size:
+        raise CannotFoldError("scatter of several to one place")
+    out, flat = onto.copy(), new.ravel()
+    for at in np.ndindex(onto.shape):
+        if where[at] >= 0:
+            pair = [onto[at], flat[where[at]]]
+            out[at] = operation(primitive, pair, {}) if primitive else pair[1]
+    return out
+
+
+def contracted(operation: Operations, a, b, contract, batch) -> np.ndarray:
+    """Multiply small matrices."""
+    if batch != ((), ()):
+        raise CannotFoldError("dot_general over a batch")
+    (left, right) = (list(c) for c in contract)
+    a = np.moveaxis(a, left, range(-len(left), 0))
+    b = np.moveaxis(b, right, range(-len(right), 0))
+    free_a, free_b = a.shape[: a.ndim - len(left)], b.shape[: b.ndim - len(right)]
+    products = np.empty(
+        (*free_a, *free_b, int(np.prod(a.shape[len(free_a) :]))), object
+    )
+    for i in np.ndindex(free_a):
+        for j in np.ndindex(free_b):
+            pairs = zip(a[i].ravel(), b[j].ravel(), strict=True)
+            for k, pair in enumerate(pairs):
+                products[(*i, *j, k)] = operation(lax.mul_p, list(pair), {})
+    return reduced(operation, "add", products, [products.ndim - 1])
+
+
+def rearranged(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
+    """Run an operation that only moves entries: on their numbers, then look them up."""
+    name = equation.primitive.name
+    moved = inputs if name in ("concatenate", "stack", "pad") else inputs[:1]
+    if not all(plain(x) for x in inputs[len(moved) :]):
+        raise CannotFoldError(f"{name} at places that are not known")
+    numbers, start = [], 0
+    for x in moved:
+        number = np.arange(start, start + x.size, dtype=np.int32)
+        numbers.append(number.reshape(x.shape))
+        start += x.size
+    rest = [unboxed(x) for x in inputs[len(moved) :]]
+    every = np.concatenate([x.ravel() for x in moved])
+    params = dict(equation.params)
+    if name == "gather":
+        params["fill_value"] = -1
+    where = at_once(equation.primitive, params, [*numbers, *rest])
+    return [_looked_up(every, w) for w in where]
+
+
+def _looked_up(every: np.ndarray, where: np.ndarray) -> np.ndarray:
+    if (where < 0).any():
+        raise CannotFoldError("gather outside of its array")
+    out = np.empty(where.shape, object)
+    for at in np.ndindex(where.shape):
+        out[at] = every[where[at]]
+    return out
+
+
+def by_numpy(primitive, params, inputs: list[np.ndarray]) -> np.ndarray | None:
+    """Compute by NumPy, if that is known to mean the same."""
+    name, x = primitive.name, inputs[0] if inputs else None
+    floating = all(i.dtype.kind in "fb" for i in inputs)
+    with np.errstate(all="ignore"):
+        if name in BY_NUMPY and (floating or name not in ("div", "pow", "sign")):
+            return np.asarray(BY_NUMPY[name](*inputs))
+        if x is None:
+            return None
+        if name == "convert_element_type":
+            return np.asarray(x, params["new_dtype"])
+        if name == "integer_pow":
+            power = float(params["y"])
+            return np.asarray(np.power(x, power)) if floating else None
+    if name == "broadcast_in_dim":
+        shape = [1] * len(params["shape"])
+        for size, dim in zip(x.shape, params["broadcast_dimensions"], strict=True):
+            shape[dim] = size
+        return np.broadcast_to(x.reshape(shape), params["shape"])
+    if name == "reshape":
+        return x.reshape(params["new_sizes"])
+    if name == "squeeze":
+        return np.squeeze(x, params["dimensions"])
+    if name == "transpose":
+        return x.transpose(params["permutation"])
+    if name == "concatenate":
+        return np.concatenate(inputs, params["dimension"])
+    if name == "stack":
+        return np.stack(inputs, params["axis"])
+    if name == "slice":
+        steps = params["strides"] or [1] * x.ndim
+        ends = zip(params["start_indices"], params["limit_indices"], steps, strict=True)
+        return x[tuple(slice(*end) for end in ends)]
+    return None
+
+
+def at_once(primitive, params, inputs: list[np.ndarray]) -> list[np.ndarray]:
+    """Compute now, while the program is traced: by NumPy, or if need be by JAX."""
+    out = by_numpy(primitive, params, inputs)
+    if out is not None:
+        return [out]
+    with jax.ensure_compile_time_eval():
+        out = primitive.bind(*map(jnp.asarray, inputs), **params)
+    return [np.asarray(o) for o in (out if primitive.multiple_results else [out])]
+
+
+class CannotFoldError(Exception):
+    """The program holds an operation that cannot be taken apart."""
+
+
+def boxed(cell: Cell) -> np.ndarray:
+    """Return a box of no dimensions, which holds one cell."""
+    box = np.empty((), object)
+    box[()] = cell
+    return box
+
+
+def cells(values: Any) -> np.ndarray:
+    """Return an array of plain numbers as cells of (1, 1)."""
+    values = np.asarray(values)
+    out = np.empty(values.shape, object)
+    for at in np.ndindex(values.shape):
+        out[at] = np.asarray(values[at]).reshape(1, 1)
+    return out
+
+
+def plain(x: np.ndarray) -> bool:
+    """Return whether every cell of a box is one number known beforehand."""
+    return all(isinstance(c, np.ndarray) and c.size == 1 for c in x.ravel())
+
+
+def unboxed(x: np.ndarray) -> np.ndarray:
+    """Return the numbers of a plain box."""
+    if x.size == 0:
+        return np.zeros(x.shape)
+    return np.array([c.item() for c in x.ravel()], x.ravel()[0].dtype).reshape(x.shape)
+
+
+def uniform(cell: Cell) -> Cell:
+    """Return a known cell that is the same everywhere as one number."""
+    if isinstance(cell, np.ndarray) and cell.size > 1:
+        first = cell[:1, :1]
+        if np.array_equal(cell, np.broadcast_to(first, cell.shape), equal_nan=True):
+            return first
+    return cell
+
+
+def number(cell: Cell) -> float | None:
+    """Return the number a cell is everywhere, if that is known."""
+    if isinstance(cell, np.ndarray) and cell.size == 1:
+        return float(cell.item())
+    return None
+
+
+def identity(cell: Cell) -> Any:
+    """Return what two cells share if they are the same."""
+    if isinstance(cell, np.ndarray) and cell.size == 1:
+        return cell.dtype.str, cell.item()
+    return id(cell)

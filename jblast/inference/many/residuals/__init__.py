@@ -1,1 +1,0 @@
-"""Residuals of a batch of logs, row program by row program."""

@@ -1,1 +1,0 @@
-"""Levenberg-Marquardt over lanes: quadratic model, trust region, robust loss."""

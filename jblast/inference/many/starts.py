@@ -1,0 +1,348 @@
+r"""Starting points of a batch of fits: given, in closed form, or drawn from the prior.
+
+Closed form: the air shock arrives later than the ground wave by a time $d$ that does
+not depend on any clock. At a reference mass the laws give the range $R$ of each $d$; at
+another mass they give $\sqrt{s}\,R$, with nearly the same $s$ for all sensors. Then,
+with sensors at $x_i$,
+$$|x|^2 - 2 x \cdot x_i + |x_i|^2 = s R_i^2$$
+is linear in $x$, $|x|^2$ and $s$: position and mass follow from four sensors or more.
+
+Draws of the prior: the layout is the same for all logs, so a reference set of points is
+drawn once (as in `inference.mode.starts`) and its readings are predicted. A log starts
+from the points whose readings are nearest to its own, in standard deviations. A free
+origin time is left out of the comparison, and set to make the log's mean lateness zero.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from jblast.errors import InputError
+from jblast.inference.many.lanes import gather_lanes
+from jblast.inference.many.residuals import LaneRows
+from jblast.inference.mode.starts import starts
+from jblast.inference.posterior.posterior import Posterior
+from jblast.observations import CLOCK_TIMES
+from jblast.scene import Free, Scene, with_values
+from jblast.scene.uncertain import value_of
+from jblast.sensors import Layout
+from jblast.sensors.record import record
+
+Z = Float[Array, "free lane"]
+SOUGHT = {"charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"}
+DEGREE = 5
+NEAR, FAR = 0.02, 4.0
+"""The laws are fitted for ranges between these multiples of the layout's size."""
+LARGEST = 1e3
+"""$s$ is kept between one over this and this."""
+REFERENCE_DRAWS = 64
+"""Size of the reference set."""
+AT_ONCE = 4096
+"""Logs compared with it together: what stays in a cache."""
+
+
+class ReferenceSet(NamedTuple):
+    """Places, and what would be read of them.
+
+    Attributes:
+        z: Places.
+        projected: Readings in standard deviations, without what an origin time adds.
+        half_square: Half of their squared length.
+        weight: What turns a log's readings into the same.
+        late: Mean lateness of a log's readings.
+        late_of_place: And of the places'.
+        clock: 1 for the coordinate that is the origin time.
+    """
+
+    z: Float[Array, "place free"]
+    projected: Float[Array, "row place"]
+    half_square: Float[Array, " place"]
+    weight: Float[Array, "row row"]
+    late: Float[Array, " row"]
+    late_of_place: Float[Array, " place"]
+    clock: Float[Array, " free"]
+
+    def nearest(
+        self, measured: Float[Array, "row lane"], skipped: int = 0
+    ) -> Float[Array, "free lane"]:
+        """Return the places nearest to logs, but for so many that are nearer."""
+        return jax.lax.map(
+            lambda log: self._nearest(log, skipped), measured.T, batch_size=AT_ONCE
+        ).T
+
+    def _nearest(self, log: Float[Array, " row"], skipped: int):
+        away = self.half_square - (self.weight @ log) @ self.projected
+        for _ in range(skipped):
+            away = away.at[jnp.argmin(away)].set(jnp.inf)
+        best = jnp.argmin(away)
+        return self.z[best] + self.clock * (self.late @ log - self.late_of_place[best])
+
+
+def reference_set(
+    key: PRNGKeyArray,
+    posterior: Posterior,
+    rows: LaneRows,
+    sigma: Float[np.ndarray, " row"],
+    count: int = REFERENCE_DRAWS,
+) -> ReferenceSet:
+    """Draw a reference set.
+
+    Args:
+        key: Random key.
+        posterior: Of any log of the layout.
+        rows: The layout.
+        sigma: Instrument errors of a typical log.
+        count: How many places.
+    """
+    z = starts(key, posterior, count)
+    misfit = jax.vmap(posterior.misfit)(z)
+    scale = np.hypot(sigma, np.median(np.asarray(misfit.sd), axis=0))
+    readings = rows.to_error_scale(misfit.predicted)
+    good = np.isfinite(np.asarray(readings)).all(axis=0)
+    z, readings = z[good], readings[:, good]
+    timed = np.isin(rows.layout.quantity, CLOCK_TIMES)
+    clock = [
+        name == "origin_time_s" and isinstance(belief, Free)
+        for name, belief in zip(
+            rows.parameters.names, rows.parameters.beliefs, strict=True
+        )
+    ]
+    late = timed / scale**2
+    late = late / late.sum() if any(clock) and timed.any() else 0 * late
+    weight = (np.eye(scale.size) - timed[:, None] * late[None, :]) / scale[:, None]
+    projected = weight @ np.asarray(readings)
+    # of no device in particular, whatever drew them: lanes may lie on another
+    return ReferenceSet(
+        *map(
+            jnp.asarray,
+            (
+                np.asarray(z),
+                projected,
+                0.5 * np.sum(projected**2, axis=0),
+                weight,
+                late,
+                late @ np.asarray(readings),
+                np.array(clock, float),
+            ),
+        ),
+    )
+
+
+class Starts(NamedTuple):
+    """Where tries of logs begin.
+
+    Attributes:
+        given: Places by try, if the caller gives them.
+        in_closed_form: Whether the first try begins where the loop itself does.
+        reference_set: Draws it, once it is needed.
+    """
+
+    given: Float[Array, "try free log"] | None
+    in_closed_form: bool
+    reference_set: Callable[[], ReferenceSet]
+
+    def at(
+        self, which: int, measured: Float[Array, "row lane"], lanes: np.ndarray
+    ) -> Z:
+        """Return where some logs begin again.
+
+        Args:
+            which: The number of the try, 1 or more.
+            measured: Readings of these logs.
+            lanes: Which logs they are.
+        """
+        if self.given is not None:
+            return gather_lanes(self.given[which], lanes)
+        return _nearest(self.reference_set(), measured, which - self.in_closed_form)
+
+    def first(self, measured: Float[Array, "row lane"]) -> Z | None:
+        """Return where all logs begin, nothing for the closed form."""
+        if self.given is not None:
+            return self.given[0]
+        return (
+            None if self.in_closed_form else _nearest(self.reference_set(), measured, 0)
+        )
+
+
+@functools.partial(jax.jit, static_argnums=2)
+def _nearest(references: ReferenceSet, measured, skipped: int) -> Z:
+    return references.nearest(measured, skipped)
+
+
+def given_starts(starts, logs: int, free: int) -> Float[Array, "try free log"]:
+    """Return starts as the engine has them.
+
+    Raises:
+        InputError: They are not (log, free) or (try, log, free).
+    """
+    starts = jnp.asarray(starts)
+    if starts.shape[-2:] != (logs, free) or starts.ndim not in (2, 3):
+        raise InputError(
+            f"starts: expected ({logs}, {free}), or as many for each try, "
+            f"got {starts.shape}"
+        )
+    return jnp.moveaxis(starts.reshape(-1, logs, free), 2, 1)
+
+
+class ClosedForm(NamedTuple):
+    r"""What a layout needs for the solve; see the top of this file.
+
+    Attributes:
+        late, early: The rows whose difference is $d$, for each sensor.
+        square_range: Polynomial of $\ln R^2$ in $\ln d$, highest power first.
+        early_time: Polynomial of ln of the earlier travel time in $\ln R^2$.
+        exponent: Of $s$ in the mass.
+        mass: The mass of reference [kg].
+        place: Sensors, in the plane.
+        solve: What gives $x$ from $s R_i^2 - |x_i|^2$.
+        rest: What of it no $x$ explains.
+    """
+
+    late: np.ndarray
+    early: np.ndarray
+    square_range: np.ndarray
+    early_time: np.ndarray
+    exponent: float
+    mass: float
+    place: np.ndarray
+    solve: np.ndarray
+    rest: np.ndarray
+
+    def start(
+        self, rows: LaneRows, measured: Float[Array, "row lane"]
+    ) -> Float[Array, "free lane"]:
+        """Return where to start."""
+        d = jnp.stack(
+            [
+                measured[a] - measured[g]
+                for a, g in zip(self.late, self.early, strict=True)
+            ]
+        )
+        ln_d = jnp.log(jnp.maximum(d, 1e-9))
+        square = jnp.exp(_polynomial(self.square_range, ln_d))
+        rest = self.rest.astype(square.dtype)
+        known = np.sum(self.place**2, axis=1).astype(square.dtype)
+        s = jnp.ones_like(square[0])
+        if "charge_mass_kg" in rows.parameters.names:
+            bent = _product(rest, square)
+            s = jnp.sum(bent * (rest @ known)[:, None], axis=0)
+            s = jnp.clip(s / jnp.sum(bent * bent, axis=0), 1 / LARGEST, LARGEST)
+        square = square * s[None, :]
+        x = _product(self.solve.astype(square.dtype), square - known[:, None])
+        numbers = {
+            "charge_mass_kg": self.mass * s ** (1 / self.exponent),
+            "charge_east_m": x[0],
+            "charge_north_m": x[1],
+        }
+        away = self.place.astype(square.dtype)[:, :, None] - x[None, :2]
+        ln_square = jnp.log(jnp.maximum(jnp.sum(away * away, axis=1), 1e-6))
+        travel = jnp.exp(_polynomial(self.early_time, ln_square))
+        first = jnp.stack([measured[g] for g in self.early])
+        numbers["origin_time_s"] = jnp.mean(first - travel, axis=0)
+        beliefs = zip(rows.parameters.names, rows.parameters.beliefs, strict=True)
+        return jnp.stack([b.unconstrain(numbers[name]) for name, b in beliefs])
+
+
+def closed_form(rows: LaneRows) -> ClosedForm | None:
+    """Prepare the solve; None where it does not apply.
+
+    It needs one charge at an unknown place in the plane, air and ground arrivals at
+    four places or more that do not lie in one line, and nothing unknown besides mass
+    and origin time.
+    """
+    names, layout, scene = rows.parameters.names, rows.layout, rows.parameters.scene
+    if not {"charge_east_m", "charge_north_m"} <= set(names) <= SOUGHT or scene.others:
+        return None
+    if np.isfinite(np.asarray(layout.slant_range)).any():
+        return None
+    place = np.asarray(layout.position)
+    early = {
+        place[row].tobytes(): row
+        for row, quantity in enumerate(layout.quantity)
+        if quantity == "ground_arrival_s"
+    }
+    pairs = [
+        (row, early[place[row].tobytes()])
+        for row, quantity in enumerate(layout.quantity)
+        if quantity == "air_arrival_s" and place[row].tobytes() in early
+    ]
+    if len(pairs) < 4:
+        return None
+    at = place[[late for late, _ in pairs]][:, :2]
+    system = np.column_stack([-2 * at, np.ones(len(at))])
+    values = np.linalg.svd(at - at.mean(axis=0))[1]
+    if values[1] < 0.05 * values[0]:
+        return None
+    size = float(np.linalg.norm(np.ptp(at, axis=0)))
+    ranges = size * np.geomspace(NEAR, FAR, 60)
+    known = value_of(scene, "charge_mass_kg")
+    mass = 1.0 if known is None or not known > 0 else float(known)
+    ln_d, ln_early = _travel(rows, scene, ranges, mass)
+    ln_square = 2 * np.log(ranges)
+    if not (np.isfinite(ln_d).all() and (np.diff(ln_d) > 0).all()):
+        return None
+    more = np.interp(ln_d, _travel(rows, scene, ranges, 2 * mass)[0], ln_square)
+    inverse = np.linalg.pinv(system)
+    late, early_rows = np.array(pairs).T
+    return ClosedForm(
+        late=late,
+        early=early_rows,
+        square_range=np.polyfit(ln_d, ln_square, DEGREE),
+        early_time=np.polyfit(ln_square, ln_early, DEGREE),
+        exponent=float(np.mean((more - ln_square)[20:40]) / np.log(2)),
+        mass=mass,
+        place=at,
+        solve=inverse[:2],
+        rest=np.eye(len(at)) - system @ inverse,
+    )
+
+
+def _travel(rows: LaneRows, scene: Scene, ranges: np.ndarray, mass: float):
+    """Return ln of air minus ground, and ln of ground, travel times by range."""
+    numbers = {"charge_mass_kg": mass, "charge_east_m": 0.0, "charge_north_m": 0.0}
+    scene = with_values(scene, numbers | {"origin_time_s": 0.0})
+    n = ranges.size
+    place = np.zeros((n, 3))
+    place[:, 0] = ranges
+
+    def times(quantity: str) -> np.ndarray:
+        layout = Layout(
+            quantity=(quantity,) * n,
+            position=jnp.asarray(place),
+            slant_range=jnp.full(n, jnp.nan),
+            time=jnp.full(n, jnp.nan),
+            group=(0,) * n,
+            shot=(0,) * n,
+            clock=("",) * n,
+        )
+        value = jax.jit(lambda s: record(s, layout, dict(rows.laws)).value)(scene)
+        return np.asarray(value)
+
+    air, ground = times("air_arrival_s"), times("ground_arrival_s")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.log(air - ground), np.log(ground)
+
+
+def _polynomial(coefficients: np.ndarray, x: Array) -> Array:
+    total = jnp.full_like(x, coefficients[0])
+    for c in coefficients[1:]:
+        total = total * x + float(c)
+    return total
+
+
+def _product(matrix: np.ndarray, x: Array) -> Array:
+    """Multiply lanes by a small matrix, written out."""
+    return jnp.stack(
+        [
+            sum(
+                (float(c) * x[j] for j, c in enumerate(row)),
+                start=jnp.zeros_like(x[0]),
+            )
+            for row in matrix
+        ]
+    )

@@ -1,1 +1,0 @@
-"""Where the searches of a batch begin."""

@@ -1,0 +1,563 @@
+"""Warnings about a log: implausible rows, and mistakes that would explain them.
+
+A warning never stops a fit. Checks of clocks, positions and errors need no physics.
+Three checks compare rows with blasts of any mass:
+
+- magnitudes: a reading that no mass gives at its distance, a peak that rises with
+  distance, a shock radius that shrinks;
+- speeds: the front runs at the speed of sound or faster. So a wave from anywhere
+  reaches two positions at most $d / (c - w)$ apart in time, $d$ their distance, $c$ the
+  speed of sound in the coldest air and $w$ a wind against the wave. From a known charge
+  it takes no longer than that, and no less than a law gives next to the charge;
+- consensus: a row that disagrees with the blast on which most rows of its shot agree
+  (see `consensus`).
+
+For rows that disagree, common mistakes are tried: exchanged coordinates, a wrong sign
+or unit of a position, a clock in another time zone, another unit of a reading or of all
+readings of a quantity. One that brings the rows into agreement is named in the warning.
+The log is not changed.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jblast.constants import AIR_HEAT_CAPACITY_RATIO, DRY_AIR_GAS_CONSTANT
+from jblast.inference.consensus import (
+    CLOCK_STEP,
+    FAR,
+    LARGEST,
+    SMALLEST,
+    WITH_MASS,
+    Agreement,
+    Readings,
+    ScaledLaws,
+    at_place,
+    readings_of,
+    scaled_laws,
+    supposed_blast,
+)
+from jblast.observations import Observations, some_rows
+from jblast.observations.check import (
+    Doubt,
+    clocks_doubted,
+    degrees_swapped,
+    places_doubted,
+    sigmas_doubted,
+)
+from jblast.observations.scenes import for_log
+from jblast.quantities import QUANTITIES, TIMED
+from jblast.scene import Charge, UncertainScene
+from jblast.waves.fireball import LARGEST_RADIUS
+
+OF_ALL = ("not_at_the_origin", "not_at_time_0", "clock_of_one_row")
+"""Doubts that say nothing against a row."""
+TWO_SIDED: Mapping[str, str] = {
+    "too_slow_between": "the other arrival",
+    "peak_rises": "the nearer peak",
+    "two_sensors_at_one_place": "the other sensor",
+    "sensor_at_two_places": "its first place",
+    "radius_shrinks": "the radius before",
+}
+"""Doubts about one row by another one, which is not doubted itself."""
+IN_THE_FIREBALL = 1e4
+"""Within the fireball of more than this [kg] nobody sets a gauge (declared)."""
+RISES = 2.0
+"""A radius this much smaller later is no scatter of records (10 to 20 %)."""
+SCATTER = 0.17
+"""Scatter of one recorded peak about the level of its shot, up to Z = 200 [ln]:
+Student-t with 4 degrees of freedom, scale 0.12 (`calibration/far_pressure.py`)."""
+BEYOND = 3.0
+"""Standard deviations of a difference of two peaks past which it is no scatter."""
+FARTHER = 1.3
+"""Ranges nearer to each other than this ratio are not compared."""
+COLDEST = 222.15
+"""Severe cold [K]: -51 C, climatic category C3 of MIL-STD-810."""
+GALE = 20.7
+"""Wind in which nobody measures blasts [m/s]: the upper end of Beaufort 8 (WMO)."""
+SLOWEST = float(
+    np.sqrt(AIR_HEAT_CAPACITY_RATIO * DRY_AIR_GAS_CONSTANT * COLDEST) - GALE
+)
+"""Of a wave in air near the ground [m/s]: 278."""
+SLOWEST_FAR = 180.0
+"""Past `FAR`, through the thermosphere [m/s]: the least celerity of infrasound
+(Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
+MOST = 1000
+"""Arrivals that are compared, each with each."""
+POUND_FORCE_PER_INCH2 = 6894.757
+"""A psi in pascals: NIST SP 811 (2008), appendix B."""
+FOOT = 0.3048
+"""In metres, exact: NIST SP 811 (2008), appendix B."""
+HALF_HOUR = 1800.0
+"""Zones of time differ by whole quarters of an hour, nearly all by halves."""
+LATEST = 26 * 3600.0
+"""The largest difference of two zones (UTC-12 and UTC+14) [s]."""
+PRICE = 3
+"""Of a slip, in numbers that are found from the rows: that of a row that is off."""
+_MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
+_PSI = {
+    "psi written as kPa": 1e3 / POUND_FORCE_PER_INCH2,
+    "kPa written as psi": POUND_FORCE_PER_INCH2 / 1e3,
+    "psi written as Pa": 1 / POUND_FORCE_PER_INCH2,
+    "Pa written as psi": POUND_FORCE_PER_INCH2,
+}
+_PRESSURE = {"mbar written as Pa": 1e-2, "Pa written as mbar": 1e2}
+_BAR = {"bar written as Pa": 1e-5, "Pa written as bar": 1e5}
+_TIME = {"minutes written as seconds": 1 / 60, "seconds written as minutes": 60.0}
+FACTORS: dict[str, dict[str, float]] = {
+    "pressure": {**_MILLI, **_PSI, **_PRESSURE, **_BAR},
+    "impulse": {**_MILLI, **_PSI},
+    "duration": {**_MILLI, **_TIME},
+    "arrival": {**_MILLI, **_TIME},
+}
+"""By kind of quantity: what a value with the wrong unit is to the right one."""
+NEAR = 0.6
+"""What a slip may leave, as a share of what is allowed: a psi is 6.9 kPa."""
+
+
+def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
+    """Return what is odd about a log: nothing that stops a fit, all worth a look.
+
+    Rows are held against blasts of any mass, where the scene has the charge; without a
+    scene, or where its place is free, from anywhere. A row is doubted once.
+
+    Args:
+        observations: The log; its places filled in from the scene (`resolve_positions`)
+            if they can be.
+        uncertain: The scene.
+
+    Returns:
+        Doubts in the order of the log's lines.
+    """
+    with np.errstate(all="ignore"):  # past all numbers is far off, and nothing else
+        found = [
+            *degrees_swapped(observations),
+            *clocks_doubted(observations),
+            *_physical(observations, uncertain),
+            *places_doubted(observations),
+            *sigmas_doubted(observations),
+            *radii_doubted(observations),
+        ]
+    return sorted(_once(found), key=lambda doubt: doubt.rows[0])
+
+
+def _physical(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
+    """Return what no blast explains, shot by shot."""
+    doubted = []
+    laws = scaled_laws(uncertain.scene)
+    for rows, charge, label in _shots(observations, uncertain):
+        its = for_log(uncertain, some_rows(observations, rows))
+        readings = readings_of(observations, its.scene, rows, its.beliefs)
+        if len(readings.row):
+            doubted += _of_shot(observations, readings, laws, charge, its, label)
+    return doubted
+
+
+def _shots(observations: Observations, uncertain: UncertainScene):
+    """Yield the rows of each shot, its charge, and what names of the scene end in."""
+    scene = uncertain.scene
+    named = {charge.name: charge for charge in scene.charges}
+    shots = np.array(observations.shot)
+    for shot in dict.fromkeys(observations.shot):
+        charge = named.get(shot, scene.charge) if scene.others else scene.charge
+        yield np.flatnonzero(shots == shot), charge, scene.label(charge)
+
+
+def _of_shot(
+    observations: Observations,
+    readings: Readings,
+    laws: ScaledLaws,
+    charge: Charge,
+    uncertain: UncertainScene,
+    label: str,
+) -> list[Doubt]:
+    """Return what is odd about the rows of one shot."""
+    supposed = supposed_blast(readings, laws, charge, uncertain, label)
+    readings, found = supposed.readings, supposed.found
+    if supposed.said is not None:
+        column = slip_of_quantity(readings, laws, supposed.said, supposed.said_origin)
+        if column is not None:
+            return [column, *slow_between(readings)]
+    doubted = [supposed.doubt] if supposed.doubt else []
+    if found is not None and found.holds():
+        doubted += _named(observations, readings, laws, found)
+    elif found is not None and not doubted:
+        doubted += _divided(readings, found)
+    return [
+        *doubted,
+        *speeds_doubted(readings, laws, supposed.distance, supposed.origin),
+        *magnitudes_doubted(readings, laws, supposed.distance),
+        *rising_peaks(readings, supposed.distance),
+        *slow_between(readings),
+    ]
+
+
+def _named(
+    observations: Observations, readings: Readings, laws: ScaledLaws, found: Agreement
+) -> list[Doubt]:
+    """Name the slip of each row that is off, or say that it is off."""
+    off = np.flatnonzero(found.off & found.checkable)
+    doubted, done = [], set()
+    by_sensor: dict[str, list[int]] = {}
+    for i, row in enumerate(readings.row):
+        by_sensor.setdefault(observations.sensor[row], []).append(i)
+    for i in off:
+        sensor = observations.sensor[readings.row[i]]
+        its = by_sensor[sensor]
+        if i in done:
+            continue
+        bad = [j for j in its if found.off[j] and found.checkable[j]]
+        rows = tuple(int(readings.row[j]) for j in bad)
+        late = slip_of_clock(readings, found, its)
+        if late:
+            timed = [j for j in bad if readings.timed[j]]
+            of = tuple(int(readings.row[j]) for j in timed)
+            doubted.append(
+                Doubt("clock_of_another_zone", of, {"late_s": late}, (sensor,))
+            )
+            done.update(timed)
+            if i in done:
+                continue
+        moved = slip_of_sensor(readings, laws, found, its)
+        if moved is not None and len(bad) == len(its):
+            kind, east, north = moved
+            doubted.append(
+                Doubt(kind, rows, {"east_m": east, "north_m": north}, (sensor,))
+            )
+            done.update(bad)
+            continue
+        doubted.append(_off(readings, laws, found, int(i)))
+    return doubted
+
+
+def _off(readings: Readings, laws: ScaledLaws, found: Agreement, i: int) -> Doubt:
+    """Name the unit of one row, or say how far it is off."""
+    row, quantity = (int(readings.row[i]),), readings.quantity[i]
+    slip = slip_of_value(readings, laws, found, i)
+    numbers = {"mass_kg": found.mass}
+    if slip is not None:
+        name, factor = slip
+        return Doubt("unit_slip", row, numbers | {"factor": factor}, (quantity, name))
+    residual = float(found.residual[i])
+    if readings.timed[i]:
+        return Doubt("off_in_time", row, numbers | {"late_s": residual}, (quantity,))
+    ratio = {"ratio": float(np.exp(residual))}
+    return Doubt("off_by_factor", row, numbers | ratio, (quantity,))
+
+
+def _divided(readings: Readings, found: Agreement) -> list[Doubt]:
+    """Say that the rows of a shot are of no one blast, where none can be blamed."""
+    checkable = int(found.checkable.sum())
+    agree = int((found.checkable & ~found.off).sum())
+    if checkable < 2 or agree == checkable:
+        return []
+    off = np.flatnonzero(found.off & found.checkable)
+    rows = tuple(int(readings.row[i]) for i in off)
+    return [
+        Doubt(
+            "of_no_one_blast", rows, {"agree": float(agree), "rows": float(checkable)}
+        )
+    ]
+
+
+def _once(found: list[Doubt]) -> list[Doubt]:
+    """Keep one doubt a row, the first, which names most; none by a doubted row."""
+    seen: set[int] = set()
+    kept = []
+    for doubt in found:
+        if doubt.kind in OF_ALL:
+            kept.append(doubt)
+        elif not seen & set(doubt.rows):
+            kept.append(doubt)
+            seen.update(doubt.rows if doubt.kind not in TWO_SIDED else doubt.rows[:1])
+    return kept
+
+
+def magnitudes_doubted(
+    readings: Readings, laws: ScaledLaws, distance: Float[np.ndarray, " n"]
+) -> list[Doubt]:
+    """Return readings that need a charge that there is not, or one they stand in.
+
+    Args:
+        readings: The rows of a shot.
+        laws: Of a kilogram.
+        distance: From the charge of each [m]; NaN where it is not known.
+    """
+    found, timed = [], readings.timed
+    for i, quantity in enumerate(readings.quantity):
+        if timed[i] or readings.bound[i]:
+            continue
+        at, value = float(distance[i]), float(np.exp(readings.value[i]))
+        row = (int(readings.row[i]),)
+        if not at > 0:  # of an unknown place: what a law gives next to the charge
+            if quantity not in WITH_MASS and value > laws.largest(quantity, 1.0):
+                numbers = {"value": value, "largest": laws.largest(quantity, 1.0)}
+                found.append(Doubt("no_mass_gives_it", row, numbers, (quantity,)))
+            continue
+        masses = laws.masses(quantity, value, at)
+        numbers = {"value": value, "distance_m": at}
+        if not masses.size:
+            numbers["largest"] = laws.largest(quantity, at)
+            found.append(Doubt("no_mass_gives_it", row, numbers, (quantity,)))
+            continue
+        mass = float(masses.min())
+        reach = LARGEST_RADIUS * float(np.cbrt(mass))
+        numbers |= {"mass_kg": mass, "fireball_m": reach}
+        if mass > LARGEST or masses.max() < SMALLEST:
+            found.append(Doubt("mass_of_no_blast", row, numbers, (quantity,)))
+        elif reach > at and mass > IN_THE_FIREBALL:
+            found.append(Doubt("in_the_fireball", row, numbers, (quantity,)))
+    return found
+
+
+def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[Doubt]:
+    """Return peaks that are larger than one taken nearer to the charge, one a kind.
+
+    A peak falls at least as 1/R, as sound does; a shock falls faster. So what has to be
+    explained by scatter is the rise of peak times distance. A reflected reading is 2 to
+    8 times an incident one.
+    """
+    found = []
+    for quantity in ("peak_overpressure_pa", "reflected_pressure_pa"):
+        kind = np.array([q == quantity for q in readings.quantity], bool)
+        here = np.flatnonzero(kind & ~readings.bound & ~np.isnan(distance))
+        here = here[np.argsort(distance[here], kind="stable")]
+        if not here.size:
+            continue
+        far, value, error = distance[here], readings.value[here], readings.error[here]
+        spread = value + np.log(np.maximum(far, np.finfo(float).tiny))
+        least = np.minimum.accumulate(spread)  # of all that are nearer, and its place
+        at = np.maximum.accumulate(np.where(spread == least, np.arange(len(here)), 0))
+        nearer = np.searchsorted(far, far / FARTHER, side="left") - 1
+        low = at[np.maximum(nearer, 0)]
+        allowed = BEYOND * np.sqrt(2.0) * SCATTER + np.hypot(error, error[low])
+        rises = (value > value[low]) & (spread - spread[low] > allowed)
+        rising = np.flatnonzero((nearer >= 0) & rises)
+        if rising.size:
+            j, i = int(rising[0]), int(low[rising[0]])
+            numbers = {
+                "value": float(np.exp(value[j])),
+                "distance_m": float(far[j]),
+                "nearer": float(np.exp(value[i])),
+                "nearer_m": float(far[i]),
+            }
+            rows = int(readings.row[here[j]]), int(readings.row[here[i]])
+            found.append(Doubt("peak_rises", rows, numbers, (quantity,)))
+    return found
+
+
+def radii_doubted(observations: Observations) -> list[Doubt]:
+    """Return radii of one sensor that shrink while time goes on."""
+    found = []
+    rows: dict[tuple[str, str, str], list[int]] = {}
+    for row, quantity in enumerate(observations.quantity):
+        if quantity == "shock_radius_m" and quantity in TIMED:
+            key = observations.sensor[row], quantity, observations.shot[row]
+            rows.setdefault(key, []).append(row)
+    for its in rows.values():
+        its.sort(key=lambda row: observations.time[row])
+        for early, late in pairwise(its):
+            if RISES * observations.value[late] < observations.value[early]:
+                numbers = {
+                    "value": float(observations.value[late]),
+                    "before": float(observations.value[early]),
+                }
+                found.append(Doubt("radius_shrinks", (late, early), numbers))
+                break
+    return found
+
+
+def slow_between(readings: Readings) -> list[Doubt]:
+    """Return arrivals that are too far apart in time for their places.
+
+    Of those that contradict most others, one after another.
+    """
+    air = np.array([q == "air_arrival_s" for q in readings.quantity], bool)
+    here = np.flatnonzero(air & ~np.isnan(readings.position).any(axis=1))[:MOST]
+    if len(here) < 2:
+        return []
+    place, time = readings.position[here], readings.value[here]
+    apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
+    late = np.abs(time[:, None] - time[None])
+    error = np.hypot(readings.error[here][:, None], readings.error[here][None])
+    slowest = np.where(apart > FAR, SLOWEST_FAR, SLOWEST)
+    bad = late > apart / slowest + error + CLOCK_STEP
+    bad &= readings.clock[here][:, None] == readings.clock[here][None]
+    found = []
+    while bad.any():
+        worst = int(np.argmax(bad.sum(axis=1)))
+        # of two that contradict each other alone, the later is named first
+        partners = np.flatnonzero(bad[worst])
+        other = int(partners[np.argmax(late[worst, partners])])
+        rows = int(readings.row[here[worst]]), int(readings.row[here[other]])
+        numbers = {
+            "late_s": float(late[worst, other]),
+            "apart_m": float(apart[worst, other]),
+            "slowest_m_s": float(slowest[worst, other]),
+        }
+        found.append(Doubt("too_slow_between", rows, numbers))
+        bad[worst] = bad[:, worst] = False
+    return found
+
+
+def speeds_doubted(
+    readings: Readings,
+    laws: ScaledLaws,
+    distance: Float[np.ndarray, " n"],
+    origin: float | None,
+) -> list[Doubt]:
+    """Return arrivals that are too late or too early for their distances.
+
+    Args:
+        readings: The rows of a shot.
+        laws: Of a kilogram.
+        distance: From the charge of each [m].
+        origin: Time of the shot on the common clock [s], where no flash tells it; None:
+            not known.
+    """
+    seen = {
+        int(readings.clock[i]): float(readings.value[i])
+        for i, quantity in enumerate(readings.quantity)
+        if quantity == "flash_time_s"
+    }
+    start = seen if origin is None else {0: origin} | seen
+    fastest = laws.fastest()
+    found: list[Doubt] = []
+    for i, quantity in enumerate(readings.quantity):
+        begun = start.get(int(readings.clock[i]))
+        if quantity != "air_arrival_s" or begun is None or not distance[i] > 0:
+            continue
+        if seen.get(int(readings.clock[i]), -np.inf) > readings.value[i]:
+            continue  # before the flash: that is said already
+        took, error = readings.value[i] - begun, readings.error[i] + CLOCK_STEP
+        slowest = SLOWEST_FAR if distance[i] > FAR else SLOWEST
+        kind = ""
+        if took - error > distance[i] / slowest:
+            kind = "too_slow"
+        elif took + error < distance[i] / fastest:
+            kind = "too_fast"
+        if kind:
+            numbers = {
+                "took_s": float(took),
+                "distance_m": float(distance[i]),
+                "slowest_m_s": slowest,
+                "fastest_m_s": fastest,
+            }
+            found.append(Doubt(kind, (int(readings.row[i]),), numbers))
+    return found
+
+
+def slip_of_sensor(
+    readings: Readings, laws: ScaledLaws, found: Agreement, sensor: list[int]
+) -> tuple[str, float, float] | None:
+    """Name the slip of a sensor's place that makes all its rows agree.
+
+    Args:
+        readings: The rows of the shot.
+        laws: Of a kilogram.
+        found: The blast that the others agree on.
+        sensor: Which readings are the sensor's.
+
+    Returns:
+        The kind of slip, east and north as they would be [m]; None if there is none.
+    """
+    at = readings.position[sensor[0]]
+    if np.isnan(at).any() or not found.off[sensor].any():
+        return None
+    others = {
+        "east_north_swapped": at[[1, 0, 2]],
+        "place_in_feet": at * FOOT,
+        "place_in_km": at * 1e3,
+        "sign_of_east": at * [-1, 1, 1],
+        "sign_of_north": at * [1, -1, 1],
+    }
+    for kind, place in others.items():
+        if np.linalg.norm(place - at) < 1.0:
+            continue
+        its = readings.only(np.array(sensor))
+        its = its.but(position=np.broadcast_to(place, its.position.shape))
+        score = _scores(its, laws, found, found.offset[sensor])
+        if (np.abs(score) <= NEAR).all():
+            return kind, float(place[0]), float(place[1])
+    return None
+
+
+def slip_of_clock(readings: Readings, found: Agreement, rows: list[int]) -> float:
+    """Return by how many seconds a sensor's clock is off, if that is a zone's; or 0."""
+    off = [i for i in rows if readings.timed[i] and found.off[i]]
+    if not off:
+        return 0.0
+    late = found.residual[off]
+    steps = np.round(late / HALF_HOUR)
+    same = (steps == steps[0]).all() and 0 < abs(steps[0]) * HALF_HOUR <= LATEST
+    travel = np.abs(late - steps * HALF_HOUR)
+    return float(steps[0] * HALF_HOUR) if same and (travel < 60.0).all() else 0.0
+
+
+def slip_of_value(
+    readings: Readings, laws: ScaledLaws, found: Agreement, i: int
+) -> tuple[str, float] | None:
+    """Name the unit in which a reading would agree, and its factor; None if in none."""
+    its = readings.only(np.array([i]))
+    best: tuple[float, str, float] | None = None
+    for name, factor in FACTORS.get(QUANTITIES[its.quantity[0]].kind, {}).items():
+        changed = _rescaled(its, np.array([True]), factor)
+        left = abs(float(_scores(changed, laws, found, found.offset[[i]])[0]))
+        if left <= NEAR and (best is None or left < best[0]):
+            best = left, name, factor
+    return best[1:] if best else None
+
+
+def slip_of_quantity(
+    readings: Readings,
+    laws: ScaledLaws,
+    before: Agreement,
+    origin: float | None,
+) -> Doubt | None:
+    """Name the unit in which all rows of one quantity would agree with the others."""
+    kinds = [q for q in dict.fromkeys(readings.quantity) if q != "flash_time_s"]
+    if len(kinds) < 2 or not before.off.any():
+        return None
+    for quantity, name, factor in _columns(kinds):
+        here = np.array([q == quantity for q in readings.quantity])
+        if here.sum() < 2:
+            continue
+        changed = _rescaled(readings, here, factor)
+        after = at_place(changed, laws, before.place, origin)
+        if after.all_agree() and after.price() + PRICE < before.price():
+            rows = tuple(int(row) for row in readings.row[here])
+            numbers = {"factor": factor}
+            return Doubt("units_of_a_quantity", rows, numbers, (quantity, name))
+    return None
+
+
+def _columns(kinds: list[str]) -> Iterator[tuple[str, str, float]]:
+    for quantity in kinds:
+        for name, factor in FACTORS.get(QUANTITIES[quantity].kind, {}).items():
+            yield quantity, name, factor
+
+
+def _rescaled(
+    readings: Readings, here: Bool[np.ndarray, " n"], factor: float
+) -> Readings:
+    value = readings.value.copy()
+    timed = readings.timed & here
+    value[timed] /= factor
+    value[here & ~timed] -= np.log(factor)
+    return readings.but(value=value)
+
+
+def _scores(
+    readings: Readings,
+    laws: ScaledLaws,
+    found: Agreement,
+    offset: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """Hold changed readings against the blast that was found, its clocks kept."""
+    place, mass = found.place[None], np.array([found.mass])
+    distance = readings.distances(place)
+    travelled = readings.travelled(laws, distance, mass)
+    allowed = readings.allowed(np.where(readings.timed, travelled, 0.0), distance)
+    return ((readings.value - travelled - offset) / allowed)[0]

@@ -1,0 +1,397 @@
+r"""The most probable numbers by least squares, and their uncertainty.
+
+Levenberg-Marquardt runs with fixed weights; the weights are then evaluated at its
+result, and so on until the result settles. The information of the record is $J^T J$ of
+the residuals there, in units of large changes. A direction in which it is less than
+`LEAST_INFORMATION` is a null direction: two large changes along it leave the record as
+it is. A weak pull to the start keeps such directions at the start; intervals are those
+of all others.
+
+A step solves $(J^T J + \lambda\,\mathrm{diag}\,J^T J)\,p = -J^T r$. Only $J^T J$ and
+$J^T r$ are stored, and the columns of $J$ are computed one after another, so a record's
+residuals are held twice and no more. The damping follows the ratio of actual to
+predicted gain (Nielsen 1999, IMM-REP-1999-05, from memory). The search ends where a
+full step would be shorter than `NEAR` standard deviations, $\sqrt{g^T A^{-1} g}$.
+
+For a camera, the rim of a fireball at another position than expected has no slope
+towards it, and clipped white has none at all: a search from afar can end where nothing
+fits. So the residual is evaluated at several points, up to a few large changes away,
+and a search begins at the best one, or at the next where that does not lead to a fit.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jblast.inference.tuning.unknowns import Unknown, tuned_value, with_tuned
+from jblast.scene import Scene
+
+LEAST_INFORMATION = 0.25
+"""Information on a large change, below which a direction counts as not told."""
+PULL = 1e-3
+"""Of the start: one over how many large changes away one standard deviation is."""
+MOST_ROUNDS = 12
+"""Of weights."""
+SETTLED = 0.02
+"""Standard deviations by which a place may still move from round to round."""
+MOST_STEPS = 100
+PLACES, TRIED = 96, 3
+"""Looked at, and begun from."""
+SPREAD = 0.7
+"""Of the places looked at: their standard deviation in large changes."""
+NEAR = 1e-3
+"""Standard deviations from the end at which a search stops."""
+AT_REST = 0.02
+"""Standard deviations: nearer than this, rounding may forbid the rest of the way."""
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e12
+"""Damping at first, at least, and where no step is left to try."""
+
+
+class Solution(NamedTuple):
+    """Where the search ended.
+
+    Attributes:
+        z: Coordinates.
+        record_information: What the record says of them, in large changes.
+        prior_information: What was believed, likewise.
+        rounds: Of weights.
+        converged: Whether it ended of itself.
+    """
+
+    z: Float[np.ndarray, " unknown"]
+    record_information: Float[np.ndarray, "unknown unknown"]
+    prior_information: Float[np.ndarray, "unknown unknown"]
+    rounds: int
+    converged: bool
+
+
+class Problem(eqx.Module):
+    """A record, a scene, and what is looked for.
+
+    Attributes:
+        evidence: What `SoundEvidence` is of sound: `index`, `weights`, `residuals`.
+        scene: Its numbers; those looked for are replaced.
+        unknowns: What is looked for.
+        start: Coordinates that a weak pull is towards.
+    """
+
+    evidence: Any
+    scene: Scene
+    unknowns: tuple[Unknown, ...]
+    start: Float[Array, " unknown"]
+
+    def scene_at(self, z: Float[Array, " unknown"]) -> Scene:
+        """Return the scene for some coordinates."""
+        values = {
+            one.name: one.belief.constrain(z[number])
+            for number, one in enumerate(self.unknowns)
+        }
+        return with_tuned(self.scene, self.evidence.index, values)
+
+    def steps(self) -> Float[Array, " unknown"]:
+        """Return a large change of each coordinate."""
+        return jnp.stack([one.step for one in self.unknowns])
+
+    def has_prior(self) -> Float[Array, " unknown"]:
+        """Return 1 for what something was believed of, else 0."""
+        return jnp.array([float(one.has_prior) for one in self.unknowns])
+
+
+def problem_from(evidence: Any, scene: Scene, unknowns: tuple[Unknown, ...]) -> Problem:
+    """Return the problem whose search begins at what a scene holds."""
+    start = []
+    for one in unknowns:
+        held = tuned_value(scene, evidence.index, one.name)
+        assert held is not None, "unknowns are filled in before"
+        start.append(one.belief.unconstrain(held))
+    return Problem(evidence, scene, unknowns, jnp.stack(start))
+
+
+def solve(
+    problem: Problem, begin: Float[np.ndarray, " unknown"] | None = None
+) -> Solution:
+    """Return the most probable numbers, searched from a place or from the start."""
+    # what the wave form misses at the start is no noise: it is explained first
+    begun = problem.start if begin is None else jnp.asarray(begin)
+    z, _ = _round(problem, begun, jnp.zeros(()))
+    converged, rounds = False, 0
+    for _ in range(MOST_ROUNDS):
+        rounds += 1
+        new, ended = _round(problem, z, jnp.ones(()))
+        known, believed = information(problem, new)
+        sd = _sds(np.asarray(known) + np.asarray(believed))
+        steps = np.asarray(problem.steps())
+        moved = np.abs(np.asarray(new - z)) / steps / sd
+        z = new
+        if not np.isfinite(np.asarray(z)).all():
+            break
+        if moved.max(initial=0.0) < SETTLED:
+            converged = bool(ended)
+            break
+    known, believed = information(problem, z)
+    return Solution(
+        np.asarray(z), np.asarray(known), np.asarray(believed), rounds, converged
+    )
+
+
+def _sds(known: Float[np.ndarray, "unknown unknown"]) -> Float[np.ndarray, " unknown"]:
+    """Return standard deviations in large changes, at most one of the pull."""
+    return np.sqrt(np.diag(np.linalg.inv(known + PULL**2 * np.eye(len(known)))))
+
+
+@eqx.filter_jit
+def _round(problem: Problem, z: Float[Array, " unknown"], share: Float[Array, ""]):
+    """Return where least squares end with the weights of a place, and whether.
+
+    Args:
+        problem: What is to be solved.
+        z: The place.
+        share: Of what tells of noise, all residuals but the first: 1, or 0 for none.
+    """
+    steps, has_prior = problem.steps(), problem.has_prior()
+    weights = problem.evidence.weights(problem.scene_at(z))
+
+    def residuals(y: Float[Array, " unknown"]):
+        z = y * steps
+        first, *rest = problem.evidence.residuals(problem.scene_at(z), weights)
+        data = first, [share * one for one in rest]
+        pull = PULL * (1.0 - has_prior) * (y - problem.start / steps)
+        return data, has_prior * z, pull
+
+    place, ended = least_squares(residuals, z / steps, most_steps=MOST_STEPS)
+    return place * steps, ended
+
+
+@eqx.filter_jit
+def information(
+    problem: Problem, z: Float[Array, " unknown"]
+) -> tuple[Float[Array, "unknown unknown"], Float[Array, "unknown unknown"]]:
+    """Return what the record and what priors say of large changes about a place."""
+    steps, has_prior = problem.steps(), problem.has_prior()
+    weights = problem.evidence.weights(problem.scene_at(z))
+
+    def residuals(y: Float[Array, " unknown"]):
+        data = problem.evidence.residuals(problem.scene_at(y * steps), weights)
+        return jax.tree.leaves(data)
+
+    count = z.size
+    rows = [slope.reshape(count, -1) for slope in columns(residuals, z / steps)]
+    known = sum((row @ row.T for row in rows), jnp.zeros((count, count)))
+    return known, jnp.diag(has_prior * jnp.square(steps))
+
+
+def parts_told(
+    information: Float[np.ndarray, "unknown unknown"],
+) -> tuple[Float[np.ndarray, "told unknown"], Float[np.ndarray, "null unknown"], Any]:
+    """Split directions by whether they are told.
+
+    Returns:
+        Those that are, those that are not, and the covariance in large changes; what
+        is not told counts as known to two of them, so that what hangs on it a little
+        is no surer than that.
+    """
+    values, vectors = np.linalg.eigh(information)
+    identified = values >= LEAST_INFORMATION
+    covariance = (vectors / np.maximum(values, LEAST_INFORMATION)) @ vectors.T
+    return vectors[:, identified].T, vectors[:, ~identified].T, covariance
+
+
+def names_of(unknowns: Sequence[Unknown]) -> tuple[str, ...]:
+    """Return the names of what is looked for."""
+    return tuple(one.name for one in unknowns)
+
+
+def widening(problem: Problem, z: Float[np.ndarray, " unknown"]) -> Any:
+    """Return by how much standard deviations widen where what is left goes together.
+
+    Residuals of one group (`evidence.groups`) need not be independent: rounding of
+    what changes little is alike in all of a frame, thresholds are in all events of a
+    pixel. What groups say together is counted, not supposed: $A^{-1} B A^{-1}$ with
+    $B$ the sum over groups of the square of the score (White 1980; Liang and Zeger
+    1986, both from memory), where that is more than $A^{-1}$.
+    """
+    known, believed = information(problem, jnp.asarray(z))
+    groups, count = problem.evidence.groups()
+    scores = np.asarray(_scores(problem, jnp.asarray(z), groups, count))
+    total = np.asarray(known) + np.asarray(believed)
+    _, _, covariance = parts_told(total)
+    together = covariance @ (scores @ scores.T) @ covariance
+    own, wide = np.diag(covariance), np.diag(together)
+    ratio = np.where(own > 0, wide / np.where(own > 0, own, 1.0), 1.0)
+    return np.sqrt(np.maximum(ratio, 1.0))
+
+
+@eqx.filter_jit
+def _scores(problem: Problem, z, groups, count: int) -> Float[Array, "unknown group"]:
+    steps = problem.steps()
+    weights = problem.evidence.weights(problem.scene_at(z))
+
+    def residuals(y):
+        return problem.evidence.residuals(problem.scene_at(y * steps), weights)[0]
+
+    left = residuals(z / steps)
+    slopes = columns(residuals, z / steps)
+    parts = (slopes * left[None]).reshape(z.size, -1)
+    return jax.vmap(lambda part: jax.ops.segment_sum(part, groups, count))(parts)
+
+
+def best_of_several(problem: Problem, allowed: float) -> tuple[Solution, float]:
+    """Return where searches from several places ended best, and the error there.
+
+    Args:
+        problem: What is to be solved.
+        allowed: What may be left (`misfit`) for a search to be the last.
+    """
+    ended = []
+    for place in places(problem)[:TRIED]:
+        found = solve(problem, place)
+        (error,) = np.asarray(_misfits(problem, jnp.asarray(found.z)[None]))
+        ended.append((error if np.isfinite(error) else np.inf, found))
+        if error <= allowed:
+            break
+    error, found = min(ended, key=lambda one: one[0])
+    return found, float(error)
+
+
+def places(problem: Problem) -> list[Float[np.ndarray, " unknown"]]:
+    """Return places to begin at, the one that explains most first.
+
+    The same for the same problem; the problem's own start is among those looked at.
+    """
+    start, steps = np.asarray(problem.start), np.asarray(problem.steps())
+    drawn = np.random.default_rng(0).normal(size=(PLACES, start.size))
+    drawn[0] = 0.0
+    looked_at = start + SPREAD * drawn * steps
+    left = np.asarray(_misfits(problem, jnp.asarray(looked_at)))
+    order = np.argsort(np.where(np.isfinite(left), left, np.inf), kind="stable")
+    return list(looked_at[order])
+
+
+@eqx.filter_jit
+def _misfits(
+    problem: Problem, looked_at: Float[Array, "place unknown"]
+) -> Float[Array, " place"]:
+    return jax.lax.map(
+        lambda z: problem.evidence.misfit(problem.scene_at(z)), looked_at
+    )
+
+
+class Slopes(NamedTuple):
+    """What residuals say about a place: cost, its gradient, and $J^T J$."""
+
+    cost: Float[Array, ""]
+    gradient: Float[Array, " unknown"]
+    squares: Float[Array, "unknown unknown"]
+
+
+class _Search(NamedTuple):
+    y: Float[Array, " unknown"]
+    here: Slopes
+    damping: Float[Array, ""]
+    growth: Float[Array, ""]
+    steps: Int[Array, ""]
+    away: Float[Array, ""]
+
+
+def least_squares(
+    residuals: Callable[[Float[Array, " unknown"]], Any],
+    start: Float[Array, " unknown"],
+    *,
+    most_steps: int,
+) -> tuple[Float[Array, " unknown"], Bool[Array, ""]]:
+    """Return where the sum of squares is least, and whether the search ended of itself.
+
+    Args:
+        residuals: Arrays of any shapes, of the numbers.
+        start: Where it begins.
+        most_steps: Tried, taken or not.
+    """
+
+    def goes_on(search: _Search) -> Bool[Array, ""]:
+        able = (search.damping < MOST_DAMPING) & (search.steps < most_steps)
+        return able & (search.away > NEAR) & jnp.isfinite(search.here.cost)
+
+    def step(search: _Search) -> _Search:
+        y, here, damping, growth, steps, _ = search
+        own = jnp.diag(here.squares)
+        way = _solved(here.squares + jnp.diag(damping * own), -here.gradient)
+        there = 0.5 * _square(residuals(y + way))
+        wanted = 0.5 * way @ (damping * own * way - here.gradient)
+        ratio = (here.cost - there) / wanted
+        taken = jnp.isfinite(there) & (there < here.cost)
+        gained = jnp.maximum(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
+        new = jnp.where(taken, y + way, y)
+        here = jax.lax.cond(taken, lambda: slopes_at(residuals, new), lambda: here)
+        return _Search(
+            y=new,
+            here=here,
+            damping=jnp.maximum(
+                damping * jnp.where(taken, gained, growth), LEAST_DAMPING
+            ),
+            growth=jnp.where(taken, 2.0, 2.0 * growth),
+            steps=steps + 1,
+            away=_away(here),
+        )
+
+    here = slopes_at(residuals, start)
+    one = jnp.ones((), start.dtype)
+    begun = _Search(
+        start, here, FIRST_DAMPING * one, 2.0 * one, jnp.zeros((), int), _away(here)
+    )
+    found = jax.lax.while_loop(goes_on, step, begun)
+    stuck = (found.damping >= MOST_DAMPING) & (found.away <= AT_REST)
+    return found.y, (found.away <= NEAR) | stuck
+
+
+def slopes_at(
+    residuals: Callable[[Float[Array, " unknown"]], Any], y: Float[Array, " unknown"]
+) -> Slopes:
+    """Return cost, gradient and $J^T J$ of residuals about a place."""
+    left = jax.tree.leaves(residuals(y))
+    rows = jax.tree.leaves(columns(lambda y: jax.tree.leaves(residuals(y)), y))
+    rows = [row.reshape(y.size, -1) for row in rows]
+    return Slopes(
+        0.5 * _square(left),
+        sum((row @ one.ravel() for row, one in zip(rows, left, strict=True)), 0.0 * y),
+        sum((row @ row.T for row in rows), jnp.zeros((y.size, y.size), y.dtype)),
+    )
+
+
+def columns(function: Callable[..., Any], y: Float[Array, " unknown"]) -> Any:
+    """Return the slopes of a function, one coordinate after another, stacked in front.
+
+    Not by `vmap`: it would hold a record for each at once, and batches of Fourier
+    transforms may wait for ever for XLA's pool of threads on the CPU (PyAutoFit issue
+    1530: each asks for the whole pool from within it).
+    """
+    return jax.lax.map(
+        lambda way: jax.jvp(function, (y,), (way,))[1], jnp.eye(y.size, dtype=y.dtype)
+    )
+
+
+def _square(residuals: Any) -> Float[Array, ""]:
+    return sum(
+        (jnp.square(one).sum() for one in jax.tree.leaves(residuals)), jnp.zeros(())
+    )
+
+
+def _away(here: Slopes) -> Float[Array, ""]:
+    """Return how far the end is by the slopes here, in standard deviations."""
+    way = _solved(here.squares, here.gradient)
+    return jnp.sqrt(jnp.maximum(here.gradient @ way, 0.0))
+
+
+def _solved(
+    squares: Float[Array, "unknown unknown"], right: Float[Array, " unknown"]
+) -> Float[Array, " unknown"]:
+    """Solve, each unknown in the unit of its own information."""
+    own = jnp.diag(squares)
+    unit = jnp.sqrt(jnp.where(own > 0, own, 1.0))
+    scaled = squares / unit[:, None] / unit[None, :]
+    floor = 1e-14 * jnp.eye(right.size, dtype=right.dtype)
+    return jnp.linalg.solve(scaled + floor, right / unit) / unit
