@@ -1,6 +1,6 @@
 r"""Wind recorded by an anemometer: the scene's, and that of every blast that passes.
 
-Behind a front the air moves as in `vehicle/loads/blast/wave.py`: with $x = p/P_0$ at
+Behind a front the air moves as in `vehicle/loads/blast_wave.py`: with $x = p/P_0$ at
 each moment, away from the charge (or its image below the ground),
 
 $$u = \frac{5 c_0}{7}\frac{x}{\sqrt{1 + 6x/7}} + \frac{1}{\rho_0 R} \int_0^t p\,dt$$

@@ -1,9 +1,9 @@
 """Ground velocity recorded by a geophone: the P wave of each charge.
 
 Arrival, peak velocity and peak displacement are those of `sensors.record`. The laws
-give one component and do not specify which (`waves/laws/ground_motion`); it is taken as
-the vertical one, and moves up first. Ground motion caused by the passing air blast is
-not included.
+give one component and do not specify which (`waves/laws/ground_motion.py`); it is taken
+as the vertical one, and moves up first. Ground motion caused by the passing air blast
+is not included.
 """
 
 from collections.abc import Iterator, Mapping

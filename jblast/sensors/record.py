@@ -6,7 +6,7 @@ directions), in ln for all other quantities. Each row has the scatter of its law
 for itself, a part shared by the rows of a shot, and a part shared along a path.
 
 The jolt of the scene's vehicle is $\Delta v = \tfrac1m \int F\,dt$ over the whole wave.
-The load $F$ is that of flights (`vehicle.loads.blast.jolt`), on a vehicle that hovers
+The load $F$ is that of flights (`vehicle.loads.blast`), on a vehicle that hovers
 at the sensor's position in the scene's wind, tilted against it, with the scene's
 heading. If a row has a range alone, the charge is level with the vehicle.
 """

@@ -4,7 +4,7 @@ Air. Arrival, peak, duration and impulse are those of `sensors.record` for the s
 scene and laws. Two numbers are not a law's to choose: the suction is that of
 `waves.blast_pulse`, and smaller by the same factor where a law has less pressure than
 `shock_kinematics`; the rise time is that of a weak shock
-(`waves/waveform/rise_time.py`).
+(`waves/waveform.py`).
 
 The reflection comes from the image of the charge below a flat ground. It exists for
 charges whose curves are those of free air (the curves of a surface burst contain the
