@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.picks_records import SAMPLES, drawn, noise_of, signal_of
 from jblast.cli.jax_start import start_jax
-from jblast.inference.picks import pick
+from jblast.signals.picks import pick
 
 MADE, SEED, REPEATS = 320, 21, 3
 

@@ -23,14 +23,14 @@ from scipy.stats import norm
 
 from calibration.detector_costs import costs
 from calibration.detector_figure import draw
-from jblast.detect import (
+from jblast.signals import (
     filtered_by,
     matched_filter,
     matched_kernel,
     noise_spectrum,
     recorded_template,
 )
-from jblast.detect.peaks import HALF_WIDTH, between_samples
+from jblast.signals.matched_filter import HALF_WIDTH, between_samples
 from jblast.verification.simulated_recordings import (
     RATE,
     coloured,
@@ -222,7 +222,7 @@ def real_misses() -> tuple[list[str], dict[str, list[float]]]:
 
 def other_distances() -> list[str]:
     """Return what a template by the laws for another distance costs [dB]."""
-    from jblast.detect import blast_template
+    from jblast.signals import blast_template
 
     true = blast_template(5.0, 100.0, RATE)
     lines = []

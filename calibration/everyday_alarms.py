@@ -6,7 +6,7 @@ Negatives: synthesised sounds of `calibration.everyday_sounds`, which shares not
 with this package, in background noise, a minute at a time; recordings of `data/sound/`
 without an explosion; and stationary noise. Each minute has far more events than
 everyday life; their number is given, too. "Before" counts arrivals above the threshold,
-"after" those whose form is accepted (`jblast.detect.pulse_fit`).
+"after" those whose form is accepted (`jblast.signals.pulse_fit`).
 
 Explosions: pulses of three other forms after absorption, a reflection, reverberation, a
 microphone's high-pass and clipping; and `data/sound/bang.flac` at several levels.
@@ -26,12 +26,11 @@ from calibration.everyday_sounds import (
     explosion,
     recording,
 )
-from jblast.detect import recorded_template
-from jblast.detect.pulse_bank import bank_of_pulses, search_bank
-from jblast.detect.search import Channel, Searched, search
 from jblast.observations.records.formats import open_record
 from jblast.observations.records.sound import resampled
 from jblast.progress import each
+from jblast.signals import recorded_template
+from jblast.signals.search import Channel, Searched, bank_of_pulses, search, search_bank
 
 HERE = Path(__file__).parent
 SOUND, RESULT = HERE / "data" / "sound", HERE / "results" / "everyday_alarms.txt"

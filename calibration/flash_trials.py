@@ -16,10 +16,10 @@ from typing import NamedTuple, TypeVar
 import jax
 import numpy as np
 
-from jblast.detect.flash.vertical_events import VerticalEvents
-from jblast.detect.flash.watch import Watch
 from jblast.progress import counted
 from jblast.sensors.camera import ExplosionViews, explosion_views
+from jblast.signals.flash.vertical_events import VerticalEvents
+from jblast.signals.flash.watch import Watch
 from jblast.verification.flash_films import KINDS, blast, negative
 
 SOON_S = 0.02

@@ -10,7 +10,7 @@ PACKAGE = Path(jblast.__file__).parent
 ROOMS = (
     *("scene", "waves", "fidelity", "vehicle", "observations", "sensors"),
     *(
-        "detect",
+        "signals",
         "world",
         "missions",
         "autopilot",

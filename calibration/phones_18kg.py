@@ -13,9 +13,9 @@ import jax
 import numpy as np
 
 from jblast.files import write_text
-from jblast.inference.records.gathered import gathered
 from jblast.observations.records.stations import read_stations
 from jblast.report.words import aligned
+from jblast.signals.picks.pick_log import gathered
 
 HERE = Path(__file__).parent
 DATA = HERE / "data" / "inl_phones"

@@ -28,8 +28,8 @@ from calibration.picks_records import (
     signal_of,
 )
 from jblast.cli.jax_start import start_jax
-from jblast.inference.picks import Pick, eye_pick, pick
 from jblast.report.words import aligned
+from jblast.signals.picks import Pick, eye_pick, pick
 
 MANY, SEEDS = 1000, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""

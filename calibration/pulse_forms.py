@@ -196,8 +196,8 @@ def picked(samples) -> Picked:
     import jax
 
     from jblast.cli.jax_start import start_jax
-    from jblast.inference.picks import pick
-    from jblast.inference.picks.quality import notes_of, quality_of
+    from jblast.signals.picks import pick
+    from jblast.signals.picks.record_picks import notes_of, quality_of
 
     start_jax()
     # in samples, whatever the rate: nothing in a pick depends on the unit of time

@@ -25,10 +25,10 @@ from jblast.files import write_text
 from jblast.inference.fitting.fit import solve
 from jblast.inference.fitting.solution import Solution, densities_of_samples
 from jblast.inference.importance import weighted_quantiles
-from jblast.inference.picks import pick_records
 from jblast.inference.posterior.record_likelihood import SampledRecords
-from jblast.inference.records.sampled import sampled_records
+from jblast.inference.sampled_records import sampled_records
 from jblast.report.words import aligned
+from jblast.signals.picks import pick_records
 from jblast.verification.simulated_recordings import (
     Recorder,
     log_of_picks,

@@ -25,11 +25,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.cli.jax_start import start_jax
-from jblast.detect.array.log import log_of
-from jblast.detect.kernel import matched_kernel
-from jblast.detect.search import Channel, Searched, search
-from jblast.detect.templates import blast_template
-from jblast.detect.whitening import noise_spectrum
 from jblast.inference import ManyFits, batch_of, fit_many
 from jblast.observations import Observations
 from jblast.observations.records.stations import Station
@@ -47,6 +42,11 @@ from jblast.scene import (
 )
 from jblast.sensors import microphone
 from jblast.sensors.simulate import Noise
+from jblast.signals.arrival_log import log_of
+from jblast.signals.matched_filter import matched_kernel
+from jblast.signals.noise import noise_spectrum
+from jblast.signals.search import Channel, Searched, search
+from jblast.signals.templates import blast_template
 
 SCENES, SEED = 200, 19
 RATE_HZ, SECONDS = 48_000.0, 1.5

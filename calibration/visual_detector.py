@@ -7,7 +7,7 @@ pixels at 1,000 frames a second (`calibration.flash_trials`): eight kinds of sce
 without a blast in turn, and the renderer's fireballs, half of them smooth balls, half
 the explosion that comes with jblast. Thresholds are for so many false alarms an hour of
 such scenes, by the tail of the greatest value of each sequence
-(`jblast.detect.flash.tail`). Written to `results/visual_detector.txt` and `.png`.
+(`jblast.signals.flash.search`). Written to `results/visual_detector.txt` and `.png`.
 """
 
 import sys
@@ -27,7 +27,6 @@ from calibration.flash_trials import (
     with_a_blast,
     without_a_blast,
 )
-from jblast.detect.flash.tail import Tail, fitted_tail
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import (
@@ -40,6 +39,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import aligned
+from jblast.signals.flash.search import Tail, fitted_tail
 from jblast.verification.flash_films import KINDS, SECONDS
 
 RESULTS = Path(__file__).parent / "results"

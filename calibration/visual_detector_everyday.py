@@ -7,7 +7,7 @@ camera's flash, welding, a door that opens to daylight, shadows of clouds and st
 an automatic exposure: 0.3 s each, 160 x 120 pixels at 1,000 frames a second. Films are
 searched from end to end (`detect_flashes`), at the threshold of one false alarm an
 hour: alarms as they are raised, and those that are left when what follows has been
-looked at (`jblast.detect.flash.verdict`). Blasts are filmed for 0.09 s after the burst,
+looked at (`jblast.signals.flash.search`). Blasts are filmed for 0.09 s after the burst,
 so that all checks see them whole. Written to
 `results/visual_detector_everyday.txt`.
 """
@@ -21,13 +21,12 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.visual_detector_fresh import share
-from jblast.detect.flash import detect_flashes
-from jblast.detect.flash.search import FlashDetections
-from jblast.detect.flash.tail import flash_threshold
 from jblast.files import write_text
 from jblast.progress import counted
 from jblast.report.words import aligned
 from jblast.sensors.camera import explosion_views
+from jblast.signals.flash import detect_flashes
+from jblast.signals.flash.search import FlashDetections, flash_threshold
 from jblast.verification.flash_films import OTHERS, RATE_HZ, SECONDS, blast, negative
 
 RESULTS = Path(__file__).parent / "results"

@@ -21,9 +21,9 @@ from calibration.flash_trials import (
     with_a_blast,
     without_a_blast,
 )
-from jblast.detect.flash.tail import flash_threshold
 from jblast.files import write_text
 from jblast.report.words import aligned
+from jblast.signals.flash.search import flash_threshold
 from jblast.verification.flash_films import SECONDS
 
 RESULTS = Path(__file__).parent / "results"

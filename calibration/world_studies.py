@@ -29,13 +29,13 @@ from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
-from jblast.detect import blast_template, matched_filter, threshold_for, white_noise
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, MUTED, new_figure, quiet, titled
 from jblast.report.words import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import microphone
+from jblast.signals import blast_template, matched_filter, threshold_for, white_noise
 from jblast.vehicle import (
     Each,
     blast_load,

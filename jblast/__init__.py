@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from jblast.fidelity import choose as choose
     from jblast.inference import bound as bound, fit as fit, fit_many as fit_many
-    from jblast.inference.picks import pick as pick
     from jblast.observations import read as read
     from jblast.scene import Charge as Charge, Scene as Scene, read_scene as read_scene
     from jblast.sensors import calculate as calculate, record, simulate
     from jblast.sensors.camera import events as events, render as render
+    from jblast.signals.picks import pick as pick
     from jblast.study.flights import fly as fly
 
 __version__ = "0.2.0"
@@ -54,7 +54,7 @@ _HOMES = {
     "fit": "jblast.inference",
     "fit_many": "jblast.inference",
     "fly": "jblast.study.flights",
-    "pick": "jblast.inference.picks",
+    "pick": "jblast.signals.picks",
     "read": "jblast.observations",
     "read_scene": "jblast.scene",
     "record": "jblast.sensors",

@@ -40,10 +40,10 @@ WITHIN = {
         *("image", "geometry", "fireball", "billboards", "baked_explosion"),
         *("surroundings", "rendering", "events", "files", "film", "bake"),
     ),
+    "signals": ("flash", "picks"),
     "inference": (
-        *("consensus", "sanity", "posterior", "picks", "records", "mode"),
-        *("identifiability", "whitening", "importance", "mcmc", "fitting", "design"),
-        "tuning",
+        *("consensus", "sanity", "posterior", "mode", "identifiability"),
+        *("whitening", "importance", "mcmc", "fitting", "design", "tuning"),
     ),
     "world": ("server", "remote"),
     "inference.many": (

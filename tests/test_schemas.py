@@ -37,7 +37,6 @@ from jblast.inference.identifiability import (
     ResolvingDatum,
 )
 from jblast.inference.posterior.parameters import Estimate, Spread
-from jblast.inference.records import log_of
 from jblast.json_values import plain
 from jblast.observations.check import Doubt
 from jblast.report.check import check_answer
@@ -57,6 +56,7 @@ from jblast.report.picks import picks_document
 from jblast.report.provenance import provenance_of
 from jblast.report.study_run import study_answer
 from jblast.scene.reader.scene import scene_from_document
+from jblast.signals.picks import log_of
 from jblast.study import run_into
 from jblast.verification.stability.failure import FailureMode
 from tests.report import example

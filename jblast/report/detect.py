@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from typing import Any
 
-from jblast.detect.array.log import CONTRADICTED, WIDEST, ArrayFinding, Log
-from jblast.detect.peaks import Detection
-from jblast.detect.pulse_fit import PulseFit
-from jblast.detect.search import Searched
 from jblast.json_values import plain
 from jblast.report.words import aligned, joined
+from jblast.signals.arrival_log import CONTRADICTED, WIDEST, ArrayFinding, Log
+from jblast.signals.matched_filter import Detection
+from jblast.signals.pulse_fit import PulseFit
+from jblast.signals.search import Searched
 
 LAYOUTS = {
     "coplanar": "microphones in one plane",

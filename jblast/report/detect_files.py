@@ -9,9 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from jblast.detect.array.log import Log
-from jblast.detect.flash.search import Flash, FlashDetections
-from jblast.detect.search import Searched
 from jblast.files import write_text
 from jblast.observations import Observations, write
 from jblast.observations.records.sound import write_sound
@@ -25,6 +22,9 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
+from jblast.signals.arrival_log import Log
+from jblast.signals.flash.search import Flash, FlashDetections
+from jblast.signals.search import Searched
 
 MOST = 4
 """Flashes that are drawn."""

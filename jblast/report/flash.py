@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from jblast.detect.flash.search import Flash, FlashDetections, Rejected
-from jblast.detect.threshold import in_decibels
 from jblast.json_values import entries
+from jblast.signals.flash.search import Flash, FlashDetections, Rejected
+from jblast.signals.matched_filter import in_decibels
 
 if TYPE_CHECKING:  # it brings JAX
-    from jblast.detect.flash.directions import Direction
+    from jblast.signals.flash.fireball import Direction
 Kind = Literal["frames", "video", "events"]
 
 

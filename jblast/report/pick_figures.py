@@ -14,8 +14,6 @@ from matplotlib.figure import Figure
 
 import jblast
 from jblast.files import write_text
-from jblast.inference.picks import NAMES, Pick, RecordPick
-from jblast.inference.records import Gathered, PickLog
 from jblast.kept_programs import kept
 from jblast.observations import write
 from jblast.report.figure_files import picture_of, write_drawn
@@ -33,6 +31,7 @@ from jblast.report.pages import page
 from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION, estimate_words, note_words
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
+from jblast.signals.picks import NAMES, Gathered, Pick, PickLog, RecordPick
 from jblast.waves.pulse import Pulse, pulse_mean
 
 JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"

@@ -6,8 +6,6 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, timedelta
 from typing import Any
 
-from jblast.inference.picks import NAMES, NoteKind, Quality, RecordPick
-from jblast.inference.records import Gathered, LeftOut, PickLog, Reason, pick_estimate
 from jblast.json_values import plain
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
@@ -17,6 +15,17 @@ from jblast.report.words import (
     quantity_words,
     rounded,
     unit_for,
+)
+from jblast.signals.picks import (
+    NAMES,
+    Gathered,
+    LeftOut,
+    NoteKind,
+    PickLog,
+    Quality,
+    Reason,
+    RecordPick,
+    pick_estimate,
 )
 
 COLUMNS = {

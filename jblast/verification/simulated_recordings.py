@@ -25,10 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.detect import NoiseSpectrum
-from jblast.inference.picks import RecordPick, pick_records
 from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.records.covariance import TOLD, covariance_of, log_value
 from jblast.observations import Observations, observed
 from jblast.observations.records.recording import PressureRecord
 from jblast.scene import (
@@ -49,6 +46,9 @@ from jblast.sensors.camera import (
     render,
 )
 from jblast.sensors.camera.fireball import Appearance
+from jblast.signals import NoiseSpectrum
+from jblast.signals.picks import RecordPick, pick_records
+from jblast.signals.picks.pick_log import TOLD, covariance_of, log_value
 from jblast.waves.fireball import fireball, fireball_duration
 from jblast.waves.pulse import pulse_mean, pulse_of
 

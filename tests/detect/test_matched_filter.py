@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from jblast.detect import (
+from jblast.errors import InputError
+from jblast.signals import (
     filtered_by,
     matched_filter,
     matched_kernel,
@@ -10,7 +11,6 @@ from jblast.detect import (
     unsteadiness,
     white_noise,
 )
-from jblast.errors import InputError
 from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from jblast.detect import onsets
-from jblast.detect.onsets import stretches
-from jblast.detect.sta_lta import sta_lta
 from jblast.observations.records import recording
 from jblast.observations.records.recording import Recording
+from jblast.signals import onsets
+from jblast.signals.onsets import stretches
+from jblast.signals.sta_lta import sta_lta
 
 RATE = 8000.0
 OFFSET = 30.0

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from jblast.detect import detections, filtered_by, matched_kernel, threshold_for
-from jblast.detect.peaks import PeakPicker, between_samples
 from jblast.errors import InputError
+from jblast.signals import detections, filtered_by, matched_kernel, threshold_for
+from jblast.signals.matched_filter import PeakPicker, between_samples
 from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 NOISE, SHAPE = rumble(), pulse(0.02)

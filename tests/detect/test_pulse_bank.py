@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from jblast.detect.pulse_bank import (
+from jblast.errors import InputError
+from jblast.signals.search import (
     DURATIONS,
     FAR,
     STEP,
+    Channel,
     bank_of_pulses,
+    search,
     search_bank,
 )
-from jblast.detect.search import Channel, search
-from jblast.detect.templates import blast_template
-from jblast.errors import InputError
+from jblast.signals.templates import blast_template
 
 RATE = 8000.0
 

@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 
-from jblast.detect import noise_spectrum, white_noise
-from jblast.detect.pulse_bank import bank_of_pulses, search_bank
-from jblast.detect.pulse_fit import MOST_MISFIT, PulseTest
-from jblast.detect.search import Channel, search, search_as_stream
+from jblast.signals import noise_spectrum, white_noise
+from jblast.signals.pulse_fit import MOST_MISFIT, PulseTest
+from jblast.signals.search import (
+    Channel,
+    bank_of_pulses,
+    search,
+    search_as_stream,
+    search_bank,
+)
 
 RATE, SECONDS = 8000.0, 6.0
 TIME = np.arange(round(0.4 * RATE)) / RATE

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jblast.detect.search import OTHER_FRONT, Channel, search, search_as_stream
-from jblast.detect.templates import blast_templates
+from jblast.signals.search import OTHER_FRONT, Channel, search, search_as_stream
+from jblast.signals.templates import blast_templates
 
 RATE = 8000.0
 TEMPLATE = np.hanning(80)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from jblast.detect import sta_lta, triggers
 from jblast.errors import InputError
+from jblast.signals import sta_lta, triggers
 
 
 def test_the_ratio_is_of_powers_after_and_before():

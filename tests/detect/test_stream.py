@@ -3,8 +3,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from jblast.detect import detections, filtered_by, matched_kernel, stream
 from jblast.errors import InputError
+from jblast.signals import detections, filtered_by, matched_kernel, stream
 from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 NOISE, SHAPE = rumble(), pulse(0.02)

@@ -3,8 +3,8 @@ import functools
 import numpy as np
 import pytest
 
-from jblast.detect import best_match, template_bank
 from jblast.errors import InputError
+from jblast.signals import best_match, template_bank
 from jblast.verification.simulated_recordings import RATE, coloured, rumble
 
 ROOTS, RANGES = np.geomspace(1.0, 3.0, 4), np.geomspace(60.0, 240.0, 4)

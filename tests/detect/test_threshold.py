@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from jblast.detect import (
+from jblast.errors import InputError
+from jblast.signals import (
     false_alarms_at,
     filtered_by,
     matched_kernel,
     threshold_for,
     white_noise,
 )
-from jblast.errors import InputError
 from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 KERNEL = matched_kernel(pulse(0.02), RATE, rumble())

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from jblast.detect import NoiseSpectrum, matched_kernel, noise_spectrum, white_noise
-from jblast.detect.whitening import median_bias, whitening_taps
 from jblast.errors import InputError
+from jblast.signals import NoiseSpectrum, matched_kernel, noise_spectrum, white_noise
+from jblast.signals.noise import median_bias, whitening_taps
 from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jblast.inference.fitting.fit import Fit
-    from jblast.inference.records import Gathered, PickLog
     from jblast.observations import Observations
     from jblast.observations.records.formats import RecordFiles, Scaling
     from jblast.observations.table import Understood
     from jblast.report.provenance import Provenance
     from jblast.scene import UncertainScene
+    from jblast.signals.picks import Gathered, PickLog
 
     Logs = dict[str, Observations | InputError]
 
@@ -241,9 +241,9 @@ def picked(
     Raises:
         InputError: Nothing can be read, or a record has no station.
     """
-    from jblast.inference.records import gathered, log_of
     from jblast.observations.records.formats import record_files
     from jblast.observations.records.stations import read_stations
+    from jblast.signals.picks import gathered, log_of
 
     read_as: list[Understood] = []
     stations = read_stations(asked.positions, read_as) if asked.positions else None

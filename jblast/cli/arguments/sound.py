@@ -9,7 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.detect.search import (
+from jblast.errors import InputError
+from jblast.observations.records.sound import SoundRecord, read_sound, resampled
+from jblast.observations.records.stations import START, Station, read_stations
+from jblast.progress import each
+from jblast.signals.search import (
     OTHER_FRONT,
     SAME_FRONT,
     Channel,
@@ -17,10 +21,6 @@ from jblast.detect.search import (
     search,
     search_as_stream,
 )
-from jblast.errors import InputError
-from jblast.observations.records.sound import SoundRecord, read_sound, resampled
-from jblast.observations.records.stations import START, Station, read_stations
-from jblast.progress import each
 
 Shapes = list[np.ndarray]
 
@@ -139,7 +139,7 @@ def searched_for(
         if len(templates) == 1:
             searched.append(look(channel, templates[0], asked.false_alarms))
             continue
-        from jblast.detect.pulse_bank import search_bank
+        from jblast.signals.search import search_bank
 
         found = search_bank(
             channel,
@@ -162,8 +162,8 @@ def _sought(asked: Namespace) -> tuple[Callable[[float], Shapes], Method]:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.detect.pulse_bank import DURATIONS, bank_of_pulses
-    from jblast.detect.templates import blast_template
+    from jblast.signals.search import DURATIONS, bank_of_pulses
+    from jblast.signals.templates import blast_template
 
     if asked.charge:
         words = f"the pulse of {asked.charge:g} kg of TNT at {asked.range:g} m"

@@ -28,10 +28,6 @@ from jblast.cli.arguments.film_files import FilmOutputs, FilmWriter, cleared
 from jblast.cli.arguments.flight_files import flight_csv
 from jblast.cli.arguments.options import save_text, writing
 from jblast.files import write_text
-from jblast.inference.picks import RecordPick, pick_records
-from jblast.inference.picks.pick import LEAST_SAMPLES
-from jblast.inference.records.covariance import log_value
-from jblast.inference.records.log import untold
 from jblast.observations import Observations, observed, write
 from jblast.observations.grouping import stacked
 from jblast.observations.records.formats import Scaling, open_record
@@ -50,6 +46,9 @@ from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.listening import plan, with_ambient
+from jblast.signals.picks import RecordPick, pick_records
+from jblast.signals.picks.pick import LEAST_SAMPLES
+from jblast.signals.picks.pick_log import log_value, untold
 from jblast.study.flight_results import Encounter, Flights, Options, trajectory_of
 from jblast.study.flights import fly
 from jblast.vehicle import Trajectory

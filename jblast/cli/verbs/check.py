@@ -74,7 +74,7 @@ def run(asked: argparse.Namespace) -> int:
     begin("checking")
     readings = log
     if SAMPLES in log.quantity:
-        from jblast.inference.records.picked_log import picked_log
+        from jblast.signals.picks.pick_log import picked_log
 
         scale, high = scaling_of(asked), asked.high_pass
         readings = picked_log(log, scale, high_pass_hz=high, faults=faults).observations

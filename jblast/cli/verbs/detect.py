@@ -16,11 +16,11 @@ from jblast.cli.arguments.options import path
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
-    from jblast.detect.flash.directions import Direction
-    from jblast.detect.flash.search import FlashDetections
     from jblast.observations import Observations
     from jblast.report.flash import FlashAnswer, Kind as FilmKind
     from jblast.scene import Camera
+    from jblast.signals.flash.fireball import Direction
+    from jblast.signals.flash.search import FlashDetections
 
 NOT_FOUND = 3
 Kind = Literal["sound", "frames", "video", "events"]
@@ -134,7 +134,7 @@ def run(asked: argparse.Namespace) -> int:
     begin("writing")
     log, written = None, []
     if stations is not None:
-        from jblast.detect.array.log import log_of
+        from jblast.signals.arrival_log import log_of
 
         log = log_of(searched, stations, _provenance(asked, method.words))
     arrays = log.arrays if log else ()
@@ -285,9 +285,8 @@ def flashes_found(asked: argparse.Namespace, kind: "FilmKind") -> Found:
     Raises:
         InputError: They cannot be read, or do not go with the scene.
     """
-    from jblast.detect.flash.search import SLOW_HZ, detect_flashes
-    from jblast.detect.flash.tail import flash_threshold
     from jblast.report.flash import Searched, flash_answer, rejected_alarms, slow_film
+    from jblast.signals.flash.search import SLOW_HZ, detect_flashes, flash_threshold
 
     path = asked.recordings[0]
     camera = None if asked.scene is None else camera_of(asked.scene)
@@ -362,8 +361,8 @@ def _events(
     path: str, asked: argparse.Namespace, camera: "Camera | None"
 ) -> tuple[Any, ...]:
     """Return blocks of changes, and what they are."""
-    from jblast.detect.flash.event_changes import STEP_S, event_changes
     from jblast.sensors.camera.files.event_files import read_events
+    from jblast.signals.flash.search import STEP_S, event_changes
 
     if asked.fps is not None:
         raise InputError(f"--fps: expected it with frames or a video only, got {path}")
@@ -387,8 +386,8 @@ def _rows(
     seen: "FlashDetections", camera: "Camera", path: str
 ) -> tuple[Sequence["Direction"], "Observations"]:
     """Return directions, and the rows of a log."""
-    from jblast.detect.flash.directions import direction_of
-    from jblast.detect.flash.log import log_of
+    from jblast.signals.flash.fireball import direction_of
+    from jblast.signals.flash.search import log_of
 
     directions = [direction_of(camera, flash.growth) for flash in seen.flashes]
     comments = [f"jblast detect of {Path(path).name}: first light, place and growth"]

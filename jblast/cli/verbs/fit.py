@@ -194,7 +194,7 @@ def _held(quantities: Iterable[str]) -> set[str]:
 
     held = set(quantities)
     if SAMPLES in held:
-        from jblast.inference.records.covariance import TOLD
+        from jblast.signals.picks.pick_log import TOLD
 
         held |= set(TOLD)
     return held

@@ -288,7 +288,7 @@ def fit(
 
     Args:
         observations: The log. The samples of a record that a row names count themselves
-            (`inference.records`).
+            (`inference.sampled_records`).
         uncertain: The scene and what is not known of it; without one, a surface charge
             of unknown mass at the origin at time 0, in sea-level air; of a log in
             degrees, or with dates, place and time are free (`scenes.for_log`). A

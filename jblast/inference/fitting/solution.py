@@ -175,8 +175,8 @@ def with_samples(
     if SAMPLES not in log.quantity:
         return log, None
     # picks are a second of imports, which other logs do without
-    from jblast.inference.records.picked_log import picked_log
-    from jblast.inference.records.sampled import sampled_records
+    from jblast.inference.sampled_records import sampled_records
+    from jblast.signals.picks.pick_log import picked_log
 
     readings, picks = picked_log(log, scaling, high_pass_hz=high_pass_hz)
     return readings, sampled_records(readings, picks)

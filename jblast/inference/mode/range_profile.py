@@ -45,7 +45,7 @@ WIDEST_STEP = 10.0
 """Numbers of which the data determine little move by so many typical steps at most."""
 DETERMINED = 0.5
 """A bearing with a larger standard deviation is not determined [rad], as for the
-direction of a front (`detect.array.direction`)."""
+direction of a front (`signals.arrays`)."""
 BEARINGS = 8
 """Bearings that are tried, 45 degrees apart: at a ring as at a line of sensors each
 optimum has one within its basin."""

@@ -22,22 +22,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.detect import (
+from jblast.fidelity.timing import best_of
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import Posterior, posterior_of
+from jblast.inference.sampled_records import sampled_records
+from jblast.observations import Observations
+from jblast.observations.records.recording import PressureRecord
+from jblast.progress import in_words
+from jblast.signals import (
     filtered_by,
     matched_kernel,
     sta_lta,
     threshold_for,
     white_noise,
 )
-from jblast.fidelity.timing import best_of
-from jblast.inference.picks import eye_pick, pick_records
-from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.posterior.posterior import Posterior, posterior_of
-from jblast.inference.records.covariance import TOLD
-from jblast.inference.records.sampled import sampled_records
-from jblast.observations import Observations
-from jblast.observations.records.recording import PressureRecord
-from jblast.progress import in_words
+from jblast.signals.picks import eye_pick, pick_records
+from jblast.signals.picks.pick_log import TOLD
 from jblast.verification.benchmark.chart import (
     Benchmark,
     BenchmarkPoint,

@@ -15,7 +15,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import UInt8
 
-from jblast.detect import (
+from jblast.errors import InputError
+from jblast.signals import (
     best_match,
     blast_template,
     detections,
@@ -29,10 +30,8 @@ from jblast.detect import (
     unsteadiness,
     white_noise,
 )
-from jblast.detect.flash.search import detect_flashes
-from jblast.detect.flash.tail import flash_threshold
-from jblast.detect.flash.vertical_events import VerticalEvents
-from jblast.errors import InputError
+from jblast.signals.flash.search import detect_flashes, flash_threshold
+from jblast.signals.flash.vertical_events import VerticalEvents
 from jblast.verification.flash_films import BlastFilm, blast, negative
 from jblast.verification.simulated_recordings import (
     BEHIND,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jblast.detect.array import RelativeTimes, direction, relative_times
 from jblast.errors import InputError
+from jblast.signals import RelativeTimes, direction, relative_times
 from jblast.waves.laws.line_of_sight import bearing, elevation
 from tests.detect.array.simulated import RATE, heard, variance
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jblast.detect.array import relative_times
 from jblast.errors import InputError
+from jblast.signals import relative_times
 from tests.detect.array.simulated import RATE, WINDOW, bound, heard, variance
 
 FAR = 3e-3

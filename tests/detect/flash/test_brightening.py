@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.detect.flash.brightening import REMEMBERED, Brightening
+from jblast.signals.flash.watch import REMEMBERED, Brightening
 
 SHAPE = 6, 8
 

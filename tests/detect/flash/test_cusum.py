@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.detect.flash.cusum import BOUND, DRIFT, LEAST, Cusum, stays_for
+from jblast.signals.flash.watch import BOUND, DRIFT, LEAST, Cusum, stays_for
 
 
 def page(evidence, left):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.detect.flash.ego_motion import EgoMotion
+from jblast.signals.flash.watch import EgoMotion
 from tests.detect.flash.films import SHAPE, disc
 
 

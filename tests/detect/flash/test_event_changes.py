@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jblast.detect.flash.event_changes import event_changes
 from jblast.sensors.camera.files.recorded_events import RecordedEvents
+from jblast.signals.flash.search import event_changes
 
 
 def test_each_event_counts_once_in_its_millisecond():

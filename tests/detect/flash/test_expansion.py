@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.detect.flash.expansion import Tiles, down_the_columns, tiles_of
+from jblast.signals.flash.watch import Tiles, down_the_columns, tiles_of
 from tests.detect.flash.films import disc
 
 

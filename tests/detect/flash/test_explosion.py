@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
-from jblast.detect.flash.log import log_of
-from jblast.detect.flash.search import FlashDetections, detect_flashes
-from jblast.detect.flash.tail import flash_threshold
 from jblast.inference import fit
 from jblast.scene import Camera, Charge, Scene, look_at, read_scene
 from jblast.sensors.camera import explosion_views, luminance, render
+from jblast.signals.flash.search import (
+    FlashDetections,
+    detect_flashes,
+    flash_threshold,
+    log_of,
+)
 
 BURST_S = 0.0304
 AIM = np.array([0.0, 0.0, 3.0])

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.detect.flash.growth import growth
-from jblast.detect.flash.silhouette import Silhouette
+from jblast.signals.flash.fireball import Silhouette, growth
 
 
 def spots(start=0.0104, last=14.0, tau=2.5e-3, half=True, noise=0.0, cut_from=np.inf):

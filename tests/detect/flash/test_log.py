@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
-from jblast.detect.flash.directions import direction_of, radius_in_middle
-from jblast.detect.flash.growth import Growth
-from jblast.detect.flash.log import log_of
-from jblast.detect.flash.search import detect_flashes
-from jblast.detect.flash.silhouette import Silhouette
-from jblast.detect.flash.tail import flash_threshold
 from jblast.inference import fit
 from jblast.scene import Camera, Charge, Scene, look_at, read_scene
 from jblast.sensors.camera import luminance, project, render
+from jblast.signals.flash.fireball import (
+    Growth,
+    Silhouette,
+    direction_of,
+    radius_in_middle,
+)
+from jblast.signals.flash.search import detect_flashes, flash_threshold, log_of
 
 UNKNOWN = """
 [charge]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.detect.flash.search import detect_flashes
+from jblast.signals.flash.search import detect_flashes
 from tests.detect.flash.films import growing
 
 HEIGHT = 4.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.detect.flash.silhouette import silhouette
+from jblast.signals.flash.fireball import silhouette
 from tests.detect.flash.films import SHAPE, disc
 
 SEED = np.ones(SHAPE, bool)

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jblast.detect.flash.tail import MEASURED, Tail, fitted_tail, flash_threshold
 from jblast.errors import InputError
+from jblast.signals.flash.search import MEASURED, Tail, fitted_tail, flash_threshold
 
 
 def test_an_exponential_tail_is_found():

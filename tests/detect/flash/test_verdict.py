@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from jblast.detect.flash import detect_flashes
-from jblast.detect.flash.tail import flash_threshold
-from jblast.detect.flash.verdict import GROWS_ON, SAME, SPARKLE
+from jblast.signals.flash import detect_flashes
+from jblast.signals.flash.search import GROWS_ON, SAME, SPARKLE, flash_threshold
 
 SHAPE = 60, 90
 _Y, _X = np.mgrid[: SHAPE[0], : SHAPE[1]]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.detect.flash.vertical_events import VerticalEvents, vertical_events
+from jblast.signals.flash.vertical_events import VerticalEvents, vertical_events
 
 
 def bar(row=None, column=None):

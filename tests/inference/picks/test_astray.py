@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from jblast.inference.picks import pick
+from jblast.signals.picks import pick
 from tests.inference.picks.simulated import RATE, SAMPLES, TIME, Truth, samples_of
 
 FAINT = Truth(rise=3e-5, duration=2.5e-3)

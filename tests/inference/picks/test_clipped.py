@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.picks.pick import filled_length
-from jblast.inference.picks.ready.clipped import clipped_samples
+from jblast.signals.picks.pick import filled_length
+from jblast.signals.picks.preparation import clipped_samples
 
 RAMP = np.linspace(0.0, 1.0, 20)
 

@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from jblast.inference.picks import pick
-from jblast.inference.picks.quality import quality_of
+from jblast.signals.picks import pick
+from jblast.signals.picks.record_picks import quality_of
 from tests.inference.picks.simulated import SAMPLES
 
 RATE = 2e4

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from jblast.inference.picks import pick
-from jblast.inference.picks.quality import notes_of, quality_of
+from jblast.signals.picks import pick
+from jblast.signals.picks.record_picks import notes_of, quality_of
 
 pytestmark = pytest.mark.slow  # a program to compile
 

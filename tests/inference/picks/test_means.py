@@ -5,10 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.picks.fit.means import mean_columns, mean_slopes, means_over
-from jblast.inference.picks.fit.pole import ringing
-from jblast.inference.picks.ready.bins import bins_about_front
-from jblast.inference.picks.unknowns import NEGATIVES, RISES, Form
+from jblast.signals.picks.preparation import bins_about_front
+from jblast.signals.picks.pulse_means import (
+    mean_columns,
+    mean_slopes,
+    means_over,
+    ringing,
+)
+from jblast.signals.picks.unknowns import NEGATIVES, RISES, Form
 from jblast.waves.pulse import Pulse
 
 BINS = bins_about_front(512)

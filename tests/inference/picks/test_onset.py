@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jblast.inference.picks import pick_records
-from jblast.inference.picks.onset import onset_of
 from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks import pick_records
+from jblast.signals.picks.record_picks import onset_of
 
 PHONES = Path(__file__).parents[3] / "calibration" / "data" / "inl_phones"
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.picks.oscillation import oscillation, sine_and_cosine
+from jblast.signals.picks.pulse_means import oscillation, sine_and_cosine
 
 
 @pytest.mark.parametrize("farthest", [1.0, 1e3, 1e6])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.picks import pick
+from jblast.signals.picks import pick
 from tests.inference.picks.simulated import (
     RATE,
     SAMPLES,

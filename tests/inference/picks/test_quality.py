@@ -2,7 +2,7 @@
 
 import pytest
 
-from jblast.inference.picks.quality import notes_of, quality_of
+from jblast.signals.picks.record_picks import notes_of, quality_of
 from tests.inference.records.made import pick
 
 PEAK_PA = 1000.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 
-from jblast.inference.picks import pick
+from jblast.signals.picks import pick
 from tests.inference.picks.simulated import (
     FINE,
     RATE,

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from jblast.inference.picks.fit.pole import pole_of, ringing
-from jblast.inference.picks.ready.bins import bins_about_front
-from jblast.inference.picks.ready.noise import Noise, whitened_means
+from jblast.signals.picks.preparation import Noise, bins_about_front, whitened_means
+from jblast.signals.picks.pulse_means import pole_of, ringing
 from jblast.waves.pulse import Pulse
 
 SAMPLES = 1024

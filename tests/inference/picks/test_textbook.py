@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from jblast.inference.picks import pick
+from jblast.signals.picks import pick
 from tests.inference.picks.simulated import SAMPLES
 
 pytestmark = pytest.mark.slow  # twenty-four records; test_pick.py has one of them

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from jblast.inference.picks import pick, pick_records
 from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks import pick, pick_records
 from tests.inference.picks.simulated import RATE, TIME, Truth, noisy, samples_of
 
 pytestmark = pytest.mark.slow  # a program to compile

@@ -5,16 +5,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.picks import pick_records
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.inference.posterior.record_likelihood import (
     ResidualRows,
     record_log_likelihood,
 )
-from jblast.inference.records.pulse_terms import ASKED
-from jblast.inference.records.sampled import sampled_records
+from jblast.inference.sampled_records import ASKED, sampled_records
 from jblast.sensors.simulate import Noise
+from jblast.signals.picks import pick_records
 from jblast.verification.simulated_recordings import (
     LAWS,
     MASS,

@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.inference.picks import NAMES, Pick, RecordPick
-from jblast.inference.picks.quality import notes_of, quality_of
 from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks import NAMES, Pick, RecordPick
+from jblast.signals.picks.record_picks import notes_of, quality_of
 
 VALUES = (0.0, 1000.0, 0.01, 4.0, 1.0, 1e-4, 300.0, 0.03)
 SD = 0.01

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 
-from jblast.inference.picks import pick_records
-from jblast.inference.records.gathered import gathered
-from jblast.inference.records.log import untold
 from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks import pick_records
+from jblast.signals.picks.pick_log import gathered, untold
 
 DATA = Path(__file__).parents[2] / "data"
 ARRIVAL, PEAK, DURATION, IMPULSE = 0.0200, 120e3, 6.00e-3, 250.6

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import soundfile
 
-from jblast.inference.records import gathered
 from jblast.observations.records.formats import Scaling
 from jblast.observations.records.stations import Station
+from jblast.signals.picks import gathered
 from tests.inference.records.made import picked_at_its_peak
 
 with warnings.catch_warnings():  # of its own age
@@ -22,7 +22,7 @@ RATE = 1000
 
 @pytest.fixture(autouse=True)
 def _no_fits(monkeypatch):
-    module = import_module("jblast.inference.records.gathered")
+    module = import_module("jblast.signals.picks.pick_log")
     monkeypatch.setattr(module, "pick_records", picked_at_its_peak)
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.records import Gathered, log_of
-from jblast.inference.records.log import TOLD
 from jblast.observations import read, write
 from jblast.observations.records.recording import PressureRecord
 from jblast.observations.records.stations import Station
+from jblast.signals.picks import Gathered, log_of
+from jblast.signals.picks.pick_log import TOLD
 from tests.inference.records.made import record_pick
 
 STATIONS = {

@@ -5,11 +5,11 @@ import pytest
 import soundfile
 
 from jblast.errors import InputError
-from jblast.inference.records.picked_log import picked_log
 from jblast.observations import read, write
 from jblast.observations.placement import resolve_positions
 from jblast.observations.records.formats import Scaling
 from jblast.scene import Scene
+from jblast.signals.picks.pick_log import picked_log
 
 EXAMPLE = Path(__file__).parents[3] / "calibration/data/records_example"
 HEADER = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jblast.detect.search import Channel, search
 from jblast.report.detect import detection_text
 from jblast.report.detect_files import COLUMNS, MOST_LABELS, detection_figure
+from jblast.signals.search import Channel, search
 
 RATE = 8000.0
 

@@ -7,12 +7,10 @@ import numpy as np
 from jsonschema import Draft202012Validator
 
 from docs.generate import answer_schemas
-from jblast.detect.flash.directions import Direction
-from jblast.detect.flash.growth import Growth
-from jblast.detect.flash.search import Flash, FlashDetections
-from jblast.detect.flash.silhouette import Silhouette
 from jblast.report.detect_files import flash_figure
 from jblast.report.flash import Searched, flash_answer, flash_text, slow_film
+from jblast.signals.flash.fireball import Direction, Growth, Silhouette
+from jblast.signals.flash.search import Flash, FlashDetections
 
 GROWN = Growth(0.0304, 1e-4, 41.0, 0.3, 33.0, 0.4, *(15.0, 0.1, 3e-3, 1e-4, 0.2))
 SPOTS = tuple(

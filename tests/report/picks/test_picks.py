@@ -8,12 +8,11 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from jblast.inference.picks import NoteKind
-from jblast.inference.records import Gathered, log_of
 from jblast.observations.records.recording import PressureRecord
 from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
 from jblast.report.picks import NOTES, picks_document, picks_text
 from jblast.report.provenance import provenance_of
+from jblast.signals.picks import Gathered, NoteKind, log_of
 from tests.inference.records.made import record_pick
 
 RATE, START = 1e4, 5.0

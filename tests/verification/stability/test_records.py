@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jblast.inference.picks.result import NAMES
 from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks.pick import NAMES
 from jblast.verification.simulated_recordings import Shares, is_far_off
 from jblast.verification.stability import detectors
 from jblast.verification.stability.areas import AREAS

@@ -8,8 +8,8 @@ import pytest
 
 from jblast.inference.fitting.fit import solve
 from jblast.inference.fitting.solution import densities_of_samples, nodes_for
-from jblast.inference.picks import pick_records
-from jblast.inference.records.sampled import sampled_records
+from jblast.inference.sampled_records import sampled_records
+from jblast.signals.picks import pick_records
 from jblast.verification.simulated_recordings import (
     Recorder,
     log_of_picks,

@@ -1,1 +1,0 @@
-"""The fit: model, optimum, posterior, of some records at once."""

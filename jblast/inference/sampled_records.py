@@ -1,0 +1,294 @@
+r"""Samples of records in a likelihood, in place of rows picked from them.
+
+The likelihood of a record's samples is a function of arrival, ln peak, ln duration and
+ln impulse by the laws, each relative to the pick. The decay follows from them:
+$k = (i/P - \tau/2)/(t_d - \tau)$ is the impulse behind the rise over peak and duration.
+The other unknowns of the pick are nuisances.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jblast.inference.posterior.posterior import own_and_shared_errors
+from jblast.inference.posterior.record_likelihood import SampledRecords, evidence
+from jblast.kept_programs import kept
+from jblast.observations import Observations
+from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks.forms import with_forms
+from jblast.signals.picks.hypotheses import unstated_high_pass, with_what_shows
+from jblast.signals.picks.model import larger_misfit_ratio, misfit
+from jblast.signals.picks.pick_log import TOLD
+from jblast.signals.picks.preparation import (
+    Case,
+    bank_of,
+    bins_about_front,
+    clipped_samples,
+    prepared,
+)
+from jblast.signals.picks.record_picks import RecordPick
+from jblast.signals.picks.searches import first_optimum
+from jblast.signals.picks.unknowns import CENTRE, NARROW, SPREAD, WIDE, natural_of
+from jblast.waves.pulse import LEVEL
+from jblast.waves.waveform import decay_of_fraction
+
+LONGEST = 65536
+"""Of a longer record the stretch about its largest sample counts."""
+UNRESOLVED = 0.1
+"""Standard deviation of ln of a rise within two samples, about the pick's: samples do
+not tell it from the arrival, whose error then has the part of a sample."""
+NONE = 1e-9
+"""Corner in place of none, where another record has a high-pass [Hz]."""
+BEFORE = 0.25
+"""Share of that stretch that lies before the largest sample."""
+ASKED = 4
+"""Of a pick's unknowns the first; the last of them, the decay, is by the impulse."""
+LEAST_FRACTION = 1e-4
+"""Of the fractions that a pulse can have, one at either end is never reached."""
+RISES = (1.0, 2.0, 4.0), (0.05, 0.15, 0.4)
+"""Rises that searches may begin with [samples]: of fronts that samples resolve, and of
+those that rise within one."""
+
+
+def sampled_records(
+    observations: Observations, picks: Sequence[tuple[str, RecordPick]]
+) -> SampledRecords:
+    """Put samples in place of the rows that were picked of them.
+
+    Args:
+        observations: A log with four rows of each record.
+        picks: Of the records, by what the log calls these.
+    """
+    cut = [_stretch(one.record) for _, one in picks]
+    length = max(512, 1 << (max(one.samples.size for one in cut) - 1).bit_length())
+    high_passed = any(one.high_pass_hz for one in cut)
+    more = any(_shows_more(one) for _, one in picks)
+    ready = [_case(one, length, high_passed, more) for one in cut]
+    case: SampledCase = jax.tree.map(lambda *x: jnp.stack(x), *[c for c, _ in ready])
+    terms = PulseTerms(length)
+    nuisance = case.unknowns[:, ASKED:]
+    rows = _rows(observations, [name for name, _ in picks])
+    natural = jax.vmap(natural_of)(case.unknowns)
+    unresolved = jnp.clip((WIDE - natural.rise) / (WIDE - NARROW), 0.0, 1.0)
+    between = jnp.sqrt(unresolved / 12.0) / case.rate
+    return SampledRecords(
+        terms=terms,
+        trials=trial_nuisances,
+        rows=rows,
+        case=case,
+        picked=jnp.stack([picked for _, picked in ready]),
+        nuisance=nuisance,
+        jitter=jnp.zeros((len(cut), ASKED)).at[:, 0].set(between),
+        evidence=_evidence(terms, nuisance, case),
+        error_columns=_errors_of_others(observations, rows),
+    )
+
+
+class SampledCase(NamedTuple):
+    """A record for the terms; times in samples, pressures in shares of the largest.
+
+    Attributes:
+        ready: Its samples, ready for a pick.
+        unknowns: Of the pick.
+        rate: Samples a second [Hz].
+        rise: Middle and standard deviation of what is believed of ln of the rise.
+        widened: Standard deviations of the noise are as many times those before the
+            front: what the pulse leaves of the record says so.
+    """
+
+    ready: Case
+    unknowns: Float[Array, " unknown"]
+    rate: Float[Array, ""]
+    rise: Float[Array, "2"]
+    widened: Float[Array, ""]
+
+
+@dataclass(frozen=True)
+class PulseTerms:
+    """Terms of which half the square is minus ln of the probability of samples.
+
+    Attributes:
+        samples: That a record is filled up to.
+    """
+
+    samples: int
+
+    def __call__(
+        self,
+        moved: Float[Array, " asked"],
+        nuisance: Float[Array, " nuisance"],
+        case: SampledCase,
+    ) -> Float[Array, " term"]:
+        """Return what is left of the samples, then how unlikely nuisances are.
+
+        Args:
+            moved: Arrival [s], ln peak, ln duration and ln impulse, less the pick's.
+            nuisance: The other unknowns.
+            case: The record.
+        """
+        bins = bins_about_front(self.samples)
+        apart = misfit(bins, unknowns_at(moved, nuisance, case), case.ready)
+        last = bins.first.size
+        believed = (
+            apart[last + ASKED :].at[0].set((nuisance[0] - case.rise[0]) / case.rise[1])
+        )
+        return jnp.concatenate([apart[:last] / case.widened, believed])
+
+
+@kept
+def _evidence(terms: PulseTerms, nuisance, case: SampledCase):
+    return jax.vmap(lambda n, c: evidence(terms, n, c, ASKED))(nuisance, case)
+
+
+def _stretch(record: PressureRecord) -> PressureRecord:
+    """Return what of a record counts."""
+    spare = record.samples.size - LONGEST
+    if spare <= 0:
+        return record
+    largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
+    begin = int(np.clip(largest - int(BEFORE * LONGEST), 0, spare))
+    return PressureRecord(
+        record.name,
+        record.samples[begin : begin + LONGEST],
+        record.rate_hz,
+        start_s=record.start_s + begin / record.rate_hz,
+        full_scale=record.full_scale,
+        high_pass_hz=record.high_pass_hz,
+    )
+
+
+def _shows_more(one: RecordPick) -> bool:
+    """Return whether a pick found more than one pulse: rings, fronts, a high-pass."""
+    of = one.pick
+    later = np.isfinite(np.asarray(of.later_arrivals_s)).any()
+    return bool(of.resonating) or bool(later) or bool(of.high_passed)
+
+
+def _case(
+    record: PressureRecord, length: int, high_passed: bool, more: bool
+) -> tuple[SampledCase, Float[Array, "4"]]:
+    """Return a record ready for its terms, and its pick on the scale of errors."""
+    size = record.samples.size
+    samples = np.pad(record.samples, (0, length - size), mode="edge")
+    corner = None
+    if high_passed:
+        hertz = record.high_pass_hz or NONE
+        corner = np.array(2 * np.pi * hertz / record.rate_hz)
+    level = record.full_scale
+    case, front, scale = _picked(
+        jnp.asarray(samples),
+        jnp.array(size),
+        None if level is None else jnp.asarray(level),
+        None if corner is None else jnp.asarray(corner),
+        more=more,
+    )
+    natural = natural_of(case.unknowns)
+    step = 1.0 / record.rate_hz
+    picked = jnp.stack(
+        [
+            record.start_s + step * (front + natural.arrival),
+            jnp.log(scale * natural.peak),
+            jnp.log(step * natural.duration),
+            jnp.log(scale * step * natural.impulse),
+        ]
+    )
+    return case._replace(rate=jnp.asarray(record.rate_hz)), picked
+
+
+@kept
+def _picked(samples, count, full_scale, corner, *, more: bool):
+    """Pick one record, and keep what it was made of; `more` than a pulse if it shows.
+
+    What a pulse alone takes compiles in half the time.
+    """
+    bins = bins_about_front(samples.size)
+    bank = bank_of(bins, samples.size)
+    clipped = clipped_samples(samples, count, full_scale)
+    ready = prepared(bins, bank, samples, clipped, count, corner)
+    case = ready.case
+    best, _ = first_optimum(bins, ready)
+    if more:
+        formed = with_forms(bins, best, ready.continued, case)
+        shown = with_what_shows(bins, best, formed, ready.start, case)
+        best, case = unstated_high_pass(bins, ready, formed, shown).chosen(shown)
+    y = best.y
+    ratio = larger_misfit_ratio(bins, y, case)
+    widened = jnp.sqrt(jnp.maximum(ratio, 1.0))
+    resolved = natural_of(y).rise >= WIDE
+    rise = jnp.where(
+        resolved,
+        jnp.array([CENTRE[ASKED], SPREAD[ASKED]]),
+        jnp.stack([y[ASKED], jnp.asarray(UNRESOLVED)]),
+    )
+    sampled = SampledCase(case, y, jnp.zeros(()), rise, widened)
+    return sampled, ready.front.sample.astype(y.dtype), ready.scale
+
+
+def _rows(
+    observations: Observations, names: Sequence[str]
+) -> tuple[tuple[int, ...], ...]:
+    """Return which rows of a log were picked of each record."""
+    pairs = list(zip(observations.records(), observations.quantity, strict=True))
+    return tuple(
+        tuple(pairs.index((name, quantity)) for quantity in TOLD) for name in names
+    )
+
+
+def _errors_of_others(
+    observations: Observations, rows: tuple[tuple[int, ...], ...]
+) -> tuple[int, ...]:
+    """Return which of the errors that rows share are of rows that are no samples."""
+    _, shared = own_and_shared_errors(observations)
+    shared[np.array(rows)] = 0.0
+    return tuple(np.flatnonzero(shared.any(axis=0)).tolist())
+
+
+def unknowns_at(
+    moved: Float[Array, " asked"],
+    nuisance: Float[Array, " nuisance"],
+    case: SampledCase,
+) -> Float[Array, " unknown"]:
+    """Return the unknowns of a pulse moved from the pick; see `PulseTerms`."""
+    arrival = case.unknowns[0] + moved[0] * case.rate
+    picked = natural_of(case.unknowns)
+    blank = jnp.zeros(1, nuisance.dtype)
+    most = jnp.stack(
+        [arrival, case.unknowns[1] + moved[1], case.unknowns[2] + moved[2]]
+    )
+    pulse = natural_of(jnp.concatenate([most, blank, nuisance]))
+    impulse = picked.impulse * jnp.exp(moved[3])
+    behind = impulse / pulse.peak - 0.5 * pulse.rise
+    fraction = behind / (pulse.duration - pulse.rise)
+    fraction = jnp.clip(fraction, LEAST_FRACTION, LEVEL - LEAST_FRACTION)
+    decay = jnp.log1p(decay_of_fraction(fraction))
+    return jnp.concatenate([most, decay[None], nuisance])
+
+
+def trial_nuisances(
+    moved: Float[Array, " asked"],
+    nuisance: Float[Array, " nuisance"],
+    case: SampledCase,
+) -> Float[Array, "search trial nuisance"]:
+    """Return nuisances to begin searches with: of some rises, all else as picked.
+
+    Samples tell where the middle of a front is, so one that arrives later rises faster:
+    beside `RISES`, and the pick's in the first search, stands the one that keeps it.
+
+    Args:
+        moved: As of `PulseTerms`.
+        nuisance: The pick's.
+        case: The record.
+    """
+    picked = jnp.exp(nuisance[0])
+    kept = picked - 2.0 * moved[0] * case.rate
+    slow, sharp = (jnp.asarray(rises, picked.dtype) for rises in RISES)
+    first = jnp.stack([picked, jnp.maximum(kept, slow[0]), *slow])
+    within = jnp.clip(kept, sharp[0], sharp[-1])
+    second = jnp.stack([jnp.minimum(picked, sharp[-1]), within, *sharp])
+    rises = jnp.log(jnp.stack([first, second]))
+    return jnp.tile(nuisance, (*rises.shape, 1)).at[:, :, 0].set(rises)

@@ -1,0 +1,603 @@
+r"""Arrays of microphones: arrivals of one blast, delays, and direction of the source.
+
+The delay of a pair is the maximum of the generalised cross-correlation of its two
+records, whose cross spectrum $G_k = X_{1k}^* X_{2k}$ has the weights $\psi_k$,
+
+$$C(\tau) = \sum_k \psi_k \,\mathrm{Re}\,(G_k e^{i\omega_k\tau}).$$
+
+With sound of power $S_k$ in both and noise of powers $N_{1k}$, $N_{2k}$ (in a bin of
+the window's transform) the weights are
+
+$$\psi^{\rm PHAT}_k = 1/|G_k|\ \ (S_k > 0), \qquad
+\psi^{\rm ML}_k = \frac{S_k}{S_k(N_{1k}+N_{2k}) + N_{1k}N_{2k}}
+               = \frac{1}{S_k}\frac{\gamma_k^2}{1-\gamma_k^2},$$
+
+the second with the coherence $\gamma^2 = S^2/((S+N_1)(S+N_2))$. While the correct peak
+is found, the variance of a delay with any weights is
+
+$$\sigma^2 = \frac{\sum \psi^2\omega^2 (S(N_1+N_2) + N_1N_2)}
+                 {2\,(\sum \psi\,\omega^2 S)^2},$$
+
+and that of the second the Cramér-Rao bound,
+$\sigma^{-2} = 2\sum \omega^2\gamma^2/(1-\gamma^2)$. Sums run over the bins above zero
+and below half the rate.
+
+Times relative to the mean of all microphones, with their covariance, are a
+least-squares fit to the delays of all pairs. Noise is assumed independent between
+microphones. Wind and electronics satisfy this, a distant road does not: an array
+smaller than its wavelength records it as another front.
+
+A plane wave from the unit direction $n$ passes the microphone at $r_i$ at
+$t_i = t_0 - n\cdot r_i/c$. Weighted least squares give the slowness $p = n/c$ with its
+covariance, in as many dimensions as the microphones span. The direction is the one
+nearest to it, with $c$ known to some extent:
+
+$$Q(n, \ln c) = (n/c - p)^T K\,(n/c - p) + (\ln c - \ln c_0)^2/\sigma_{\ln c}^2.$$
+
+The rank of the information $K$ is the number of dimensions that the microphones span.
+Two microphones, or several in a line, identify only the angle from that line; those in
+a plane do not distinguish its two sides. The answer names what is not identified.
+
+The front is assumed flat. At the range $R$ an array of width $D$ records a curvature of
+$D^2/8Rc$ [s], which a symmetric array does not take for a rotation.
+
+References:
+    Knapp and Carter (1976), IEEE Trans. ASSP 24(4), 320-327: the weights in their table
+    I; the bound with a sum over bins for their integral.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import ArrayLike, Complex, Float
+
+from jblast.errors import InputError
+from jblast.signals.matched_filter import Detection
+
+FEWEST, MOST = 2, 8
+"""Microphones of an array."""
+NEIGHBOURS = 16
+"""Bins at either side over which powers are averaged."""
+CERTAIN = 6.0
+"""Sound in a bin is told from noise by so many standard deviations of the average."""
+QUIETEST = 1e-12
+"""Least noise, as a share of the loudest bin: silence between bangs is no knowledge."""
+TAPERED = 0.05
+"""Share of a window that fades in, and out."""
+Weighting = Literal["ml", "phat"]
+SIGNIFICANT = 10.0
+"""A peak of fewer standard deviations of the correlation of noise alone is none."""
+FINER = 8
+"""Lags a sample among which the greatest is looked for, before it is refined."""
+FLAT = 1e-6
+"""Microphones span no dimension in which they are nearer than this share of the
+farthest."""
+TOLD = 0.5
+"""An angle with a larger standard deviation is not told [rad]."""
+AS_GOOD = 6.0
+"""Another direction whose chi-squared is greater by less than this is as good."""
+ANGLES = ("bearing_rad", "elevation_rad")
+APART = 2.0
+"""Two directions are one where they are nearer than so many standard deviations."""
+STEPS = 100
+"""Steps of the search for a plane wave; near the plane of the microphones it converges
+slowly."""
+SMALL = 1e-13
+"""A smaller step ends that search [rad]."""
+SLOWEST = 300.0
+"""A front is never slower [m/s]: sound at -50 degrees Celsius."""
+UNSURE = 0.01
+"""Added to what it takes from one microphone to another [s]."""
+
+
+class PairDelay(NamedTuple):
+    """How much later the second microphone hears it.
+
+    Attributes:
+        delay: Of the second record [s]; NaN if none is told.
+        sigma: Its standard deviation [s]; infinite if none is told.
+        share: Of its variance: what the first record's noise brings, what the second's
+            brings, and what only their product does.
+        significance: Height of the peak in standard deviations of noise alone. Below
+            `SIGNIFICANT` no delay is told.
+    """
+
+    delay: float
+    sigma: float
+    share: tuple[float, float, float]
+    significance: float
+
+
+class RelativeTimes(NamedTuple):
+    """When a front passed each microphone, counted from their mean.
+
+    Attributes:
+        time: Since the mean of all [s].
+        covariance: Of these times [s^2]; singular, since their sum is zero.
+        pairs: Delay of each pair, `(first, second)` counted from zero.
+        lost: Pairs in which no delay is told.
+    """
+
+    time: Float[np.ndarray, " channel"]
+    covariance: Float[np.ndarray, "channel channel"]
+    pairs: dict[tuple[int, int], PairDelay]
+    lost: tuple[tuple[int, int], ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the delays told reach every microphone."""
+        return bool(np.isfinite(self.time).all())
+
+
+def relative_times(
+    samples: Float[ArrayLike, "channel n"],
+    rate_hz: float,
+    noise_variance: Float[ArrayLike, "channel bin"],
+    largest_s: Float[ArrayLike, "..."],
+    *,
+    weighting: Weighting = "ml",
+) -> RelativeTimes:
+    """Return when a front passed each microphone.
+
+    Args:
+        samples: Two to eight records of one window, all on one clock; an even number of
+            samples, the bang well inside.
+        rate_hz: Samples a second.
+        noise_variance: Of the noise in each bin of the window's unitary transform
+            (`noise.bin_variances`) [unit of the samples, squared].
+        largest_s: Greatest delay of any pair, or of each [s]: the distance between the
+            microphones over the speed of sound, and some.
+        weighting: As in `pair_delay`.
+
+    Raises:
+        InputError: Too few or too many records, an odd window, or samples that are no
+            numbers.
+    """
+    samples = np.asarray(samples, float)
+    count, length = samples.shape
+    if not FEWEST <= count <= MOST:
+        raise InputError(
+            f"samples: expected {FEWEST} to {MOST} microphones, got {count}"
+        )
+    if length % 2 or length < 4 * NEIGHBOURS:
+        raise InputError(
+            f"samples: expected an even number, {4 * NEIGHBOURS} or more, got {length}"
+        )
+    if not np.isfinite(samples).all():
+        raise InputError("samples: expected finite numbers, got NaN or infinity")
+    fade = _fade(length)
+    spectra = np.fft.rfft((samples - samples.mean(axis=1, keepdims=True)) * fade)
+    noise = np.asarray(noise_variance, float) * np.sum(fade**2)
+    loudest = np.max(np.abs(spectra) ** 2, axis=1, keepdims=True)
+    noise = np.maximum(noise, QUIETEST * loudest)
+    gain, sound = _gain_and_sound(np.abs(spectra) ** 2, noise)
+    spectra, noise = spectra / np.sqrt(gain)[:, None], noise / gain[:, None]
+    reach = np.broadcast_to(np.asarray(largest_s, float), (count, count))
+    pairs = {
+        (i, j): pair_delay(
+            spectra[[i, j]],
+            sound,
+            noise[[i, j]],
+            rate_hz,
+            float(reach[i, j]),
+            weighting=weighting,
+        )
+        for i, j in combinations(range(count), 2)
+    }
+    return _combined(pairs, count)
+
+
+def _fade(length: int) -> Float[np.ndarray, " n"]:
+    """Return a window that is one but for its ends (Tukey's)."""
+    ends = max(int(TAPERED * length), 1)
+    rise = 0.5 * (1 - np.cos(np.pi * (np.arange(ends) + 0.5) / ends))
+    return np.concatenate([rise, np.ones(length - 2 * ends), rise[::-1]])
+
+
+def _gain_and_sound(
+    power: Float[np.ndarray, "channel bin"], noise: Float[np.ndarray, "channel bin"]
+) -> tuple[Float[np.ndarray, " channel"], Float[np.ndarray, " bin"]]:
+    """Return by how much each record is louder, and the power that they share.
+
+    Bins in which the sound cannot be told from the noise hold none.
+    """
+    width = 2 * NEIGHBOURS + 1
+    kernel = np.full(width, 1 / width)
+    above = np.array([np.convolve(p, kernel, "same") for p in power - noise])
+    over = np.divide(above, noise, out=np.zeros_like(above), where=noise > 0)
+    heard = over.sum(axis=0) > CERTAIN * np.sqrt(len(power) / width)
+    heard &= (above > 0).all(axis=0)
+    if not heard.any():
+        return np.ones(len(power)), np.zeros(power.shape[1])
+    gain = above[:, heard].sum(axis=1)
+    gain = gain / gain.mean()
+    return gain, np.where(heard, (above / gain[:, None]).mean(axis=0), 0.0)
+
+
+def _combined(pairs: dict[tuple[int, int], PairDelay], count: int) -> RelativeTimes:
+    """Return the times that fit all delays best, by least squares."""
+    lost = tuple(pair for pair, delay in pairs.items() if np.isnan(delay.delay))
+    known = {pair: delay for pair, delay in pairs.items() if pair not in lost}
+    design = np.zeros((len(known), count))
+    for row, (i, j) in enumerate(known):
+        design[row, [i, j]] = -1.0, 1.0
+    if np.linalg.matrix_rank(design) < count - 1:
+        nothing = np.full((count, count), np.nan)
+        return RelativeTimes(nothing[0], nothing, pairs, lost)
+    variance = np.array([delay.sigma**2 for delay in known.values()])
+    share = np.array([delay.share for delay in known.values()])
+    weighed = design.T / variance
+    gives = np.linalg.pinv(weighed @ design) @ weighed
+    # an error of one record moves all its pairs; that of a product moves its own alone
+    own = np.zeros(count)
+    seen = np.abs(design).sum(axis=0)
+    for (i, j), v, (first, second, _) in zip(known, variance, share, strict=True):
+        own[i] += v * first / seen[i]
+        own[j] += v * second / seen[j]
+    between = design @ np.diag(own) @ design.T + np.diag(variance * share[:, 2])
+    delays = np.array([delay.delay for delay in known.values()])
+    return RelativeTimes(gives @ delays, gives @ between @ gives.T, pairs, lost)
+
+
+def pair_delay(
+    spectra: Complex[np.ndarray, "2 bin"],
+    sound: Float[np.ndarray, " bin"],
+    noise: Float[np.ndarray, "2 bin"],
+    rate_hz: float,
+    largest_s: float,
+    *,
+    weighting: Weighting = "ml",
+) -> PairDelay:
+    """Return the delay between two records of one window.
+
+    Args:
+        spectra: Their transforms (`rfft`), of an even number of samples.
+        sound: Power of the sound that both hold, in each bin.
+        noise: Power of the noise in each.
+        rate_hz: Samples a second.
+        largest_s: Greatest delay that the place of the microphones allows [s]; the
+            record has to hold the sound with as much to spare at either end.
+        weighting: `ml` is the most precise; `phat` weighs all bins that hold sound
+            alike, so that a tone, or an echo, weighs no more than its bandwidth.
+    """
+    cross = np.conj(spectra[0]) * spectra[1]
+    bins = np.arange(len(cross))
+    omega = 2 * np.pi * bins * rate_hz / (2 * (len(cross) - 1))
+    both = sound * noise.sum(axis=0) + noise[0] * noise[1]
+    if weighting == "ml":
+        psi = np.divide(sound, both, out=np.zeros_like(both), where=both > 0)
+        expected = psi
+    else:
+        size = np.abs(cross)
+        holds = (size > 0) & (sound > 0)
+        psi = np.divide(1.0, size, out=np.zeros_like(size), where=holds)
+        power = np.sqrt((sound + noise[0]) * (sound + noise[1]))
+        expected = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0)
+    psi[[0, -1]] = 0.0  # no phase is told there
+    expected = np.where(psi > 0, expected, 0.0)
+    lag = _greatest_lag(psi * cross, rate_hz, largest_s)
+    spectrum = psi * cross * np.exp(1j * omega * lag)
+    by_chance = np.sqrt(0.5 * np.sum(expected**2 * noise[0] * noise[1]))
+    height = float(np.sum(spectrum.real))
+    significance = height / by_chance if by_chance > 0 else 0.0
+    curvature = np.sum(expected * omega**2 * sound)
+    if not significance > SIGNIFICANT or not curvature > 0 or abs(lag) > largest_s:
+        return PairDelay(np.nan, np.inf, (0.0, 0.0, 0.0), float(significance))
+    parts = [
+        float(np.sum(expected**2 * omega**2 * part) / 2 / curvature**2)
+        for part in (sound * noise[0], sound * noise[1], noise[0] * noise[1])
+    ]
+    whole = sum(parts)
+    first, second, product = (part / whole if whole else 0.0 for part in parts)
+    sigma = float(np.sqrt(whole))
+    return PairDelay(lag, sigma, (first, second, product), float(significance))
+
+
+def _greatest_lag(
+    weighed: Complex[np.ndarray, " bin"], rate_hz: float, largest_s: float
+) -> float:
+    """Return where the correlation of a weighed cross spectrum is greatest [s].
+
+    Looked for among `FINER` lags a sample, then refined by Newton's steps on the sum of
+    cosines that it is, so that its place is no matter of the samples'.
+    """
+    samples = 2 * (len(weighed) - 1)
+    fine = np.fft.irfft(weighed, samples * FINER)
+    reach = min(int(np.ceil(largest_s * rate_hz * FINER)), len(fine) // 2 - 1)
+    lags = np.arange(-reach, reach + 1)
+    step = 1.0 / (rate_hz * FINER)
+    start = float(lags[np.argmax(fine[lags])]) * step
+    omega = 2 * np.pi * np.arange(len(weighed)) * rate_hz / samples
+    lag = start
+    for _ in range(6):
+        turned = weighed * np.exp(1j * omega * lag)
+        slope = -np.sum(omega * np.imag(turned))
+        bend = -np.sum(omega**2 * np.real(turned))
+        if not bend < 0:
+            return start
+        lag = float(np.clip(lag - slope / bend, start - step, start + step))
+    return lag
+
+
+class Direction(NamedTuple):
+    """From where a front came.
+
+    Attributes:
+        bearing: Of the source, clockwise from north [rad]; NaN where not told.
+        elevation: Of the source, above the horizon [rad]; NaN where not told.
+        covariance: Of bearing and elevation [rad^2]; NaN where not told.
+        mirror: Bearing and elevation of the other direction from which it may have come
+            as well: the other side of the plane of the microphones.
+        undetermined: What these microphones do not tell: `bearing_rad`,
+            `elevation_rad`.
+        layout: How they stand: `two`, `collinear`, `coplanar` or `spatial`.
+        chi2: Of the times about the plane wave.
+        dof: Its degrees of freedom: zero where nothing is left to contradict it.
+    """
+
+    bearing: float
+    elevation: float
+    covariance: Float[np.ndarray, "2 2"]
+    mirror: tuple[float, float] | None
+    undetermined: tuple[str, ...]
+    layout: str
+    chi2: float
+    dof: int
+
+
+def direction(
+    positions: Float[ArrayLike, "channel 3"],
+    times: RelativeTimes,
+    sound_speed: float,
+    sound_speed_sigma: float = 0.0,
+) -> Direction:
+    """Return from where a front came.
+
+    Args:
+        positions: East, north, up of the microphones [m].
+        times: When it passed each of them.
+        sound_speed: Speed of the front over the ground [m/s]: that of sound, if weak.
+        sound_speed_sigma: Its standard deviation [m/s]; wind counts, too.
+
+    Raises:
+        InputError: Microphones that stand at one place, or a time of one is not told.
+    """
+    positions = np.asarray(positions, float)
+    if positions.shape != (len(times.time), 3):
+        raise InputError(
+            f"positions: expected {len(times.time)} rows of east, north, up; got "
+            f"shape {positions.shape}"
+        )
+    if not times.complete:
+        raise InputError("times: expected one of each microphone, got NaN")
+    apart = positions - positions.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(apart, full_matrices=False)
+    span = int((sizes > FLAT * sizes[0]).sum()) if sizes[0] > 0 else 0
+    if span == 0:
+        raise InputError("positions: expected microphones apart, got one place")
+    basis = axes[:span].T
+    design = -apart @ basis
+    weight = np.linalg.pinv(times.covariance, rcond=1e-9, hermitian=True)
+    inside = design.T @ weight @ design
+    slowness = basis @ np.linalg.solve(inside, design.T @ weight @ times.time)
+    left = times.time + apart @ slowness
+    wave = PlaneWave(
+        basis @ inside @ basis.T, slowness, sound_speed, sound_speed_sigma / sound_speed
+    )
+    found = wave.nearest(wave.start())
+    other = wave.nearest(wave.mirrored(found))
+    if wave.misfit(other) < wave.misfit(found):
+        found, other = other, found
+    resolved, covariance, mirror = _resolved_angles(wave, found, other, span)
+    hidden = ~resolved
+    values = np.where(resolved, angles_of(found.toward), np.nan)
+    names = {1: "two" if len(positions) == 2 else "collinear", 2: "coplanar"}
+    return Direction(
+        bearing=float(values[0]),
+        elevation=float(values[1]),
+        covariance=np.where(hidden[:, None] | hidden, np.nan, covariance),
+        mirror=mirror,
+        undetermined=tuple(name for name, lost in zip(ANGLES, hidden) if lost),  # noqa: B905
+        layout=names.get(span, "spatial"),
+        chi2=float(left @ weight @ left) + wave.misfit(found),
+        dof=len(positions) - 1 - min(span, 2),
+    )
+
+
+class Front(NamedTuple):
+    """A plane front.
+
+    Attributes:
+        toward: Unit vector to its source: east, north, up.
+        log_speed: ln of its speed over that of sound.
+    """
+
+    toward: Float[np.ndarray, "3"]
+    log_speed: float
+
+
+class PlaneWave(NamedTuple):
+    """What an array measured of a plane wave.
+
+    Attributes:
+        information: Of the slowness, in the directions that the microphones span
+            [m^2/s^2].
+        slowness: Toward the source, in these directions [s/m].
+        sound_speed: Expected speed [m/s].
+        log_sd: Standard deviation of its ln.
+    """
+
+    information: Float[np.ndarray, "3 3"]
+    slowness: Float[np.ndarray, "3"]
+    sound_speed: float
+    log_sd: float
+
+    def axis(self) -> Float[np.ndarray, "3"]:
+        """Return the direction in which most is known of the slowness."""
+        return np.linalg.eigh(self.information)[1][:, -1]
+
+    def normal(self) -> Float[np.ndarray, "3"]:
+        """Return the direction in which least is known of it."""
+        return np.linalg.eigh(self.information)[1][:, 0]
+
+    def start(self) -> Front:
+        """Return the slowness as measured, and what a speed leaves for the rest."""
+        inside = self.slowness * self.sound_speed
+        normal = self.normal()
+        inside = inside - (inside @ normal) * normal
+        rest = 1.0 - inside @ inside
+        side = -1.0 if self.slowness @ normal < 0 else 1.0
+        toward = inside + side * np.sqrt(max(rest, 1e-4)) * normal
+        return Front(toward / np.linalg.norm(toward), 0.0)
+
+    def mirrored(self, front: Front) -> Front:
+        """Return a front from the other side of the plane of the microphones."""
+        normal = self.normal()
+        toward = front.toward - 2 * (front.toward @ normal) * normal
+        return Front(toward, front.log_speed)
+
+    def misfit(self, front: Front) -> float:
+        """Return chi-squared of a front."""
+        left = self._left(front)
+        known = (front.log_speed / self.log_sd) ** 2 if self.log_sd else 0.0
+        return float(left @ self.information @ left + known)
+
+    def nearest(self, front: Front) -> Front:
+        """Return the front of least chi-squared near one, by damped Gauss-Newton."""
+        damping, misfit = 1e-3, self.misfit(front)
+        for _ in range(STEPS):
+            tangent = _tangent(front.toward)
+            slope = self._slope(front, tangent)
+            hessian = slope.T @ self.information @ slope
+            gradient = slope.T @ self.information @ self._left(front)
+            if self.log_sd:
+                hessian[2, 2] += self.log_sd**-2
+                gradient[2] += front.log_speed * self.log_sd**-2
+            else:
+                hessian[2], hessian[:, 2], gradient[2] = 0.0, 0.0, 0.0
+            scale = damping * np.trace(hessian)
+            step = -np.linalg.solve(hessian + scale * np.eye(3), gradient)
+            turned = front.toward + tangent.T @ step[:2]
+            tried = Front(turned / np.linalg.norm(turned), front.log_speed + step[2])
+            if (less := self.misfit(tried)) <= misfit:
+                front, misfit, damping = tried, less, max(damping / 5, 1e-15)
+                if np.abs(step).max() < SMALL:
+                    break
+            else:
+                damping *= 8
+                if damping > 1e12:
+                    break
+        return front
+
+    def covariance(self, front: Front) -> Float[np.ndarray, "2 2"]:
+        """Return that of bearing and elevation [rad^2]; huge where nothing is known."""
+        bearing, elevation = angles_of(front.toward)
+        east, north = np.sin(bearing), np.cos(bearing)
+        level, up = np.cos(elevation), np.sin(elevation)
+        turn = np.array([[north * level, -east * level, 0.0],
+                         [-east * up, -north * up, level]])  # fmt: skip
+        slope = self._slope(front, turn)
+        hessian = slope.T @ self.information @ slope
+        if not self.log_sd:
+            hessian = hessian[:2, :2]
+        else:
+            hessian[2, 2] += self.log_sd**-2
+        least = 1e-12 * np.trace(hessian) * np.eye(len(hessian))
+        return np.linalg.inv(hessian + least)[:2, :2]
+
+    def _left(self, front: Front) -> np.ndarray:
+        """Return by how much a front's slowness is off."""
+        speed = self.sound_speed * np.exp(front.log_speed)
+        return front.toward / speed - self.slowness
+
+    def _slope(self, front: Front, turn: np.ndarray) -> np.ndarray:
+        """Return the derivative of its slowness by two turns and ln speed."""
+        speed = self.sound_speed * np.exp(front.log_speed)
+        return np.vstack([turn, -front.toward]).T / speed
+
+
+def _resolved_angles(
+    wave: PlaneWave, found: Front, other: Front, span: int
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float] | None]:
+    """Return which angles are told, their covariance, and the other direction."""
+    if span == 1:  # a cone about the line of the microphones
+        upright = abs(float(wave.axis()[2])) > 1 - FLAT
+        covariance = np.diag([np.inf, wave.covariance(found)[1, 1]])
+        resolved = np.array([False, upright and covariance[1, 1] < TOLD**2])
+        return resolved, covariance, None
+    covariance = wave.covariance(found)
+    sd = np.sqrt(np.diag(covariance))
+    mirrored = angles_of(other.toward)
+    turned = (mirrored - angles_of(found.toward) + np.pi) % (2 * np.pi) - np.pi
+    as_good = wave.misfit(other) - wave.misfit(found) < AS_GOOD
+    # one side of a plane is never told from the other, however near to it
+    differ = as_good & (np.abs(turned) > (FLAT if span == 2 else APART * sd))
+    mirror = (float(mirrored[0]), float(mirrored[1])) if differ.any() else None
+    return (sd < TOLD) & ~differ, covariance, mirror
+
+
+def angles_of(toward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
+    """Return bearing, clockwise from north, and elevation of a direction [rad]."""
+    level = np.hypot(toward[0], toward[1])
+    bearing = np.arctan2(toward[0], toward[1]) % (2 * np.pi)
+    return np.array([bearing, np.arctan2(toward[2], level)])
+
+
+def _tangent(toward: np.ndarray) -> np.ndarray:
+    """Return two unit vectors across a direction and across each other."""
+    least = np.eye(3)[np.argmin(np.abs(toward))]
+    first = np.cross(toward, least)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(toward, first)])
+
+
+class Bangs(NamedTuple):
+    """Arrivals by bang.
+
+    Attributes:
+        heard: For each bang, in order of time, the arrival at each sensor.
+        left_out: Weaker arrivals at a sensor, within one bang: echoes, or another bang
+            before the first had come everywhere.
+    """
+
+    heard: tuple[dict[str, Detection], ...]
+    left_out: tuple[tuple[str, Detection], ...]
+
+
+def bangs(
+    detections: Mapping[str, Sequence[Detection]],
+    positions: Mapping[str, Sequence[float]],
+    *,
+    one: bool = False,
+) -> Bangs:
+    """Return which arrivals are of one bang.
+
+    A front takes no longer from the first microphone to the last than sound does;
+    arrivals within that time are of one bang. Of several at one sensor the loudest is.
+
+    Args:
+        detections: By sensor.
+        positions: East, north, up of each [m].
+        one: Whether all are of one bang: recorders' clocks do not agree.
+    """
+    where = np.array([positions[name] for name in detections]).reshape(-1, 3)
+    apart = np.linalg.norm(where[:, None] - where[None], axis=-1).max(initial=0.0)
+    longest = np.inf if one else apart / SLOWEST + UNSURE
+    every = [(name, found) for name, of in detections.items() for found in of]
+    every.sort(key=lambda heard: heard[1].time_s)
+    heard: list[dict[str, Detection]] = []
+    left_out: list[tuple[str, Detection]] = []
+    first = -np.inf
+    for name, found in every:
+        if not heard or found.time_s - first > longest:
+            heard.append({})
+            first = found.time_s
+        other = heard[-1].get(name)
+        if other is None or found.statistic > other.statistic:
+            heard[-1][name] = found
+            found = other
+        if found is not None:
+            left_out.append((name, found))
+    return Bangs(tuple(heard), tuple(left_out))

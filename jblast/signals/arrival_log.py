@@ -1,0 +1,210 @@
+"""Detected arrivals as rows of a log.
+
+Separate microphones have one row `air_arrival_s` each. An array, three or more channels
+of one recorder within `WIDEST` of each other, has one such row at its centre and the
+direction, `bearing_rad` and `elevation_rad`, as far as its layout identifies them. The
+scatter of a travel time about its law is common to its microphones, so the differences
+of their times are known much better than the times, which separate rows would ignore.
+The mean and the differences of times share no error: nothing is counted twice. If the
+times contradict a plane wave, the microphones have separate rows.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from jblast.observations import Observations, observed
+from jblast.observations.records.stations import Station
+from jblast.signals.arrays import (
+    FEWEST,
+    MOST,
+    Direction,
+    bangs,
+    direction,
+    relative_times,
+)
+from jblast.signals.matched_filter import Detection
+from jblast.signals.noise import bin_variances
+from jblast.signals.search import Searched
+
+WIDEST = 5.0
+"""Microphones of an array are no farther apart [m]."""
+CONTRADICTED = 1e-3
+"""Times less likely than this of a plane wave are of none."""
+SPEED, SPEED_SD = 340.29, 10.0
+"""Of sound near an array [m/s], and what 15 K or 10 m/s of wind change it by."""
+
+
+class ArrayFinding(NamedTuple):
+    """What an array told of one bang.
+
+    Attributes:
+        array: Its recorder.
+        bang: Which bang, from 0.
+        direction: From where it came; None where the delays of some are not told.
+        probability: Of times as unlike a plane wave's, or more.
+        used: Whether its rows stand in the log.
+    """
+
+    array: str
+    bang: int
+    direction: Direction | None
+    probability: float
+    used: bool
+
+
+class Log(NamedTuple):
+    """Rows of a log.
+
+    Attributes:
+        observations: The rows.
+        arrays: What arrays told.
+        left_out: Sensor and arrival of what stands in no row (`bangs`).
+    """
+
+    observations: Observations
+    arrays: tuple[ArrayFinding, ...]
+    left_out: tuple[tuple[str, Detection], ...]
+
+
+class _Row(NamedTuple):
+    sensor: str
+    quantity: str
+    value: float
+    sigma: float
+    position: np.ndarray
+    shot: str
+    clock: str
+
+
+def log_of(
+    searched: Sequence[Searched],
+    stations: Mapping[str, Station],
+    comments: Sequence[str] = (),
+) -> Log:
+    """Return the rows of a log.
+
+    Args:
+        searched: Channels, each of a sensor that has a station.
+        stations: Where they stood.
+        comments: Provenance.
+    """
+    of = {one.channel.sensor: one for one in searched}
+    clocks = {stations[name].clock for name in of}
+    positions = {name: stations[name].position for name in of}
+    found = {name: one.detections for name, one in of.items()}
+    grouped = bangs(found, positions, one=len(clocks) > 1)
+    rows: list[_Row] = []
+    arrays: list[ArrayFinding] = []
+    for number, heard in enumerate(grouped.heard):
+        shot = str(number + 1) if len(grouped.heard) > 1 else ""
+        alone = dict(heard)
+        for name, members in _arrays(searched, stations).items():
+            if not all(member.channel.sensor in heard for member in members):
+                continue
+            finding, made = _array_rows(name, members, stations, heard, number, shot)
+            arrays.append(finding)
+            rows += made
+            for member in members if finding.used else ():
+                alone.pop(member.channel.sensor)
+        for name, arrival in alone.items():
+            station = stations[name]
+            place = np.array(station.position)
+            when = (arrival.time_s, arrival.sigma_s)
+            rows.append(_Row(name, "air_arrival_s", *when, place, shot, station.clock))
+    frame = next((stations[name].frame for name in of if stations[name].frame), None)
+    log = replace(_observations(rows, comments), frame=frame)
+    return Log(log, tuple(arrays), grouped.left_out)
+
+
+def _arrays(
+    searched: Sequence[Searched], stations: Mapping[str, Station]
+) -> dict[str, list[Searched]]:
+    """Return the channels of each recorder whose microphones stand together."""
+    records: dict[str, list[Searched]] = {}
+    for one in searched:
+        records.setdefault(one.channel.record, []).append(one)
+    arrays = {}
+    for members in records.values():
+        names = [member.channel.sensor for member in members]
+        where = np.array([stations[name].position for name in names])
+        apart = np.linalg.norm(where[:, None] - where[None], axis=-1)
+        clocks = {stations[name].clock for name in names}
+        if FEWEST < len(members) <= MOST and apart.max() <= WIDEST and len(clocks) == 1:
+            arrays[names[0].rpartition(".")[0]] = members
+    return arrays
+
+
+def _array_rows(
+    name: str,
+    members: Sequence[Searched],
+    stations: Mapping[str, Station],
+    heard: Mapping[str, Detection],
+    bang: int,
+    shot: str,
+) -> tuple[ArrayFinding, list[_Row]]:
+    """Return what an array tells of a bang, and its rows."""
+    from scipy.special import chdtrc
+
+    names = [member.channel.sensor for member in members]
+    where = np.array([stations[sensor].position for sensor in names])
+    apart = np.linalg.norm(where[:, None] - where[None], axis=-1)
+    arrivals = [heard[sensor] for sensor in names]
+    largest = 1.2 * apart / SPEED + 2 / members[0].channel.rate_hz
+    window, variances = _window(members, arrivals, float(largest.max()))
+    rate = members[0].channel.rate_hz
+    times = relative_times(window, rate, variances, largest)
+    if not times.complete or not np.ptp(where, axis=0).any():
+        return ArrayFinding(name, bang, None, np.nan, used=False), []
+    came = direction(where, times, SPEED, SPEED_SD)
+    fits = float(chdtrc(came.dof, came.chi2)) if came.dof else 1.0
+    used = fits > CONTRADICTED and len(came.undetermined) < 2
+    finding = ArrayFinding(name, bang, came, fits, used=used)
+    if not used:
+        return finding, []
+    mean = float(np.mean([arrival.time_s for arrival in arrivals]))
+    variance = np.mean([arrival.sigma_s**2 for arrival in arrivals]) / len(arrivals)
+    sd = np.sqrt(np.diag(came.covariance))
+    values = {
+        "air_arrival_s": (mean, float(np.sqrt(variance))),
+        "bearing_rad": (came.bearing, float(sd[0])),
+        "elevation_rad": (came.elevation, float(sd[1])),
+    }
+    middle, clock = where.mean(axis=0), stations[names[0]].clock
+    return finding, [
+        _Row(name, quantity, *measured, middle, shot, clock)
+        for quantity, measured in values.items()
+        if np.isfinite(measured).all()
+    ]
+
+
+def _window(
+    members: Sequence[Searched], arrivals: Sequence[Detection], largest_s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return samples about a bang, and the variance of each bin of their noise."""
+    rate = members[0].channel.rate_hz
+    times = [arrival.time_s for arrival in arrivals]
+    length_s = members[0].kernel.template_samples / rate
+    margin = largest_s + 0.5 * length_s + 0.01
+    start = max(int((min(times) - margin) * rate), 0)
+    stop = int((max(times) + length_s + margin) * rate)
+    stop = min(stop, *(member.channel.samples.size for member in members))
+    stop -= (stop - start) % 2
+    window = np.array([member.channel.samples[start:stop] for member in members])
+    variances = [bin_variances(m.noise, stop - start, rate) for m in members]
+    return window, np.array(variances)
+
+
+def _observations(rows: Sequence[_Row], comments: Sequence[str]) -> Observations:
+    return observed(
+        [row.sensor for row in rows],
+        [row.quantity for row in rows],
+        [row.value for row in rows],
+        [row.sigma for row in rows],
+        position=np.array([row.position for row in rows]).reshape(len(rows), 3),
+        shot=tuple(row.shot for row in rows),
+        clock=tuple(row.clock for row in rows),
+        comments=tuple(comments),
+    )

@@ -1,0 +1,192 @@
+r"""The spectrum of stationary noise, and filters that whiten it.
+
+Noise is assumed Gaussian and stationary. Its one-sided density $S(f)$, with
+$\int_0^{f_s/2} S\,df = \sigma^2$, and its mean then describe it completely. A filter
+$1/\sqrt S$ whitens it. The matched filter (`matched_filter`) whitens both the noise and
+the template.
+
+The density is estimated from an interval without a blast, or from the recording itself,
+in Hann windows that overlap by half. Each frequency is averaged over the windows:
+
+- By the *mean* (Welch 1967). Intermittent sounds (birds, gusts, voices) count with all
+  their power and are not detected as blasts. A loud blast counts, too: of a blast with
+  duration $T$ and bandwidth $B$ the statistic is limited to about $10 \log_{10} TB$ dB.
+- By the *median*, which blasts in fewer than half of the windows hardly change. It
+  underestimates intermittent noise: three bursts of birdsong in a minute do not change
+  it. It is meant for sound that is steady except for blasts.
+
+The median of $n$ exponential variables is lower than their mean by
+
+$$\alpha_n = \sum_{k=1}^{n} \frac{(-1)^{k+1}}{k} \to \ln 2, \qquad n\ \text{odd}$$
+
+(Allen et al. 2012, FINDCHIRP, Phys. Rev. D 85, 122006, appendix B), and is corrected
+for it. Windows of constant samples are digital silence of the recorder. They are left
+out, and counted.
+"""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from jblast.errors import InputError, argument
+from jblast.signals.samples import checked_positive, checked_samples
+
+SEGMENT_S = 0.1
+"""Of a window, to the next power of two: 12 Hz are told apart."""
+LEAST_SEGMENTS = 7
+"""With fewer, a median says little."""
+FLOOR = 1e-10
+"""Of the mean density: 100 dB below it a recorder has nothing to say."""
+
+
+class NoiseSpectrum(NamedTuple):
+    """Stationary noise.
+
+    Attributes:
+        frequency_hz: From 0 in even steps to at least half of the sampling rate.
+        density: One-sided power, in the samples' unit squared a hertz, positive.
+        offset: Mean of the samples.
+    """
+
+    frequency_hz: Float[np.ndarray, " bin"]
+    density: Float[np.ndarray, " bin"]
+    offset: float = 0.0
+
+
+def white_noise(sigma: float, rate_hz: float) -> NoiseSpectrum:
+    """Return the spectrum of independent samples.
+
+    Args:
+        sigma: Their standard deviation, in the samples' unit, positive.
+        rate_hz: Sampling rate [Hz].
+    """
+    sigma = checked_positive("sigma", sigma, "the samples' unit")
+    half = checked_positive("rate_hz", rate_hz, "Hz") / 2
+    return NoiseSpectrum(np.array([0.0, half]), np.full(2, sigma**2 / half))
+
+
+def noise_spectrum(
+    recording: ArrayLike,
+    rate_hz: float,
+    *,
+    segment_s: float | None = None,
+    average: Literal["mean", "median"] = "mean",
+) -> NoiseSpectrum:
+    """Measure the spectrum of the noise in a recording.
+
+    Args:
+        recording: Samples of one channel.
+        rate_hz: Sampling rate [Hz].
+        segment_s: Length of a window [s]; none for 0.1 s, or less in a recording too
+            short for seven such.
+        average: Of the windows.
+
+    Raises:
+        InputError: The recording is too short, silent, or not finite.
+    """
+    samples = checked_samples("recording", recording, least=8 * (LEAST_SEGMENTS + 1))
+    rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
+    if segment_s is None:
+        wanted = min(SEGMENT_S * rate_hz, 2 * samples.size / (LEAST_SEGMENTS + 1))
+        size = 2 ** int(np.log2(wanted))
+    else:
+        size = round(checked_positive("segment_s", segment_s, "s") * rate_hz)
+        least = size * (LEAST_SEGMENTS + 1) // 2
+        if size < 8 or samples.size < least:
+            raise InputError(
+                f"{argument('segment_s')}: expected windows of at least 8 samples, "
+                f"seven of them half overlapping in {samples.size} samples, got {size}"
+            )
+    windows = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
+    alive = np.ptp(windows, axis=1) > 0
+    if alive.sum() < LEAST_SEGMENTS:
+        raise InputError(
+            f"{argument('recording')}: expected sound, got digital silence in "
+            f"{windows.shape[0] - int(alive.sum())} of {windows.shape[0]} windows "
+            f"of {size / rate_hz:.3g} s"
+        )
+    offset = float(np.median(windows[alive].mean(axis=1)))
+    taper = np.hanning(size + 1)[:size]
+    # the square of a window's spectrum is exponential about its density
+    power = np.stack(
+        [
+            np.abs(np.fft.rfft((window - offset) * taper)) ** 2
+            for window in windows[alive]
+        ]
+    )
+    if average == "median":
+        odd = power[: power.shape[0] - 1 + power.shape[0] % 2]
+        density = np.median(odd, axis=0) / median_bias(odd.shape[0])
+    else:
+        density = np.mean(power, axis=0)
+    density *= 2 / (rate_hz * np.sum(taper**2))
+    # at both ends a spectrum is real: its square is twice as wide, of one degree of
+    # freedom; and next to them the window mixes both
+    density[0], density[-1] = density[1], density[-2]
+    return NoiseSpectrum(np.fft.rfftfreq(size, 1 / rate_hz), density, offset)
+
+
+def median_bias(count: int) -> float:
+    """Return the mean of the median of exponential variables of mean 1.
+
+    Args:
+        count: How many variables, odd.
+    """
+    k = np.arange(1, count + 1)
+    return float(np.sum((-1.0) ** (k + 1) / k))
+
+
+def bin_variances(
+    noise: NoiseSpectrum, size: int, rate_hz: float
+) -> Float[np.ndarray, " bin"]:
+    """Return the variance of each bin of a unitary Fourier transform of the noise.
+
+    These are the eigenvalues of its circulant covariance. Linear between the
+    frequencies of the spectrum; not below a floor 100 dB under the mean, so that a
+    band without sound is not taken for one in which all is heard.
+
+    Args:
+        noise: Its spectrum.
+        size: Samples of the transform.
+        rate_hz: Sampling rate [Hz].
+
+    Raises:
+        InputError: A density is negative or not finite, all are 0, or the spectrum
+            ends below half of the rate.
+    """
+    frequency, density = (np.asarray(part, float) for part in noise[:2])
+    if not (np.isfinite(density).all() and (density >= 0).all() and density.any()):
+        raise InputError(
+            f"{argument('noise_spectrum')}: expected finite densities from 0 up, not "
+            f"all 0, got {np.sum(~(density >= 0))} others of {density.size}"
+        )
+    if frequency[-1] < rate_hz / 2 * (1 - 1e-9):
+        raise InputError(
+            f"{argument('noise_spectrum')}: expected densities up to half of the "
+            f"rate, {rate_hz / 2:g} Hz, got them up to {frequency[-1]:g} Hz"
+        )
+    at = np.fft.rfftfreq(size, 1 / rate_hz)
+    fine = np.interp(at, frequency, density) * (rate_hz / 2)
+    return np.maximum(fine, FLOOR * fine.mean())
+
+
+def whitening_taps(noise: NoiseSpectrum, rate_hz: float) -> Float[np.ndarray, " tap"]:
+    r"""Return a causal filter after which the noise is white, with variance 1.
+
+    The minimum-phase filter of gain $1/\sqrt S$, by the cepstrum of the gain (Oppenheim
+    and Schafer, Discrete-Time Signal Processing, section 13.5). Nothing after a sample
+    changes it, so that the quiet before an arrival remains quiet.
+
+    Args:
+        noise: Its spectrum.
+        rate_hz: Sampling rate [Hz].
+    """
+    lines = int(np.ceil(8 * rate_hz / float(noise.frequency_hz[1])))
+    size = 2 ** int(np.ceil(np.log2(max(lines, 64))))
+    cepstrum = np.fft.irfft(-0.5 * np.log(bin_variances(noise, size, rate_hz)), size)
+    cepstrum[1 : size // 2] *= 2
+    cepstrum[size // 2 + 1 :] = 0.0
+    taps = np.fft.irfft(np.exp(np.fft.rfft(cepstrum)), size)
+    return taps[: size // 4]

@@ -1,0 +1,25 @@
+"""Picks of pressure records by a posterior over their samples, and rows of logs."""
+
+from jblast.signals.picks.pick import (
+    NAMES as NAMES,
+    EyePick as EyePick,
+    Pick as Pick,
+    eye_pick as eye_pick,
+    pick as pick,
+)
+from jblast.signals.picks.pick_log import (
+    Gathered as Gathered,
+    LeftOut as LeftOut,
+    PickEstimate as PickEstimate,
+    PickLog as PickLog,
+    Reason as Reason,
+    gathered as gathered,
+    log_of as log_of,
+    pick_estimate as pick_estimate,
+)
+from jblast.signals.picks.record_picks import (
+    NoteKind as NoteKind,
+    Quality as Quality,
+    RecordPick as RecordPick,
+    pick_records as pick_records,
+)

@@ -1,0 +1,303 @@
+"""The fit of several records together, in its own units; times in samples.
+
+Each record is prepared, fitted by one pulse, by its forms and by further hypotheses,
+and fitted again over a shorter stretch, or by its front alone, where the model does not
+hold.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jblast.signals.picks.forms import with_forms
+from jblast.signals.picks.hypotheses import (
+    LAG,
+    SHIFT,
+    unstated_high_pass,
+    with_what_shows,
+)
+from jblast.signals.picks.model import Optimum, drift_at, larger_misfit_ratio
+from jblast.signals.picks.preparation import (
+    LEAST_REACH,
+    REACH,
+    SHORTER,
+    Bins,
+    Prepared,
+    bank_of,
+    bins_about_front,
+    prepared,
+)
+from jblast.signals.picks.searches import LEAST_SHARE, either, first_optimum
+from jblast.signals.picks.unknowns import (
+    CENTRE,
+    CONTINUED,
+    Natural,
+    error_covariance,
+    values_of,
+)
+
+LEAST_SIGNAL = 5.0
+"""A pulse is found where its peak is so many of its standard deviations."""
+CURVED = 0.03
+"""A baseline that bends by this share of the peak may do what no cubic does."""
+AGAIN = 3.0
+"""Squared misfit above which the model does not hold, and a record is picked again over
+a shorter stretch."""
+HOPELESS_MISFIT = 30.0
+"""That above which it explains next to nothing, and a record is picked again with its
+flat top as bounds and by its front alone."""
+FLAT = 6.0
+"""A flat top is what lies so many standard deviations of the noise below the largest
+sample: the range of thousands of samples of noise about one level."""
+FRONTS = 8.0, 32.0
+"""Shares of the stretch by which the front alone is picked: the inverse. A flaw behind
+a half and behind a seventh of the positive phase is left out."""
+SLIGHT = 1e-3
+"""What of a record the model may leave, of its peak, whatever the misfit: in a record
+with hardly any noise a tremor of the ground before the front is a hundred sigma, and
+moves nothing."""
+STAYS, LAST = 0.5, 16
+"""A record whose last so many samples lie above this share of its largest holds a step
+that stays, or too little of a decay to be told from one."""
+
+
+class LanePicks(NamedTuple):
+    """Picks in samples and in the record's unit; see `Pick`."""
+
+    natural: Natural
+    covariance: Float[Array, "lane 8 8"]
+    front: Int[Array, " lane"]
+    offset: Float[Array, " lane"]
+    scale: Float[Array, " lane"]
+    level: Float[Array, " lane"]
+    noise: Float[Array, " lane"]
+    noise_known: Bool[Array, " lane"]
+    clipped: Bool[Array, " lane"]
+    clipped_low: Bool[Array, " lane"]
+    clipped_level: Float[Array, " lane"]
+    converged: Bool[Array, " lane"]
+    found: Bool[Array, " lane"]
+    drifting: Bool[Array, " lane"]
+    curving: Bool[Array, " lane"]
+    cut_short: Bool[Array, " lane"]
+    misfit: Float[Array, " lane"]
+    rings: Bool[Array, " lane"]
+    passed: Bool[Array, " lane"]
+    shifted: Bool[Array, " lane"]
+    front_alone: Bool[Array, " lane"]
+    continued: Bool[Array, " lane"]
+    frequency: Float[Array, " lane"]
+    later: Float[Array, " lane"]
+    later_sd: Float[Array, " lane"]
+
+
+def pick_lanes(
+    samples: Float[Array, "lane sample"],
+    clipped: Float[Array, "lane sample"],
+    count: Int[Array, " lane"],
+    high_pass: Float[Array, " lane"] | None = None,
+) -> LanePicks:
+    """Pick records of one length.
+
+    Args:
+        samples: Overpressure in any unit, finite.
+        clipped: +1 where a sample is a lower bound, -1 an upper one, else 0.
+        count: Samples of each record; the last of them repeats behind it. A lane of
+            none is passed over.
+        high_pass: Corner of a first-order high-pass [1/sample]; None: there is none.
+    """
+    bins = bins_about_front(samples.shape[1])
+    bank = bank_of(bins, samples.shape[1])
+
+    def over(attempt, longest, until, samples, clipped, count, high_pass):
+        flat = _flat_top(samples, count, attempt.sigma)
+        clipped = jnp.where(attempt.flat, jnp.maximum(clipped, flat), clipped)
+        last = jnp.minimum(until, count)
+        index = jnp.arange(samples.shape[0])
+        # what is left out of a front alone is no pulse to begin with, either
+        cut = jnp.where((index < last) | (until >= count), samples, samples[0])
+        ready = prepared(bins, bank, cut, clipped, last, high_pass, longest)
+        # of a front alone no tail is there to look at
+        off = jnp.where(until < count, jnp.inf, ready.net)
+        ready = ready._replace(
+            net=off, net_sd=jnp.where(until < count, 0.0, ready.net_sd)
+        )
+        duration = jnp.exp(lax.stop_gradient(ready.start[2]))
+        found = _picked(bins, ready, clipped, count)
+        ends = (index >= count - LAST) & (index < count)
+        end = jnp.sum(jnp.where(ends, samples, 0.0)) / float(LAST) - ready.offset
+        found = found._replace(
+            found=found.found & ~(end > STAYS * ready.scale), front_alone=until < count
+        )
+        return found, duration
+
+    @jax.jit  # traced once, for what it gives and for the shape of that
+    def picked(*record):
+        kind, count = samples.dtype, record[2]
+        longest = jnp.full((), jnp.inf, kind)
+        first = _Attempt(jnp.asarray(False), jnp.ones((), kind), longest)
+        shapes, _ = jax.eval_shape(over, first, longest, count, *record)
+        nothing = jax.tree.map(lambda of: jnp.zeros(of.shape, of.dtype), shapes)
+        nothing = nothing._replace(misfit=jnp.full_like(nothing.misfit, jnp.inf))
+
+        def tried(best, attempt):
+            longest, reach, before = best
+            odd = ~(before.misfit < AGAIN) | ~before.converged
+            left = jnp.sqrt(before.misfit) * before.noise
+            slight = left < SLIGHT * before.natural.peak
+            flawed = attempt.flat | (attempt.part > 0)
+            holds = slight | (before.misfit < HOPELESS_MISFIT)
+            odd &= ~(flawed & before.converged & holds)
+
+            def anew():
+                sigma = before.noise * before.scale
+                part = jnp.maximum(reach * attempt.part, 0.5 * LEAST_REACH)
+                near = before.front + part.astype(count.dtype)
+                until = jnp.where(attempt.part > 0, near, count)
+                mine = attempt._replace(sigma=sigma)
+                most = jnp.where(flawed, jnp.inf, longest)
+                found, duration = over(mine, most, until, *record)
+                better = ~(before.misfit < found.misfit)
+                fits = found.found & found.converged & (found.misfit < AGAIN)
+                better = jnp.where(flawed, fits, better)
+                chosen = either(better, found, before)
+                first = jnp.where(jnp.isinf(longest), REACH * duration, reach)
+                return SHORTER * duration, first, chosen
+
+            return lax.cond(odd, anew, lambda: (longest, reach, before)), None
+
+        # a drift that is larger than the pulse is looked at as one: then look closer;
+        # of a record with a flaw what comes before it stays
+        parts = jnp.asarray([0.0, 0.0, 0.0, *(1.0 / part for part in FRONTS)], kind)
+        flats = jnp.asarray([False, False, True, *(False for _ in FRONTS)])
+        attempts = _Attempt(flats, jnp.zeros_like(parts), parts)
+        begin = (longest, jnp.zeros((), kind), nothing)
+        (_, _, found), _ = lax.scan(tried, begin, attempts)
+        return found
+
+    def one(record):
+        shapes = jax.eval_shape(picked, *record)
+        nothing = jax.tree.map(lambda of: jnp.zeros(of.shape, of.dtype), shapes)
+        return lax.cond(record[2] > 0, lambda: picked(*record), lambda: nothing)
+
+    # one by one: what is thousands of samples long stays in the cache of a core, and no
+    # search waits for another's
+    return lax.map(one, (samples, clipped, count, high_pass))
+
+
+class _Attempt(NamedTuple):
+    """One of several attempts at a record.
+
+    Attributes:
+        flat: Whether its flat top is taken for clipped.
+        sigma: Standard deviation of the noise, in the record's unit.
+        part: Of the stretch that is fitted; 0: all of it.
+    """
+
+    flat: Bool[Array, ""]
+    sigma: Float[Array, ""]
+    part: Float[Array, ""]
+
+
+def _flat_top(samples, count, sigma):
+    """Return 1 where a sample is of a flat top, else 0."""
+    inside = jnp.arange(samples.shape[0]) < count
+    top = jnp.max(jnp.where(inside, samples, -jnp.inf))
+    # the largest samples of noise alone are no flat top
+    high = top - samples[0] > 2.0 * FLAT * sigma
+    return (inside & high & (samples > top - FLAT * sigma)).astype(samples.dtype)
+
+
+def _picked(
+    bins: Bins,
+    ready: Prepared,
+    clipped: Float[Array, " sample"],
+    count: Int[Array, ""],
+) -> LanePicks:
+    """Pick a record that was made ready, as `pick_lanes` does."""
+    one, others = first_optimum(bins, ready)
+    formed = with_forms(bins, one, ready.continued, ready.case)
+    shown = with_what_shows(bins, one, formed, ready.start, ready.case)
+    passed = unstated_high_pass(bins, ready, formed, shown)
+    plain = shown.case.rings + shown.case.follows + shown.case.passed
+    plain = ~passed.probable & (plain + shown.case.shifted == 0)
+    best, case = passed.chosen(shown)
+    ratio = larger_misfit_ratio(bins, best.y, case)
+    widened = jnp.maximum(ratio, 1.0)
+    # of two other optima the one that has more of the posterior
+    rivals = others.y
+    shares = jnp.where(plain, lax.stop_gradient(formed.cubic) * others.share, 0.0)
+    more = shown.share > shares[0]
+    rivals = rivals.at[0].set(jnp.where(more, shown.rival, rivals[0]))
+    shares = shares.at[0].set(jnp.maximum(shares[0], shown.share))
+    # with a high-pass or without: either may have the right duration
+    other = jnp.where(passed.probable, shown.best.y, passed.found.y)
+    share = jnp.where(passed.probable, 1.0 - passed.share, passed.share)
+    share = jnp.where(share > LEAST_SHARE, share, 0.0)
+    rivals = jnp.concatenate([rivals, other[None, : rivals.shape[1]]])
+    shares = jnp.concatenate([shares, share[None]])
+    within, between, offset = jax.tree.map(
+        lambda mean, own: jnp.where(plain, mean, own),
+        (formed.within, formed.between, formed.offset),
+        (
+            error_covariance(best.y, best.covariance, case.form),
+            jnp.where(passed.probable, formed.front_between, 0.0),
+            jnp.where(passed.probable, formed.front_offset, 0.0),
+        ),
+    )
+    average = widened * within + between
+    natural, covariance = values_of(best.y, case.form, offset, average, rivals, shares)
+    x = (natural.arrival - case.middle) / case.span
+    one_way = drift_at(best.y, jnp.ones_like(x)) - drift_at(best.y, -jnp.ones_like(x))
+    drift = jnp.maximum(jnp.abs(one_way), jnp.abs(best.y[9]))
+    held, low = jnp.any(clipped > 0), jnp.any(clipped < 0)
+    # by its own error: elsewhere, or through a ring, it is a pulse as well
+    # of one form alone, too: of many forms one fits noise
+    seen = LEAST_SIGNAL * jnp.sqrt(widened * best.covariance[1, 1]) < 1.0
+    seen &= LEAST_SIGNAL * jnp.sqrt(average[1, 1]) < 1.0
+    seen &= LEAST_SIGNAL * jnp.sqrt(one.covariance[1, 1]) < 1.0
+    left = (count - ready.front.sample).astype(clipped.dtype)
+    lag = jnp.exp(best.y[LAG])
+    later_variance = (
+        best.covariance[0, 0]
+        + 2.0 * lag * best.covariance[0, LAG]
+        + lag * lag * best.covariance[LAG, LAG]
+    )
+    return LanePicks(
+        natural=natural,
+        covariance=covariance,
+        front=ready.front.sample,
+        offset=ready.offset,
+        scale=ready.scale,
+        level=drift_at(best.y, x),
+        noise=case.noise.marginal,
+        noise_known=case.noise.known,
+        clipped=held,
+        clipped_low=low,
+        clipped_level=ready.clipped_at,
+        converged=best.converged,
+        found=jnp.isfinite(covariance[1, 1]) & (seen | held),
+        drifting=drift > SHIFT * natural.peak,
+        curving=_curving(best, natural.peak),
+        cut_short=natural.arrival + natural.duration > left,
+        misfit=ratio,
+        rings=case.rings > 0,
+        passed=case.passed > 0,
+        shifted=case.shifted > 0,
+        front_alone=jnp.zeros_like(held),
+        continued=case.form.negative == CONTINUED,
+        frequency=jnp.exp(best.y[CENTRE.size]),
+        later=jnp.where(case.follows > 0, natural.arrival + lag, jnp.nan),
+        later_sd=jnp.sqrt(widened * later_variance),
+    )
+
+
+def _curving(best: Optimum, peak: Float[Array, ""]) -> Bool[Array, ""]:
+    """Return whether a baseline bends, by much of the peak and for sure."""
+    bends = jnp.square(best.y[9:11])
+    sure = 16.0 * jnp.diagonal(best.covariance)[9:11]
+    seen = jnp.where(bends > sure, bends, 0.0)
+    return jnp.sum(seen) > jnp.square(CURVED * peak)

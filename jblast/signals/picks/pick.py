@@ -1,0 +1,477 @@
+r"""The pick of a pressure record: its pulse, with covariance.
+
+A Friedlander pulse with a finite rise and a negative phase (`waves/pulse.py`)
+and a drift are fitted to the samples, with the noise of the quiet part before the
+front. `unknowns` has the priors, `preparation` the noise and the bins, `lanes` the fit.
+All of it is one pure function of arrays, batched, and differentiable through the
+optimum.
+
+Records are padded to a power of two and picked in chunks of `LANES`, so that few
+programs serve records of any length and number. Each device runs its own program:
+partitioned as one program, the small systems of equations of the search would be
+gathered from all devices.
+
+`eye_pick` reads a record as one does from a plot, for comparison. The front is the
+first sample above five times the rms of the first tenth of the record; the peak is the
+largest sample; the positive phase ends where the pressure first falls to zero, linear
+between samples; the impulse is by the trapezoid rule; zero is the mean of the first
+tenth. The errors of such picks grow with noise, and the rules do not estimate them.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float
+from numpy.typing import ArrayLike
+
+from jblast.errors import InputError, argument
+from jblast.kept_programs import kept
+from jblast.signals.picks.lanes import LanePicks, pick_lanes
+from jblast.signals.picks.preparation import clipped_samples
+
+LEAST_SAMPLES = 16
+UNEVEN = 1e-3
+"""Times are even where none is farther off than this share of a sample (and of the
+digits that they are written in)."""
+SHORTEST = 512
+"""Records are filled up to this or a larger power of two, so that those of any length
+are picked by few programs."""
+FEW_SAMPLES = 8.0
+"""Fewer samples of positive phase are few."""
+LONG_SUCTION = 6.0
+"""A negative phase of as many positive ones is rather a high-pass: laws have 1.8 to
+4.5."""
+DEEP_SUCTION = 0.1
+"""And it takes as large a share of the impulse, depth times duration."""
+UNTOLD = 0.05
+"""A clipped peak whose ln is known no better than this is a lower bound."""
+LANES = 32
+"""Records that are picked together. Another number would be another program."""
+Made = TypeVar("Made")
+NAMES = (
+    "air_arrival_s",
+    "peak_overpressure_pa",
+    "positive_duration_s",
+    "positive_impulse_pa_s",
+    "decay",
+    "rise_time_s",
+    "negative_pressure_pa",
+    "negative_duration_s",
+)
+"""What is picked, in the order of `Pick.spread`."""
+IN_LOG = 4
+"""The first ones go into a log with their covariance."""
+QUIET_SHARE = 0.1
+THRESHOLD = 5.0
+
+
+class Pick(eqx.Module):
+    """The pulse of a record, or of each record of a batch.
+
+    Errors are those of the posterior, with all that is not asked for (rise, suction,
+    drift) free. Where nothing was found, values are NaN.
+
+    Attributes:
+        air_arrival_s: When the first of it arrives, on the clock of the samples [s].
+        peak_overpressure_pa: Overpressure behind the front [Pa].
+        positive_duration_s: Of the positive phase, rise included [s].
+        positive_impulse_pa_s: Of the positive phase [Pa s].
+        decay: Friedlander's $b$ behind the rise [-].
+        rise_time_s: From zero to the peak [s].
+        negative_pressure_pa: Greatest underpressure; below zero where there is none and
+            noise makes it so [Pa].
+        negative_duration_s: Of the negative phase [s].
+        covariance: Of arrival [s], ln peak, ln duration and ln impulse.
+        spread: Standard deviations of the eight, in the order of `NAMES`: of their
+            logarithms, but for arrival [s] and decay [-].
+        found: Whether there is a pulse at all.
+        converged: Whether the search ended at an optimum.
+        lower_bound: Whether samples were clipped at the peak, which then is only
+            bounded from below, by `clipped_at_pa`, but for what the prior adds.
+        clipped_at_pa: Largest size of a sample, where it was clipped; else NaN [Pa].
+        under_sampled: Whether fewer than eight samples make the positive phase.
+        sharp: Whether the rise is shorter than a sample, so that the arrival is
+            anywhere within one.
+        high_passed: Whether what follows the pulse looks high-passed, and no corner was
+            given.
+        resonating: Whether the record rings at a frequency of its own.
+        drifting: Whether the baseline moves by more than a fiftieth of the peak.
+        curving: Whether it bends by more than 3 % of the peak within the stretch that
+            is fitted, as a cubic that may not be all it does.
+        cut_short: Whether the record ends before the positive phase does.
+        noise_known: Whether enough quiet samples came before the front.
+        shifted: Whether the baseline steps at the front and stays there.
+        front_alone: Whether what follows the front is no blast pulse, so that the front
+            alone was fitted and only arrival and peak are known.
+        resonance_hz: At what frequency it rings, undamped; NaN: it does not [Hz].
+        later_arrivals_s: Of a further front within the stretch that is fitted, one at
+            most; NaN: none [s].
+        later_sigmas_s: Their standard deviations [s].
+        misfit: Squared misfit by degree of freedom: about 1 where the model holds [-].
+            Above 1, errors are widened by its root.
+        noise_pa: Standard deviation of the noise of a sample [Pa].
+        baseline_pa: What was taken for zero, at the arrival [Pa].
+    """
+
+    air_arrival_s: Float[Array, "*batch"]
+    peak_overpressure_pa: Float[Array, "*batch"]
+    positive_duration_s: Float[Array, "*batch"]
+    positive_impulse_pa_s: Float[Array, "*batch"]
+    decay: Float[Array, "*batch"]
+    rise_time_s: Float[Array, "*batch"]
+    negative_pressure_pa: Float[Array, "*batch"]
+    negative_duration_s: Float[Array, "*batch"]
+    covariance: Float[Array, "*batch 4 4"]
+    spread: Float[Array, "*batch 8"]
+    found: Bool[Array, "*batch"]
+    converged: Bool[Array, "*batch"]
+    lower_bound: Bool[Array, "*batch"]
+    clipped_at_pa: Float[Array, "*batch"]
+    under_sampled: Bool[Array, "*batch"]
+    sharp: Bool[Array, "*batch"]
+    high_passed: Bool[Array, "*batch"]
+    resonating: Bool[Array, "*batch"]
+    drifting: Bool[Array, "*batch"]
+    curving: Bool[Array, "*batch"]
+    cut_short: Bool[Array, "*batch"]
+    noise_known: Bool[Array, "*batch"]
+    shifted: Bool[Array, "*batch"]
+    front_alone: Bool[Array, "*batch"]
+    resonance_hz: Float[Array, "*batch"]
+    later_arrivals_s: Float[Array, "*batch later"]
+    later_sigmas_s: Float[Array, "*batch later"]
+    misfit: Float[Array, "*batch"]
+    noise_pa: Float[Array, "*batch"]
+    baseline_pa: Float[Array, "*batch"]
+
+    def sd(self, name: str) -> Float[Array, "*batch"]:
+        """Return the standard deviation of a value, in its own unit.
+
+        Args:
+            name: One of `NAMES`.
+
+        Raises:
+            ValueError: There is no such value.
+        """
+        if name not in NAMES:
+            raise ValueError(f"expected one of {', '.join(NAMES)}, got {name}")
+        sd = self.spread[..., NAMES.index(name)]
+        if name in ("air_arrival_s", "decay"):
+            return sd
+        return sd * jnp.abs(getattr(self, name))
+
+
+def pick(
+    time_s: ArrayLike,
+    pressure_pa: ArrayLike,
+    *,
+    full_scale_pa: float | None = None,
+    high_pass_hz: float | None = None,
+) -> Pick:
+    """Return the pulses that records hold.
+
+    Pure: under `jit`, `vmap` and `grad` it takes what it is given; outside, input that
+    no record can be is refused.
+
+    Args:
+        time_s: Middle of each sample on one even clock [s], [sample].
+        pressure_pa: Overpressure [Pa], [*batch, sample]. Any even scale does: it comes
+            back in peak, impulse and suction.
+        full_scale_pa: Largest size of a sample; larger ones are clipped. None: nobody
+            said, and equal samples in a row at the extreme are taken for clipped.
+        high_pass_hz: Corner of the instrument's first-order high-pass [Hz].
+
+    Returns:
+        Arrival, peak, duration, impulse and more, with their covariance, for each
+        record.
+
+    Raises:
+        InputError: Times are not even or do not rise, lengths do not fit, a value is
+            not finite, or a scale or corner is not positive.
+
+    Example:
+        `found = jblast.pick(time_s, pressure_pa)`, then `found.positive_impulse_pa_s`
+        and `found.sd("positive_impulse_pa_s")`.
+    """
+    time, pressure = _checked(time_s, pressure_pa)
+    n, batch = pressure.shape[-1], pressure.shape[:-1]
+    step = (time[-1] - time[0]) / (n - 1)
+    flat = pressure.reshape(-1, n)
+    if filled_length(n) > n:
+        pad = np.pad if isinstance(flat, np.ndarray) else jnp.pad
+        flat = pad(flat, [(0, 0), (0, filled_length(n) - n)], mode="edge")
+    for name, what, value, unit in (
+        ("high_pass_hz", "a positive corner", high_pass_hz, "Hz"),
+        ("full_scale_pa", "a positive pressure", full_scale_pa, "Pa"),
+    ):
+        if value is not None and not (0 < value < np.inf):
+            raise InputError(f"{argument(name)}: expected {what}, got {value:g} {unit}")
+    made = picks_of(
+        flat,
+        np.full(flat.shape[0], n),
+        time[0],
+        step,
+        full_scale_pa,
+        None if high_pass_hz is None else step * high_pass_hz,
+    )
+    return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), made)
+
+
+def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
+    """Return times, in double precision if they are numbers, and samples; or refuse."""
+    pressure = (
+        pressure_pa if isinstance(pressure_pa, Tracer) else np.asarray(pressure_pa)
+    )
+    time = time_s if isinstance(time_s, Tracer) else np.asarray(time_s, dtype=float)
+    if time.ndim != 1:
+        raise InputError(
+            f"{argument('time_s')}: expected [sample], one clock for all records, got "
+            f"the shape {time.shape}"
+        )
+    if pressure.ndim < 1 or time.shape[0] != pressure.shape[-1]:
+        raise InputError(
+            f"{argument('pressure_pa')}: expected [..., sample] with as many samples "
+            f"as {argument('time_s')}, got {pressure.shape} and {time.shape}"
+        )
+    if time.shape[0] < LEAST_SAMPLES:
+        raise InputError(
+            f"{argument('pressure_pa')}: expected {LEAST_SAMPLES} samples or more, got "
+            f"{time.shape[0]}"
+        )
+    if not isinstance(time, Tracer):
+        _check_even(time)
+    if not isinstance(pressure, Tracer):
+        bad = np.argwhere(~np.isfinite(pressure))
+        if bad.size:
+            place = ", ".join(str(i) for i in bad[0])
+            raise InputError(
+                f"{argument('pressure_pa')}: expected finite samples, got "
+                f"{pressure[tuple(bad[0])]} at [{place}]"
+            )
+    # in the widest precision there is: a record in few bits is no reason for less
+    return time, pressure.astype(jax.dtypes.canonicalize_dtype(float))
+
+
+def _check_even(time: Float[np.ndarray, " sample"]) -> None:
+    """Refuse times that are not those of samples."""
+    name = argument("time_s")
+    if not np.all(np.isfinite(time)):
+        raise InputError(f"{name}: expected finite times")
+    steps = np.diff(time)
+    if not np.all(steps > 0):
+        first = int(np.argmax(~(steps > 0)))
+        raise InputError(
+            f"{name}: expected rising times, got {time[first]:.9g} and then "
+            f"{time[first + 1]:.9g} s at [{first + 1}]"
+        )
+    even = np.linspace(time[0], time[-1], time.size)
+    step = (time[-1] - time[0]) / (time.size - 1)
+    off = np.abs(time - even)
+    # times written with few digits are rounded, which is no gap
+    if (
+        np.max(off) > max(UNEVEN * step, 4e-16 * np.abs(time).max())
+        and np.max(off) > 0.5 * step
+    ):
+        first = int(np.argmax(off))
+        raise InputError(
+            f"{name}: expected even steps of {step:.6g} s, got {time[first]:.9g} s at "
+            f"[{first}], off by {off[first]:.3g} s"
+        )
+
+
+def filled_length(samples: int) -> int:
+    """Return the length that a record is filled up to."""
+    return max(SHORTEST, 1 << (samples - 1).bit_length())
+
+
+def picks_of(
+    samples: Float[Array, "lane sample"] | Float[np.ndarray, "lane sample"],
+    counts: ArrayLike,
+    start: Float[ArrayLike, "..."],
+    step: Float[ArrayLike, "..."],
+    full_scale: Float[ArrayLike, "..."] | None,
+    high_pass: Float[ArrayLike, "..."] | None,
+) -> Pick:
+    """Return the picks of records, each number one for all or one for each.
+
+    Args:
+        samples: Of records of one length, or filled up to it with their last sample.
+        counts: How many samples each has.
+        start: Time of the first sample [s].
+        step: From one sample to the next [s].
+        full_scale: Largest size of a sample; None, or NaN: nobody said.
+        high_pass: Corner of a first-order high-pass, in cycles a sample; None: there
+            is none.
+    """
+    many, kind = jnp.shape(samples)[:1], samples.dtype
+
+    def of_each(number):
+        if isinstance(number, Tracer):
+            return jnp.broadcast_to(number.astype(kind), many)
+        return np.broadcast_to(np.asarray(number, kind), many)
+
+    scale = of_each(np.nan if full_scale is None else full_scale)
+    arrays = (samples, counts, of_each(start), of_each(step), scale)
+    if high_pass is not None:
+        arrays = (*arrays, of_each(2.0 * np.pi * high_pass))
+    return in_chunks(_picks, arrays)
+
+
+@kept
+def _picks(samples, counts, start, step, full_scale, high_pass=None) -> Pick:
+    """Pick records as `picks_of` does, with an array for each number."""
+    scale = full_scale[:, None]
+    told = clipped_samples(samples, counts, scale)
+    clipped = jnp.where(jnp.isnan(scale), clipped_samples(samples, counts, None), told)
+    return pick_of(pick_lanes(samples, clipped, counts, high_pass), start, step)
+
+
+def pick_of(
+    lanes: LanePicks, start: Float[Array, "..."], step: Float[Array, "..."]
+) -> Pick:
+    """Return picks in seconds and pascals.
+
+    Args:
+        lanes: In samples.
+        start: Time of the first sample [s].
+        step: From one sample to the next [s].
+    """
+    natural, scale = lanes.natural, lanes.scale
+    nan = jnp.full_like(scale, jnp.nan)
+
+    def where_found(value):
+        return jnp.where(lanes.found, value, nan)
+
+    seconds = jnp.broadcast_to(step, scale.shape)
+    in_units = jnp.ones((*scale.shape, 8), scale.dtype).at[:, 0].set(seconds)
+    found = lanes.found[:, None, None]
+    covariance = jnp.where(
+        found, lanes.covariance * in_units[:, :, None] * in_units[:, None, :], jnp.nan
+    )
+    spread = jnp.sqrt(jnp.diagonal(covariance, axis1=1, axis2=2))
+    front = lanes.front.astype(scale.dtype)
+    high = lanes.offset + scale * lanes.clipped_level
+    low = jnp.abs(lanes.offset - scale * lanes.clipped_level)
+    longer = natural.suction_duration > LONG_SUCTION * natural.duration
+    # of one as shallow as noise allows the duration tells nothing
+    deep = natural.suction * natural.suction_duration > DEEP_SUCTION * natural.impulse
+    longer &= deep
+    return Pick(
+        air_arrival_s=where_found(start + step * (front + natural.arrival)),
+        peak_overpressure_pa=where_found(scale * natural.peak),
+        positive_duration_s=where_found(step * natural.duration),
+        positive_impulse_pa_s=where_found(scale * step * natural.impulse),
+        decay=where_found(natural.decay),
+        rise_time_s=where_found(step * natural.rise),
+        negative_pressure_pa=where_found(scale * natural.suction),
+        negative_duration_s=where_found(step * natural.suction_duration),
+        covariance=covariance[:, :4, :4],
+        spread=spread,
+        found=lanes.found,
+        converged=lanes.converged,
+        lower_bound=lanes.clipped & ~(spread[:, 1] < UNTOLD),
+        clipped_at_pa=jnp.where(
+            lanes.clipped, high, jnp.where(lanes.clipped_low, low, nan)
+        ),
+        under_sampled=natural.duration < FEW_SAMPLES,
+        sharp=natural.rise < 1.0,
+        high_passed=lanes.passed | (lanes.found & longer & ~lanes.continued),
+        shifted=lanes.shifted,
+        front_alone=lanes.front_alone,
+        resonating=lanes.rings,
+        resonance_hz=jnp.where(
+            lanes.rings, lanes.frequency / (2.0 * np.pi) / seconds, jnp.nan
+        ),
+        drifting=lanes.drifting,
+        curving=lanes.curving,
+        cut_short=lanes.cut_short,
+        noise_known=lanes.noise_known,
+        later_arrivals_s=where_found(start + step * (front + lanes.later))[:, None],
+        later_sigmas_s=where_found(
+            jnp.where(jnp.isnan(lanes.later), jnp.nan, step * lanes.later_sd)
+        )[:, None],
+        misfit=lanes.misfit,
+        noise_pa=scale * lanes.noise,
+        baseline_pa=lanes.offset + scale * lanes.level,
+    )
+
+
+def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
+    """Return what a function makes of each record of a batch.
+
+    Args:
+        made_of: Of some records: takes and returns arrays with a first axis of lanes;
+            compiled. Of lanes that are all zeros nothing is asked.
+        arrays: Of all of them.
+    """
+    if any(isinstance(x, Tracer) for x in arrays):
+        return made_of(*arrays)
+    count = arrays[0].shape[0]
+    chunks = max(-(-count // LANES), 1)  # of no record, too, to tell of what shape
+    filled = tuple(_filled(np.asarray(x), chunks) for x in arrays)
+    devices = jax.devices()
+    # none is waited for before the next has begun
+    parts = []
+    for k in range(chunks):
+        device = devices[k % len(devices)]
+        parts.append(made_of(*(jax.device_put(x[k], device) for x in filled)))
+    # by NumPy, which compiles nothing for another number of records
+    parts = jax.tree.map(np.asarray, parts)
+    return jax.tree.map(lambda *x: jax.device_put(np.concatenate(x)[:count]), *parts)
+
+
+def _filled(x: np.ndarray, chunks: int) -> np.ndarray:
+    """Return lanes by chunk, zeros where there are none."""
+    none = np.zeros((chunks * LANES - x.shape[0], *x.shape[1:]), x.dtype)
+    return np.concatenate([x, none]).reshape(chunks, LANES, *x.shape[1:])
+
+
+class EyePick(NamedTuple):
+    """What an eye takes from a record; NaN where a rule finds nothing.
+
+    Attributes:
+        air_arrival_s: First sample above the threshold [s].
+        peak_overpressure_pa: Largest sample from there on [Pa].
+        positive_duration_s: From the arrival to the first zero [s].
+        positive_impulse_pa_s: By trapezoids between these [Pa s].
+    """
+
+    air_arrival_s: float
+    peak_overpressure_pa: float
+    positive_duration_s: float
+    positive_impulse_pa_s: float
+
+
+def eye_pick(time_s: ArrayLike, pressure_pa: ArrayLike) -> EyePick:
+    """Pick a record by rules.
+
+    Args:
+        time_s: Of each sample [s].
+        pressure_pa: Overpressure [Pa], one record.
+    """
+    time = np.asarray(time_s, float)
+    pressure = np.asarray(pressure_pa, float)
+    quiet = pressure[: max(2, int(QUIET_SHARE * pressure.size))]
+    above = pressure - quiet.mean()
+    over = np.flatnonzero(
+        above > THRESHOLD * max(float(quiet.std()), 1e-12 * np.ptp(above))
+    )
+    if not over.size:
+        return EyePick(np.nan, np.nan, np.nan, np.nan)
+    first = int(over[0])
+    top = first + int(np.argmax(above[first:]))
+    peak = float(above[top])
+    fallen = np.flatnonzero(above[top:] <= 0)
+    if not fallen.size:
+        return EyePick(float(time[first]), peak, np.nan, np.nan)
+    last = top + int(fallen[0])
+    share = above[last - 1] / (above[last - 1] - above[last])
+    end = time[last - 1] + share * (time[last] - time[last - 1])
+    within = np.append(above[first:last], 0.0)
+    impulse = np.trapezoid(within, np.append(time[first:last], end))
+    return EyePick(float(time[first]), peak, float(end - time[first]), float(impulse))

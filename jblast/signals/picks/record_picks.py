@@ -1,0 +1,360 @@
+r"""Picks of recordings of any length and rate, with quality and notes.
+
+Quality and notes are findings of the fit; reports word them.
+
+Walls, trees, or a microphone's own filter and gain control may distort a blast so that
+no pulse fits it, but its onset can be picked. The samples up to the largest are divided
+into two intervals of noise, each with its own variance; the most probable division is
+the onset (Maeda 1985, the picker of Akaike's criterion):
+
+$$\mathrm{AIC}(k) = k \ln s^2_{[0, k)} + (n - k) \ln s^2_{[k, n)}$$
+
+and $e^{-\mathrm{AIC}/2}$ is the probability of a division there. This holds for
+independent samples. Those of a record are correlated, so the standard deviation is at
+least half of the time from the onset to half of the largest size.
+"""
+
+import dataclasses
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError
+from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks.lanes import AGAIN, HOPELESS_MISFIT, SLIGHT
+from jblast.signals.picks.pick import (
+    IN_LOG,
+    LEAST_SAMPLES,
+    NAMES,
+    Pick,
+    filled_length,
+    picks_of,
+)
+
+LONGEST = 65536
+"""Of a record of more samples the stretch about its largest one is picked."""
+BEFORE = 0.25
+"""Share of that stretch that lies before the largest sample."""
+Quality = Literal["good", "doubtful", "poor"]
+NoteKind = Literal[
+    "nothing_found",
+    "onset_alone",
+    "not_converged",
+    "clipped",
+    "misfit",
+    "few_quiet_samples",
+    "under_sampled",
+    "sharp_front",
+    "cut_short",
+    "drifting",
+    "curved_baseline",
+    "resonating",
+    "high_passed",
+    "later_arrival",
+    "zero_shift",
+    "front_alone",
+    "reversed_polarity",
+    "duration_unsure",
+    "faint",
+]
+"""What may be said of a pick."""
+POOR = frozenset({"nothing_found", "not_converged"})
+HARMLESS = frozenset({"sharp_front", "drifting", "later_arrival"})
+"""These were seen and are within the errors; any other makes a pick doubtful."""
+UNSURE_DURATION = 0.2
+"""Standard deviation of ln duration from which on it is hardly known."""
+FAINT = 0.1
+"""Standard deviation of ln peak from which on a pulse is faint."""
+QUIET = 32
+"""Samples that must come before an onset, to know what quiet is."""
+LOUD = 10.0
+"""The largest sample is as many standard deviations of the quiet ones."""
+SUDDEN = 3.0
+"""So is the root mean square of what samples change by, from before to behind: a drift
+becomes large, and no rougher."""
+
+
+@dataclass(frozen=True)
+class RecordPick:
+    """What was picked of a recording.
+
+    Attributes:
+        record: The recording.
+        pick: Its pulse, on the recorder's clock; every array without a batch.
+        quality: How far it may be trusted.
+        notes: Why, and what else was seen.
+    """
+
+    record: PressureRecord
+    pick: Pick
+    quality: Quality
+    notes: tuple[NoteKind, ...]
+
+
+def pick_records(
+    records: Sequence[PressureRecord], *, turn: bool = True
+) -> list[RecordPick]:
+    """Return the pick of each recording.
+
+    Where nobody said what a sample is in pascals, peak and impulse are in the samples'
+    own unit, and only the times mean something. Of a record that is suddenly loud and
+    that no pulse fits, the arrival is its onset (`onset_of`) and all else NaN.
+
+    Args:
+        records: The recordings.
+        turn: Whether a record whose pressure falls most is picked upside down, too.
+
+    Raises:
+        InputError: One of them has too few samples, or one that is not finite.
+    """
+    groups: dict[tuple[int, bool], list[int]] = defaultdict(list)
+    for place, record in enumerate(records):
+        _check(record)
+        groups[_length(record), record.high_pass_hz is not None].append(place)
+    found: dict[int, Pick] = {}
+    for (length, passed), places in groups.items():
+        found |= _picked([records[i] for i in places], places, length, passed)
+    made = [
+        RecordPick(record, found[i], quality_of(found[i]), notes_of(found[i]))
+        for i, record in enumerate(records)
+    ]
+    if not turn:
+        return made
+    # a sensor wired the other way round records a blast as a fall of the pressure
+    falls = [k for k, one in enumerate(made) if one.quality != "good" and _falls(one)]
+    turned = [
+        dataclasses.replace(made[k].record, samples=-made[k].record.samples)
+        for k in falls
+    ]
+    for k, other in zip(falls, pick_records(turned, turn=False), strict=True):
+        if _better(other, made[k]):
+            notes: tuple[NoteKind, ...] = (*other.notes, "reversed_polarity")
+            made[k] = RecordPick(made[k].record, other.pick, "doubtful", notes)
+    return made
+
+
+def _falls(one: RecordPick) -> bool:
+    """Return whether the largest deviation of a record is below its median."""
+    apart = one.record.samples - np.median(one.record.samples)
+    return bool(-apart.min() > apart.max())
+
+
+def _better(other: RecordPick, one: RecordPick) -> bool:
+    """Return whether a pulse fits a record better turned over than as it is."""
+    if other.quality == "poor" or not other.pick.found or "onset_alone" in other.notes:
+        return False
+    if one.quality == "poor" or not one.pick.found or "onset_alone" in one.notes:
+        return True
+    return float(other.pick.misfit) < float(one.pick.misfit)
+
+
+def _picked(
+    records: list[PressureRecord],
+    places: list[int],
+    length: int,
+    high_passed: bool,
+) -> dict[int, Pick]:
+    """Return the picks of records that are filled up to one length."""
+    begins = [_begin(record, length) for record in records]
+    cut = [
+        record.samples[begin : begin + length]
+        for record, begin in zip(records, begins, strict=True)
+    ]
+    filled = np.stack([_filled(x, length) for x in cut])
+    corners = (
+        np.array([(record.high_pass_hz or 0.0) / record.rate_hz for record in records])
+        if high_passed
+        else None
+    )
+    step = np.array([1.0 / record.rate_hz for record in records])
+    start = np.array([record.start_s for record in records]) + np.array(begins) * step
+    many = picks_of(
+        filled.astype(jax.dtypes.canonicalize_dtype(float)),
+        np.array([x.size for x in cut]),
+        start,
+        step,
+        np.array([record.full_scale or np.nan for record in records]),
+        corners,
+    )
+    many = jax.tree.map(np.asarray, many)
+    picks = [jax.tree.map(lambda x, k=k: x[k], many) for k in range(len(places))]
+    return {
+        place: pick
+        if quality_of(pick) != "poor"
+        else _began(pick, samples, float(first), float(each))
+        for place, pick, samples, first, each in zip(
+            places, picks, cut, start, step, strict=True
+        )
+    }
+
+
+def _began(
+    pick: Pick, samples: Float[np.ndarray, " sample"], start: float, step: float
+) -> Pick:
+    """Return the onset of a record that no pulse fits, and nothing else."""
+    onset = onset_of(samples)
+    if onset is None:
+        return pick
+    sigma = step * onset.sigma
+    spread, covariance = np.full(8, np.nan), np.full((IN_LOG, IN_LOG), np.nan)
+    spread[0], covariance[0, 0] = sigma, sigma**2
+    known = (
+        np.array(start + step * onset.sample),
+        *(np.array(np.nan) for _ in NAMES[1:]),
+        spread,
+        covariance,
+        np.array(True),
+        np.array(samples[: int(onset.sample)].mean()),
+    )
+    return eqx.tree_at(
+        lambda p: (
+            *(getattr(p, name) for name in NAMES),
+            p.spread,
+            p.covariance,
+            p.found,
+            p.baseline_pa,
+        ),
+        pick,
+        known,
+    )
+
+
+def _length(record: PressureRecord) -> int:
+    """Return the length that a record is filled up to."""
+    return filled_length(min(record.samples.size, LONGEST))
+
+
+def _begin(record: PressureRecord, length: int) -> int:
+    """Return the first sample of the stretch that is picked."""
+    spare = record.samples.size - length
+    if spare <= 0:
+        return 0
+    largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
+    return int(np.clip(largest - int(BEFORE * length), 0, spare))
+
+
+def _filled(samples: Float[np.ndarray, " sample"], length: int):
+    """Return samples and then the last one again."""
+    return np.pad(samples, (0, length - samples.size), mode="edge")
+
+
+def _check(record: PressureRecord) -> None:
+    """Refuse what cannot be picked, by name."""
+    name = record.source or record.name
+    if record.samples.size < LEAST_SAMPLES:
+        raise InputError(
+            f"{name}: {record.name}: expected {LEAST_SAMPLES} samples or more, got "
+            f"{record.samples.size}"
+        )
+    bad = np.flatnonzero(~np.isfinite(record.samples))
+    if bad.size:
+        raise InputError(
+            f"{name}: {record.name}: expected finite samples, got "
+            f"{record.samples[bad[0]]} at sample {bad[0]} and {bad.size - 1} more"
+        )
+
+
+def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
+    """Return what is to be said of the pick of one record."""
+    if not bool(pick.found):
+        return ("nothing_found",)
+    if np.isnan(pick.peak_overpressure_pa):
+        return ("onset_alone",)
+    spread = np.asarray(pick.spread)
+    said: dict[NoteKind, bool] = {
+        "not_converged": not bool(pick.converged),
+        "clipped": bool(np.isfinite(pick.clipped_at_pa)),
+        "misfit": float(pick.misfit) > AGAIN,
+        "few_quiet_samples": not bool(pick.noise_known),
+        "under_sampled": bool(pick.under_sampled),
+        "sharp_front": bool(pick.sharp),
+        "cut_short": bool(pick.cut_short),
+        "drifting": bool(pick.drifting),
+        "curved_baseline": bool(pick.curving),
+        "resonating": bool(pick.resonating),
+        "high_passed": bool(pick.high_passed),
+        "later_arrival": bool(np.any(np.isfinite(pick.later_arrivals_s))),
+        "zero_shift": bool(pick.shifted),
+        "front_alone": bool(pick.front_alone),
+        "duration_unsure": not spread[2] < UNSURE_DURATION,
+        "faint": not spread[1] < FAINT,
+    }
+    return tuple(kind for kind, holds in said.items() if holds)
+
+
+def quality_of(pick: Pick) -> Quality:
+    """Return how far the pick of one record may be trusted."""
+    notes = set(notes_of(pick))
+    if "onset_alone" in notes:
+        return "doubtful"
+    if notes & POOR or hopeless(pick):
+        return "poor"
+    return "doubtful" if notes - HARMLESS else "good"
+
+
+def hopeless(pick: Pick) -> bool:
+    """Return whether the model explains next to nothing of the record."""
+    left = np.sqrt(float(pick.misfit)) * float(pick.noise_pa)
+    slight = left < SLIGHT * abs(float(pick.peak_overpressure_pa))
+    return float(pick.misfit) > HOPELESS_MISFIT and not slight
+
+
+class Onset(NamedTuple):
+    """When a record becomes loud, in samples.
+
+    Attributes:
+        sample: The first loud one.
+        sigma: Its standard deviation.
+    """
+
+    sample: float
+    sigma: float
+
+
+def onset_of(samples: Float[np.ndarray, " sample"]) -> Onset | None:
+    """Return when a record becomes loud; None if it does not.
+
+    Args:
+        samples: In any unit, finite.
+    """
+    apart = np.abs(samples - np.median(samples))
+    largest = int(np.argmax(apart))
+    if largest < 2 * QUIET or apart[largest] == 0.0:
+        return None
+    split, sigma = _most_probable_split(samples[: largest + 1] / apart[largest])
+    before = samples[:split]
+    half = split + int(np.argmax(apart[split : largest + 1] >= 0.5 * apart[largest]))
+    rough = np.sqrt(np.mean(np.square(np.diff(before))))
+    rougher = np.sqrt(
+        np.mean(np.square(np.diff(samples[split - 1 : 2 * half - split + 2])))
+    )
+    size = np.max(np.abs(samples[split : largest + 1] - before.mean()))
+    if size < LOUD * before.std() or rougher < SUDDEN * rough:
+        return None
+    return Onset(float(split), float(np.hypot(sigma, max(0.5 * (half - split), 0.3))))
+
+
+def _most_probable_split(x: Float[np.ndarray, " sample"]) -> tuple[int, float]:
+    """Return the most probable first sample of the second stretch, and its error."""
+    n = x.size
+    k = np.arange(QUIET, n - 1)
+    sums, squares = np.cumsum(x), np.cumsum(np.square(x))
+    least = np.finfo(x.dtype).eps
+    first = squares[k - 1] / k - np.square(sums[k - 1] / k)
+    rest = n - k
+    second = (squares[-1] - squares[k - 1]) / rest - np.square(
+        (sums[-1] - sums[k - 1]) / rest
+    )
+    aic = k * np.log(np.maximum(first, least)) + rest * np.log(
+        np.maximum(second, least)
+    )
+    weight = np.exp(-0.5 * (aic - aic.min()))
+    mean = np.average(k, weights=weight)
+    spread = np.sqrt(np.average(np.square(k - mean), weights=weight))
+    return int(k[np.argmin(aic)]), float(spread)
