@@ -26,7 +26,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike as ArrayOrNumber, Bool, Float
 from numpy.typing import ArrayLike
 
 from jblast.errors import InputError, argument
@@ -291,11 +291,11 @@ def filled_length(samples: int) -> int:
 
 def picks_of(
     samples: Float[Array, "lane sample"] | Float[np.ndarray, "lane sample"],
-    counts: ArrayLike,
-    start: Float[ArrayLike, "..."],
-    step: Float[ArrayLike, "..."],
-    full_scale: Float[ArrayLike, "..."] | None,
-    high_pass: Float[ArrayLike, "..."] | None,
+    counts: ArrayOrNumber,
+    start: Float[ArrayOrNumber, "..."],
+    step: Float[ArrayOrNumber, "..."],
+    full_scale: Float[ArrayOrNumber, "..."] | None,
+    high_pass: Float[ArrayOrNumber, "..."] | None,
 ) -> Pick:
     """Return the picks of records, each number one for all or one for each.
 
