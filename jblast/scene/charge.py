@@ -70,7 +70,7 @@ class Charge(Described):
         burst: Which curve set holds: "surface" (hemispherical) or "free-air"; None
             leaves it to the height, place by place (`waves/height_of_burst.py`).
         by_height: Whether `burst` was not said but follows from the height.
-        explosive: What it is of, a name of `explosives.EXPLOSIVES`.
+        explosive: What it is of, a name of `EXPLOSIVES`.
         tnt_factor: TNT mass over mass, for every quantity [-]; None takes the
             explosive's own.
         name: What tells it from other charges; "" if it is the only one.

@@ -90,7 +90,7 @@ def record(
         duration_s: Of the record [s].
         key: What its noise is drawn from.
         start_s: When the first sample begins, by its clock [s].
-        laws: By quantity; absent ones as for `sensors.heard`.
+        laws: By quantity; absent ones as for `arrivals.heard`.
 
     Raises:
         InputError: The sensor is no anemometer, or underground, or at a charge, or a

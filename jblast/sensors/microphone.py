@@ -1,6 +1,6 @@
 r"""Sound recorded by a microphone: blasts, ambient sound, wind and rotors.
 
-Blasts are the waves of `sensors.heard`. Pressure is the mean over each sample, so that
+Blasts are the waves of `arrivals.heard`. Pressure is the mean over each sample, so that
 a front between two samples has its exact time. Absorption by air is a filter over the
 path of each wave, applied sample by sample to the blocks so far.
 
@@ -150,7 +150,7 @@ def record(
         duration_s: Of the record [s].
         key: What all noise is drawn from.
         start_s: When the first sample begins, by the microphone's clock [s].
-        laws: By quantity; absent ones as for `sensors.heard`.
+        laws: By quantity; absent ones as for `arrivals.heard`.
         track: Where it is over time, on the common clock, instead of its position.
         rotors: Those that it flies with.
         wave_paths: By which paths blasts are heard.
@@ -196,7 +196,7 @@ def stream(
         packet_s: Duration of a packet [s]; or
         packets_hz: packets a second [Hz].
         start_s: When the first sample begins, by the microphone's clock [s].
-        laws: By quantity; absent ones as for `sensors.heard`.
+        laws: By quantity; absent ones as for `arrivals.heard`.
         track: Where it is over time, on the common clock, instead of its position.
         rotors: Those that it flies with.
         wave_paths: By which paths blasts are heard.

@@ -78,7 +78,7 @@ def record(
         duration_s: Of the record [s].
         key: What its noise is drawn from.
         start_s: When the first sample begins, by its clock [s].
-        laws: By quantity; absent ones as for `sensors.heard`.
+        laws: By quantity; absent ones as for `arrivals.heard`.
         mounting: "side-on" or "face-on".
         drift: Of its zero [Pa/s].
         track: Where it is over time, on the common clock, instead of its position.

@@ -14,7 +14,7 @@ This is the regular reflection of sound. Where the direct wave is strong the tru
 reflection is stronger, and past the triple point the two waves are one.
 
 Ground. Arrival, displacement and velocity are those of `sensors.record` for the same
-scene and laws; the path of the arrival is that of `ground.path`. The motion is that of
+scene and laws; the path of the arrival is that of `wave_paths`. The motion is that of
 the ground below the place. The ground is a piston to the air above it,
 $p = \rho c\,v$: a plane wave that goes up without attenuation.
 """

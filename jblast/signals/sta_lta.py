@@ -4,7 +4,7 @@ The power of the samples after an instant over the power of those before it, as 
 seismology (Allen 1978, Bull. Seism. Soc. Am. 68, 1521). It detects any sudden increase
 of power, a door as well as a blast, and the time of a rise rather than of a form. Its
 false-alarm rate in coloured noise or wind follows from no formula: the threshold has to
-be measured at the site (`verification/cases/detectors.py`).
+be measured at the site (`verification/sampling_cases.py`).
 """
 
 from typing import NamedTuple

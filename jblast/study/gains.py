@@ -1,7 +1,7 @@
 """Gains of a position controller tuned by gradient, within stability margins.
 
 The unknowns are the logarithms of eight factors on the scene's gains, nine if the
-motors may be lead-compensated (`motor_lead.py`): of position, velocity and integral
+motors may be lead-compensated (`motor_lead`): of position, velocity and integral
 gain sideways and upwards, and of the attitude and body-rate gains. The objective is
 half the mean, over drawn blasts, of ln of the peak deviation, plus half ln of the
 8-norm of these peaks, which weighs the strongest. Each peak is smooth (`smooth_peaks`)

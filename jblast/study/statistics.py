@@ -171,7 +171,7 @@ def empty_number(
 def finish_number(
     state: NumberState, quantiles: tuple[float, ...] = QUANTILES
 ) -> dict[str, np.ndarray]:
-    """Return `moments.finish_moments` and `quantiles`, by `quantile` first."""
+    """Return `finish_moments` and `quantiles`, by `quantile` first."""
     found = finish_moments(state.moments)
     found["quantiles"] = sketch_quantiles(
         state.sketch, np.asarray(quantiles), found["minimum"], found["maximum"]

@@ -1,7 +1,7 @@
 """The parameters of a fit, and the values reported for them.
 
 The uncertain numbers of a scene are one vector of coordinates. Each number has its own
-coordinate $z$ (see `scene.priors`): its logarithm where it is free and positive, the
+coordinate $z$ (see `scene.uncertain`): its logarithm where it is free and positive, the
 number itself where it is free, a normal score where it has a prior.
 
 The growth time of a fireball is free unless the scene states otherwise: no source gives

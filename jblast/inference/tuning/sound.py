@@ -25,7 +25,7 @@ recorded,
 
 $$S(f) = |H|^2 \big(e^{-2h/H_a} S_a + S_w\big) + S_i + q^2/12$$
 
-each from the taps from which `sensors.signal.noise` draws it. White noise of rms
+each from the taps from which `sensors.samples` draws it. White noise of rms
 $\sigma$ has $S = \sigma^2$: the mean over frequency is the square of the rms.
 
 Samples at the recorder's limit are inferred from the others. With $K$ the inverse

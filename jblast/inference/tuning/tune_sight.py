@@ -1,7 +1,7 @@
 r"""A scene tuned to the frames or events of its camera.
 
 Frames: the grey value of each pixel as a file of 8 bits has it, sRGB, against that of
-`render`, with the tone curve of pictures (`image.tone`). Rounding has a standard
+`render`, with the tone curve of pictures (`image.toned`). Rounding has a standard
 deviation of $1/\sqrt{12}$ of a step.
 
 Events: an ideal pixel sends one where the logarithm of its light has changed by a

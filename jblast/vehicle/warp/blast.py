@@ -180,7 +180,7 @@ def drag_functions(real: type) -> SimpleNamespace:
     sphere = wp.constant(real(4.0 / np.pi))
 
     class Passage:
-        """As `passage.Passage`, with what does not change within a step."""
+        """As `blast_wave.Passage`, with what does not change within a step."""
 
         wave: Wave
         away: vec3
@@ -196,7 +196,7 @@ def drag_functions(real: type) -> SimpleNamespace:
         square: vec3
 
     class Given:
-        """As `drag.WindImpulse`, and the velocity gained until each node."""
+        """As `blast.WindImpulse`, and the velocity gained until each node."""
 
         body: vec3
         way: real
@@ -209,7 +209,7 @@ def drag_functions(real: type) -> SimpleNamespace:
     def drag_force(
         vehicle: Vehicle, attitude: mat33, density: real, past: vec3
     ) -> vec3:
-        """As `drag.drag_force`."""
+        """As `blast.drag_force`."""
         on = wp.cw_mul(vehicle.area, wp.transpose(attitude) @ past)
         return half * density * vehicle.drag_coefficient * wp.length(on) * past
 
@@ -223,7 +223,7 @@ def drag_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def front_impulse(vehicle: Vehicle, passage: Passage, since: real, u: real) -> real:
-        """As `passage.front_impulse`; u: the wind's speed then, or at the front."""
+        """As `blast_wave.front_impulse`; u: the wind's speed then, or at the front."""
         across = since * passage.front_speed / width(vehicle)
         crossed = wp.clamp(across + half, real(0.0), one)
         mass = passage.density * vehicle.volume * (one + vehicle.added_mass)

@@ -73,7 +73,7 @@ def body_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def rotation(q: vec4) -> mat33:
-        """As `components.rotation`: of any length but zero."""
+        """As `state.rotation`: of any length but zero."""
         s = real(2.0) / wp.dot(q, q)
         i = q[0] * s
         j = q[1] * s
@@ -92,14 +92,14 @@ def body_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def turning(q: vec4, w: vec3) -> vec4:
-        """As `components.turning`."""
+        """As `state.turning`."""
         v = vec3(q[0], q[1], q[2])
         a = real(0.5) * (q[3] * w + wp.cross(v, w))
         return vec4(a[0], a[1], a[2], real(-0.5) * wp.dot(v, w))
 
     @wp.func
     def air_wrench(vehicle: Vehicle, speed: vec4, u: vec3, w: vec3) -> Wrench:
-        """As `equations.air_wrench`, along body axes; u: velocity through the air."""
+        """As `dynamics.air_wrench`, along body axes; u: velocity through the air."""
         total = Wrench()
         total.force = -wp.length(u) * wp.cw_mul(vehicle.frame_drag, u)
         total.moment = vec3(real(0.0))
@@ -125,7 +125,7 @@ def body_functions(real: type) -> SimpleNamespace:
         wind: vec3,
         impulse_wrench: Wrench,
     ) -> StateComponents:
-        """As `equations.rates`."""
+        """As `dynamics.rates`."""
         attitude = rotation(motion.quaternion)
         w = motion.body_rate
         u = wp.transpose(attitude) @ (motion.velocity - wind)

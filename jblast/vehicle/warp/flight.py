@@ -257,7 +257,7 @@ def _flat(fields: dict[str, Any], axes: int) -> dict[str, np.ndarray]:
 
 
 def _blast_columns(load: BlastLoad, blast: Blast) -> Float[Array, "*batch column"]:
-    """Return the numbers of a blast, in the order of `wave.COLUMNS`."""
+    """Return the numbers of a blast, in the order in which the kernel reads them."""
     pressure, speed = load.pressure_pa, load.sound_speed_m_s
     scale = sachs_distance_factor(blast.mass_kg, pressure)
     pushing = sachs_distance_factor(blast.impulse_mass_kg, pressure)

@@ -85,7 +85,7 @@ def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
     def net_wrench(
         vehicle: Vehicle, motion: StateComponents, rate: StateComponents
     ) -> Wrench:
-        """As `equations.net_wrench`."""
+        """As `dynamics.net_wrench`."""
         net = Wrench()
         net.force = vehicle.mass * rate.velocity
         w = motion.body_rate
@@ -204,7 +204,7 @@ def step_functions(real: type) -> SimpleNamespace:
         blasts: wave.Blasts
 
     class Clock:
-        """As `timetable.Ticks`, a row a step."""
+        """As `rollout.Ticks`, a row a step."""
 
         stages: wp.array2d[real]
         start: wp.array[real]
@@ -244,7 +244,7 @@ def step_functions(real: type) -> SimpleNamespace:
         held: vec4,
         impulse_wrench: Wrench,
     ) -> StateComponents:
-        """What `integrators.rk4_step` adds to a state."""
+        """What `dynamics.rk4_step` adds to a state."""
         step = clock.step[n]
         gain = StateComponents()
         rate = StateComponents()
@@ -277,7 +277,7 @@ def step_functions(real: type) -> SimpleNamespace:
         held: vec4,
         impulse_wrench: Wrench,
     ) -> StateComponents:
-        """What `integrators.euler_step` adds to a state."""
+        """What `dynamics.euler_step` adds to a state."""
         step = clock.step[n]
         command = held
         if pilot.kind == 1:
