@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from jblast.inference import bound as bound, fit as fit, fit_many as fit_many
     from jblast.observations import read as read
     from jblast.scene import Charge as Charge, Scene as Scene, read_scene as read_scene
-    from jblast.sensors import calculate as calculate, record, simulate
+    from jblast.sensors import (
+        calculate as calculate,
+        record as record,
+        simulate as simulate,
+    )
     from jblast.sensors.camera import events as events, render as render
     from jblast.signals.picks import pick as pick
     from jblast.study.flights import fly as fly

@@ -1,7 +1,12 @@
 """Logs of observations: one measurement a row, with readers, writers and checks."""
 
 from jblast.observations.grouping import some_rows as some_rows
-from jblast.observations.log_io import read as read, write as write
+from jblast.observations.log_io import (
+    read as read,
+    to_pandas as to_pandas,
+    to_xarray as to_xarray,
+    write as write,
+)
 from jblast.observations.placement import resolve_positions as resolve_positions
 from jblast.observations.scenes import starter_scene as starter_scene
 from jblast.observations.table import (

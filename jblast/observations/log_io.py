@@ -284,13 +284,13 @@ def _digits(number: float) -> str:
     return "" if math.isnan(number) else repr(float(number))
 
 
-def from_pandas(frame: Any, **asked: Any) -> Observations:
-    """Return the log that a data frame holds; `asked` as `read` takes it."""
-    return read(frame, **asked)
-
-
 def to_pandas(observations: Observations) -> Any:
-    """Return a log as a data frame: columns as in a file, units in their names."""
+    """Return a log as a `pandas.DataFrame`, columns as `write` writes them.
+
+    Lower bounds are told by a column `lower_bound`; comments, the source, the units of
+    columns and `covariances`, the rows of the side file that `write` writes
+    (`pandas.DataFrame(frame.attrs["covariances"])`), stand in `attrs`. `read` takes it.
+    """
     import pandas
 
     columns: dict[str, Any] = dict(typed_columns(observations))
@@ -308,7 +308,12 @@ def to_pandas(observations: Observations) -> Any:
 
 
 def to_xarray(observations: Observations) -> Any:
-    """Return a log as a data set, a variable for each quantity, units as attributes."""
+    """Return a log as an `xarray.Dataset` along `row`.
+
+    Each quantity is a variable, NaN where a row is of another one, with
+    `sigma_QUANTITY` beside it; who measured and where are coordinates; `units` and
+    `long_name` are attributes.
+    """
     import xarray
 
     quantity = np.array(observations.quantity)

@@ -206,63 +206,9 @@ class Observations:
         """Return the name of each row's clock: its recorder, else its sensor."""
         return tuple(c or s for c, s in zip(self.clock, self.sensor, strict=True))
 
-    @classmethod
-    def from_pandas(
-        cls,
-        frame: Any,
-        *,
-        strict: bool = False,
-        wide: bool = False,
-        faults: list[InputError] | None = None,
-        date: str | None = None,
-        zone: str | None = None,
-    ) -> "Observations":
-        """Return the log that a data frame holds, read as a file of it would be.
-
-        Args:
-            frame: A `pandas.DataFrame`; levels of its index that have names are
-                columns. A column `lower_bound` says which values are no less.
-            strict: As `read` takes it, and so all below.
-            wide: Whether each quantity has a column of its own.
-            faults: Every fault is appended here.
-            date: The day of times without one.
-            zone: The zone of times without one.
-
-        Raises:
-            InputError: It is no log.
-        """
-        options = {"strict": strict, "wide": wide, "date": date, "zone": zone}
-        return _log_io().from_pandas(frame, faults=faults, **options)
-
-    def to_pandas(self) -> Any:
-        """Return the log as a `pandas.DataFrame`, columns as `write` writes them.
-
-        Lower bounds are told by a column `lower_bound`; comments, the source, the units
-        of columns and `covariances`, the rows of the side file that `write` writes
-        (`pandas.DataFrame(frame.attrs["covariances"])`), stand in `attrs`.
-        `from_pandas` takes it.
-        """
-        return _log_io().to_pandas(self)
-
-    def to_xarray(self) -> Any:
-        """Return the log as an `xarray.Dataset` along `row`.
-
-        Each quantity is a variable, NaN where a row is of another one, with
-        `sigma_QUANTITY` beside it; who measured and where are coordinates; `units` and
-        `long_name` are attributes.
-        """
-        return _log_io().to_xarray(self)
-
     def groups(self) -> tuple[str, ...]:
         """Return what the records of a row share: its path, else its sensor."""
         return tuple(p or s for p, s in zip(self.path, self.sensor, strict=True))
-
-
-def _log_io() -> Any:
-    """Return the module that reads and writes logs; it imports this one."""
-    from jblast.observations import log_io
-
-    return log_io
 
 
 def observed(

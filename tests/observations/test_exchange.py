@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations import Observations, read
+from jblast.observations import read, to_pandas, to_xarray
 from jblast.observations.covariances import rows_with_covariance
 from tests.observations.records.test_covariances import picked
 from tests.observations.rows import HEADER, ROW
@@ -23,10 +23,10 @@ LOG = (
 
 def test_a_log_comes_back_from_a_data_frame_as_it_was(log):
     ours = read(log(LOG))
-    frame = ours.to_pandas()
+    frame = to_pandas(ours)
     assert frame["value"].dtype == float
     assert frame.attrs["units"]["east_m"] == "m"
-    back = Observations.from_pandas(frame)
+    back = read(frame)
     assert_equal(back, ours)
     assert back.source == "data frame"
 
@@ -39,7 +39,7 @@ def test_a_log_in_degrees_and_utc_comes_back(log):
         "b,peak_overpressure_pa,900,,9,33.902,35.5,20\n"
     )
     ours = read(log(text))
-    back = Observations.from_pandas(ours.to_pandas())
+    back = read(to_pandas(ours))
     np.testing.assert_allclose(back.position, ours.position, atol=1e-6)
     np.testing.assert_allclose(back.value, ours.value, rtol=1e-12, atol=1e-6)
     assert back.epoch == ours.epoch
@@ -47,28 +47,28 @@ def test_a_log_in_degrees_and_utc_comes_back(log):
 
 def test_what_errors_share_comes_back(log):
     ours = picked(("g1", "g2"))
-    frame = ours.to_pandas()
+    frame = to_pandas(ours)
     assert len(pd.DataFrame(frame.attrs["covariances"])) == 12
-    back = Observations.from_pandas(frame)
+    back = read(frame)
     assert [one.record for one in back.covariances] == ["g1", "g2"]
     for one, other in zip(back.covariances, ours.covariances, strict=True):
         assert one.quantities == other.quantities
         # the lower half is written; the upper is made its mirror
         np.testing.assert_array_equal(np.tril(one.matrix), np.tril(other.matrix))
-    some = Observations.from_pandas(frame[frame["record"] == "g2"])
+    some = read(frame[frame["record"] == "g2"])
     assert len(list(rows_with_covariance(some))) == 1
 
 
 def test_covariances_that_do_not_go_with_a_frame_are_refused():
-    frame = picked(("g1",)).to_pandas()
+    frame = to_pandas(picked(("g1",)))
     with pytest.raises(InputError, match="data frame: expected a column record"):
-        Observations.from_pandas(frame.drop(columns="record"))
+        read(frame.drop(columns="record"))
     frame.attrs["covariances"][0]["quantity"] = "peak"
     with pytest.raises(InputError, match="data frame: covariances: row 1, column quan"):
-        Observations.from_pandas(frame)
+        read(frame)
     frame.attrs["covariances"] = [{"record": "g1"}]
     with pytest.raises(InputError, match="row 1: expected record, quantity, with"):
-        Observations.from_pandas(frame)
+        read(frame)
 
 
 def test_a_named_index_is_a_column_and_levels_of_columns_are_refused():
@@ -81,15 +81,15 @@ def test_a_named_index_is_a_column_and_levels_of_columns_are_refused():
         },
         index=pd.Index([7], name="sensor"),
     )
-    assert Observations.from_pandas(frame).sensor == ("7",)
+    assert read(frame).sensor == ("7",)
     frame.columns = pd.MultiIndex.from_product([["x"], frame.columns])
     with pytest.raises(InputError, match="columns of one level"):
-        Observations.from_pandas(frame)
+        read(frame)
 
 
 def test_a_data_set_has_a_variable_a_quantity_with_its_unit(log, tmp_path):
     ours = read(log(LOG))
-    data = ours.to_xarray()
+    data = to_xarray(ours)
     assert data["peak_overpressure_pa"].attrs["units"] == "Pa"
     assert data["east_m"].attrs["units"] == "m"
     np.testing.assert_array_equal(

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from jblast.observations import read
+from jblast.observations import read, to_pandas
 
 SCENE = """[charge]
 mass_kg = 20.0
@@ -33,7 +33,7 @@ def log_of(jblast):
     path = jblast.path("simulated.csv")
     words = ("simulate", jblast.file("truth.toml", scene), "--out", path)
     assert jblast(*words, "--seed", "3")[0] == 0
-    frame = read(path).to_pandas()
+    frame = to_pandas(read(path))
     late = frame["sensor"].map(lambda name: PLACES[name][2] > 0)
     frame["clock"] = late.map({True: "phone_1", False: ""})
     frame.to_csv(jblast.path("log.csv"), index=False)
