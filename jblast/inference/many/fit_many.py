@@ -43,6 +43,7 @@ KEPT: dict[str, Callable[[ManyFits], Array]] = {
     "covariance": lambda fits: fits.covariance,
     "converged": lambda fits: fits.converged,
     "doubtful": lambda fits: fits.doubtful,
+    "beyond_array": lambda fits: fits.beyond_array,
     "steps": lambda fits: fits.steps,
     "bad": lambda fits: fits.bad,
 }

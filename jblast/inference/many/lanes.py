@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jblast.inference.many.residuals import LaneRows
+from jblast.parameters import CHARGE_POSITION
+from jblast.sensors import Layout
 from jblast.sensors.simulate import Noise
 
 LEAST = 16
@@ -110,6 +112,26 @@ def fitted_values(rows: LaneRows, results: LaneResults, bad: Bool[Array, " lane"
     return z.T, jnp.moveaxis(covariance, 2, 0), numbers, *costs
 
 
+def beyond_array(
+    layout: Layout, numbers: dict[str, Float[Array, " log"]], bad: Bool[Array, " log"]
+) -> Bool[Array, " log"]:
+    """Return which places lie farther from the sensors than these are apart.
+
+    Args:
+        layout: Where the sensors stand.
+        numbers: What was fitted, by name; where no place was, no log is told.
+        bad: Logs that could not be read.
+    """
+    placed = ~(np.asarray(layout.slant_range) > 0)
+    position = np.unique(np.asarray(layout.position)[placed][:, :2], axis=0)
+    if not {*CHARGE_POSITION[:2]} <= {*numbers} or len(position) < 2:
+        return jnp.zeros_like(bad)
+    middle = position.mean(axis=0)
+    width = np.linalg.norm(position[:, None] - position[None], axis=-1).max()
+    east, north = (numbers[name] for name in CHARGE_POSITION[:2])
+    return jnp.hypot(east - middle[0], north - middle[1]) > width
+
+
 class ManyFits(eqx.Module):
     """What many logs say, each of its own blast.
 
@@ -128,6 +150,9 @@ class ManyFits(eqx.Module):
             say that it is the best one.
         doubtful: Whether $z$ may not be the best there is, all tries used up: it did
             not converge, or has a misfit that readings would hardly have.
+        beyond_array: Whether the place lies farther from the middle of the sensors than
+            they are apart. The scatter of neighbouring paths is taken as independent
+            here: such a place is too near and its covariance too small. Take `fit`.
         tolerance: How long a gradient counts as none; larger where rounding hides more.
         steps: Places tried.
         bad: Whether a log could not be read.
@@ -142,6 +167,7 @@ class ManyFits(eqx.Module):
     covariance: Float[Array, "log free free"]
     converged: Bool[Array, " log"]
     doubtful: Bool[Array, " log"]
+    beyond_array: Bool[Array, " log"]
     tolerance: Float[Array, " log"]
     steps: Int[Array, " log"]
     bad: Bool[Array, " log"]

@@ -184,6 +184,7 @@ def climbed(
     *,
     rounds: int,
     gain: float,
+    belief: Callable[[np.ndarray], tuple[float, np.ndarray]] | None = None,
 ) -> Climbed:
     """Climb by Newton steps with the expected information, halved until they gain.
 
@@ -195,8 +196,17 @@ def climbed(
         moved: Moves a place by a step along these directions.
         rounds: Steps at most.
         gain: A step that gains less than this in ln of the density is the last.
+        belief: Returns what is added to ln of the density, and its gradient.
     """
-    value, slope = _top(posterior, z)
+
+    def top(z):
+        value, slope = _top(posterior, z)
+        if belief is None:
+            return value, slope
+        more, its_slope = belief(z)
+        return value + more, slope + its_slope
+
+    value, slope = top(z)
     promised = math.inf
     for _ in range(rounds):
         known, directions = known_at(z)
@@ -208,7 +218,7 @@ def climbed(
             break
         for part in 0.5 ** np.arange(8):
             there = moved(z, part * step)
-            found, its_slope = _top(posterior, there)
+            found, its_slope = top(there)
             if found > value:
                 break
         else:

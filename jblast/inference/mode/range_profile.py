@@ -12,8 +12,10 @@ $$\ell(\ln R) = \ln \sum_k p(\hat y_k(R) \mid R) \det(I_k)^{-1/2},$$
 with the information $I_k$ of bearing and other numbers $y$ at each of their optima
 $\hat y_k$: a line of sensors has one on either side. The prior is flat in $\ln R$: it
 prefers no scale. (One that is flat over the plane puts nearly all of its probability at
-the largest ranges.) Where $\ell$ does not fall far out, the range has no upper bound:
-the bearing is the answer.
+the largest ranges.) A free mass is normal in ln about a scaled distance of 5.5
+m/kg^(1/3), with the variance of `SCALED_RANGES`: without it masses of no effect, or of
+$e^{90}$ kg, which times do not exclude, decide the range. Where $\ell$ does not fall far
+out, the range has no upper bound: the bearing is the answer.
 """
 
 import math
@@ -43,6 +45,16 @@ FALLEN = 0.5 * NORMAL_Q95**2
 """Fall in ln of the likelihood at the end of a one-sided 95 % interval."""
 WIDEST_STEP = 10.0
 """Numbers of which the data determine little move by so many typical steps at most."""
+SCALED_RANGES = 0.3, 100.0
+"""Scaled distances of the array from a free charge [m/kg^(1/3)], each factor between
+them as probable: nearer lies the fireball (four charge radii are 0.2), farther the
+front has the speed of sound within 0.2 %, and times say nothing more of the mass."""
+NEAREST = -5
+"""Number of the nearest range: 0.13 widths from the middle of the sensors."""
+PLANE = 0.5
+"""Share of the variance of arrival times that a plane front explains where a charge
+outside the array is looked for, too: it explains nearly nothing of a charge in the
+middle, and 0.9 of one a width away."""
 DETERMINED = 0.5
 """A bearing with a larger standard deviation is not determined [rad], as for the
 direction of a front (`signals.arrays`)."""
@@ -55,6 +67,9 @@ GAIN = 1e-3
 """A step that gains less than this in ln of the density is the last."""
 UNFINISHED = 0.5
 """A search whose next step promises more than this is not at an optimum."""
+SPREADS = 4.0
+"""An end of the search is the most probable place if no number is farther from it than
+so many standard deviations: where times determine no mass, some have absurd ones."""
 SAME = 1.0
 """Bearings nearer than this many standard deviations are one."""
 
@@ -141,7 +156,7 @@ class RangeProfile(NamedTuple):
         aside = rng.uniform(-0.5, 0.5, count) * STEP
         noise = rng.standard_normal((count, self.spread.shape[2]))
         about = np.einsum("dfc,dc->df", self.spread[place], noise)
-        return self.z[place] + aside[:, None] * self._along()[place] + about
+        return self.z[place] + aside[:, None] * self.along()[place] + about
 
     def bearings(
         self,
@@ -164,7 +179,7 @@ class RangeProfile(NamedTuple):
         of = places.index(place)
         return off[of][nearest == of]
 
-    def _along(self) -> Float[np.ndarray, "place free"]:
+    def along(self) -> Float[np.ndarray, "place free"]:
         """Return how coordinates change with ln of the range, by differences."""
         along = np.zeros_like(self.z)
         for place, level in enumerate(self.level):
@@ -202,6 +217,10 @@ def with_best_range(
     off = _turned(np.arctan2(away[:, 0], away[:, 1]), profile.bearing[best])
     far = np.log(np.linalg.norm(away, axis=1) / profile.range_m[best])
     near = (np.abs(off) < 2 * profile.bearing_sd[best]) & (np.abs(far) < STEP)
+    reach = np.hypot(
+        np.linalg.norm(profile.spread[best], axis=1), STEP * profile.along()[best]
+    )
+    near &= np.all(np.abs(z - profile.z[best]) < SPREADS * reach, axis=1)
     near &= np.isfinite(density)
     added = [*profile.others()] if near.any() else [best, *profile.others()]
     order = np.argsort(~near, kind="stable")
@@ -237,12 +256,11 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     density = np.asarray(found.log_density)
     optima = np.asarray(found.z)[density > density[0] - HOPELESS]
     ranges = np.linalg.norm(optima[:, at] - middle, axis=1)
-    if not ranges[0] > width:
+    if not (ranges[0] > width or _is_plane(posterior)):
         return None
     walker = _Walker(posterior, at, middle, width)
     for z, distance in zip(optima, ranges, strict=True):
-        if distance > width:
-            walker.follow(z, walker.level_of(distance))
+        walker.follow(z, walker.level_of(distance))
     far = walker.level_of(10 * width)
     z = walker.levels[far][0].z if far in walker.levels else optima[0]
     for turned in walker.around(z, far):
@@ -253,6 +271,22 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     height = profile.by_range()[1]
     is_resolved = np.sum(height > height.max() - HOPELESS) >= FEWEST
     return profile if is_resolved else None
+
+
+def _is_plane(posterior: Posterior) -> bool:
+    """Return whether a plane front explains most of the variance of arrival times."""
+    layout = posterior.layout
+    quantity = np.asarray(layout.quantity)
+    rows = quantity == "air_arrival_s"
+    times = np.asarray(posterior.measured)[rows]
+    places = np.asarray(layout.position)[rows, :2]
+    design = np.column_stack([np.ones(len(times)), places])
+    freedom = len(times) - np.linalg.matrix_rank(design)
+    if freedom < 1:
+        return False
+    left = times - design @ np.linalg.lstsq(design, times, rcond=None)[0]
+    variance = np.var(times, ddof=1)
+    return bool(left @ left / freedom < (1 - PLANE) * variance)
 
 
 def _free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
@@ -298,12 +332,15 @@ class _Walker:
         self.size = float(layout_size(posterior))
         names = posterior.parameters.names
         self.time = names.index("origin_time_s") if "origin_time_s" in names else -1
+        beliefs = dict(zip(names, posterior.parameters.beliefs, strict=True))
+        is_free = isinstance(beliefs.get("charge_mass_kg"), Free)
+        self.mass = names.index("charge_mass_kg") if is_free else -1
         self.levels: dict[int, list[_Place]] = {}
         self.last = self.level_of(FARTHEST * width)
 
     def level_of(self, distance: float) -> int:
         """Return the number of the range nearest to a distance."""
-        return max(0, round(math.log(distance / self.width) / STEP))
+        return max(NEAREST, round(math.log(distance / self.width) / STEP))
 
     def range_of(self, level: int) -> float:
         """Return a range by its number [m]."""
@@ -312,7 +349,7 @@ class _Walker:
     def follow(self, z, level: int) -> None:
         """Add the optimum near a place, and follow it inwards and outwards."""
         z = np.array(z)
-        for levels in (range(level, self.last + 1), range(level - 1, -1, -1)):
+        for levels in (range(level, self.last + 1), range(level - 1, NEAREST - 1, -1)):
             near = z
             for k in levels:
                 place = self._climbed(self._at_range(near, self.range_of(k)))
@@ -394,6 +431,7 @@ class _Walker:
             self._moved,
             rounds=ROUNDS,
             gain=GAIN,
+            belief=self._belief,
         )
         known, basis = self._known(self.posterior.weighed(jnp.asarray(z)), z)
         if promised > UNFINISHED or not np.isfinite([value, *known.ravel()]).all():
@@ -408,6 +446,25 @@ class _Walker:
             basis @ np.linalg.cholesky(covariance),
         )
 
+    def _belief(self, z):
+        """Return ln of the density of a free mass given the range, and its gradient.
+
+        A normal of the mean and variance that `SCALED_RANGES` have in ln.
+        """
+        slope = np.zeros(len(z))
+        if self.mass < 0:
+            return 0.0, slope
+        middle, sd = self._of_mass(z)
+        off = (z[self.mass] - middle) / sd
+        slope[self.mass] = -off / sd
+        return -0.5 * off**2, slope
+
+    def _of_mass(self, z):
+        """Return mean and standard deviation of ln of the mass, given the range."""
+        low, high = np.log(SCALED_RANGES)
+        away = math.log(float(np.linalg.norm(z[self.at] - self.middle)))
+        return 3 * (away - (low + high) / 2), 3 * (high - low) / math.sqrt(12)
+
     def _known(self, posterior, z):
         """Return the information of bearing and other numbers, and their directions."""
         east, north = z[self.at] - self.middle
@@ -418,6 +475,8 @@ class _Walker:
         if self.time >= 0:  # a typical step is that of the layout, not of the range
             far = max(1.0, math.hypot(east, north) / self.size)
             least[self.others == self.time] /= far**2
+        if self.mass >= 0:
+            least[self.others == self.mass] = self._of_mass(z)[1] ** -2
         least = np.append(math.pi**-2, least)
         matrix = np.asarray(information(posterior, jnp.asarray(z)))
         return basis.T @ matrix @ basis + np.diag(least), basis

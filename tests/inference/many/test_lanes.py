@@ -5,11 +5,13 @@ from jblast.inference.many.lanes import (
     LEAST,
     LaneResults,
     better,
+    beyond_array,
     doubtful,
     gather_lanes,
     lanes_where,
     scatter_lanes,
 )
+from tests.inference.many.five_sensors import PLACES, problem
 
 
 def test_lanes_are_filled_up_by_the_last_to_a_power_of_two():
@@ -74,3 +76,19 @@ def test_an_end_is_doubtful_if_it_did_not_converge_or_readings_hardly_cost_so_mu
     bad = jnp.array([False, False, False, False, True])
     found_doubtful = doubtful("gaussian", 12, found, bad)
     np.testing.assert_array_equal(found_doubtful, [False, True, False, True, False])
+
+
+def test_places_beyond_the_array_are_marked():
+    _, layout, *_ = problem(1)
+    width = np.hypot(120 + 90, 100 + 60)  # of the two sensors farthest apart
+    middle = np.mean(PLACES, axis=0)
+    east = middle[0] + width * np.array([0.0, 0.99, 1.01, np.nan])
+    numbers = {
+        "charge_east_m": jnp.asarray(east),
+        "charge_north_m": jnp.full(4, middle[1]),
+    }
+    bad = jnp.array([False, False, False, True])
+    far = beyond_array(layout, numbers, bad)
+    np.testing.assert_array_equal(far, [False, False, True, False])
+    known = beyond_array(layout, {"charge_mass_kg": jnp.asarray(east)}, bad)
+    np.testing.assert_array_equal(known, [False] * 4)

@@ -148,3 +148,35 @@ def test_a_range_known_better_than_a_step_is_a_place():
     assert found.exit_code == 0
     east = found.summary.estimates["charge_east_m"]
     assert east.q05 < 60.0 < east.q95
+
+
+CLUSTERS = [
+    *([-0.1826, 0.1085], [0.0155, -0.2355], [0.1255, 0.1406], [-0.1805, 0.1348]),
+    *([0.0178, -0.266], [0.1533, 0.137], [-0.159, 0.1209], [0.0413, -0.2746]),
+    *([0.1633, 0.1217], [-0.1681, 0.1172], [0.0453, -0.2487], [0.1282, 0.1441]),
+]
+CLUSTERED_TIMES = [
+    *(1.095902, 1.095604, 1.095119, 1.095882, 1.095678, 1.095035),
+    *(1.095845, 1.095633, 1.095055, 1.095868, 1.095578, 1.095136),
+]
+"""Layout 6 of `calibration.array_coverage`: three clusters 0.5 m apart and 7.8 t at
+70 m, with errors of 1 % of the travel time whose correlation is exponential."""
+
+
+@pytest.mark.slow
+def test_a_small_charge_among_the_sensors_is_not_taken_for_a_large_one_far_away():
+    # 0.5 g at 0.4 m has a density e^12 times that of the truth, with exit code 0
+    count = len(CLUSTERED_TIMES)
+    log = observed(
+        [f"m{i}" for i in range(count)],
+        ["air_arrival_s"] * count,
+        CLUSTERED_TIMES,
+        [2e-5] * count,
+        position=np.column_stack([CLUSTERS, np.zeros(count)]),
+    )
+    found = fit(log, free_scene())
+    assert found.exit_code == 4
+    assert {"charge_east_m", "charge_north_m"} <= {*found.summary.unidentified}
+    distance = found.summary.derived["range_m"]
+    assert distance.q05 < 70.4
+    assert math.isnan(distance.q95) or distance.q95 > 70.4
