@@ -14,8 +14,8 @@ $\hat y_k$: a line of sensors has one on either side. The prior is flat in $\ln 
 prefers no scale. (One that is flat over the plane puts nearly all of its probability at
 the largest ranges.) A free mass is normal in ln about a scaled distance of 5.5
 m/kg^(1/3), with the variance of `SCALED_RANGES`: without it masses of no effect, or of
-$e^{90}$ kg, which times do not exclude, decide the range. Where $\ell$ does not fall far
-out, the range has no upper bound: the bearing is the answer.
+$e^{90}$ kg, which times do not exclude, decide the range. Where $\ell$ does not fall
+far out, the range has no upper bound: the bearing is the answer.
 """
 
 import math
