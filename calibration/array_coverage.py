@@ -23,6 +23,7 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gamma, kv
@@ -76,16 +77,28 @@ def correlation(places: np.ndarray, form: str, length: float) -> np.ndarray:
     return 2 ** (1 - order) / gamma(order) * x**order * kv(order, x)
 
 
-def one(number: int) -> dict:
-    """Fit one simulated log, and return whether its intervals contain the truth."""
-    start_jax()
-    import dataclasses
+class Simulated(NamedTuple):
+    """One layout with its times; the charge lies at the origin.
 
+    Attributes:
+        form: Name of the correlation of its errors; see `correlation`.
+        length: Of the correlation.
+        reach: From the charge to each sensor [m].
+    """
+
+    places: np.ndarray
+    clusters: int
+    aperture: float
+    form: str
+    length: float
+    reach: np.ndarray
+    times: np.ndarray
+
+
+def simulated(number: int) -> Simulated:
+    """Return a layout by its number, with times drawn for it."""
     import jax.numpy as jnp
 
-    from jblast.inference import fit
-    from jblast.observations import observed
-    from jblast.scene import Scene, UncertainScene, freed
     from jblast.waves import kingery_bulmash_arrival_time
 
     rng = np.random.default_rng([38, number])
@@ -102,6 +115,20 @@ def one(number: int) -> dict:
     )
     scatter = SD * (root @ rng.standard_normal(len(reach)) + rng.standard_normal())
     times = 1.0 + travel * (1 + scatter) + SIGMA * rng.standard_normal(len(reach))
+    return Simulated(places, clusters, aperture, form, length, reach, times)
+
+
+def one(number: int) -> dict:
+    """Fit one simulated log, and return whether its intervals contain the truth."""
+    start_jax()
+    import dataclasses
+
+    from jblast.inference import fit
+    from jblast.observations import observed
+    from jblast.scene import Scene, UncertainScene, freed
+
+    case = simulated(number)
+    places, reach, times = case.places, case.reach, case.times
     middle = places.mean(axis=0)
     log = observed(
         [f"m{i}" for i in range(len(reach))],
@@ -116,7 +143,10 @@ def one(number: int) -> dict:
     row = dict(
         zip(
             FIELDS,
-            (number, int(large), form, length, len(reach), clusters, aperture),
+            (
+                *(number, int(number >= LAYOUTS), case.form, case.length),
+                *(len(reach), case.clusters, case.aperture),
+            ),
             strict=True,
         )
     )

@@ -62,8 +62,14 @@ FEW = 600
 PERIODS = (20.0, 10.0, 7.0, 4.0, 2.0)
 """Of a baseline that moves to and fro [durations]."""
 WANDER = 0.1
-DELAYS = (0.7, 0.4, 0.1, 0.05, 0.02, 0.01)
+DELAYS = (0.7, 0.4, 0.1, 0.05)
 """Of an echo [durations]."""
+MERGED = (0.02, 0.01)
+"""Delays [durations] of an echo that reaches the gauge within about two times of rise:
+a step and a ramp, which is also the form of one pulse with a slow rise."""
+TWO_OF_30 = 0.07
+"""Unmarked records that chance explains at a share of `SHARE`: 2 of 30 or more have a
+probability of 45 %."""
 ECHO, ECHO_RISE = 0.3, 4.0
 LEFT = (1.0, 0.9, 0.7, 0.5, 0.2, 0.05)
 """Where records are clipped, shares of the peak."""
@@ -217,14 +223,20 @@ def _wander() -> FailureMode:
 def _echo_delay() -> FailureMode:
     recorders = [
         Recorder(snr=CLEAR, echo=delay, echo_size=ECHO, echo_rise=ECHO_RISE)
-        for delay in DELAYS
+        for delay in (*DELAYS, *MERGED)
     ]
+    shares = shares_of(recorders)
+    apart = Shares(*(share[: len(DELAYS)] for share in shares))
+    merged = shares.unmarked[len(DELAYS) :].max()
     return _row(
         f"pick, an echo of {ECHO:g} within the positive phase",
         DELAYS,
-        shares_of(recorders),
+        apart,
         "durations behind the front, and less",
         words=lambda delay: f"{delay * SAMPLES_PER_PHASE:.0f} samples behind",
+        most_unmarked=TWO_OF_30,
+        message=f"from {MERGED[0]:g} durations on an echo counts as part of the front, "
+        f"up to {merged:.0%} far off unmarked; ",
     )
 
 
