@@ -70,9 +70,8 @@ def at_range(places, times, distance, kernel):
         found = -0.5 * (misfit + jnp.log(known)) - size
         return jnp.where(jnp.isfinite(found), found, -jnp.inf)
 
-    return jax.lax.map(
-        of_mass, jnp.linspace(*jnp.log(jnp.array(SCALED_RANGES)), MASSES)
-    )
+    low, high = np.log(SCALED_RANGES)
+    return jax.lax.map(of_mass, jnp.linspace(low, high, MASSES))
 
 
 def row(number: int) -> dict[str, float]:
