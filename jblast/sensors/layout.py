@@ -101,6 +101,11 @@ class Layout(eqx.Module):
         rows = np.flatnonzero((given != 0) & (np.array(self.shot) == shot))
         return rows, given[rows]
 
+    def places(self) -> Float[np.ndarray, "place 3"]:
+        """Return the distinct positions of sensors whose range is not given."""
+        placed = ~(np.asarray(self.slant_range) > 0)
+        return np.unique(np.asarray(self.position)[placed], axis=0)
+
 
 def _picked(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
     """Pick rows of a column; by NumPy where it is at hand, so that nothing compiles."""

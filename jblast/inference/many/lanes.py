@@ -119,11 +119,10 @@ def beyond_array(
 
     Args:
         layout: Where the sensors stand.
-        numbers: What was fitted, by name; where no place was, no log is told.
+        numbers: What was fitted, by name; False for all logs without a fitted place.
         bad: Logs that could not be read.
     """
-    placed = ~(np.asarray(layout.slant_range) > 0)
-    position = np.unique(np.asarray(layout.position)[placed][:, :2], axis=0)
+    position = layout.places()[:, :2]
     if not {*CHARGE_POSITION[:2]} <= {*numbers} or len(position) < 2:
         return jnp.zeros_like(bad)
     middle = position.mean(axis=0)

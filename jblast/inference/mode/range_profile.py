@@ -247,8 +247,7 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     at = _free_place(posterior)
     if at is None:
         return None
-    placed = ~(np.asarray(posterior.layout.slant_range) > 0)
-    position = np.unique(np.asarray(posterior.layout.position)[placed][:, :2], axis=0)
+    position = posterior.layout.places()[:, :2]
     if len(position) < 2:
         return None
     middle = position.mean(axis=0)
@@ -276,8 +275,9 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
 def _is_plane(posterior: Posterior) -> bool:
     """Return whether a plane front explains most of the variance of arrival times."""
     layout = posterior.layout
-    quantity = np.asarray(layout.quantity)
-    rows = quantity == "air_arrival_s"
+    rows = (np.asarray(layout.quantity) == "air_arrival_s") & ~(
+        np.asarray(layout.slant_range) > 0
+    )
     times = np.asarray(posterior.measured)[rows]
     places = np.asarray(layout.position)[rows, :2]
     design = np.column_stack([np.ones(len(times)), places])

@@ -302,10 +302,8 @@ def _images(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> list[Float[np.ndarray, " free"]]:
     """Return the images of a place in the symmetries of the layout."""
-    parameters, layout = posterior.parameters, posterior.layout
+    parameters, position = posterior.parameters, posterior.layout.places()
     scene = parameters.scene
-    placed = ~(np.asarray(layout.slant_range) > 0)
-    position = np.unique(np.asarray(layout.position)[placed], axis=0)
     if len(scene.charges) > 1 or scene.charge.range_m is not None or len(position) < 2:
         return []
 

@@ -65,11 +65,11 @@ WANDER = 0.1
 DELAYS = (0.7, 0.4, 0.1, 0.05)
 """Of an echo [durations]."""
 MERGED = (0.02, 0.01)
-"""Delays [durations] of an echo that reaches the gauge within about two times of rise:
-a step and a ramp, which is also the form of one pulse with a slow rise."""
+"""Delays [durations] within about two rise times. Such an echo makes a step and a ramp,
+which is also the form of one pulse with a slow rise."""
 TWO_OF_30 = 0.07
-"""Unmarked records that chance explains at a share of `SHARE`: 2 of 30 or more have a
-probability of 45 %."""
+"""Unmarked share allowed for echoes: 2 of 30 records. At a true share of `SHARE` chance
+gives so many with a probability of 45 %."""
 ECHO, ECHO_RISE = 0.3, 4.0
 LEFT = (1.0, 0.9, 0.7, 0.5, 0.2, 0.05)
 """Where records are clipped, shares of the peak."""
