@@ -12,10 +12,11 @@ $$\ell(\ln R) = \ln \sum_k p(\hat y_k(R) \mid R) \det(I_k)^{-1/2},$$
 with the information $I_k$ of bearing and other numbers $y$ at each of their optima
 $\hat y_k$: a line of sensors has one on either side. The prior is flat in $\ln R$: it
 prefers no scale. (One that is flat over the plane puts nearly all of its probability at
-the largest ranges.) A free mass is normal in ln about a scaled distance of 5.5
-m/kg^(1/3), with the variance of `SCALED_RANGES`: without it masses of no effect, or of
-$e^{90}$ kg, which times do not exclude, decide the range. Where $\ell$ does not fall
-far out, the range has no upper bound: the bearing is the answer.
+the largest ranges.) A free mass has a normal prior in ln, centred on a scaled distance of 5.5
+m/kg^(1/3), with the variance of `SCALED_RANGES`. Without it the range is determined by
+masses that arrival times do not constrain: negligible ones, or some of $e^{90}$ kg.
+Where $\ell$ does not fall far out, the range has no upper bound: the bearing is the
+answer.
 """
 
 import math
@@ -46,15 +47,17 @@ FALLEN = 0.5 * NORMAL_Q95**2
 WIDEST_STEP = 10.0
 """Numbers of which the data determine little move by so many typical steps at most."""
 SCALED_RANGES = 0.3, 100.0
-"""Scaled distances of the array from a free charge [m/kg^(1/3)], each factor between
-them as probable: nearer lies the fireball (four charge radii are 0.2), farther the
-front has the speed of sound within 0.2 %, and times say nothing more of the mass."""
+"""Prior limits of the scaled distance of the array from a free charge [m/kg^(1/3)].
+
+The lower limit is near the fireball (four charge radii are 0.2). At the upper limit the
+front moves at the speed of sound within 0.2 %: arrival times no longer depend on the
+mass."""
 NEAREST = -5
 """Number of the nearest range: 0.13 widths from the middle of the sensors."""
 PLANE = 0.5
-"""Share of the variance of arrival times that a plane front explains where a charge
-outside the array is looked for, too: it explains nearly nothing of a charge in the
-middle, and 0.9 of one a width away."""
+"""Charges outside the array are considered if a plane front explains this share of the
+variance of the arrival times. The share is near 0 for a charge in the middle of the
+array, and 0.9 for one at a distance of its width."""
 DETERMINED = 0.5
 """A bearing with a larger standard deviation is not determined [rad], as for the
 direction of a front (`signals.arrays`)."""
@@ -68,8 +71,8 @@ GAIN = 1e-3
 UNFINISHED = 0.5
 """A search whose next step promises more than this is not at an optimum."""
 SPREADS = 4.0
-"""An end of the search is the most probable place if no number is farther from it than
-so many standard deviations: where times determine no mass, some have absurd ones."""
+"""Largest distance of a search result from the most probable place, in standard
+deviations of each coordinate. It excludes results with absurd masses."""
 SAME = 1.0
 """Bearings nearer than this many standard deviations are one."""
 
