@@ -12,11 +12,11 @@ $$\ell(\ln R) = \ln \sum_k p(\hat y_k(R) \mid R) \det(I_k)^{-1/2},$$
 with the information $I_k$ of bearing and other numbers $y$ at each of their optima
 $\hat y_k$: a line of sensors has one on either side. The prior is flat in $\ln R$: it
 prefers no scale. (One that is flat over the plane puts nearly all of its probability at
-the largest ranges.) A free mass has a normal prior in ln, centred on a scaled distance of 5.5
-m/kg^(1/3), with the variance of `SCALED_RANGES`. Without it the range is determined by
-masses that arrival times do not constrain: negligible ones, or some of $e^{90}$ kg.
-Where $\ell$ does not fall far out, the range has no upper bound: the bearing is the
-answer.
+the largest ranges.) A free mass has a normal prior in ln, centred on a scaled distance
+of 5.5 m/kg^(1/3), with the variance of `SCALED_RANGES`. Without it the range is
+determined by masses that arrival times do not constrain: negligible ones, or some of
+$e^{90}$ kg. Where $\ell$ does not fall far out, the range has no upper bound: the
+bearing is the answer.
 """
 
 import math
@@ -54,10 +54,8 @@ front moves at the speed of sound within 0.2 %: arrival times no longer depend o
 mass."""
 NEAREST = -5
 """Number of the nearest range: 0.13 widths from the middle of the sensors."""
-PLANE = 0.5
-"""Charges outside the array are considered if a plane front explains this share of the
-variance of the arrival times. The share is near 0 for a charge in the middle of the
-array, and 0.9 for one at a distance of its width."""
+FAR = 6
+"""Number of the range at which all directions are tried: 11 widths."""
 DETERMINED = 0.5
 """A bearing with a larger standard deviation is not determined [rad], as for the
 direction of a front (`signals.arrays`)."""
@@ -244,8 +242,9 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
 
     Returns:
         The profile; None where the place is not free over the plane, there are several
-        charges, the best optimum is nearer than the width of the array, or the range
-        is known better than these steps resolve, where a normal describes it.
+        charges, the best optimum is nearer than the width of the array and far places
+        are improbable, or the range is known better than these steps resolve, where a
+        normal describes it.
     """
     at = _free_place(posterior)
     if at is None:
@@ -258,38 +257,20 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     density = np.asarray(found.log_density)
     optima = np.asarray(found.z)[density > density[0] - HOPELESS]
     ranges = np.linalg.norm(optima[:, at] - middle, axis=1)
-    if not (ranges[0] > width or _is_plane(posterior)):
-        return None
     walker = _Walker(posterior, at, middle, width)
+    if not (ranges[0] > width or walker.is_open_from(optima[0])):
+        return None
     for z, distance in zip(optima, ranges, strict=True):
         walker.follow(z, walker.level_of(distance))
-    far = walker.level_of(10 * width)
-    z = walker.levels[far][0].z if far in walker.levels else optima[0]
-    for turned in walker.around(z, far):
-        walker.follow(turned, far)
+    z = walker.levels[FAR][0].z if FAR in walker.levels else optima[0]
+    for turned in walker.around(z, FAR):
+        walker.follow(turned, FAR)
     profile = walker.profile()
     if profile is None or profile.is_open:
         return profile
     height = profile.by_range()[1]
     is_resolved = np.sum(height > height.max() - HOPELESS) >= FEWEST
     return profile if is_resolved else None
-
-
-def _is_plane(posterior: Posterior) -> bool:
-    """Return whether a plane front explains most of the variance of arrival times."""
-    layout = posterior.layout
-    rows = (np.asarray(layout.quantity) == "air_arrival_s") & ~(
-        np.asarray(layout.slant_range) > 0
-    )
-    times = np.asarray(posterior.measured)[rows]
-    places = np.asarray(layout.position)[rows, :2]
-    design = np.column_stack([np.ones(len(times)), places])
-    freedom = len(times) - np.linalg.matrix_rank(design)
-    if freedom < 1:
-        return False
-    left = times - design @ np.linalg.lstsq(design, times, rcond=None)[0]
-    variance = np.var(times, ddof=1)
-    return bool(left @ left / freedom < (1 - PLANE) * variance)
 
 
 def _free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
@@ -343,11 +324,35 @@ class _Walker:
 
     def level_of(self, distance: float) -> int:
         """Return the number of the range nearest to a distance."""
-        return max(NEAREST, round(math.log(distance / self.width) / STEP))
+        nearest = self.range_of(NEAREST)
+        return round(math.log(max(distance, nearest) / self.width) / STEP)
 
     def range_of(self, level: int) -> float:
         """Return a range by its number [m]."""
         return self.width * math.exp(level * STEP)
+
+    def is_open_from(self, z) -> bool:
+        """Return whether a far place is nearly as probable as one among the sensors.
+
+        One place is tried, in the direction of the plane front that fits the arrivals.
+        """
+        layout = self.posterior.layout
+        rows = np.array(layout.quantity) == "air_arrival_s"
+        rows &= ~(np.asarray(layout.slant_range) > 0)
+        away = np.asarray(layout.position)[rows, :2] - self.middle
+        design = np.column_stack([np.ones(len(away)), away])
+        times = np.asarray(self.posterior.measured)[rows]
+        slowness = np.linalg.lstsq(design, times, rcond=None)[0][1:]
+        if not slowness.any():
+            return False
+        far = np.array(z)
+        far[self.at] = self.middle - slowness
+        distance = float(np.linalg.norm(z[self.at] - self.middle))
+        here = self._climbed(self._at_range(z, self.range_of(self.level_of(distance))))
+        there = self._climbed(self._at_range(far, self.range_of(FAR)))
+        if here is None or there is None:
+            return False
+        return there.log_likelihood > here.log_likelihood - HOPELESS
 
     def follow(self, z, level: int) -> None:
         """Add the optimum near a place, and follow it inwards and outwards."""
