@@ -4,11 +4,11 @@
 
     answer = jblast.fit(jblast.read("log.csv"), jblast.read_scene("scene.toml"))
 
-What is asked for most often stands here, imported when it is used: `import jblast`
-itself starts neither JAX nor NumPy. The rest has its path in the folders; in this order
-they tell the physics: `scene` what is there, `waves` how it travels, `observations`
-what was measured, `sensors` what would be, `inference` what we conclude, `report` what
-we print.
+The most common functions and classes are names of the package and are imported at their
+first use: `import jblast` itself starts neither JAX nor NumPy. The others are imported
+from their folders. In the order of the physics these are `scene` (charge, air, ground,
+sensors), `waves` (laws of propagation), `observations` (measurements), `sensors`
+(simulated measurements), `inference` (fits) and `report` (printed answers).
 """
 
 from importlib import import_module
@@ -68,7 +68,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name when it is first asked for."""
+    """Import a name at its first use."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(_HOMES[name]), name)
@@ -77,5 +77,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Name also what is not imported yet."""
+    """Return all names, also those that are not imported yet."""
     return sorted({*globals(), *__all__})

@@ -1,4 +1,4 @@
-"""Bad input, said in one message: where, what was expected, what came."""
+"""Errors in input: one message with the place, what was expected and what was found."""
 
 import difflib
 import os
@@ -11,12 +11,13 @@ from typing import Any
 
 MARK = "\0"
 """Stands on both sides of an argument's name; no text that is read may hold it."""
+_CONTROLS = {chr(code) for code in (*range(32), 127)} - {"\t", "\n", "\r"}
 
 
 class InputError(ValueError):
-    """What a user gave cannot be used; the message is one line and stands alone.
+    """Input cannot be used; the message is one line and complete in itself.
 
-    Arguments stand in it as Python knows them (see `argument`).
+    Arguments appear in it by their names in Python (see `argument`).
     """
 
     def __init__(self, message: str):
@@ -24,24 +25,21 @@ class InputError(ValueError):
         super().__init__(self._marked.replace(MARK, ""))
 
     def worded(self, option: Callable[[str], str]) -> str:
-        """Return the message with what each argument is called elsewhere."""
+        """Return the message with other names of its arguments, as those of options."""
         parts = self._marked.split(MARK)
         return "".join(option(p) if i % 2 else p for i, p in enumerate(parts))
 
 
 def argument(name: str) -> str:
-    """Name an argument in a message: a command line has another name for it."""
+    """Mark an argument in a message, as the command line has another name for it."""
     return f"{MARK}{name}{MARK}"
 
 
 def shown(value: Any, width: int = 60) -> str:
-    """Return what came, short enough for a message."""
+    """Return a value as text, short enough for a message."""
     try:
         text = repr(value)
-    except (
-        ValueError,
-        RecursionError,
-    ):  # integers of thousands of digits; deep nesting
+    except (ValueError, RecursionError):  # integers of thousands of digits; nesting
         text = f"a very long {type(value).__name__}"
     return text if len(text) <= width else text[: width - 4] + " ..."
 
@@ -72,7 +70,7 @@ def needed(module: str, extra: str, path: str | Path, what: str) -> ModuleType:
         InputError: It is not installed.
     """
     try:
-        with warnings.catch_warnings():  # of its own age: nobody here can mend it
+        with warnings.catch_warnings():  # of the package itself, not of our calls
             warnings.simplefilter("ignore", DeprecationWarning)
             return import_module(module)
     except ImportError:
@@ -96,7 +94,7 @@ def read_text(path: str | os.PathLike[str], expected: str) -> str:
 
 
 def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
-    """Return what a file holds.
+    """Return the content of a file.
 
     Raises:
         InputError: There is no such file, or it cannot be read.
@@ -121,16 +119,16 @@ def decoded(
     *,
     utf16: bool = False,
 ) -> str:
-    r"""Return what bytes say, line ends made `\n`, without byte order mark.
+    r"""Return bytes as text, line ends made `\n`, without byte order mark.
 
     Args:
         data: UTF-8, marked or not.
         path: Where they come from, for the messages.
         expected: What they should be, for the messages.
-        utf16: Whether UTF-16 with its mark is taken, too.
+        utf16: Whether UTF-16 with its mark is accepted, too.
 
     Raises:
-        InputError: They are no such text.
+        InputError: They are not such a text.
     """
     if utf16 and data.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:
@@ -170,6 +168,3 @@ def decoded(
             )
         )
     return text
-
-
-_CONTROLS = {chr(code) for code in (*range(32), 127)} - {"\t", "\n", "\r"}

@@ -1,8 +1,8 @@
 """Files that are written whole or not at all.
 
-What is written goes into a file of its own beside the one it is for, and takes its name
-when it is complete: who reads, and who comes after a crash, finds the old content or
-the new one, never a part. Everything jblast writes goes through here.
+The content is written to a temporary file in the same folder, which is renamed when it
+is complete. A reader, also after a crash, finds the old content or the new one, never a
+part. All files of jblast are written by this module.
 """
 
 import os
@@ -12,27 +12,27 @@ from contextlib import contextmanager
 from pathlib import Path
 
 NAMED_AFTER = 40
-"""Characters of a file's name that a temporary one begins with: names have limits."""
+"""Characters of a file's name at the start of a temporary one: names have limits."""
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[Path]:
-    """Give the path of an empty file; it takes a file's place if nothing goes wrong.
+    """Give the path of an empty file, which replaces a file unless an error occurs.
 
-    A link stays one, and what it points to is replaced. A new file has the permissions
-    that the umask grants, one that was there keeps its own. What cannot be replaced is
-    written in place: a device, a pipe, a file in a folder that takes no new ones.
+    A link remains, and its target is replaced. A new file has the permissions that the
+    umask grants; an existing file keeps its own. Devices, pipes and files in a folder
+    without write permission cannot be replaced and are written in place.
 
     Args:
-        path: What to write. Its folder has to be there.
-        durable: Whether to wait until the content is on the disk before it takes the
-            name, so that a loss of power, too, leaves the old content or the new one.
-            It takes milliseconds a file: not for what comes by the hundred and can be
-            made again.
+        path: The file. Its folder must exist.
+        durable: Whether to wait until the content is on the disk before the file is
+            renamed, so that a power failure, too, leaves the old content or the new
+            one. It takes milliseconds a file: unsuitable for hundreds of files that
+            can be computed again.
 
     Raises:
-        OSError: It cannot be written; what was there before is as it was, unless it
-            is written in place.
+        OSError: The file cannot be written; its old content is unchanged, unless it is
+            written in place.
     """
     target = Path(os.path.realpath(path))
     mode = _mode(Path(path))
@@ -68,7 +68,7 @@ def _mode(path: Path) -> int | None:
     """Return type and permissions of a file; None if there is none.
 
     Raises:
-        OSError: Links go in a circle, or what should be a folder is none.
+        OSError: Links form a circle, or a part of the path is not a folder.
     """
     try:
         return path.stat().st_mode
@@ -79,14 +79,14 @@ def _mode(path: Path) -> int | None:
 def _is_replaceable(target: Path, mode: int) -> bool:
     """Return whether another file may take the place of one that is there.
 
-    One that must not be written to is opened as it stands, which says why.
+    A file without write permission is opened itself, for the system's error message.
     """
     folder = os.access(target.parent, os.W_OK | os.X_OK)
     return stat.S_ISREG(mode) and folder and os.access(target, os.W_OK)
 
 
 def _created(target: Path) -> Path:
-    """Return a new file beside another, hidden and of a name that nobody else has."""
+    """Return a new hidden file next to another, with a unique name."""
     while True:
         name = f".{target.name[:NAMED_AFTER]}.{os.urandom(4).hex()}.part"
         temporary = target.with_name(name)

@@ -1,4 +1,4 @@
-"""Answers as JSON can hold them: dataclasses as objects, NaN as null."""
+"""Conversion of answers to JSON: dataclasses as objects, NaN as null."""
 
 import math
 from collections.abc import Mapping
@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 ABSENT = MappingProxyType({"absent": True})
-"""Metadata of a field that is no entry where it is None."""
+"""Metadata of a field without an entry where it is None."""
 HIDDEN = MappingProxyType({"hidden": True})
-"""Metadata of a field that is no entry."""
+"""Metadata of a field without an entry."""
 AMONG = MappingProxyType({"among": True})
-"""Metadata of a field whose own entries stand among the others; None has none."""
+"""Metadata of a field whose own entries are merged into the object; None has none."""
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON can hold: arrays as lists, NaN and infinities as None."""
+    """Return values for JSON: arrays as lists, NaN and infinities as None."""
     if hasattr(value, "to_dict"):
         return plain(value.to_dict())
     if is_dataclass(value) and not isinstance(value, type):
@@ -34,7 +34,7 @@ def plain(value: Any) -> Any:
 
 
 def entries(answer: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass as JSON can hold them, by name."""
+    """Return the fields of a dataclass by name, as values for JSON."""
     found: dict[str, Any] = {}
     for field in fields(answer):
         if field.metadata.get("hidden"):

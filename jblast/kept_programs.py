@@ -1,14 +1,14 @@
 """Traced programs kept between runs.
 
-The compilation cache of JAX saves a second run the compilation. To look a program up
-there, it must be traced and lowered again, which is half of what a warm `jblast fit`
-computes. `kept` stores the lowered program (`jax.export`) under a key made of all it
+The compilation cache of JAX saves the compilation in a second run. To look a program up
+there, it must be traced and lowered again, which is half of the work of a warm `jblast
+fit`. `kept` stores the lowered program (`jax.export`) under a key made of all it
 depends on: the package's own files, versions, the shapes of arrays and the values of
 all other arguments. Arguments are spelled out as text for the key. The structure of a
 result is described in JSON beside the program, with its arrays by their index, so that
 another run can rebuild it. A program that depends on something without a lasting name
 (a closure, a law from outside the package, an array spread over devices) is not kept.
-Nothing is kept before `keep_in` names a folder: commands do that, the library does not.
+Nothing is kept before `keep_in` sets a folder, as commands do and the library does not.
 """
 
 import contextlib
@@ -44,7 +44,7 @@ UNSTABLE = tuple(
     for kind in "sd"
     for name in LAPACK
 )
-"""Calls whose meaning another version of JAX may change: ours is part of the name."""
+"""Calls that another version of JAX may change: the version is part of the key."""
 SETTINGS = (
     "jax_enable_x64",
     "jax_default_matmul_precision",
@@ -52,12 +52,12 @@ SETTINGS = (
     "jax_threefry_partitionable",
 )
 WIDE: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
-"""Options of `jax.jit`: XLA keeps to vectors of 256 bits unless told. By 512, where the
+"""Options of `jax.jit`: XLA uses vectors of 256 bits by default. With 512, where the
 CPU has them, a flight is a quarter faster."""
 
 
 class _Store:
-    """Where programs are kept, and those that were used already."""
+    """Folder of kept programs, and the programs that were used already."""
 
     folder: Path | None = None
     used: dict[str, Callable[..., Any] | None]
@@ -78,8 +78,8 @@ def keep_in(folder: str | Path | None) -> None:
 def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     """Compile as `equinox.filter_jit` does, and keep the traced program between runs.
 
-    Where that cannot be (inside another program, an argument that cannot be written
-    down) it is `filter_jit` alone. To name a program takes a millisecond at each call.
+    Where a program cannot be kept (inside another program, an argument that cannot be
+    spelled out) this is `filter_jit` alone. The key takes a millisecond at each call.
 
     Args:
         function: What to compile.
@@ -138,7 +138,7 @@ def _made(
     with contextlib.suppress(OSError):  # a full disk: not kept
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(path, head + b"\n" + data, durable=False)
-    # what is read back, not what was made: XLA's cache tells them apart
+    # from the bytes, as in later runs: XLA's cache distinguishes it from `made`
     return _program(data, structure[-1], options)
 
 
@@ -155,7 +155,7 @@ def _program(data: bytes, structure: Any, options: Any) -> Callable:
     program = export.deserialize(bytearray(data))
     if b"lapack" not in program.mlir_module_serialized:
         # JAX looks LAPACK up in SciPy for any program for a CPU, a third of an import
-        # of JAX; of which backend this one is, its name says
+        # of JAX; the backend is part of the key already
         free = export.DisabledSafetyCheck.platform(), *program.disabled_safety_checks
         program = dataclasses.replace(
             program, platforms=(), disabled_safety_checks=free
@@ -165,7 +165,7 @@ def _program(data: bytes, structure: Any, options: Any) -> Callable:
 
 
 def _key(function: Callable, arguments: Any) -> str:
-    """Return a name for what a program depends on."""
+    """Return a key of everything that a program depends on."""
     whole = f"{_surroundings()} {spelled(function)} {spelled(arguments)}"
     return hashlib.sha256(whole.encode()).hexdigest()
 
@@ -179,7 +179,7 @@ def _source() -> str:
 
 
 def _contents(root: Path) -> str:
-    """Return the fingerprint of a folder's files, read anew only if one was touched."""
+    """Return the fingerprint of a folder's files, which are read if one was touched."""
     if STORE.folder is None:
         return fingerprint(root)
     state = hashlib.sha256(str(root).encode())
@@ -199,7 +199,7 @@ def _contents(root: Path) -> str:
 
 
 def fingerprint(root: Path) -> str:
-    """Return one of all files below a folder, but what Python compiled of them."""
+    """Return the fingerprint of all files below a folder, without compiled Python."""
     digest = hashlib.sha256()
     for path in _files(root):
         digest.update(f" {os.path.relpath(path, root)} ".encode())
@@ -217,10 +217,10 @@ def _files(root: Path) -> Iterator[str]:
 
 
 def _surroundings() -> str:
-    """Return what else tracing depends on.
+    """Return the settings and versions that tracing depends on.
 
     Raises:
-        Unkept: There is a law that the package does not come with.
+        Unkept: A law from outside the package is registered.
     """
     if not are_packaged():
         raise Unkept
@@ -229,7 +229,7 @@ def _surroundings() -> str:
 
 
 class Unkept(Exception):
-    """A program cannot be kept: it depends on what cannot be written down."""
+    """A program cannot be kept: it depends on something without a lasting name."""
 
 
 def is_array(value: Any) -> bool:
@@ -238,7 +238,7 @@ def is_array(value: Any) -> bool:
 
 
 def spelled(value: Any, fixed: bool = False) -> str:
-    """Write an argument down: of arrays the shape, of all else the value.
+    """Spell an argument out: the shape of an array, the value of anything else.
 
     Args:
         value: The argument, or a part of it.

@@ -19,16 +19,17 @@ from jblast.constants import (
     STANDARD_TEMPERATURE,
 )
 
+if TYPE_CHECKING:  # options of the command line are bounded too, and wait for no NumPy
+    import numpy as np
+
 CHARGE_POSITION = ("charge_east_m", "charge_north_m", "charge_up_m")
 CLOCK_OFFSET = "clock_offset_s"
 """`clock_offset_s.NAME` is the offset of a sensor's, or of a recorder's, clock."""
-if TYPE_CHECKING:  # options of the command line are bounded too, and wait for no NumPy
-    import numpy as np
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Where a number may lie. A bound that is not there refuses nothing, not even NaN.
+    """Bounds of a number. An absent bound refuses nothing, not even NaN.
 
     Attributes:
         above: It is larger than this.
@@ -55,7 +56,7 @@ class Bounds:
         )
 
     def words(self) -> str:
-        """Return the bounds in words: what a number that keeps them is."""
+        """Return the bounds in words."""
         if math.isfinite(self.at_most):
             return f"between {self.at_least:g} and {self.at_most:g}"
         if self.above == 0:
@@ -65,6 +66,8 @@ class Bounds:
         return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
 
 
+POSITIVE = Bounds(above=0.0)
+UNBOUNDED = Bounds()
 # Air temperatures are those of Earth's troposphere, with room to spare; the standard
 # atmosphere's lowest layer ends at 11 km. No wind on the ground reaches 100 m/s.
 TEMPERATURES = Bounds(at_least=150.0, at_most=400.0)
@@ -75,17 +78,17 @@ PLACE_LIMITS = {
     "lon_deg": Bounds(at_least=-180.0, at_most=360.0),
     "alt_m": Bounds(at_least=-1e3, at_most=1e5),
 }
-"""What latitudes, longitudes (-180 to 180, or 0 to 360) and heights may be."""
+"""Bounds of latitudes, longitudes (-180 to 180, or 0 to 360) and heights."""
 
 
 @dataclass(frozen=True)
 class Key:
-    """Where a number stands in a scene file.
+    """Position of a number in a scene file.
 
     Attributes:
         table: The table, or tables.
         name: Of the key.
-        index: Its place in the key's list, None where it stands alone.
+        index: Its index in the key's list; None where the key has one number.
     """
 
     table: str
@@ -93,24 +96,18 @@ class Key:
     index: int | None = None
 
 
-POSITIVE = Bounds(above=0.0)
-
-
 class Spread(NamedTuple):
-    """How far searches for a free number begin from where it is expected.
+    """Spread of the starts of a search for a free number about its expected value.
 
     Attributes:
         amount: One standard deviation.
-        of: What the amount is counted in: "factor" multiplies the number; "unit" is the
-            number's own; "layout" is how far the sensors stand from one another, or
-            from the charge; "travel" is the time sound takes over that.
+        of: Unit of the amount: "factor" multiplies the number; "unit" is the number's
+            own; "layout" is the distance of the sensors from one another, or from the
+            charge; "travel" is the travel time of sound over that distance.
     """
 
     amount: float
     of: Literal["factor", "unit", "layout", "travel"]
-
-
-UNBOUNDED = Bounds()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,16 +117,16 @@ class Parameter:
     Attributes:
         name: As in answers and on the command line; it ends in the unit.
         unit: SI unit, "1" if there is none.
-        words: What a sentence calls it.
-        attribute: Where it lives in a scene of one charge; of a tuple there, the place
-            in it is the key's.
-        key: Where it stands in a scene file.
+        words: Its name in sentences.
+        attribute: Its path in a scene of one charge; in a tuple there, its index is the
+            key's.
+        key: Its position in a scene file.
         spread: Of the starts of a search for it.
-        default: Where a fit starts if nothing else is said.
-        bounds: Where it may lie.
+        default: Start of a fit unless the scene gives another.
+        bounds: Of its values.
         takes_the_place_of: Numbers that are not used where it is given.
-        decides: Whether it decides which method suffices for a scene.
-        opening: How a sentence about it begins; "" leaves it to the words.
+        decides: Whether the choice of a sufficient method for a scene depends on it.
+        opening: Start of a sentence about it; "" for one made of the words.
     """
 
     name: str
@@ -151,7 +148,7 @@ class Parameter:
 
     @property
     def positive(self) -> bool:
-        """Whether it is fitted in ln: what is positive is looked for by factors."""
+        """Whether it is fitted in ln: positive numbers are searched by factors."""
         return self.spread.of == "factor"
 
 
@@ -349,7 +346,7 @@ CLOCK = Parameter(
 
 @dataclass(frozen=True, kw_only=True)
 class DerivedNumber:
-    """What follows from the numbers of a scene; fields as in `Parameter`."""
+    """A number computed from those of a scene; fields as in `Parameter`."""
 
     name: str
     unit: str
@@ -377,11 +374,11 @@ DERIVED_NUMBERS: dict[str, DerivedNumber] = {
         ),
     )
 }
-"""What an answer adds to a fitted mass."""
+"""Numbers that an answer adds to a fitted mass."""
 
 
 def described(name: str) -> Parameter | DerivedNumber | None:
-    """Return what the tables say of a number by any of its names; None of no such."""
+    """Return the row of a number by any of its names; None if there is none."""
     base = name.partition(".")[0]
     if base == CLOCK_OFFSET:
         return CLOCK

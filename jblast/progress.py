@@ -1,9 +1,10 @@
-"""How far a long task has come: at which stage of how many, at which row of how many.
+"""Progress of long tasks: the current stage, or the number of finished items.
 
-What may take long tells where it is, by `stages` or `counted`. Who wants to know
-listens (`heard_by`), as the command line does (`cli/progress_line.py`); where nobody
-does, nothing is done. A task within a task is a level further down; it is over when the
-one above goes on, or when nobody holds what tells of it any more.
+A long function reports its progress by `stages`, `counted`, `each` or `in_words`. The
+reports go to the `Listener` set by `heard_by`, as the command line does
+(`cli/progress_line.py`); without one they are discarded. A task within a task is one
+level deeper. It ends at the next report of the task above it, or when its `Task` object
+is deleted.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -15,13 +16,13 @@ Item = TypeVar("Item")
 
 
 class Level(NamedTuple):
-    """Where one task is.
+    """Progress of one task.
 
     Attributes:
-        stage: In words: "searching (3 of 5)"; "" where a number tells.
+        stage: In words: "searching (3 of 5)"; "" for a counted task.
         number: "12 of 40 logs"; "" where nothing is counted.
-        through: Share of the task that is done.
-        current: Share that is being done, of which a level further down tells more.
+        through: Finished share of the task.
+        current: Share in progress; a deeper level divides it further.
     """
 
     stage: str
@@ -31,38 +32,38 @@ class Level(NamedTuple):
 
 
 class Listener:
-    """Who wants to know.
+    """Receiver of reports of progress.
 
     Attributes:
-        levels: Where the task is, and where the tasks within it are.
+        levels: Progress of the task, then of the tasks within it.
     """
 
     def __init__(self):
         self.levels: tuple[Level, ...] = ()
 
     def tell(self, depth: int, level: Level) -> None:
-        """Take in where the task at a depth is; what was below it is over."""
+        """Store the progress of the task at a depth; the tasks below it have ended."""
         self.levels = (*self.levels[:depth], level)
         self.heard()
 
     def over(self, depth: int, last: Level | None) -> None:
-        """Take off a task that last told this, unless another stands in its place."""
+        """Remove a task after its last report, unless another one replaced it."""
         if last is not None and self.levels[depth : depth + 1] == (last,):
             self.levels = self.levels[:depth]
 
     def heard(self) -> None:
-        """Do something about news."""
+        """Handle a new report; subclasses override this."""
 
     def words(self) -> str:
-        """Return where it is, level by level."""
+        """Return the progress in words, level by level."""
         return ": ".join(level.stage or level.number for level in self.levels)
 
     def stages(self) -> tuple[str, ...]:
-        """Return the same without counts."""
+        """Return the stages, level by level, without counts."""
         return tuple(level.stage for level in self.levels)
 
     def share(self) -> float:
-        """Return how much of the whole is done."""
+        """Return the finished share of the whole task."""
         share = 0.0
         for level in reversed(self.levels):
             share = level.through + level.current * share
@@ -74,7 +75,7 @@ _LISTENER: ContextVar[Listener | None] = ContextVar("progress", default=None)
 
 @contextmanager
 def heard_by(listener: Listener) -> Iterator[None]:
-    """Let a listener hear what is told inside."""
+    """Send the reports of the enclosed code to a listener."""
     before = _LISTENER.set(listener)
     try:
         yield
@@ -83,10 +84,10 @@ def heard_by(listener: Listener) -> Iterator[None]:
 
 
 def stages(shares: Mapping[str, float]) -> Callable[[str], None]:
-    """Return what is to be called with the name of each stage as it begins.
+    """Return a function to call with the name of each stage at its start.
 
     Args:
-        shares: About how long each stage takes, in any unit, in order.
+        shares: Approximate duration of each stage, in any unit, in order.
     """
     teller = Task()
     names, whole = list(shares), sum(shares.values())
@@ -101,7 +102,7 @@ def stages(shares: Mapping[str, float]) -> Callable[[str], None]:
 
 
 def counted(total: int, what: str) -> Callable[[float | int], None]:
-    """Return what is to be called with how many of so many are through."""
+    """Return a function to call with the number of finished items."""
     teller = Task()
 
     def through(done: float | int) -> None:
@@ -114,13 +115,13 @@ def counted(total: int, what: str) -> Callable[[float | int], None]:
 
 
 def in_words() -> Callable[[str], None]:
-    """Return what is to be called with where a task is in words: nothing is counted."""
+    """Return a function to call with the state of a task in words, without a count."""
     teller = Task()
     return lambda words: teller(Level(words, "", 0.0, 0.0))
 
 
 def each(items: Collection[Item], what: str) -> Iterator[Item]:
-    """Go through items and tell how many are through."""
+    """Iterate over items and report the number of finished ones."""
     through = counted(len(items), what)
     for done, item in enumerate(items):
         through(done)
@@ -128,9 +129,10 @@ def each(items: Collection[Item], what: str) -> Iterator[Item]:
 
 
 class Task:
-    """Tells where a task that begins here is, as long as it is held.
+    """Reports of a task, from the construction of this object to its deletion.
 
-    Whoever works holds it, so an exception ends the task as a return does.
+    The working function has the only reference, so the task ends with it, also by an
+    exception.
     """
 
     def __init__(self):
@@ -138,7 +140,7 @@ class Task:
         self._depth = len(self._listener.levels) if self._listener else 0
 
     def __call__(self, level: Level) -> None:
-        """Tell where it is."""
+        """Report the progress of the task."""
         if self._listener is not None:
             self._last = level
             self._listener.tell(self._depth, level)

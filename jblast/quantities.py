@@ -1,4 +1,4 @@
-"""Every quantity that a sensor may record or a law gives, described once.
+"""Table of all quantities that a sensor may record or a law gives.
 
 A row has the name, the SI unit, the meaning and the kind of a quantity. The groups
 below the table (clock times, directions, quantities with errors in their own unit)
@@ -35,16 +35,16 @@ class Quantity:
     Attributes:
         name: As in observation files, scene files and answers; it ends in the unit.
         unit: SI unit, "1" if there is none.
-        words: What a sentence calls it.
-        meaning: What it is.
-        kind: Of which kind it is; flashes and arrivals are readings of a clock.
-        largest: It lies within this either way, in its unit.
+        words: Its name in sentences.
+        meaning: Definition.
+        kind: Its kind; flashes and arrivals are readings of a clock.
+        largest: Largest magnitude, in its unit.
         circular: Whether it is the same after a full circle.
         placeless: Whether it is the same wherever its sensor stands.
-        by_camera: Whether the scene's camera sees it.
-        by_vehicle: Whether it is what happens to the scene's vehicle.
-        default_sigma: Error of one more datum of it where no sensor says, in seconds or
-            relative; None where none is proposed.
+        by_camera: Whether it is read off images of the scene's camera.
+        by_vehicle: Whether it is a response of the scene's vehicle.
+        default_sigma: Error of an additional datum where no sensor has one, in seconds
+            or relative; None where no datum of it is proposed.
         parts: Quantities with a law, and their signs, whose sum it is.
     """
 
@@ -62,15 +62,15 @@ class Quantity:
     parts: tuple[tuple[str, float], ...] = ()
 
     def with_article(self) -> str:
-        """Return what one of it is called: "an air arrival"."""
+        """Return its name with an article: "an air arrival"."""
         return f"{'an' if self.words[0] in 'aeiou' else 'a'} {self.words}"
 
     @property
     def tnt_factor(self) -> Literal["pressure", "impulse", "energy"]:
-        """Which of an explosive's factors in TNT holds for it.
+        """The factor of TNT equivalence of an explosive that holds for it.
 
-        Times go with them: an arrival follows the speed of the shock, so its pressure;
-        a duration is the length of what the impulse sums.
+        That of an arrival is the factor for pressure, since the pressure determines the
+        speed of the shock; that of a duration is the factor for impulse.
         """
         if self.kind in PULSE_KINDS:
             return "impulse"
@@ -78,7 +78,7 @@ class Quantity:
 
     @property
     def feels_wind(self) -> bool:
-        """Whether it changes with the speed of sound, and so with the wind."""
+        """Whether it depends on the speed of sound, and so on the wind."""
         return self.kind in (*TIME_KINDS, *PULSE_KINDS)
 
 
@@ -303,40 +303,39 @@ _DERIVED = (
 QUANTITIES: dict[str, Quantity] = {row.name: row for row in _RECORDED}
 """Every quantity that a row of a log may hold, by name."""
 DERIVED_QUANTITIES: dict[str, Quantity] = {row.name: row for row in _DERIVED}
-"""What laws give and no row of a log holds."""
+"""Quantities that laws give and no row of a log may hold, by name."""
 
 
 def quantity_named(name: str) -> Quantity | None:
-    """Return what the tables say of a quantity; None of one they do not know."""
+    """Return the row of a quantity; None if there is none."""
     return QUANTITIES.get(name) or DERIVED_QUANTITIES.get(name)
 
 
-_ROWS = tuple(QUANTITIES.values())
-CLOCK_TIMES = tuple(q.name for q in _ROWS if q.kind in CLOCK_KINDS)
+CLOCK_TIMES = tuple(q.name for q in _RECORDED if q.kind in CLOCK_KINDS)
 """Quantities that are readings of a clock."""
-ARRIVALS = tuple(q.name for q in _ROWS if q.kind == "arrival")
-"""Clock times at which a wave comes."""
-TIMES = tuple(q.name for q in _ROWS if q.kind in TIME_KINDS)
+ARRIVALS = tuple(q.name for q in _RECORDED if q.kind == "arrival")
+"""Clock times of the arrival of a wave."""
+TIMES = tuple(q.name for q in _RECORDED if q.kind in TIME_KINDS)
 """Quantities in seconds whose laws' scatter is a share of the travel time."""
-FIREBALL_RADII = tuple(q.name for q in _ROWS if q.kind == "fireball radius")
-TIMED = (*(q.name for q in _ROWS if q.kind == "shock radius"), *FIREBALL_RADII)
+FIREBALL_RADII = tuple(q.name for q in _RECORDED if q.kind == "fireball radius")
+TIMED = (*(q.name for q in _RECORDED if q.kind == "shock radius"), *FIREBALL_RADII)
 """Quantities taken at a time: their rows have a `time_s`."""
-PLACELESS = tuple(q.name for q in _ROWS if q.placeless)
+PLACELESS = tuple(q.name for q in _RECORDED if q.placeless)
 """Quantities that are the same wherever their sensor stands."""
-BY_CAMERA = tuple(q.name for q in _ROWS if q.by_camera)
+BY_CAMERA = tuple(q.name for q in _RECORDED if q.by_camera)
 """Quantities read off images of the scene's camera."""
-BY_VEHICLE = tuple(q.name for q in _ROWS if q.by_vehicle)
-"""What happens to the scene's vehicle: which it is, and its place, decide."""
-DIRECTIONS = {q.name: q.largest for q in _ROWS if q.kind == "direction"}
+BY_VEHICLE = tuple(q.name for q in _RECORDED if q.by_vehicle)
+"""Responses of the scene's vehicle: they depend on its model and position."""
+DIRECTIONS = {q.name: q.largest for q in _RECORDED if q.kind == "direction"}
 """Angles seen from a sensor's position, and the largest value either way [rad]."""
-CIRCULAR = tuple(q.name for q in _ROWS if q.circular)
+CIRCULAR = tuple(q.name for q in _RECORDED if q.circular)
 """Quantities that are the same after a full circle."""
 ADDITIVE = (*TIMES, *DIRECTIONS)
-"""Quantities that err in their own unit; all others err in ln, so are positive."""
-FEEL_WIND = tuple(q.name for q in _ROWS if q.feels_wind)
+"""Quantities with errors in their own unit; errors of others are in ln (positive)."""
+FEEL_WIND = tuple(q.name for q in _RECORDED if q.feels_wind)
 """Quantities that change with the wind."""
-ADDABLE = {q.name: q.default_sigma for q in _ROWS if q.default_sigma is not None}
-"""Quantities that one more datum may be of, and its error: seconds, or relative."""
+ADDABLE = {q.name: q.default_sigma for q in _RECORDED if q.default_sigma is not None}
+"""Quantities of an additional datum, and its error: seconds, or relative."""
 
 
 def components(quantity: str) -> tuple[tuple[str, float], ...]:

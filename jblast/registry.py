@@ -1,8 +1,8 @@
-"""The table of laws: which law gives which quantity, and how to call it.
+"""Table of laws by quantity and name, with range, source and scatter.
 
 Each law registers itself where it is defined. The names of its arguments are the
-attributes of `waves.paths.Path`, so the table needs no knowledge of any law, and this
-file imports nothing of ours.
+attributes of `waves.paths.Path`, so a law is called with the attributes of a path, and
+this file imports no other module of the package.
 """
 
 import inspect
@@ -16,17 +16,17 @@ class Law:
     """One law for one quantity.
 
     Attributes:
-        quantity: What it gives, by the name used in observation files.
+        quantity: The quantity it gives, by its name in observation files.
         name: The law's name, as in `--law NAME`.
         function: The law. Its arguments are named as in `waves.paths.Path`.
-        range: Where it holds, in words.
-        source: Where it comes from.
-        valid: True where it holds; its arguments are named likewise.
-        scatter: How far nature departs from it, in ln of the quantity (of the travel
-            time for arrivals): standard deviations of what a whole shot shares, of
-            what one path shares, and of each record. Arguments named likewise.
-        scatter_source: Where the scatter comes from: measured by which script, or
-            declared.
+        range: Range of validity, in words.
+        source: Reference.
+        valid: True within the range of validity; its arguments are named likewise.
+        scatter: Scatter of real blasts about the law, in ln of the quantity (of the
+            travel time for arrivals): standard deviations between shots, between paths
+            of a shot and between records of a path. Arguments named likewise.
+        scatter_source: Source of the scatter: the script that measured it, or
+            "declared".
         joins: Scaled distances [m/kg^(1/3)] where slope or curvature is not continuous
             (scaled times [s/kg^(1/3)] for what is taken at a time).
         far_scatter: Scatter added far away, likewise in ln: standard deviations of an
@@ -46,11 +46,11 @@ class Law:
     far_scatter: Callable[..., tuple[Any, Any]] | None = None
 
     def arguments(self) -> tuple[str, ...]:
-        """Names of what the law depends on, as `waves.paths.Path` calls them."""
+        """Return the names of its arguments, attributes of `waves.paths.Path`."""
         return tuple(inspect.signature(self.function).parameters)
 
     def scatter_words(self) -> str:
-        """Say how far nature departs from the law, and how that is known."""
+        """Return the scatter about the law and its source, in words."""
         if self.is_exact():
             return "exact"
         if inspect.signature(self.scatter).parameters:
@@ -68,7 +68,7 @@ class Law:
         return f"scatter {self.scatter_source}: {parts}"
 
     def is_exact(self) -> bool:
-        """Whether nature does not depart from it at all."""
+        """Return whether the law has no scatter."""
         return not inspect.signature(self.scatter).parameters and not any(
             self.scatter()
         )
@@ -76,10 +76,9 @@ class Law:
 
 LAWS: dict[tuple[str, str], Law] = {}
 RESERVED: dict[tuple[str, str], Law] = {}
-"""Laws that are found by name, and never offered: wrong, and kept to repeat a source.
-"""
+"""Laws that are found by name and not listed: wrong, kept to reproduce a source."""
 PACKAGED: dict[tuple[str, str], Law] = {}
-"""Those that the package comes with."""
+"""Laws of the package itself."""
 
 
 def register(law: Law) -> Law:
@@ -89,18 +88,18 @@ def register(law: Law) -> Law:
 
 
 def reserve(law: Law) -> Law:
-    """Enter a law that only who names it gets: no list, choice or chart has it."""
+    """Enter a law that is found by name only, not in any list, choice or chart."""
     RESERVED[law.quantity, law.name] = law
     return law
 
 
 def mark_packaged(*laws: Law) -> None:
-    """Take laws, or all registered so far, for those that the package comes with."""
+    """Mark laws, or all registered so far, as those of the package itself."""
     PACKAGED.update({(law.quantity, law.name): law for law in laws or LAWS.values()})
 
 
 def are_packaged() -> bool:
-    """Return whether all laws are those that the package comes with."""
+    """Return whether all registered laws are those of the package itself."""
     return all(PACKAGED.get(key) is law for key, law in LAWS.items())
 
 
@@ -134,9 +133,9 @@ def names() -> tuple[str, ...]:
 
 
 def call(function: Callable[..., Any], path: Any) -> Any:
-    """Call a law (or its `valid` or `scatter`) with what it asks for of a path.
+    """Call a law (or its `valid` or `scatter`) with the attributes of a path.
 
-    Where the path leaves the curve set to the height, by the one it leaves.
+    Where the path has no one curve set, the height of burst selects it at each place.
     """
     names = inspect.signature(function).parameters
     if "burst" in names and path.burst is None:
@@ -145,7 +144,7 @@ def call(function: Callable[..., Any], path: Any) -> Any:
 
 
 def total_scatter(law: Law, path: Any) -> Any:
-    """Return one standard deviation of nature about a law: all parts together."""
+    """Return the standard deviation of real blasts about a law: all parts together."""
     parts = call(law.scatter, path)
     if law.far_scatter is not None:
         parts = (*parts, *call(law.far_scatter, path))
@@ -155,5 +154,5 @@ def total_scatter(law: Law, path: Any) -> Any:
 def declared_scatter(
     shot: float, record: float
 ) -> Callable[[], tuple[float, float, float]]:
-    """Scatter that nobody measured: one standard deviation a shot, one a record."""
+    """Return a declared scatter: the standard deviations of a shot and of a record."""
     return lambda: (shot, 0.0, record)

@@ -37,14 +37,14 @@ def as_float_arrays(*values: ArrayLike) -> tuple[Float[Array, "..."], ...]:
 
 
 class Described(eqx.Module):
-    """A part of a scene, made by the keywords that its table of the file has."""
+    """A part of a scene; its keywords are the keys of its table in a scene file."""
 
     def __new__(cls, *values: Any, **named: Any):
         """Refuse a keyword that is no attribute, and text in place of a number.
 
         Raises:
-            TypeError: As Python's, which does not say what would have been right, and
-                as JAX's, which does not say of what.
+            TypeError: As those of Python and JAX, but with the accepted keywords and
+                the class and attribute.
         """
         known = [field.name for field in fields(cls)]
         for keyword in named:

@@ -36,7 +36,6 @@ from decimal import Context, Decimal
 from fractions import Fraction
 from functools import cache
 from itertools import product
-from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,18 +45,18 @@ from jblast.errors import InputError, nearest, shown
 from jblast.quantities import QUANTITIES
 
 ANY = ("value", "sigma")
-"""Columns that take the unit of whatever was measured."""
+"""Columns whose unit is that of the quantity measured in each row."""
 MOST = 12
-"""Units that a message names."""
+"""Most units that a message lists."""
 _DIGITS = Context(prec=40)
-"""Twice those of a float and more, so that a product is rounded but once."""
+"""More than twice the digits of a float, so that a product is rounded only once."""
 REFERENCE_PA = 20e-6
 """Pressure of a level of 0 dB [Pa]."""
 LN_PER_DB = math.log(10.0) / 20.0
-"""What a decibel is in the logarithm of a pressure."""
+"""One decibel in the logarithm of a pressure."""
 SIGNS = {"µ": "u", "μ": "u", "°": " deg ", "%": " percent ", "/": " per ", "′": "'"}
 REFERENCE = re.compile(r"(?<=db)[^a-z0-9]*re[^a-z0-9]*20[^a-z0-9]*upa", re.IGNORECASE)
-"""The one reference of our levels: "dB re 20 uPa" is dB."""
+"""The only reference of levels that is accepted: "dB re 20 uPa" is dB."""
 LONGEST = 3
 """Words of the longest ending: m_per_s."""
 CALLED: dict[str, dict[str, str]] = {
@@ -131,12 +130,12 @@ NEAR: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "level": (("", "peak_level_db"),),
 }
-"""By dimension: what a foreign name contains, and which of ours may be meant."""
+"""By dimension: part of a foreign name, and our name that may be meant."""
 COLUMNS: dict[str, tuple[str, ...]] = {
     "length": ("east_m", "north_m", "up_m", "range_m", "alt_m"),
     "time": ("time_s",),
 }
-"""Our columns that have a unit, by dimension; latitudes have no other."""
+"""Our columns that have a unit, by dimension; latitudes have one unit only."""
 PRESSURES = {
     "pa": "Pa", "upa": "uPa", "hpa": "hPa", "kpa": "kPa", "gpa": "GPa",
     "bar": "bar", "mbar": "mbar", "atm": "atm", "torr": "torr", "mmhg": "mmHg",
@@ -172,7 +171,7 @@ WEIGHTED = ("dba", "db_a", "dbb", "db_b", "dbc", "db_c", "laeq", "leq")
 MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
 """Endings that mean two units unless their case is right."""
 SHARE, LEVEL = "share", "level"
-"""Dimensions that have no unit of ours: per cent, and levels, which are logarithms."""
+"""Dimensions without an SI unit: per cent, and levels, which are logarithms."""
 SUFFIXES: dict[str, dict[str, str]] = {
     "pressure": PRESSURES | {"MPa": "MPa", "mPa": "mPa"},
     "impulse": {
@@ -196,23 +195,23 @@ SUFFIXES: dict[str, dict[str, str]] = {
     SHARE: {"percent": "percent"},
     LEVEL: {"db": "dB"},
 }  # fmt: skip
-"""Endings by dimension, and what each is to pint; levels are no factors (`levels`)."""
+"""Endings by dimension, with pint's units; levels have no factor (`overpressure`)."""
 SI = {
     "pressure": "pa", "impulse": "pa_s", "time": "s", "length": "m", "speed": "m_s",
     "angle": "rad", "mass": "kg", "image": "px",
 }  # fmt: skip
-"""The ending of ours, by dimension."""
+"""Ending of our names, by dimension."""
 DIMENSIONS = tuple(SUFFIXES)
 
 
 class OurName(NamedTuple):
-    """What a foreign name is to us.
+    """Our name and unit for a foreign name.
 
     Attributes:
         name: Our column or quantity; `value` and `sigma` are columns of any dimension.
-        factor: What values are multiplied by to be ours; NaN of a level in dB.
-        dimension: Of the unit, a key of `units.SUFFIXES`.
-        unit: As our names would end in it: "psi_ms".
+        factor: Factor that converts values to our unit; NaN of a level in dB.
+        dimension: Of the unit, a key of `SUFFIXES`.
+        unit: Ending of a name in this unit: "psi_ms".
     """
 
     name: str
@@ -221,11 +220,25 @@ class OurName(NamedTuple):
     unit: str
 
 
+class Unit(NamedTuple):
+    """A unit that a name ends in.
+
+    Attributes:
+        dimension: A key of `SUFFIXES`.
+        suffix: Ending of a name: "kpa_ms".
+        pint: Name in pint.
+    """
+
+    dimension: str
+    suffix: str
+    pint: str
+
+
 def our_name(foreign: str) -> OurName | None:
     """Return our column or quantity that a name means, and its unit.
 
     Blanks, case, brackets and signs do not count: "Peak Overpressure (kPa)" is
-    `peak_overpressure_kpa`. A name that could mean more than one thing means none.
+    `peak_overpressure_kpa`. An ambiguous name has no meaning: None is returned.
 
     Args:
         foreign: A name that ends in a unit.
@@ -234,7 +247,7 @@ def our_name(foreign: str) -> OurName | None:
         name = _names(unit.dimension).get(word)
         if name is not None:
             level = unit.dimension == LEVEL
-            factor = float("nan") if level else si_factor(unit.suffix)
+            factor = math.nan if level else si_factor(unit.suffix)
             return OurName(name, factor, unit.dimension, unit.suffix)
     return None
 
@@ -248,9 +261,9 @@ def dimension_of(name: str) -> str | None:
 
 
 def what_to_write(foreign: str) -> str:
-    """Return "; ..." with what to write in place of a name that means nothing to us.
+    """Return "; ..." with a replacement for a name that is not identified.
 
-    Names a unit that case must tell apart, the nearest unit, or ours with the factor.
+    It is a unit whose case is ambiguous, the nearest unit, or our name and the factor.
     """
     words, whole = words_of(foreign), spelt(foreign)
     if weighted := _level_of_another_kind(whole):
@@ -279,8 +292,101 @@ def what_to_write(foreign: str) -> str:
     return ""
 
 
+def si_factor(suffix: str) -> float:
+    """Return the factor of `si_ratio` as a float."""
+    return float(si_ratio(suffix))
+
+
+def si_ratio(suffix: str) -> Fraction:
+    """Return the exact factor from a unit to SI.
+
+    Args:
+        suffix: An ending of a name: "psi_ms", "kPa", "percent".
+
+    Raises:
+        InputError: It is not a known unit, one of several that differ in case only, or
+            a level, which no factor converts.
+    """
+    found = {(unit.dimension, unit.pint) for unit in unit_spelt(suffix)}
+    if len(found) != 1:
+        known = [ending for endings in SUFFIXES.values() for ending in endings]
+        either = " or ".join(sorted(pint for _, pint in found))
+        raise InputError(
+            f"unit {shown(suffix)}: "
+            + (f"expected {either}, which case tells apart" if either else "")
+            + ("" if either else f"expected a known unit{nearest(suffix, known)}")
+        )
+    ((dimension, pint),) = found
+    if dimension == LEVEL:
+        raise InputError(f"unit {shown(suffix)}: a level has no factor")
+    return _ratio(dimension, pint)
+
+
+def products(
+    ratio: Fraction, texts: Sequence[str], *others: Sequence[str]
+) -> Float[np.ndarray, " row"]:
+    """Return written numbers times a ratio, each the float nearest to the product.
+
+    Args:
+        ratio: What they are multiplied by.
+        texts: The numbers, by row; what is none gives NaN.
+        *others: More numbers to multiply by, by row.
+    """
+    denominator = Decimal(ratio.denominator)
+    factor = _DIGITS.divide(Decimal(ratio.numerator), denominator)
+    return np.array([_product(factor, row) for row in zip(texts, *others, strict=True)])
+
+
+def overpressure(level_db: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Return the pressure of a peak level.
+
+    Args:
+        level_db: Peak level [dB re 20 µPa], of the waveform without weighting.
+
+    Returns:
+        Peak overpressure [Pa].
+    """
+    return REFERENCE_PA * 10.0 ** (level_db / 20.0)
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name, their case kept: "Peak (kPa·ms)", Peak kPa ms."""
+    for sign, word in SIGNS.items():
+        name = name.replace(sign, word)
+    name = REFERENCE.sub(" ", name)
+    return [word for word in re.split(r"[^A-Za-z0-9]+", name) if word]
+
+
+def spelt(name: str) -> str:
+    """Return a name as ours are written: lower case, words between low lines."""
+    return "_".join(words_of(name)).lower()
+
+
+def unit_spelt(suffix: str) -> tuple[Unit, ...]:
+    """Return the units an ending may mean: none, one, or several that differ in case.
+
+    Args:
+        suffix: "kPa", "psi-ms", "mm/s", "m_s", "feet", "degrees".
+    """
+    words = words_of(suffix)
+    if not words:
+        return ()
+    lower = [_short(word.lower()) for word in words]
+    readings = [lower]
+    if lower[0] in MILLI_OR_MEGA:
+        both = MILLI_OR_MEGA[lower[0]]
+        kept = (words[0],) if words[0] in both else both
+        readings = [[first, *lower[1:]] for first in kept]
+    return tuple(
+        Unit(dimension, "_".join(reading), suffixes["_".join(reading)])
+        for reading in readings
+        for dimension, suffixes in SUFFIXES.items()
+        if "_".join(reading) in suffixes
+    )
+
+
 def _level_of_another_kind(whole: str) -> str:
-    """Say of a level that is weighted, or re another pressure, what is expected."""
+    """Return the advice for a level that is weighted, or re another pressure."""
     expected = "expected peak_level_db, of the unweighted peak, re 20 uPa"
     if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
         return f"; it is a weighted or an equivalent level, not a peak: {expected}"
@@ -288,7 +394,7 @@ def _level_of_another_kind(whole: str) -> str:
 
 
 def _no_unit(ending: str, ours: str, dimension: str) -> str:
-    """Say that an ending is no unit of one of ours, and which is near, or would be."""
+    """Return the advice for a name of ours with an unknown unit: the nearest ones."""
     if ours in ANY:
         known = [suffix for of in SUFFIXES.values() for suffix in of]
         return f"; {ending!r} is no unit{nearest(ending, known)}"
@@ -297,22 +403,8 @@ def _no_unit(ending: str, ours: str, dimension: str) -> str:
     return f"; {ending!r} is no unit of {dimension}{nearest(ending, suffixes) or some}"
 
 
-class Unit(NamedTuple):
-    """A unit that a name ends in.
-
-    Attributes:
-        dimension: Of which it is, a key of `SUFFIXES`.
-        suffix: As it ends our names: "kpa_ms".
-        pint: As pint calls it.
-    """
-
-    dimension: str
-    suffix: str
-    pint: str
-
-
 def _near(word: str, unit: Unit) -> str:
-    """Say which of ours a word beside a unit may mean."""
+    """Return the advice for a word before a unit: our name that may be meant."""
     for contained, ours in NEAR.get(unit.dimension, ()):
         if contained in word:
             if unit.dimension == LEVEL:
@@ -327,9 +419,9 @@ def _near(word: str, unit: Unit) -> str:
 
 
 def _taken_apart(foreign: str) -> list[tuple[str, Unit]]:
-    """Return a name as word and unit, in every way that it can be, longest unit first.
+    """Return all divisions of a name into words and unit, longest unit first.
 
-    Of an ending that case must tell apart there is none.
+    There is none for an ending whose case is ambiguous.
     """
     words = words_of(foreign)
     found = []
@@ -363,36 +455,6 @@ def _dimension(name: str) -> str:
     return next(of for of, suffix in endings if name.endswith(f"_{suffix}"))
 
 
-def si_factor(suffix: str) -> float:
-    """Return what values in a unit are multiplied by to be SI, as `si_ratio` does."""
-    return float(si_ratio(suffix))
-
-
-def si_ratio(suffix: str) -> Fraction:
-    """Return what values in a unit are multiplied by to be SI, to the last digit.
-
-    Args:
-        suffix: An ending of a name: "psi_ms", "kPa", "percent".
-
-    Raises:
-        InputError: It is no unit we know, one of several that case alone tells apart,
-            or a level, which no factor converts.
-    """
-    found = {(unit.dimension, unit.pint) for unit in unit_spelt(suffix)}
-    if len(found) != 1:
-        known = [ending for endings in SUFFIXES.values() for ending in endings]
-        either = " or ".join(sorted(pint for _, pint in found))
-        raise InputError(
-            f"unit {shown(suffix)}: "
-            + (f"expected {either}, which case tells apart" if either else "")
-            + ("" if either else f"expected a known unit{nearest(suffix, known)}")
-        )
-    ((dimension, pint),) = found
-    if dimension == LEVEL:
-        raise InputError(f"unit {shown(suffix)}: a level has no factor")
-    return _ratio(dimension, pint)
-
-
 @cache
 def _ratio(dimension: str, unit: str) -> Fraction:
     if dimension == SHARE:
@@ -412,76 +474,13 @@ def _registry():
     return pint.UnitRegistry(non_int_type=exact)
 
 
-def products(
-    ratio: Fraction, texts: Sequence[str], *others: Sequence[str]
-) -> Float[np.ndarray, " row"]:
-    """Return written numbers times a ratio, each the float nearest to the product.
-
-    Args:
-        ratio: What they are multiplied by.
-        texts: The numbers, by row; what is none gives NaN.
-        *others: More numbers to multiply by, by row.
-    """
-    denominator = Decimal(ratio.denominator)
-    factor = _DIGITS.divide(Decimal(ratio.numerator), denominator)
-    return np.array([_product(factor, row) for row in zip(texts, *others, strict=True)])
-
-
 def _product(factor: Decimal, texts: tuple[str, ...]) -> float:
     try:
         for text in texts:
             factor = _DIGITS.multiply(factor, Decimal(text))
         return float(factor)
     except (ArithmeticError, ValueError):  # no number, or no finite one
-        return nan
-
-
-def overpressure(level_db: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Return the pressure of a peak level.
-
-    Args:
-        level_db: Peak level [dB re 20 µPa], of the waveform without weighting.
-
-    Returns:
-        Peak overpressure [Pa].
-    """
-    return REFERENCE_PA * 10.0 ** (level_db / 20.0)
-
-
-def words_of(name: str) -> list[str]:
-    """Return the words of a name, their case kept: "Peak (kPa·ms)", Peak kPa ms."""
-    for sign, spelt in SIGNS.items():
-        name = name.replace(sign, spelt)
-    name = REFERENCE.sub(" ", name)
-    return [word for word in re.split(r"[^A-Za-z0-9]+", name) if word]
-
-
-def spelt(name: str) -> str:
-    """Return a name as ours are written: lower case, words between low lines."""
-    return "_".join(words_of(name)).lower()
-
-
-def unit_spelt(suffix: str) -> tuple[Unit, ...]:
-    """Return the units an ending may mean: none, one, or several that case tells apart.
-
-    Args:
-        suffix: "kPa", "psi-ms", "mm/s", "m_s", "feet", "degrees".
-    """
-    words = words_of(suffix)
-    if not words:
-        return ()
-    lower = [_short(word.lower()) for word in words]
-    readings = [lower]
-    if lower[0] in MILLI_OR_MEGA:
-        both = MILLI_OR_MEGA[lower[0]]
-        kept = (words[0],) if words[0] in both else both
-        readings = [[first, *lower[1:]] for first in kept]
-    return tuple(
-        Unit(dimension, "_".join(reading), suffixes["_".join(reading)])
-        for reading in readings
-        for dimension, suffixes in SUFFIXES.items()
-        if "_".join(reading) in suffixes
-    )
+        return math.nan
 
 
 def _short(word: str) -> str:

@@ -10,9 +10,11 @@ from jblast.observations.log_io import (
 from jblast.observations.placement import resolve_positions as resolve_positions
 from jblast.observations.scenes import starter_scene as starter_scene
 from jblast.observations.table import (
+    Observations as Observations,
+    observed as observed,
+)
+from jblast.quantities import (
     CLOCK_TIMES as CLOCK_TIMES,
     QUANTITIES as QUANTITIES,
     TIMES as TIMES,
-    Observations as Observations,
-    observed as observed,
 )

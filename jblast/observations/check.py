@@ -18,7 +18,7 @@ from jaxtyping import Bool
 
 from jblast.errors import InputError
 from jblast.observations.grouping import by_shot, located, some_rows
-from jblast.observations.placement import resolve_positions
+from jblast.observations.placement import AGREE, EARLY, resolve_positions
 from jblast.observations.scenes import for_log
 from jblast.observations.table import Observations
 from jblast.quantities import (
@@ -35,11 +35,9 @@ from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
 MOST = 200
-"""Faults of one log that are told; past them the log is another one altogether."""
+"""Largest number of reported faults: a log with more is not of the scene at all."""
 ROWS = 400_000
-"""Rows that are looked through again for the next fault: fewer faults of a long log."""
-EARLY = 5.0
-"""An arrival this many sigmas before the flash is no error of reading."""
+"""Rows that may be checked again for further faults: fewer faults in a long log."""
 FROM_2000, TO_2100 = 946_684_800.0, 4_102_444_800.0
 """Seconds since 1970 at the first of January of these years."""
 COUNTED_IN = {
@@ -48,13 +46,11 @@ COUNTED_IN = {
     "microseconds": 1e6,
     "nanoseconds": 1e9,
 }
-"""What computers count time since 1970 in, of a second."""
-SAME_PLACE = 1e-3
-"""Sensors this close stand at one place [m], as near as places are compared."""
+"""Units of computers' times since 1970, of a second."""
 APART = 6.0
 """Readings at one place this many sigmas apart are not of one wave."""
 FAR_OFF = 10.0
-"""A sensor this many times as far off as the others, by the median, is not of them."""
+"""A sensor is far from the others if its distance is this many times the median."""
 FACTOR = 2.0
 """Likewise without a sigma: a pressure this much larger could be a reflection's."""
 FINEST = 1e-6
@@ -63,9 +59,9 @@ FINEST = 1e-6
 
 
 def refusals(observations: Observations, uncertain: UncertainScene) -> list[InputError]:
-    """Return why a fit would refuse a log beside a scene: a fault a row, in order.
+    """Return the faults for which a fit refuses a log with a scene, one a row.
 
-    A log of several shots is as many logs, unless the scene names its charges.
+    The shots of a log are checked as separate logs, unless the scene names its charges.
     """
     several = uncertain.scene.others
     logs = [observations] if several else list(by_shot(observations).values())
@@ -77,8 +73,8 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
 
 
 def with_places(observations: Observations, uncertain: UncertainScene) -> Observations:
-    """Return a log about the scene's place, with the places that it gives sensors."""
-    with suppress(InputError):  # from another continent, which `refusals` tells
+    """Return a log in the scene's frame, with the sensor positions of the scene."""
+    with suppress(InputError):  # from another continent, which `refusals` reports
         observations = located(observations, uncertain)
     sensors = uncertain.scene.sensors
     known = {sensor.name: np.asarray(sensor.position_m) for sensor in sensors}
@@ -102,7 +98,7 @@ def _lawless(log: Observations) -> list[InputError]:
 
 
 def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
-    """Take row after row out of the log that places and times are refused for."""
+    """Remove the rows whose positions or times are refused, and return their faults."""
     found: list[InputError] = []
     most = min(MOST, 1 + ROWS // max(len(log), 1))
     while len(log) and len(found) < most:
@@ -116,7 +112,7 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
             )
         except InputError as fault:
             row = _row_of(fault, log)
-            if row is None:  # of the whole log; less of it says nothing new
+            if row is None:  # of the whole log, not of one row
                 return found or [fault]
             found.append(fault)
             log = some_rows(log, np.delete(np.arange(len(log)), row))
@@ -126,7 +122,7 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
 
 
 def _row_of(fault: InputError, log: Observations) -> int | None:
-    """Return which row a fault names: messages begin with its place."""
+    """Return the row that a fault names at the start of its message."""
     message = str(fault)
     for row in range(len(log)):
         where = log.where(row)
@@ -137,15 +133,13 @@ def _row_of(fault: InputError, log: Observations) -> int | None:
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something odd that stops no fit.
-
-    Doubts are typed where they are found and worded in `report.check`.
+    """A probable mistake in a log that a fit accepts; worded in `report.check`.
 
     Attributes:
-        kind: What is odd, a key of `report.check.SENTENCES`.
-        rows: Which rows of the log it is about, the one to look at first.
-        numbers: What it was told by, in SI units, by name.
-        names: Words it was told by: a sensor, a clock, a unit.
+        kind: A key of `report.check.SENTENCES`.
+        rows: Rows of the log that it concerns, the most relevant first.
+        numbers: Its evidence in SI units, by name.
+        names: Names for its sentence: a sensor, a clock, a unit.
     """
 
     kind: str
@@ -155,7 +149,7 @@ class Doubt:
 
 
 def clocks_doubted(observations: Observations) -> list[Doubt]:
-    """Return what is odd about the clocks and the shots of a log."""
+    """Return probable mistakes in the clocks and shots of a log."""
     return [
         *_since_1970(observations),
         *_unheard(observations),
@@ -165,7 +159,7 @@ def clocks_doubted(observations: Observations) -> list[Doubt]:
 
 
 def _since_1970(observations: Observations) -> list[Doubt]:
-    """Find clock times that are no time of a blast, but a date as computers count."""
+    """Find clock times that are times since 1970, not times of a recording."""
     if observations.epoch is not None:
         return []
     value = observations.value
@@ -182,7 +176,7 @@ def _since_1970(observations: Observations) -> list[Doubt]:
 
 
 def _unheard(observations: Observations) -> list[Doubt]:
-    """Find shots of which nothing but light is told: no mass follows from that."""
+    """Find shots with flash times only: they do not constrain a mass."""
     rows: dict[str, list[int]] = {}
     for row, shot in enumerate(observations.shot):
         rows.setdefault(shot, []).append(row)
@@ -194,7 +188,7 @@ def _unheard(observations: Observations) -> list[Doubt]:
 
 
 def _lonely(observations: Observations) -> list[Doubt]:
-    """Find clocks with one reading, which a free offset would answer alone."""
+    """Find clocks with one reading, which a free offset would fit exactly."""
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     rows: dict[str, list[int]] = {}
     for row in np.flatnonzero(timed):
@@ -207,7 +201,7 @@ def _lonely(observations: Observations) -> list[Doubt]:
 
 
 def _before_the_flash(observations: Observations) -> list[Doubt]:
-    """Find waves that came before the light of their shot, by one clock."""
+    """Find arrivals before the flash of their shot, on one clock."""
     found = []
     flash: dict[tuple[str, str], int] = {}
     quantity, value = observations.quantity, observations.value
@@ -233,14 +227,14 @@ def _before_the_flash(observations: Observations) -> list[Doubt]:
 
 
 def places_doubted(observations: Observations) -> list[Doubt]:
-    """Return what is odd about the places of a log's sensors."""
+    """Return probable mistakes in the positions of a log's sensors."""
     return [*_moved(observations), *_together(observations)]
 
 
 def degrees_swapped(observations: Observations) -> list[Doubt]:
-    """Return sensors far from all others that would be among them with axes swapped.
+    """Return sensors far from the others, but near them with exchanged coordinates.
 
-    Of a log in degrees, whose frame says which they were.
+    The log must be in degrees, since its frame gives the latitudes and longitudes.
     """
     frame = observations.frame
     first: dict[str, list[int]] = {}
@@ -266,7 +260,7 @@ def degrees_swapped(observations: Observations) -> list[Doubt]:
 
 
 def _moved(observations: Observations) -> list[Doubt]:
-    """Find sensors that the log puts at several places within one shot."""
+    """Find sensors with several positions within one shot."""
     found = []
     placed = _placed(observations)
     rows: dict[tuple[str, str], list[int]] = {}
@@ -276,7 +270,7 @@ def _moved(observations: Observations) -> list[Doubt]:
     for (sensor, _), its in rows.items():
         at = observations.position[its]
         apart = np.linalg.norm(at - at[0], axis=1)
-        if (apart > SAME_PLACE).any():
+        if (apart > AGREE).any():
             other = int(np.argmax(apart))
             found.append(
                 Doubt(
@@ -290,7 +284,7 @@ def _moved(observations: Observations) -> list[Doubt]:
 
 
 def _together(observations: Observations) -> list[Doubt]:
-    """Find sensors at one place that read alike to the digit, or differently."""
+    """Find sensors at one position with identical or with inconsistent readings."""
     first: dict[tuple[str, str], int] = {}
     ranged = ~np.isnan(observations.slant_range)
     for row in np.flatnonzero(_placed(observations) | ranged):
@@ -299,14 +293,14 @@ def _together(observations: Observations) -> list[Doubt]:
     by_cell: dict[tuple[object, ...], list[str]] = {}
     for (shot, sensor), row in first.items():
         placed = [*observations.position[row], observations.slant_range[row]]
-        cell = np.round(np.nan_to_num(placed, nan=-1.0) / SAME_PLACE).tolist()
+        cell = np.round(np.nan_to_num(placed, nan=-1.0) / AGREE).tolist()
         by_cell.setdefault((shot, *cell), []).append(sensor)
     found = []
     for (shot, *_), sensors in by_cell.items():
         for one, other in combinations(sensors[:10], 2):
             doubts = _compared(observations, str(shot), one, other)
             here = _placed(observations)[first[str(shot), one]]
-            # at one range two sensors may well read differently
+            # two sensors at one range may stand in different directions
             found += [
                 doubt for doubt in doubts if here or doubt.kind == "sensor_copied"
             ]
@@ -316,7 +310,7 @@ def _together(observations: Observations) -> list[Doubt]:
 def _compared(
     observations: Observations, shot: str, one: str, other: str
 ) -> list[Doubt]:
-    """Compare what two sensors at one place read of one shot."""
+    """Compare the readings of two sensors at one position in one shot."""
     own, its = (
         {
             quantity: row
@@ -353,7 +347,7 @@ def _compared(
 
 
 def _difference(observations: Observations, i: int, j: int) -> tuple[float, float]:
-    """Return how far two readings are apart, and how far they may be."""
+    """Return the difference of two readings, and the largest allowed one."""
     pair = [i, j]
     value, scale = observations.value[pair], observations.error_scale()[pair]
     error = APART * float(np.sqrt(np.nansum(scale**2)))
@@ -374,7 +368,7 @@ def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
 
 
 def sigmas_doubted(observations: Observations) -> list[Doubt]:
-    """Return rows whose sigma cannot be what was meant."""
+    """Return rows with an implausible sigma."""
     value, sigma = observations.value, observations.sigma
     in_ln = ~np.isin(observations.quantity, ADDITIVE)
     stated = in_ln & ~np.isnan(sigma) & (value > 0)

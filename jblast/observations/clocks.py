@@ -14,16 +14,18 @@ both sides of midnight without a date are refused.
 """
 
 import re
-from collections.abc import Callable, Collection, MutableMapping, Sequence
+from collections.abc import Collection, Sequence
+from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
 from jblast.errors import InputError, argument, nearest, shown
+from jblast.observations.places import Columns
 from jblast.observations.table import ClockTimesTaken, Observations
 from jblast.parameters import CLOCK_OFFSET
 from jblast.quantities import CLOCK_TIMES, QUANTITIES
@@ -34,7 +36,7 @@ SECOND = 1_000_000_000
 """Nanoseconds."""
 HALF_DAY = 12 * 3600 * SECOND
 YEARS = (1800, 2200)
-"""Between which a blast was recorded by a clock; further off a zone has no meaning."""
+"""Range of years of clock times; outside it a time zone has no meaning."""
 _DAY = re.compile(r"(\d{4})-(\d{2})-(\d{2})[T ]\s*")
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,9}))?)?\s*")
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})?")
@@ -50,7 +52,7 @@ def check_clocks(
     of the rows whose column `clock` is empty, where others name theirs.
 
     Raises:
-        InputError: As said; the message names the clock.
+        InputError: A clock is one of these; the message names it.
     """
     source = observations.source or "observations"
     named = list(dict.fromkeys(clock for clock in observations.clock if clock))
@@ -130,13 +132,13 @@ def refuse_unsolvable_clocks(
     """Refuse unknown clocks that the clock times of a log cannot determine.
 
     Each clock time determines one offset or origin time at most. Where there are no
-    more times than these, the times say nothing of the place; the other readings must
-    then determine all that is left.
+    more times than these, the times do not constrain the position; the other readings
+    must then determine all other unknowns.
 
     Raises:
         InputError: There are fewer times than unknown offsets and origin times, or as
             many, and fewer other readings than other unknowns. The message names the
-            unknowns and what would help.
+            unknowns and possible remedies.
     """
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     read = set(np.array(observations.clocks(), object)[timed])
@@ -173,7 +175,7 @@ def refuse_unresolved(
         dtype: Of the computation; JAX's default.
 
     Raises:
-        InputError: As said; the message names the first such row.
+        InputError: There is a row with such a time; the message names the first.
     """
     if dtype is None:
         dtype = jnp.zeros(()).dtype.type
@@ -188,25 +190,6 @@ def refuse_unresolved(
             f"{np.dtype(dtype).name} such times are {spacing[row]:.3g} s apart; "
             "expected times counted from near the shot, or float64 (jax_enable_x64)"
         )
-
-
-@runtime_checkable
-class Columns(Protocol):
-    """The columns of a table: `observations.rows.Rows` is one."""
-
-    @property
-    def texts(self) -> MutableMapping[str, list[str]]:
-        """Each column as it was written."""
-        ...
-
-    def refuse(
-        self,
-        bad: Bool[np.ndarray, " row"] | list[bool],
-        column: str,
-        expected: Callable[[int], str],
-    ) -> None:
-        """Tell bad rows, with what the column should hold."""
-        ...
 
 
 def take_clock_times(
@@ -242,7 +225,7 @@ def take_clock_times(
         VALUE_UTC,
         lambda _: "either value or value_utc, got both",
     )
-    # of an unknown quantity that is told, and no more is known
+    # an unknown quantity is reported elsewhere
     rows.refuse(
         dated & ~timed & np.isin(quantity, tuple(QUANTITIES)),
         VALUE_UTC,
@@ -270,7 +253,7 @@ def take_clock_times(
             why[row] = str(reason)
     rows.refuse([row in why for row in range(len(texts))], VALUE_UTC, why.__getitem__)
     for row in why:
-        values[row] = "0"  # that it has no time is told, and the row is left out
+        values[row] = "0"  # the fault is reported, and the row is left out
     rows.texts["value"] = values
     if not found:
         return None
@@ -286,7 +269,7 @@ def take_clock_times(
 def told_clock_times(
     texts: Sequence[str], date: str | None, zone: str | None
 ) -> list[ClockTimesTaken]:
-    """Return what was supplied to clock times, or converted; nothing of UTC with dates.
+    """Return the dates and zones supplied or converted; nothing for UTC with dates.
 
     Args:
         texts: Column `value_utc`, as written.
@@ -309,7 +292,7 @@ def told_clock_times(
 def _refuse_over_midnight(
     rows: Columns, texts: Sequence[str], found: dict[int, int]
 ) -> None:
-    """Refuse times of one day that lie at both its ends: midnight was between them."""
+    """Refuse times of one day over half a day apart: midnight lies between them."""
     last = max(found.values())
     early = [last - found.get(row, last) > HALF_DAY for row in range(len(texts))]
     late = texts[max(found, key=found.__getitem__)]
@@ -324,7 +307,7 @@ def _refuse_over_midnight(
 
 
 class NotAnInstant(Exception):
-    """What was expected, in words that go on after "expected"."""
+    """The expected text, in words that continue "expected"."""
 
 
 def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
@@ -337,7 +320,7 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
         zone: The zone of a text without one.
 
     Raises:
-        NotAnInstant: It cannot be read so; the message says why.
+        NotAnInstant: It cannot be read; the message has the reason.
     """
     rest = text.strip()
     if dated := _DAY.match(rest):
@@ -375,11 +358,11 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
 
 
 class Said(NamedTuple):
-    """What a text says of its instant, beside the time of the day.
+    """Day and zone of a time as text.
 
     Attributes:
-        date: Whether it names the day.
-        zone: What stands behind the time of day: "", "Z", "+03:00".
+        date: Whether it has a date.
+        zone: Text after the time of day: "", "Z", "+03:00".
     """
 
     date: bool
@@ -387,7 +370,7 @@ class Said(NamedTuple):
 
 
 def said(text: str) -> Said:
-    """Return what a time, as `instant` reads it, says of its day and zone."""
+    """Return whether a time, as read by `instant`, has a date, and its zone."""
     rest = text.strip()
     dated = _DAY.match(rest)
     rest = rest[dated.end() :] if dated else rest
@@ -420,13 +403,11 @@ def day_named(text: str) -> date:
     """Return the day of YYYY-MM-DD.
 
     Raises:
-        InputError: It is none.
+        InputError: It is not a day in this form.
     """
-    try:
-        if len(text) == 10:
+    if len(text) == 10:
+        with suppress(ValueError):
             return datetime.strptime(text, "%Y-%m-%d").date()
-    except ValueError:
-        pass
     raise InputError(
         f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
     )
@@ -440,7 +421,7 @@ def moment(nanoseconds: int) -> datetime:
 
 
 def written(epoch: datetime, seconds: float) -> str:
-    """Return an instant as `instant` reads it, to the nanosecond.
+    """Return an instant as text that `instant` reads, to the nanosecond.
 
     Args:
         epoch: UTC of time zero.
@@ -461,7 +442,7 @@ def _day(match: re.Match[str]) -> date:
 
 
 def _offset(text: str, whole: str) -> tzinfo:
-    """Return the zone that stands behind a time."""
+    """Return the zone from the text after a time."""
     if text in ("Z", "z", "UTC"):
         return UTC
     match = _OFFSET.fullmatch(text)
@@ -485,12 +466,12 @@ def _fixed(match: re.Match[str], name: str) -> timezone:
 
 @lru_cache(maxsize=4096)
 def _seconds(local: datetime, zone: tzinfo) -> int:
-    """Return whole seconds since 1970 of a local time that happened once.
+    """Return whole seconds since 1970 of a local time that occurred once.
 
     Offsets were no whole minutes everywhere: in Monrovia 44 min 30 s until 1972.
 
     Raises:
-        NotAnInstant: Clocks were moved then: it never happened, or twice.
+        NotAnInstant: Clocks were changed then: it occurred twice or never.
     """
     both = [local.replace(tzinfo=zone, fold=fold) for fold in (0, 1)]
     happened = [

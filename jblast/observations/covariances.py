@@ -24,10 +24,10 @@ from jblast.observations.table import Faults, Observations, RecordCovariance
 from jblast.quantities import ADDITIVE, QUANTITIES
 
 AGREES = 0.01
-"""A sigma of the log is that of its covariance to this share: a log may be rounded."""
+"""Relative tolerance between a sigma of the log and its covariance, for rounding."""
 COLUMNS = ("record", "quantity", "with", "covariance")
 COVARIANCES = "covariances"
-"""Where a data frame has the same in `attrs`, a list of rows."""
+"""Key of the same rows in the `attrs` of a data frame."""
 
 
 def with_covariances(
@@ -39,9 +39,9 @@ def with_covariances(
 
     Args:
         observations: A log as read.
-        faults: Told where the side file is not as described, or disagrees with the log,
-            which is then returned as it was.
-        rows: What `covariance_rows` gave, in place of a side file.
+        faults: Collects faults of the side file, and disagreements with the log, which
+            is then returned unchanged.
+        rows: Result of `covariance_rows`, in place of a side file.
     """
     path = covariance_file(observations.source)
     where = str(path) if rows is None else f"{observations.source}: covariances"
@@ -66,9 +66,9 @@ def with_covariances(
 def rows_with_covariance(
     observations: Observations,
 ) -> Iterator[tuple[Int[np.ndarray, " quantity"], RecordCovariance]]:
-    """Give the rows of each record that share errors, and the covariance of these.
+    """Yield the rows of each record with correlated errors, and their covariance.
 
-    Rows of a record that the log has no longer are left out.
+    Quantities without a row in the log are left out.
 
     Raises:
         InputError: A sigma disagrees with its covariance, or a quantity of a record
@@ -119,10 +119,10 @@ def covariance_file(log: str | os.PathLike[str]) -> Path:
 
 
 def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ...]:
-    """Read a side file; each pair of quantities stands in it once, or twice alike.
+    """Read a side file; each pair of quantities is in it once, or twice identically.
 
     Raises:
-        InputError: The file is not as described; the message says where and how.
+        InputError: The file is not as described; the message has the place and fault.
     """
     text = read_text(path, "a CSV file of covariances")
     lines = [
@@ -153,10 +153,10 @@ def covariances_of(
 
     Args:
         rows: A pair of quantities each.
-        source: What they are called in messages.
+        source: Their name in messages.
 
     Raises:
-        InputError: They are not as described; the message says where and how.
+        InputError: They are not as described; the message has the place and fault.
     """
     named = []
     for number, row in enumerate(rows, start=1):
@@ -170,7 +170,7 @@ def covariances_of(
 
 
 def covariance_rows(observations: Observations) -> list[dict[str, Any]]:
-    """Return what the side file of a log holds: a row a pair of a record's quantities.
+    """Return the rows of a side file, one for each pair of a record's quantities.
 
     Its keys are `COLUMNS`.
     """
@@ -189,7 +189,7 @@ def covariance_rows(observations: Observations) -> list[dict[str, Any]]:
 
 
 def write_covariances(log: str | os.PathLike[str], observations: Observations) -> None:
-    """Write the side file of a log; take away that of a log which has none now."""
+    """Write the side file of a log, or remove it if the log has no covariances."""
     path = covariance_file(log)
     if not observations.covariances:
         path.unlink(missing_ok=True)
@@ -205,7 +205,7 @@ def write_covariances(log: str | os.PathLike[str], observations: Observations) -
 def _covariances(
     source: str, rows: Iterable[tuple[str, dict[str, str]]]
 ) -> tuple[RecordCovariance, ...]:
-    """Put rows together, each told where it stands."""
+    """Combine rows, each with its place for messages, into matrices."""
     found: dict[str, dict[tuple[str, str], float]] = {}
     for where, row in rows:
         pair = _pair(where, row)
@@ -249,7 +249,7 @@ def _number(where: str, text: str) -> float:
 def _matrix(
     path: str, record: str, pairs: dict[tuple[str, str], float]
 ) -> RecordCovariance:
-    """Put the pairs of one record together."""
+    """Combine the pairs of one record into a matrix."""
     names = tuple(dict.fromkeys(name for pair in pairs for name in pair))
     for one in names:
         for other in names:
@@ -269,7 +269,7 @@ def plain_text(text: str) -> str:
     """Return a text that is one line.
 
     Raises:
-        ValueError: It is not, or begins or ends with a blank.
+        ValueError: It has several lines, or outer blanks.
     """
     unreadable = any(c != "\t" and (ord(c) < 32 or ord(c) == 127) for c in text)
     if unreadable or text != text.strip():
@@ -284,7 +284,7 @@ def quoted(name: str) -> str:
     """Return a name as CSV; a leading # would otherwise make its row a comment.
 
     Raises:
-        ValueError: It is not one line, or begins or ends with a blank.
+        ValueError: It has several lines, or outer blanks.
     """
     name = plain_text(name)
     if any(c in name for c in ',"') or name.startswith("#"):

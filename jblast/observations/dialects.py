@@ -40,6 +40,7 @@ from jblast.observations.table import (
 )
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
 from jblast.units import (
+    ANY,
     LEVEL,
     LN_PER_DB,
     SHARE,
@@ -52,45 +53,43 @@ from jblast.units import (
 )
 
 VALUES = ("value", "value_utc")
-"""Columns one of which holds what was measured."""
-PER_ROW = ("value", "sigma")
-"""Columns whose unit is that of whatever a row measured."""
+"""Columns of measured values, of which a log has at least one."""
 NOTES = ("note", "notes")
-"""First words of columns that are for people."""
+"""First words of the names of columns that are ignored."""
 NA_WORDS = frozenset(
     {"", "na", "n/a", "nan", "-", "--", "null", "none", "empty", "#n/a", "n.a."}
 )
-"""What stands where nothing was measured, in lower case."""
+"""Entries of cells without a measurement, in lower case."""
 NA_SPELT = frozenset(
     spelling
     for word in NA_WORDS - {""}
     for spelling in (word, word.upper(), word.title(), "NaN")
 )
-"""The same as they are found."""
+"""The same in their usual spellings."""
 NO_UNIT = NA_WORDS | {"unit", "units", "1", "[-]", "(-)", "[]", "name", "text"}
-"""What a row of units has below columns without one."""
+"""Entries in a row of units for columns without a unit."""
 GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,])\d{3})+")
-"""What thousands could be marked in: 1,234 or 12.345.678."""
+"""Numbers with possible thousands separators: 1,234 or 12.345.678."""
 DECIMALS = {
     mark: re.compile(rf"[+-]?\d*{re.escape(mark)}\d*(?:[eE][+-]?\d+)?") for mark in ",."
 }
 MINUS = "\u2212"
-"""The sign for minus of typesetters, which some spreadsheets write."""
+"""The typographic minus sign, which some spreadsheets write."""
 Seen = tuple[int, str, str]
 """Line, column and text of a number."""
 NAMES = ("sensor", "value_utc", *NAMED)
-"""Columns of a wide table that hold no numbers."""
+"""Columns of a wide table without numbers."""
 FOR_ALL = "sigma_percent"
-"""The column that holds the errors of all quantities whose errors are a share."""
+"""Column of the errors of all quantities whose errors are relative."""
 
 
 @dataclass
 class Header:
-    """What the columns of a table are.
+    """Names and units of the columns of a table.
 
     Attributes:
         theirs: By our column, its name as written.
-        units: By our column, the unit it is in, where it has one of its own.
+        units: By our column, its unit, where it is not ours.
     """
 
     theirs: dict[str, str] = field(default_factory=dict)
@@ -99,7 +98,7 @@ class Header:
 
 @dataclass(frozen=True)
 class UnitOf:
-    """The unit of a column, and where it was told."""
+    """The unit of a column, and the line of the row of units."""
 
     suffix: str
     line: int
@@ -111,10 +110,10 @@ def read_header(
     """Give a table's columns our names.
 
     Args:
-        table: Its header is changed; columns that mean nothing are taken out.
-        faults: Takes columns that mean nothing.
-        units_row: Units that a row of the table told, by column as written.
-        strict: Whether names have to be ours to the letter.
+        table: Its header is changed; unknown columns are removed.
+        faults: Collects unknown columns.
+        units_row: Units from a row of units, by column as written.
+        strict: Whether names must be exactly ours.
 
     Raises:
         InputError: A column is missing or there twice, or has two units.
@@ -134,7 +133,7 @@ def read_header(
         header.theirs[name] = theirs
         if unit is not None:
             header.units[name] = unit
-            if unit.factor == 1.0 and spelt(theirs) != name and name not in PER_ROW:
+            if unit.factor == 1.0 and spelt(theirs) != name and name not in ANY:
                 table.understood = (*table.understood, Renamed(theirs, name))
         table.header[index] = name
     table.drop_columns(unknown)
@@ -145,16 +144,16 @@ def read_header(
 def column_of(
     theirs: str, stated: UnitOf | None, table: Table, *, strict: bool
 ) -> tuple[str, OurName | None] | None:
-    """Return our column, and its unit if it has one of its own; None if none is meant.
+    """Return our column, and its unit if that is not ours; None for an unknown name.
 
     Args:
         theirs: Its name as written.
         stated: Its unit by a row of units.
-        table: Names the place of messages.
-        strict: Whether names have to be ours to the letter.
+        table: For the position in messages.
+        strict: Whether names must be exactly ours.
 
     Raises:
-        InputError: The row of units tells another unit than the name.
+        InputError: The row of units has another unit than the name.
     """
     if theirs in COLUMNS and stated is None:
         return theirs, None
@@ -192,7 +191,7 @@ def _with_told_unit(
 
 
 def _twice(name: str, first: str, second: str) -> str:
-    """Say that two columns are one."""
+    """Return the message for two columns with one meaning."""
     if first == second:
         return f"expected column {name} once, got it twice"
     units = {our.unit if (our := our_name(x)) else "" for x in (first, second)}
@@ -201,7 +200,7 @@ def _twice(name: str, first: str, second: str) -> str:
 
 
 def _advice(name: str, *, strict: bool) -> str:
-    """Say what to write in place of an unknown column."""
+    """Return the advice for an unknown column."""
     if not name:
         return "; expected a name above every column that holds something"
     if name in QUANTITIES:
@@ -248,18 +247,18 @@ def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
 
 
 def is_quantity(name: str) -> bool:
-    """Return whether a name of a column is a quantity, in whatever unit."""
+    """Return whether a column's name is a quantity, in any unit."""
     found = our_name(name)
     return name in QUANTITIES or (found is not None and found.name in QUANTITIES)
 
 
 def is_empty(text: str) -> bool:
-    """Return whether a field says that nothing was measured."""
+    """Return whether a field stands for no measurement."""
     return not text or text in NA_SPELT
 
 
 def drop_blanks(table: Table) -> None:
-    """Take out rows and columns of nothing, comments in a field, and notes."""
+    """Remove empty rows and columns, comments in a field, and notes."""
     first = table.columns[0] if table.columns else []
     empty: set[int] = set()
     comments = []
@@ -289,14 +288,14 @@ def drop_blanks(table: Table) -> None:
 
 
 def refuse_two_tables(table: Table, names: list[str]) -> None:
-    """Refuse a header that comes again, and a second one of other names.
+    """Refuse a repeated header, and a second one with other names.
 
     Args:
         table: The table.
         names: Its header as it was written.
 
     Raises:
-        InputError: There is one; the message says where.
+        InputError: There is one; the message has its position.
     """
     words = _words_for_values(table)
     if names[0] not in table.columns[0] and not table.blank_before and not words:
@@ -317,7 +316,7 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
 
 
 def _words_for_values(table: Table) -> set[int]:
-    """Return rows that have a word for a value, and no quantity that we know."""
+    """Return rows with a word as value and an unknown quantity."""
     if not {"quantity", "value"} <= set(table.header):
         return set()
     values = table.columns[table.header.index("value")]
@@ -332,7 +331,7 @@ def _words_for_values(table: Table) -> set[int]:
 
 
 def _holds_a_number(cells: list[str]) -> bool:
-    """Return whether a row of measurements could stand here."""
+    """Return whether cells contain a number, as those of a measurement do."""
     for cell in cells:
         try:
             float(cell.lstrip("> ").replace(",", "."))
@@ -343,10 +342,10 @@ def _holds_a_number(cells: list[str]) -> bool:
 
 
 def take_units_row(table: Table) -> dict[str, UnitOf]:
-    """Take out a row of units, second or last, and return them by name of column.
+    """Remove a row of units, second or last, and return them by name of column.
 
-    It is one where every field is a unit, perhaps in brackets, or says that there is
-    none, and at least one is a unit.
+    In a row of units every field is a unit, perhaps in brackets, or stands for no unit,
+    and at least one is a unit.
     """
     if not table.lines:
         return {}
@@ -354,7 +353,7 @@ def take_units_row(table: Table) -> dict[str, UnitOf]:
         cells = [column[row] for column in table.columns]
         units = [cell.strip("[](){} ") for cell in cells]
         meant = [bool(unit_spelt(unit)) for unit in units]
-        blank = [unit.lower() in NO_UNIT for unit in (*units,)]
+        blank = [unit.lower() in NO_UNIT for unit in units]
         if not any(meant) or not all(m or b for m, b in zip(meant, blank, strict=True)):
             continue
         line = table.lines[row]
@@ -369,14 +368,14 @@ def take_units_row(table: Table) -> dict[str, UnitOf]:
 
 
 def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
-    """Write decimal points where the file has decimal commas, and plain minus signs.
+    """Replace decimal commas by points, and typographic minus signs by plain ones.
 
     Args:
         table: Is changed.
-        numbers: Columns that hold numbers, as written in the header.
+        numbers: Columns of numbers, as written in the header.
 
     Raises:
-        InputError: Both marks are there, or a number can be read two ways.
+        InputError: Both marks occur, or a number has two readings.
     """
     held = [i for i, name in enumerate(table.header) if name in numbers]
     separated = next((f for f in table.understood if isinstance(f, Dialect)), None)
@@ -423,7 +422,7 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
 
 
 def _marks(table: Table, held: list[int]) -> tuple[dict[str, Seen], dict[str, Seen]]:
-    """Return the first number by mark: that can be read one way, and two ways.
+    """Return the first number by mark: with one reading, and with two readings.
 
     Raises:
         InputError: A number has both marks, or one of them twice.
@@ -454,14 +453,14 @@ def _marks(table: Table, held: list[int]) -> tuple[dict[str, Seen], dict[str, Se
 
 
 def _at(table: Table, seen: Seen, *, text: bool = True) -> str:
-    """Name where a number stands, and the number."""
+    """Return the position of a number, and the number, for a message."""
     line, column, number = seen
     got = f", got {shown(number)}" if text else ""
     return f"{table.at(line)}, column {column}{got}"
 
 
 def refuse_wide(table: Table, units_row: dict[str, UnitOf]) -> None:
-    """Refuse a table with a column for each quantity, and say how it is made long.
+    """Refuse a table with a column for each quantity, with advice.
 
     Raises:
         InputError: It is one.
@@ -490,11 +489,11 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
 
     Args:
         table: Has a column for each quantity, as `peak_overpressure_kpa`.
-        units_row: Units told by a row of the table; those of quantities are taken.
+        units_row: Units from a row of units, of which those of quantities are used.
 
     Raises:
-        InputError: It has no such column, or has `quantity` or `value` besides, or
-            errors of nothing.
+        InputError: It has no such column, or also `quantity` or `value`, or a column of
+            errors without its quantity.
     """
     where = table.at(table.header_line)
     keys = [spelt(name) for name in table.header]
@@ -560,7 +559,7 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
 
 
 def _with_unit(name: str, units_row: dict[str, UnitOf]) -> str:
-    """Return a name with the unit that a row of units told, if a quantity has it."""
+    """Return a name with its unit from a row of units, if that makes it a quantity."""
     stated = units_row.get(name)
     if stated is None or is_quantity(name):
         return name
@@ -581,7 +580,7 @@ def _refuse_twice(where: str, held: dict[int, str]) -> None:
 
 
 def _quantity_named(name: str) -> str:
-    """Return which of our quantities a column is."""
+    """Return our quantity of a column."""
     found = our_name(name)
     return found.name if found else name
 
@@ -590,7 +589,7 @@ class ErrorColumn(NamedTuple):
     """A column of errors.
 
     Attributes:
-        column: Which column, by number from zero.
+        column: Number of the column, from zero.
         is_share: Whether they are per cent of the value.
         is_level: Whether that value is a level in dB.
     """
@@ -600,7 +599,7 @@ class ErrorColumn(NamedTuple):
     is_level: bool
 
     def sigma(self, value: str, written: str) -> str:
-        """Return an error in the unit of its value, as a log has it.
+        """Return an error in the unit of its value.
 
         Args:
             value: The value as written.
@@ -618,20 +617,20 @@ class ErrorColumn(NamedTuple):
 def error_columns(
     table: Table, held: Mapping[int, str], units_row: Mapping[str, UnitOf]
 ) -> dict[int, ErrorColumn]:
-    """Return which column holds the errors of which.
+    """Return the column of errors of each column of values.
 
     `sigma_QUANTITY` and `QUANTITY_sigma` are in the unit of QUANTITY; with `_percent`
     behind, or % in the row of units, they are a share of it. `sigma_percent` alone is
-    that of every quantity whose errors are a share and that has no other.
+    that of every quantity with relative errors that has no other.
 
     Args:
         table: A wide one.
         held: Quantities with their units by column.
-        units_row: Units that a row of the table told, by column as written.
+        units_row: Units from a row of units, by column as written.
 
     Raises:
-        InputError: A column is in another unit than its quantity, or per cent of what
-            has no share, or belongs to none.
+        InputError: A column is in another unit than its quantity, or per cent of a
+            quantity without relative errors, or belongs to no quantity.
     """
     keys = [spelt(name) for name in table.header]
     found: dict[int, ErrorColumn] = {}
@@ -653,7 +652,7 @@ def error_columns(
 
 
 def _names(key: str, ours: OurName | None) -> list[tuple[str, bool]]:
-    """Return what the errors of a column may be called, and whether they are shares."""
+    """Return possible names of a column of errors, and whether they are relative."""
     names = [(f"sigma_{key}", False), (f"{key}_sigma", False)]
     stem = key if ours is None else key.removesuffix(f"_{ours.unit.lower()}")
     for of in dict.fromkeys((key, stem)):
@@ -664,10 +663,10 @@ def _names(key: str, ours: OurName | None) -> list[tuple[str, bool]]:
 def _told_share(
     table: Table, at: int, ours: OurName | None, units_row: Mapping[str, UnitOf]
 ) -> bool:
-    """Return whether the row of units says that errors are per cent of their values.
+    """Return whether errors are per cent of their values by the row of units.
 
     Raises:
-        InputError: It tells another unit than that of the values.
+        InputError: It has another unit than that of the values.
     """
     stated = units_row.get(table.header[at])
     if stated is None or ours is None:
@@ -685,7 +684,7 @@ def _told_share(
 
 
 def _refuse_share_of_none(table: Table, at: int, name: str, *, is_share: bool) -> None:
-    """Refuse errors in per cent of what has errors in a unit alone."""
+    """Refuse errors in per cent of a quantity with additive errors."""
     if is_share and _quantity_named(name) in ADDITIVE:
         raise InputError(
             f"{table.at(table.header_line)}, column {table.header[at]}: expected a "

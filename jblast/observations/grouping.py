@@ -18,14 +18,14 @@ from jaxtyping import Int
 
 from jblast.errors import InputError, argument, shown
 from jblast.observations.places import FARTHEST, Frame
-from jblast.observations.table import CLOCK_TIMES, Observations
+from jblast.observations.table import Observations
+from jblast.quantities import CLOCK_TIMES
 from jblast.scene import UncertainScene
 
 OF_ALL = ("source", "comments", "frame", "epoch", "understood", "covariances")
-"""Fields of a log that are of all its rows."""
+"""Fields that belong to a log as a whole."""
 PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 """Fields of a log that have one entry a row."""
-CLOCKS = set(CLOCK_TIMES)
 
 
 def by_shot(observations: Observations) -> dict[str, Observations]:
@@ -38,18 +38,18 @@ def by_shot(observations: Observations) -> dict[str, Observations]:
 
 
 def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ...]]:
-    """Put recordings of one event together, each with the clock of its file.
+    """Combine recordings of one event, each with the clock of its file.
 
     Args:
         logs: Recordings, each by one recorder; the clock of the first is the common
             one.
 
     Returns:
-        One log, and the names of the clocks that are to be found: all but the first.
+        One log, and the names of all clocks but the first, whose offsets are unknown.
 
     Raises:
         InputError: Two files have the same name, one names clocks of its own, or the
-            logs tell shots apart.
+            logs has several shots.
     """
     event = argument("one_event")
     names = [Path(log.source).stem or f"recorder {i}" for i, log in enumerate(logs, 1)]
@@ -78,7 +78,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
     ]
     clocked = _each_record_once(clocked, names)
     joined = stacked(clocked)
-    joined["line"] = ()  # lines of several files are nobody's
+    joined["line"] = ()  # line numbers of several files have no meaning
     return Observations(
         **joined,
         source=" + ".join(log.source for log in logs),
@@ -106,11 +106,12 @@ def stacked(logs: Sequence[Observations]) -> dict[str, Any]:
 def _on_one_earth(
     logs: Sequence[Observations],
 ) -> tuple[list[Observations], Frame | None, datetime | None]:
-    """Return logs whose places and times count from one place and moment.
+    """Return logs with one origin of positions and one epoch.
 
     Raises:
         InputError: One log has latitudes, or dates, and another has metres, or seconds.
     """
+    timed = set(CLOCK_TIMES)
     for what, has, lacks in (
         (
             "lat_deg, lon_deg",
@@ -120,7 +121,7 @@ def _on_one_earth(
         (
             "value_utc",
             [log for log in logs if log.epoch],
-            [log for log in logs if not log.epoch and set(log.quantity) & CLOCKS],
+            [log for log in logs if not log.epoch and timed & set(log.quantity)],
         ),
     ):
         if has and lacks:
@@ -136,7 +137,7 @@ def _on_one_earth(
 def _each_record_once(
     logs: Sequence[Observations], names: Sequence[str]
 ) -> list[Observations]:
-    """Name records after their log, too, where two logs name theirs alike."""
+    """Add the log's name to the names of records that occur in two logs."""
     recorded = [name for log in logs for name in {of.record for of in log.covariances}]
     if len(set(recorded)) == len(recorded):
         return list(logs)
@@ -167,7 +168,7 @@ def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observ
 def framed(observations: Observations, frame: Frame) -> Observations:
     """Return a log whose positions count from a frame's origin.
 
-    Of a log in metres they do already, as nobody said from where else.
+    Positions in metres are unchanged, since their origin on the Earth is not given.
 
     Args:
         observations: The log.
@@ -205,12 +206,12 @@ def since(observations: Observations, epoch: datetime) -> Observations:
     """Return a log of clock times whose clock times count from an epoch.
 
     Args:
-        observations: The log; its own epoch is known.
+        observations: The log; without an epoch of its own it is unchanged.
         epoch: UTC of clock time zero.
     """
     if observations.epoch is None or observations.epoch == epoch:
         return observations
-    # in whole microseconds, as an epoch is one to the second or the microsecond
+    # in whole microseconds, the resolution of an epoch
     later = (observations.epoch - epoch) // timedelta(microseconds=1) / 1e6
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     return replace(

@@ -47,7 +47,6 @@ from jblast.observations.sources import (
     table_of,
 )
 from jblast.observations.table import (
-    CLOCK_TIMES,
     COLUMNS,
     DEGREES,
     NEEDED,
@@ -59,11 +58,11 @@ from jblast.observations.table import (
     no_rows,
 )
 from jblast.progress import stages
-from jblast.quantities import QUANTITIES
+from jblast.quantities import CLOCK_TIMES, QUANTITIES
 from jblast.units import dimension_of
 
 STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
-"""Of reading, and about how long each takes, in seconds a million rows."""
+"""Stages of reading, and their approximate durations in seconds a million rows."""
 
 
 def read(
@@ -78,36 +77,36 @@ def read(
     """Read a log of observations: one measurement a row.
 
     Columns are `sensor,quantity,value,sigma`, then either `east_m,north_m,up_m`,
-    `lat_deg,lon_deg,alt_m` or `range_m`, or neither where the scene says where the
-    sensor stands; `time_s`, `path`, `shot`, `clock` and `record` may follow. Their
-    order is free. Lines that begin with # are comments. An empty sigma leaves the law's
-    scatter alone. A value `>0.12` is a lower bound: what was measured is no less. A
+    `lat_deg,lon_deg,alt_m` or `range_m`, or neither where the scene has the position
+    of the sensor; `time_s`, `path`, `shot`, `clock` and `record` may follow. Their
+    order is free. Lines that begin with # are comments. An empty sigma stands for the
+    scatter of the law only. A value `>0.12` is a lower bound of the measured value. A
     clock time may stand in `value_utc`, as 2020-08-04T15:08:18.310Z, in place of
-    `value`. How the errors of one record go together is read from
-    `LOG.covariance.csv`, if that stands beside `LOG.csv`, or from the `attrs` of a data
+    `value`. Covariances of the errors of one record are read from
+    `LOG.covariance.csv`, if it is next to `LOG.csv`, or from the `attrs` of a data
     frame.
 
-    Other dialects are recognised by what can be read one way only, never guessed:
+    Other dialects are recognised where only one reading is possible, never guessed:
     units in the names of columns and quantities, separators, decimal commas, encodings,
-    spreadsheets, empty fields. What was converted, skipped or supplied is told in
+    spreadsheets, empty fields. What was converted, skipped or supplied is listed in
     `understood`.
 
     Args:
         source: A path (text, .xlsx, .ods, .parquet), an open file or buffer of text or
             bytes, or a `pandas.DataFrame`.
-        strict: Whether to take UTF-8 text with commas, our own columns and units alone.
+        strict: Whether only UTF-8 text with commas, our columns and units is accepted.
         wide: Whether each quantity has a column of its own.
-        faults: Every fault is appended here, and reading goes on with the other rows
+        faults: Every fault is appended here, and reading continues with the other rows
             and columns; None: the first is raised.
         date: The day, YYYY-MM-DD, of times in `value_utc` that have none.
         zone: The zone of those that have none: +02:00, UTC, Asia/Beirut.
 
     Returns:
-        The log: a row a measurement, in SI units. Where faults are gathered, of the
-        rows that have none; it may have no rows.
+        The log: a row a measurement, in SI units. Where faults are gathered, it has the
+        rows without faults, which may be none.
 
     Raises:
-        InputError: The file is not as described; the message says where and how.
+        InputError: The file is not as described; the message has the place and fault.
 
     Example:
         `observations = jblast.read("log.csv")`
@@ -172,15 +171,15 @@ def write(
     *,
     comments: Sequence[str] = (),
 ) -> None:
-    """Write observations as tidy CSV; columns nobody fills are left out.
+    """Write observations as tidy CSV; empty columns are left out.
 
-    Covariances go into the side file, `LOG.covariance.csv` beside `LOG.csv`; an old one
-    is taken away, so that what is read back is what was written. Files of samples are
+    Covariances are written to the side file, `LOG.covariance.csv` next to `LOG.csv`. An
+    old side file is removed, so that the same log is read back. Files of samples are
     named by their path from there.
 
     Args:
         path: The file, replaced if it exists.
-        observations: What to write.
+        observations: The log.
         comments: Provenance, written before what `observations.comments` holds.
 
     Raises:
@@ -193,7 +192,7 @@ def write(
 
 
 def log_text(observations: Observations, comments: Sequence[str] = ()) -> str:
-    """Return what `write` writes into the file, and raise as it does."""
+    """Return the text of the file that `write` writes, with its errors."""
     if not len(observations):
         raise ValueError("observations has no rows; an empty file would not read back")
     lines = [
@@ -206,7 +205,7 @@ def log_text(observations: Observations, comments: Sequence[str] = ()) -> str:
 
 
 def _with_samples_from(folder: Path, observations: Observations) -> Observations:
-    """Return a log whose files of samples are found from another folder."""
+    """Return a log whose files of samples are named by their path from a folder."""
     beside = Path(observations.source).parent
     if SAMPLES not in observations.quantity or beside.resolve() == folder.resolve():
         return observations
@@ -222,7 +221,7 @@ def _with_samples_from(folder: Path, observations: Observations) -> Observations
 
 
 def _columns(observations: Observations) -> dict[str, list[str]]:
-    """Return the text of every column that holds something."""
+    """Return the text of every column that is needed or not empty."""
     texts = {
         name: [_digits(x) for x in column]
         if isinstance(column, np.ndarray)
@@ -240,10 +239,10 @@ def _columns(observations: Observations) -> dict[str, list[str]]:
 def typed_columns(
     observations: Observations,
 ) -> dict[str, Float[np.ndarray, " row"] | tuple[str, ...]]:
-    """Return every column that is needed or holds something, in the order of a file.
+    """Return every column that is needed or not empty, in the order of a file.
 
-    Positions and clock times are degrees and UTC where the log says where on the Earth
-    it counts from, and from when; a value is NaN beside a `value_utc`.
+    Positions are degrees where the log has a frame, clock times UTC where it has an
+    epoch; a value is NaN in a row with a `value_utc`.
     """
     place, names = observations.position, POSITION
     if observations.frame is not None:
@@ -274,7 +273,7 @@ def typed_columns(
 
 
 def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
-    """Return whether a column holds anything."""
+    """Return whether a column is not empty."""
     if isinstance(column, np.ndarray):
         return not np.isnan(column).all()
     return any(column)
@@ -287,9 +286,9 @@ def _digits(number: float) -> str:
 def to_pandas(observations: Observations) -> Any:
     """Return a log as a `pandas.DataFrame`, columns as `write` writes them.
 
-    Lower bounds are told by a column `lower_bound`; comments, the source, the units of
-    columns and `covariances`, the rows of the side file that `write` writes
-    (`pandas.DataFrame(frame.attrs["covariances"])`), stand in `attrs`. `read` takes it.
+    Lower bounds are in a column `lower_bound`. The `attrs` are comments, the source,
+    units of columns and `covariances`, the rows of the side file of `write`
+    (`pandas.DataFrame(frame.attrs["covariances"])`). `read` accepts the data frame.
     """
     import pandas
 
@@ -310,9 +309,9 @@ def to_pandas(observations: Observations) -> Any:
 def to_xarray(observations: Observations) -> Any:
     """Return a log as an `xarray.Dataset` along `row`.
 
-    Each quantity is a variable, NaN where a row is of another one, with
-    `sigma_QUANTITY` beside it; who measured and where are coordinates; `units` and
-    `long_name` are attributes.
+    Each quantity is a variable, NaN in rows of other quantities, with a variable
+    `sigma_QUANTITY`; sensors and positions are coordinates; `units` and `long_name` are
+    attributes.
     """
     import xarray
 
@@ -354,7 +353,7 @@ def to_xarray(observations: Observations) -> Any:
 
 
 def _unit(column: str) -> str:
-    """Return the unit of a column, as an attribute has it."""
+    """Return the unit of a column for an attribute."""
     if column.endswith("_deg"):
         return "degree"
     return "s" if dimension_of(column) == "time" else "m"

@@ -33,11 +33,11 @@ OF_PLACE = (
     "; both count from its [place]: where that was moved, take position_m out of its "
     "[[sensor]], as the log says where they stood"
 )
-"""What may be wrong where a log in degrees and its scene contradict each other."""
+"""Advice where a log in degrees and its scene contradict each other."""
 EARLY = 5.0
-"""A reading this many sigmas before the origin time is no error of measurement."""
+"""Sigmas by which a reading error may place an arrival before its origin or flash."""
 AGREE = 1e-3
-"""How far a place given twice may differ [m]."""
+"""Positions of one sensor that differ by less are equal [m]."""
 
 
 def resolve_positions(
@@ -47,21 +47,21 @@ def resolve_positions(
     *,
     is_default: bool = False,
 ) -> Observations:
-    """Fill in the positions of sensors from the scene, and check what both say.
+    """Fill in the positions of sensors from the scene, and check that both agree.
 
     Afterwards each row has a position or a slant range, unless it is `PLACELESS`, or
-    the scene gives the charge's range. A `fireball_radius_px` is seen by the scene's
-    camera, from its place; a range, of the charge or of the row, is from there.
+    the scene gives the charge's range. A `fireball_radius_px` is measured by the
+    scene's camera, so its position and ranges are those of the camera.
 
     Args:
         observations: The log.
-        scene: What stands where.
+        scene: The scene.
         beliefs: Names of the scene's parameters that are not fixed.
-        is_default: Whether no scene was given, and the place of the charge is assumed.
+        is_default: Whether no scene was given, and the charge's position is assumed.
 
     Raises:
-        InputError: A sensor's place is missing, or given twice and differently; or the
-            log holds what nothing is built for yet.
+        InputError: A sensor's position is missing, or given twice and differently, or a
+            row cannot be used with this scene.
     """
     _refuse_samples(observations)
     shots = _shots(observations, scene)
@@ -110,12 +110,12 @@ def resolve_positions(
 def _to_free(observations: Observations, beliefs: Collection[str]) -> tuple[str, ...]:
     """Return the place and time of the default scene that a log could fit instead."""
     timed = set(CLOCK_TIMES) & set(observations.quantity)
-    names = ("charge_east_m", "charge_north_m", *(("origin_time_s",) if timed else ()))
+    names = (*CHARGE_POSITION[:2], *(("origin_time_s",) if timed else ()))
     return tuple(name for name in names if name not in beliefs)
 
 
 def _refuse_samples(observations: Observations) -> None:
-    """Refuse a record of which nothing was read yet."""
+    """Refuse a record of samples, which has no readings yet."""
     if SAMPLES in observations.quantity:
         row = observations.quantity.index(SAMPLES)
         raise InputError(
@@ -128,15 +128,15 @@ def _refuse_samples(observations: Observations) -> None:
 def camera_place(
     scene: Scene, stated: Float[ArrayLike, "3"], who: str
 ) -> Float[np.ndarray, "3"]:
-    """Return where a fireball was seen from: the camera, whatever its name in a log.
+    """Return the position of the camera that measured a fireball.
 
     Args:
         scene: Has the camera.
-        stated: Place that is told of it elsewhere [m]; NaN if none is.
-        who: What reads off its images, for the messages.
+        stated: Its position in the log [m]; NaN if there is none.
+        who: Source of the reading, for the messages.
 
     Raises:
-        InputError: The scene has no camera, or it stands elsewhere than told.
+        InputError: The scene has no camera, or the camera is at another position.
     """
     if scene.camera is None:
         raise InputError(
@@ -149,7 +149,7 @@ def camera_place(
             f'one that stands still, got mount = "{scene.camera.mount}"'
         )
     at, stated = np.asarray(scene.camera.position), np.asarray(stated)
-    if np.linalg.norm(at - stated) > AGREE:  # not so where nothing is told, NaN
+    if np.linalg.norm(at - stated) > AGREE:  # false for NaN, no position
         raise InputError(
             f"{who}: fireball_radius_px at {metres(stated)}; expected {metres(at)}, "
             "where the [camera] of the scene stands"
@@ -158,7 +158,7 @@ def camera_place(
 
 
 def _shots(observations: Observations, scene: Scene) -> Int[np.ndarray, " row"]:
-    """Return which of the scene's charges each row is of."""
+    """Return the index of the charge of each row."""
     names = [charge.name for charge in scene.charges]
     if scene.others:
         for row, shot in enumerate(observations.shot):
@@ -190,7 +190,7 @@ def check_range(
     """Refuse a slant range beside a free place, or one the scene contradicts."""
     where = f"{observations.where(row)}, column range_m"
     given = float(observations.slant_range[row])
-    for name in ("charge_east_m", "charge_north_m"):
+    for name in CHARGE_POSITION[:2]:
         if name in free:
             raise InputError(
                 f"{where}: a range cannot place a charge: {name} is not fixed, so "
@@ -216,7 +216,7 @@ def refuse_placeless(
     charge: Charge,
     here: Bool[np.ndarray, " row"],
 ) -> None:
-    """Refuse rows that no distance from the charge can be found for."""
+    """Refuse rows without a distance from the charge."""
     needs = here & ~np.isin(observations.quantity, PLACELESS)
     if charge.range_m is not None:
         names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
@@ -240,7 +240,7 @@ def refuse_placeless(
 def refuse_aimless(
     observations: Observations, position: np.ndarray, scene: Scene
 ) -> None:
-    """Refuse a direction from nowhere: a range alone has none."""
+    """Refuse directions of rows with a range only, which has no direction."""
     ranged = any(charge.range_m is not None for charge in scene.charges)
     lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
     lost &= np.isin(observations.quantity, tuple(DIRECTIONS))
@@ -265,8 +265,8 @@ def refuse_on_charge(
         observations: The log.
         position: Of each row [m].
         charge: The charge.
-        here: Which rows are of it.
-        to_free: Parameters to free where its place was assumed, for want of a scene.
+        here: Rows of this charge.
+        to_free: Parameters to free where no scene was given and its position assumed.
     """
     if charge.range_m is not None:
         return
@@ -289,7 +289,7 @@ def refuse_on_charge(
 def refuse_never(
     observations: Observations, charge: Charge, here: Bool[np.ndarray, " row"]
 ) -> None:
-    """Refuse a row of a charge of which nothing can be recorded."""
+    """Refuse a row of a charge that never explodes."""
     if here.any() and bool(charge.never):
         named = f"of {shown(charge.name)}" if charge.name else "of a charge"
         raise InputError(
@@ -305,9 +305,9 @@ def refuse_before_origin(
     here: Bool[np.ndarray, " row"],
     beliefs: Collection[str],
 ) -> None:
-    """Refuse what is told of the time before a fixed origin time.
+    """Refuse readings from before a fixed origin time.
 
-    That of a wave's arrival has an error, which is allowed for.
+    Errors of arrivals are allowed for, up to `EARLY` standard deviations.
     """
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
     origin, sigma = float(charge.time_s), np.nan_to_num(observations.sigma)
@@ -342,7 +342,7 @@ def refuse_wind_without_place(
     scene: Scene,
     beliefs: Collection[str],
 ) -> None:
-    """Refuse wind where nobody knows which way the sound went."""
+    """Refuse wind for rows without a direction of the sound path."""
     wind = float(scene.air.wind_east), float(scene.air.wind_north)
     free = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
     if not free and wind == (0.0, 0.0):
@@ -364,5 +364,5 @@ def _place(charge: Charge) -> Float[np.ndarray, "3"]:
 
 
 def metres(position: np.ndarray) -> str:
-    """Return a position as a message shows it."""
+    """Return a position as text for a message."""
     return "[" + ", ".join(f"{x:.10g}" for x in position.tolist()) + "] m"

@@ -8,7 +8,7 @@ Positions more than 1,000 km from the others are refused: a sign or the order of
 latitude and longitude is wrong. The transformations are those of pymap3d.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -22,8 +22,9 @@ DEGREES = ("lat_deg", "lon_deg")
 HEIGHTS = ("alt_m", "up_m")
 """Above the one datum of all heights, and above the ground there."""
 FARTHEST = 1e6
-"""No place of a log is further from the frame's origin [m]: a sign, or an order, is
-wrong then."""
+"""Largest distance of a position from the others, or from the place of a scene [m].
+
+Beyond it a sign, or the order of latitude and longitude, is wrong."""
 
 
 @runtime_checkable
@@ -31,7 +32,7 @@ class Columns(Protocol):
     """The columns of a table: `observations.rows.Rows` is one."""
 
     @property
-    def texts(self) -> Mapping[str, Sequence[str]]:
+    def texts(self) -> MutableMapping[str, list[str]]:
         """Each column as it was written."""
         ...
 
@@ -41,20 +42,20 @@ class Columns(Protocol):
 
     def refuse(
         self,
-        bad: Bool[np.ndarray, " row"],
+        bad: Bool[np.ndarray, " row"] | list[bool],
         column: str,
         expected: Callable[[int], str],
     ) -> None:
-        """Tell bad rows, with what the column should hold."""
+        """Report bad rows, with the expected content of the column."""
         ...
 
 
 @dataclass(frozen=True)
 class Frame:
-    """East, north, up about a place, in the plane that touches the ellipsoid there.
+    """Local frame of east, north and up, tangent to the ellipsoid at its origin.
 
-    The axes are straight: ground of the origin's height lies $d^2 / 2R$ below the plane
-    at a distance $d$. Distances between places are those through the air, exact at any
+    The axes are straight: ground at the origin's height lies $d^2 / 2R$ below the plane
+    at a distance $d$. Distances between positions are straight lines, exact at any
     range (`inference.fitting.assumptions.flat_ground` has the error of flat ground).
 
     Attributes:
@@ -111,7 +112,7 @@ class Frame:
 
 
 def places_of(rows: Columns) -> tuple[Float[np.ndarray, "row 3"], Frame | None]:
-    """Return east, north, up of rows [m], and what frame of, if they are in degrees.
+    """Return east, north, up of rows [m], and their frame if they are in degrees.
 
     Raises:
         InputError: As `places_in_degrees`.
@@ -128,7 +129,7 @@ def places_in_degrees(
     """Return east, north, up of rows about the middle of their places, and that frame.
 
     Heights are `alt_m`, above the ellipsoid or any one datum, or `up_m`, above the
-    ground, which is then taken as level; or there are none, and all stood on it.
+    ground, which is then level; without heights all positions are on the ground.
 
     Args:
         rows: The table.
@@ -137,9 +138,9 @@ def places_in_degrees(
         Positions [m], NaN where a row has no place; None if no row is in degrees.
 
     Raises:
-        InputError: A row has half a place, or one that is none, or the rows mix
-            latitudes with metres, or heights above the sea with those above the ground;
-            unless faults are gathered.
+        InputError: A row has half a position, or an impossible one, or the rows mix
+            latitudes with metres, or heights above the datum with those above the
+            ground; unless faults are gathered.
     """
     given = {name: _given(rows, name) for name in (*METRES, *DEGREES, *HEIGHTS)}
     degrees = given["lat_deg"] | given["lon_deg"]
@@ -159,7 +160,7 @@ def places_in_degrees(
     places = np.stack([lat, lon, height], axis=-1)
     distinct = np.unique(places[sound], axis=0)
     frame = mean_frame(*distinct.T)
-    if given["up_m"].any():  # ground of one level, of which nobody said how high
+    if given["up_m"].any():  # level ground of unknown altitude
         frame = Frame(frame.lat_deg, frame.lon_deg)
     position = np.full(places.shape, np.nan)
     position[sound] = frame.to_enu(*places[sound].T)
@@ -168,7 +169,7 @@ def places_in_degrees(
 
 
 def _given(rows: Columns, column: str) -> Bool[np.ndarray, " row"]:
-    """Return where a column holds something."""
+    """Return where a column is not empty."""
     texts = rows.texts.get(column)
     if texts is None:
         return np.zeros(len(next(iter(rows.texts.values()))), bool)
@@ -222,7 +223,7 @@ def _refuse_mixed(rows: Columns, given: Mapping[str, np.ndarray]) -> None:
 
 
 def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
-    """Return a column, NaN where it is out of what a place on Earth may have."""
+    """Return a column, NaN outside the bounds of a position on the Earth."""
     least, most = PLACE_LIMITS[column].at_least, PLACE_LIMITS[column].at_most
     numbers = rows.number(column)
     swapped = "; are lat_deg and lon_deg swapped?" if column == "lat_deg" else ""
@@ -239,7 +240,7 @@ def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
 
 
 def _refuse_far(rows: Columns, position: Float[np.ndarray, "row 3"]) -> None:
-    """Refuse a place on another continent than most."""
+    """Refuse positions more than `FARTHEST` from the median."""
     middle = np.nanmedian(position, axis=0)
     away = np.linalg.norm(position - middle, axis=1)
     rows.refuse(
@@ -258,10 +259,10 @@ def mean_frame(
     lon_deg: Float[ArrayLike, " place"],
     alt_m: Float[ArrayLike, " place"],
 ) -> Frame:
-    """Return the frame about the middle of places, up = 0 at the mean of their heights.
+    """Return the frame at the mean of positions and of their heights.
 
-    The middle is that of the points in space, so that neither the pole nor the line
-    where dates change is a special place.
+    The mean is taken of the points in space, so that neither the poles nor the date
+    line is special.
 
     Args:
         lat_deg: Geodetic latitudes [degree].

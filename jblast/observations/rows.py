@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, nearest, shown
 from jblast.observations.clocks import VALUE_UTC, take_clock_times, told_clock_times
-from jblast.observations.dialects import NA_SPELT, PER_ROW, Header, is_empty
+from jblast.observations.dialects import NA_SPELT, Header, is_empty
 from jblast.observations.grouping import some_rows
 from jblast.observations.places import places_of
 from jblast.observations.sources import Table
@@ -44,6 +44,7 @@ from jblast.observations.table import (
 )
 from jblast.quantities import ADDITIVE, CLOCK_TIMES, DIRECTIONS, QUANTITIES, TIMED
 from jblast.units import (
+    ANY,
     LEVEL,
     LN_PER_DB,
     SHARE,
@@ -57,13 +58,13 @@ from jblast.units import (
 )
 
 AT_LEAST = ">"
-"""Before a value: what was measured is no less."""
+"""Mark before a value that is a lower bound of the measured one."""
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}")
 MINUTES = re.compile(r"[NSEW]?\s*[+-]?\d+(\.\d+)?\s*([°ºd':\s]|[NSEW]$)")
-"""How a latitude or longitude begins in minutes, or with its side."""
+"""A latitude or longitude in minutes, or with its hemisphere."""
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[\s'\u2019]\d{3})+(?:[.,]\d+)?")
-"""Numbers with blanks or apostrophes in them, as in France and in Switzerland."""
+"""Numbers with blanks or apostrophes between thousands."""
 WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*[%A-Za-zµ°].*")
 
 
@@ -72,10 +73,10 @@ class Fields:
 
     Attributes:
         texts: Fields by column.
-        lines: Where each row stood.
+        lines: Line of each row.
         units: Of columns that are in another unit than ours.
-        sound: Whether nothing is wrong with a row so far.
-        wide: Of a wide table, by our column, the column that each row stood in.
+        sound: Whether each row has no fault so far.
+        wide: Of a wide table, by our column, the source column of each row.
     """
 
     def __init__(self, table: Table, header: Header, faults: Faults):
@@ -92,7 +93,7 @@ class Fields:
             self.wide = {"value": held, "sigma": tuple(f"sigma of {q}" for q in held)}
 
     def text(self, column: str) -> tuple[str, ...]:
-        """Return a column of names; "" where the file has no such column."""
+        """Return a column of names; "" if the file has no such column."""
         return tuple(self.texts.get(column) or [""] * len(self.lines))
 
     def number(
@@ -119,7 +120,7 @@ class Fields:
             column,
             lambda row: f"a finite number, got {_what_came(texts[row], column)}",
         )
-        own = None if column in PER_ROW else self.units.get(column)
+        own = None if column in ANY else self.units.get(column)
         return numbers if own is None else products(si_ratio(own.unit), texts)
 
     def refuse(
@@ -128,7 +129,7 @@ class Fields:
         column: str,
         expected: Callable[[int], str],
     ) -> None:
-        """Tell each bad row, with what its column should hold: it is left out."""
+        """Report each bad row with the expected content of its column."""
         self.tell(bad, column, lambda row: f"expected {expected(row)}")
 
     def tell(
@@ -137,7 +138,7 @@ class Fields:
         column: str,
         said: Callable[[int], str],
     ) -> None:
-        """Tell each bad row, in words of their own."""
+        """Report each bad row with a message; it is left out."""
         if not np.any(bad):
             return
         theirs = self.theirs.get(column, column)
@@ -151,7 +152,7 @@ class Fields:
 
 @dataclass
 class Measured:
-    """Which of our quantities each row holds, and in which unit.
+    """Quantities and units of the rows.
 
     Attributes:
         theirs: Quantities as written.
@@ -167,7 +168,7 @@ class Measured:
     understood: list[Understood] = field(default_factory=list)
 
     def factors(self) -> Float[np.ndarray, " row"]:
-        """Return what values are multiplied by; 1 for levels."""
+        """Return the factors that convert values to our units; 1 for levels."""
         factors = np.ones(len(self.theirs))
         for unit, rows in self._by_unit():
             if unit is not None and unit.dimension != LEVEL:
@@ -187,9 +188,9 @@ class Measured:
         """Return values and sigmas in our units, as products of what was written.
 
         Args:
-            texts: Columns as written; `value` and `sigma` are looked at.
-            value: What they are as numbers; NaN of what is none.
-            sigma: The same.
+            texts: Columns as written; `value` and `sigma` are used.
+            value: Values as numbers; NaN for other text.
+            sigma: Sigmas likewise.
         """
         if not self.converts():
             return value, sigma
@@ -218,7 +219,7 @@ class Measured:
         return ours, errors
 
     def _by_unit(self) -> Iterator[tuple[OurName | None, list[int]]]:
-        """Give each unit, None of ours, and the rows whose values are in it."""
+        """Yield each unit, None for ours, and the rows with values in it."""
         own = self.columns.get("value")
         if own is not None and own.dimension != LEVEL:
             yield own, list(range(len(self.theirs)))
@@ -231,7 +232,7 @@ class Measured:
 
 
 class Rows(Fields):
-    """The body of a file by column, and the checks each column has to pass."""
+    """The body of a log by column, and the checks that each column must pass."""
 
     def __init__(
         self,
@@ -244,15 +245,13 @@ class Rows(Fields):
         zone: str | None = None,
     ):
         self.strict = strict
-        self.skipped: tuple[int, ...] = ()
-        if not strict:
-            self.skipped = _drop_empty(table)
+        self.skipped = () if strict else _drop_empty(table)
         super().__init__(table, header, faults)
         self.date, self.zone = date, zone
         self.comments, self.found = table.comments, table.understood
 
     def observations(self) -> Observations:
-        """Check every column and put the table together, of the rows that are sound."""
+        """Check every column and return a log of the rows without faults."""
         sensor = self.text("sensor")
         self.refuse(
             [not name for name in sensor], "sensor", lambda _: "a name, got nothing"
@@ -320,11 +319,11 @@ class Rows(Fields):
     ) -> tuple[
         Float[np.ndarray, " row"], Float[np.ndarray, " row"], Bool[np.ndarray, " row"]
     ]:
-        """Return values, sigmas and which are lower bounds, in our units.
+        """Return values and sigmas in our units, and whether values are lower bounds.
 
         Args:
-            held: What each row measured.
-            dated: Rows whose value is seconds already, from a date and time.
+            held: Quantities and units of the rows.
+            dated: Rows whose value is in seconds already, from a date and time.
         """
         kind = np.array(held.quantity)
         in_ln = ~np.isin(kind, ADDITIVE)
@@ -366,7 +365,7 @@ class Rows(Fields):
         return np.where(sampled, np.nan, value), sigma, bound
 
     def bounds(self, in_ln: Bool[np.ndarray, " row"]) -> Bool[np.ndarray, " row"]:
-        """Take the marks of lower bounds off the values, and return which had one."""
+        """Remove the marks of lower bounds, and return which rows had one."""
         texts = self.texts["value"]
         written = "".join(texts)
         if AT_LEAST not in written and "<" not in written:
@@ -433,9 +432,9 @@ class Rows(Fields):
 
 
 def _drop_empty(table: Table) -> tuple[int, ...]:
-    """Take out rows in which nothing was measured, and return where they stood.
+    """Remove rows without a measurement, and return their lines.
 
-    A time in `value_utc` is a value, too. Elsewhere a word for nothing is no field.
+    A time in `value_utc` is a value, too. Words for an absent value become empty.
     """
     for index, name in enumerate(table.header):
         if name in NUMBERS or name == VALUE_UTC:
@@ -459,7 +458,7 @@ def _drop_empty(table: Table) -> tuple[int, ...]:
 
 
 def take_samples(rows: Fields, kind: np.ndarray) -> Bool[np.ndarray, " row"]:
-    """Return which rows are records of samples, and give them a value, passed over.
+    """Return which rows are records of samples, and give these a value of 1.
 
     Args:
         rows: The log.
@@ -483,7 +482,7 @@ def take_samples(rows: Fields, kind: np.ndarray) -> Bool[np.ndarray, " row"]:
 
 
 def _what_came(text: str, column: str) -> str:
-    """Say what came in place of a number, and what may be wrong with it."""
+    """Return the text found in place of a number, with advice."""
     if not text:
         return "nothing"
     if DATE.match(text):
@@ -505,7 +504,7 @@ def _what_came(text: str, column: str) -> str:
 
 
 def _number(text: str) -> float:
-    """Return what a field says; NaN for what is no number."""
+    """Return a field as a number; NaN for other text."""
     try:
         return float(text)
     except ValueError:
@@ -513,11 +512,11 @@ def _number(text: str) -> float:
 
 
 def measured(rows: Fields, *, strict: bool) -> Measured:
-    """Find which of our quantities each row holds, and refuse what is none.
+    """Identify the quantity of each row, and refuse unknown ones.
 
     Args:
         rows: The log.
-        strict: Whether quantities have to be ours to the letter.
+        strict: Whether names of quantities must be exactly ours.
     """
     theirs, columns = rows.text("quantity"), rows.units
     clocked = rows.texts.get(VALUE_UTC) or [""] * len(theirs)
@@ -550,9 +549,9 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
 
 
 def _meant(name: str, value: OurName | None, *, dated: bool) -> OurName | None:
-    """Return which of our quantities a name means; its unit may be the column's.
+    """Return our quantity for a name, whose unit may be that of the column.
 
-    A time of the day has its unit, too: beside one, the name of a time needs none.
+    The name of a clock time needs no unit next to a time in `value_utc`.
     """
     found = our_name(name)
     if found is None and dated and f"{name}_s" in CLOCK_TIMES:
@@ -614,7 +613,7 @@ def _go_together(ours: str, unit: OurName | None, column: OurName) -> bool:
 
 
 def _tell(found: Measured) -> None:
-    """Note what is converted, once for each name."""
+    """List the conversions, once for each name."""
     for name, unit in found.units.items():
         rows = found.theirs.count(name)
         if unit.dimension == LEVEL:
@@ -628,7 +627,7 @@ def _tell(found: Measured) -> None:
 
 
 def told_columns(rows: Fields) -> list[Understood]:
-    """Return what is converted by column."""
+    """Return the conversions by column."""
     understood: list[Understood] = []
     for name, unit in rows.units.items():
         filled = sum(1 for text in rows.texts[name] if text)
@@ -641,7 +640,7 @@ def told_columns(rows: Fields) -> list[Understood]:
 
 
 def _unknown(quantity: str, *, strict: bool) -> str:
-    """Say what to write in place of an unknown quantity."""
+    """Return the message for an unknown quantity, with advice."""
     said = f"unknown quantity {shown(quantity)}"
     ours = our_name(quantity) if strict else None
     if ours is not None:

@@ -21,17 +21,24 @@ import numpy as np
 
 from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.observations.grouping import some_rows
-from jblast.observations.table import CLOCK_TIMES, OF_SAMPLES, SAMPLES, Observations
-from jblast.parameters import ALTITUDES, CLOCK_OFFSET
-from jblast.quantities import ADDITIVE, BY_CAMERA, PLACELESS, TIMED, made_with
+from jblast.observations.table import OF_SAMPLES, SAMPLES, Observations
+from jblast.parameters import ALTITUDES, CHARGE_POSITION, CLOCK_OFFSET
+from jblast.quantities import (
+    ADDITIVE,
+    BY_CAMERA,
+    CLOCK_TIMES,
+    PLACELESS,
+    TIMED,
+    made_with,
+)
 from jblast.scene import UncertainScene, freed, with_values
 from jblast.scene.reader.sensors import share_text
 from jblast.scene.uncertain import NO_SCENE
 from jblast.waves.propagation import standard_atmosphere
 
-PLACE = ("charge_east_m", "charge_north_m")
+PLACE = CHARGE_POSITION[:2]
 APART = 5.0
-"""Flashes so many standard deviations apart were read off clocks that disagree."""
+"""Flash times that differ by this many standard deviations are of different clocks."""
 _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = set(made_with("ground_arrival_s"))
 _CAMERA = """\
@@ -55,15 +62,15 @@ _LAW = """\
 
 
 def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainScene:
-    """Free in the default scene what a log in degrees, or with dates, cannot fix.
+    """Return the default scene adapted to a log in degrees or with dates.
 
-    A charge at the origin means nothing where the origin is the middle of the sensors,
-    nor does time zero where that is the second of the first reading. The place is free
-    then, the origin time, and clocks that the log tells apart (`clocks_to_free`); the
-    air is the standard atmosphere's at the height of the sensors.
+    A charge at the origin has no meaning where the origin is the mean of the sensors'
+    positions, nor has time zero where that is the second of the first reading. The
+    position, the origin time and the clocks of `clocks_to_free` are therefore free; the
+    air is the standard atmosphere at the height of the sensors.
 
     Args:
-        uncertain: What was given; only the default scene is changed.
+        uncertain: A scene; only the default scene is changed.
         observations: The log.
     """
     on_earth = observations.frame is not None
@@ -89,11 +96,11 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
 
 
 def clocks_to_free(observations: Observations) -> list[str]:
-    """Return the clocks whose offsets a log tells, and that are not said to agree.
+    """Return the clocks with unknown offsets that a log identifies.
 
-    A clock that read a flash and a bang is set by their difference. Recorders that the
-    column `clock` names apart are taken to be apart; without that column, sensors share
-    the time unless they read the flash at different times.
+    The difference of a flash and an arrival on one clock identifies its offset.
+    Recorders with different names in the column `clock` have different clocks; without
+    that column sensors share one, unless their times of the flash differ.
 
     Args:
         observations: The log. The clock of its first row is the common one, or that of
@@ -112,7 +119,7 @@ def clocks_to_free(observations: Observations) -> list[str]:
 
 
 def _flashes_disagree(observations: Observations) -> bool:
-    """Return whether sensors saw the flash at different times: light takes none."""
+    """Return whether the times of the flash differ; the travel time is negligible."""
     rows = np.isin(observations.quantity, "flash_time_s")
     if rows.sum() < 2:
         return False
@@ -126,11 +133,11 @@ def _flashes_disagree(observations: Observations) -> bool:
 def starter_scene(observations: Observations) -> str:
     """Return a commented scene file for a log.
 
-    The mass is free. The place is free too if at least three sensors that do not stand
-    in a line, and four rows, can tell it, or a bearing, a flash and an arrival; the
-    origin time then if three rows are clock readings, and always if a flash was seen.
-    In a log in degrees, or with dates, place and time are always free: its origin, and
-    its time zero, mean nothing. Clocks that a flash and a bang set are free.
+    The mass is free. The position is free with at least three sensors that are not in a
+    line and four rows, or with a bearing, a flash and an arrival. The origin time is
+    free if the position is and three rows are clock readings, and always with a flash.
+    In a log in degrees the position, and in one in degrees or with dates the origin
+    time, is always free. Clocks with a flash and an arrival are free.
 
     Args:
         observations: The log.
@@ -163,15 +170,15 @@ def starter_scene(observations: Observations) -> str:
 
 
 class _Log:
-    """What one sensor wrote down.
+    """Summary of the rows of one sensor.
 
     Attributes:
         name: The sensor.
-        sigmas: Median sigma by quantity, as `records` wants it; NaN if there is none.
-        places: The positions the log gives it, each once.
-        ranges: The slant ranges the log gives it, each once.
-        needs_distance: Whether any of its rows depends on where it stands.
-        times: When it took what has a time, by its clock [s].
+        sigmas: Median sigma by quantity, in the units of `records`; NaN without one.
+        places: Its positions in the log, each once.
+        ranges: Its slant ranges in the log, each once.
+        needs_distance: Whether any of its rows depends on its position.
+        times: Times of readings that have one, by its clock [s].
     """
 
     def __init__(self, name: str, observations: Observations, rows: np.ndarray):
@@ -259,7 +266,7 @@ def _in_no_line(places: set[tuple[float, ...]]) -> bool:
 
 
 def _readings(observations: Observations) -> Observations:
-    """Return a log with what is read off records of samples in place of these."""
+    """Return a log with the readings of records of samples in place of the records."""
     sampled = np.isin(observations.quantity, SAMPLES)
     if not sampled.any():
         return observations
@@ -305,7 +312,7 @@ def _sensor(log: _Log, *, sampled: bool) -> str:
 
 
 def place_tables(observations: Observations) -> list[str]:
-    """Return the table [place]: as the log has it, or to be filled in."""
+    """Return the table [place]: that of the log, or one to fill in."""
     frame = observations.frame
     if frame is not None:
         return [
@@ -320,7 +327,7 @@ def place_tables(observations: Observations) -> list[str]:
 
 
 def air_table(observations: Observations) -> str:
-    """Return the table [air], of the height of the sensors if the log tells it."""
+    """Return the table [air], with the height of the sensors if the log has it."""
     frame = observations.frame
     lines = ["temperature_k = 288.15", "pressure_pa = 101325.0"]
     other = "# altitude_m = 1500  # instead of the temperature and pressure above"
@@ -343,9 +350,9 @@ def air_table(observations: Observations) -> str:
 
 
 def clock_tables(observations: Observations) -> list[str]:
-    """Return a table [[clock]] for each clock but that by which the others are set.
+    """Return a table [[clock]] for each clock but the common one.
 
-    Those that the log sets (`clocks_to_free`) are free, the others are commented out.
+    Clocks that the log identifies (`clocks_to_free`) are free, others commented out.
     """
     timed = np.flatnonzero(np.isin(observations.quantity, CLOCK_TIMES))
     clocks = observations.clocks()
@@ -356,7 +363,7 @@ def clock_tables(observations: Observations) -> list[str]:
         names = [name for name in names if name in named]
     elif names:
         set_by = named[0] if named else names[0]
-        whose = toml_text(set_by)  # a name may hold anything
+        whose = toml_text(set_by)  # a name may need escapes
         names = [name for name in names if name != set_by]
     free = clocks_to_free(observations)
     tables = []

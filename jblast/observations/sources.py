@@ -44,37 +44,41 @@ from jblast.units import our_name, spelt, unit_spelt, words_of
 
 EXPECTED = "a CSV file of observations"
 MOST_BYTES = 1_000_000_000
-"""A log of this size has some twenty million rows, takes ten times that in memory."""
+"""A log of this size has some twenty million rows and takes 10 GB of memory."""
 MARKS = {b"\xff\xfe": "UTF-16 (little-endian)", b"\xfe\xff": "UTF-16 (big-endian)"}
 RECORDINGS = (
     *(".wav", ".flac", ".mseed", ".miniseed", ".sac", ".tdms"),
     *(".h5", ".hdf5", ".nc", ".mat"),
 )
-"""Endings of files that hold samples."""
+"""Endings of files of samples."""
 SEPARATORS = {",": "", ";": "semicolon", "\t": "tab"}
-"""Between fields, and what they are called; the comma is ours."""
+"""Separators of fields and their names; the comma is the default."""
 MANY = 50_000
-"""Lines between two reports of how far it is."""
+"""Lines between two reports of progress."""
 WITHIN = f"a header {','.join(NEEDED)} and one measurement a row"
-"""What a log holds."""
+"""Content of a log, for messages."""
 TOLD = re.compile(r"sep=(.)$", re.IGNORECASE)
-"""First line by which Excel tells itself the separator."""
+"""First line in which Excel states the separator."""
 LOWER_BOUND = "lower_bound"
-"""Column of a data frame that says whether a value is one: numbers have no sign > ."""
+"""Column of a data frame for lower bounds, as numbers cannot have the mark >."""
 PACKAGES = {"openpyxl": "openpyxl", "odf": "odfpy"}
 FORMATS = {"openpyxl": "Excel workbook", "odf": "OpenDocument spreadsheet"}
 EXACT = 2.0**53
 """Whole numbers below are exact in double precision."""
 LEAST_NAMES = 3
-"""Names that we know in a row make a header of it: no measurement has as many words."""
+"""Known names that make a row a header: a measurement has fewer words."""
 MOST_SHOWN = 4
+"""Names of a header in a message."""
 LOG_COLUMNS = ("sensor", "quantity", "value", "value_utc")
+"""Columns that a record of samples does not have."""
 MOST_LOOKED_AT = 1000
+"""Rows in which times must grow for a record of samples."""
 FEWEST = 3
+"""Rows below which a table is not identified as a record of samples."""
 
 
 def source_name(source: Any) -> str:
-    """Return what a source is called in messages."""
+    """Return the name of a source in messages."""
     if isinstance(source, (str, os.PathLike)):
         return str(source)
     if _is_frame(source):
@@ -88,14 +92,14 @@ class Table:
     """A header, and columns of fields.
 
     Attributes:
-        source: The file, or what else it came from.
-        header: Names of columns as written, outer blanks off.
-        columns: Fields by column and row as written, outer blanks off.
-        lines: Where each row stood.
-        header_line: Where the header stood.
-        comments: What stood behind the # of comments.
-        understood: How it was written.
-        blank_before: Lines of rows that come after an empty one.
+        source: The file, or another source.
+        header: Names of columns as written, without outer blanks.
+        columns: Fields by column and row as written, without outer blanks.
+        lines: Line of each row.
+        header_line: Line of the header.
+        comments: Comments, without their #.
+        understood: Properties of the format.
+        blank_before: Lines of rows after an empty one.
     """
 
     source: str
@@ -108,18 +112,18 @@ class Table:
     blank_before: frozenset[int] = field(default_factory=frozenset)
 
     def at(self, line: int) -> str:
-        """Name the source and a line of it."""
+        """Return the source and a line of it, for a message."""
         return f"{self.source}: {row_word(self.source)} {line}"
 
     def drop_rows(self, dropped: set[int]) -> None:
-        """Take rows out, by number from zero."""
+        """Remove rows, by number from zero."""
         if dropped:
             kept = [row for row in range(len(self.lines)) if row not in dropped]
             self.columns = [[column[row] for row in kept] for column in self.columns]
             self.lines = [self.lines[row] for row in kept]
 
     def drop_columns(self, dropped: set[int]) -> None:
-        """Take columns out, by number from zero."""
+        """Remove columns, by number from zero."""
         kept = [index for index in range(len(self.header)) if index not in dropped]
         self.header = [self.header[index] for index in kept]
         self.columns = [self.columns[index] for index in kept]
@@ -133,17 +137,17 @@ def table_of(
     expected: str = EXPECTED,
     within: str = WITHIN,
 ) -> Table:
-    """Return what a source holds as a table.
+    """Return the content of a source as a table.
 
     Args:
-        source: A path, what has `read`, or a `pandas.DataFrame`.
-        faults: Takes what the rest can be read without.
-        strict: Whether to take UTF-8 text with commas alone.
-        expected: What the file should be.
-        within: What it should hold.
+        source: A path, an object with `read`, or a `pandas.DataFrame`.
+        faults: Collects faults that leave the rest readable.
+        strict: Whether only UTF-8 text with commas is accepted.
+        expected: The expected kind of file, for messages.
+        within: Its expected content, for messages.
 
     Raises:
-        InputError: It cannot be read, is no table, or too large.
+        InputError: It cannot be read, is not a table, or is too large.
     """
     name = source_name(source)
     if _is_frame(source):
@@ -170,12 +174,12 @@ def table_of(
 
 
 def _data(source: Any, name: str, expected: str) -> bytes | str:
-    """Return what a path or a buffer holds."""
+    """Return the content of a path or a buffer."""
     if isinstance(source, (str, os.PathLike)):
         try:
             size = os.path.getsize(source)
         except (OSError, ValueError):
-            size = 0  # what is wrong is told where it is opened
+            size = 0  # the error is reported where it is opened
         if size > MOST_BYTES:
             raise InputError(
                 f"{name}: expected a log of {MOST_BYTES / 1e9:g} GB at most, some "
@@ -196,7 +200,7 @@ def _data(source: Any, name: str, expected: str) -> bytes | str:
 
 
 def _refuse_ending(name: str, suffix: str) -> None:
-    """Refuse files whose names say that they are no table of ours."""
+    """Refuse files whose ending is not that of a table."""
     if suffix in (*TEXTS, *WORKBOOKS, *PARQUET):
         return
     if suffix in RECORDINGS:
@@ -209,7 +213,7 @@ def _refuse_ending(name: str, suffix: str) -> None:
 
 
 def _looks_like(data: bytes) -> str:
-    """Return the ending of the format that bytes begin like; "" of text."""
+    """Return the ending of the format by the first bytes; "" for text."""
     if data.startswith(b"PAR1"):
         return ".parquet"
     if data.startswith(b"PK\x03\x04"):
@@ -232,15 +236,15 @@ def text_table(
     encoding: str = "",
     within: str = WITHIN,
 ) -> Table:
-    r"""Take text apart.
+    r"""Return text as a table.
 
     Args:
         text: Lines that end in `\n`.
-        source: Where it comes from.
-        faults: Takes lines that are too short or too long.
+        source: Its source, for messages.
+        faults: Collects lines that are too short or too long.
         strict: Whether the comma is the only separator.
         encoding: Of the text, if not UTF-8.
-        within: What is expected in it.
+        within: Its expected content, for messages.
 
     Raises:
         InputError: There is no header or no row below, or a quote is not closed.
@@ -282,9 +286,9 @@ def text_table(
 
 
 def separator_of(header: str) -> str:
-    """Return what stands between the names of a header: as most of them are known.
+    """Return the separator of a header that gives most known names.
 
-    Of names that nobody knows what makes most of them; the comma where none does more.
+    Among equals it is the one that occurs most often, then the comma.
     """
 
     def known(separator: str) -> int:
@@ -347,7 +351,7 @@ def _records(
 
 
 def _refuse_other_separator(where: str, header: str) -> None:
-    """Refuse a header of one name that holds another separator."""
+    """Refuse a header of one name that contains another separator."""
     for separator, name in ((";", "semicolons"), ("\t", "tabs")):
         if separator in header:
             raise InputError(
@@ -376,7 +380,7 @@ def workbook_table(data: bytes, source: str) -> Table:
         )
     except ImportError:
         raise InputError(_absent(source, PACKAGES[engine], "spreadsheet")) from None
-    except Exception as error:  # what a damaged archive raises is anybody's guess
+    except Exception as error:  # a damaged archive may raise any
         raise InputError(
             f"{source}: expected an {FORMATS[engine]}, got what cannot be read as one "
             f"({type(error).__name__}: {error})"
@@ -421,8 +425,8 @@ def frame_table(frame: Any, source: str = FRAME, format: str = FRAME) -> Table:
 
     Args:
         frame: A `pandas.DataFrame`.
-        source: Where it comes from.
-        format: What it was.
+        source: Its source, for messages.
+        format: Its original format.
 
     Raises:
         InputError: Its columns have several levels, or it has no row.
@@ -467,7 +471,7 @@ def _refuse_side_by_side(table: Table) -> None:
 
 
 def _absent(source: str, package: str, extra: str) -> str:
-    """Say which extra reads a format."""
+    """Return the message for a format whose extra is not installed."""
     return (
         f"{source}: reading it needs {package}, which is not installed: "
         f"pip install 'jblast[{extra}]'"
@@ -477,7 +481,7 @@ def _absent(source: str, package: str, extra: str) -> str:
 def cell_text(value: Any) -> str:
     """Return a cell as text: numbers to the last digit, whole ones without a point.
 
-    What was never filled in is empty; a date is ISO 8601, whoever made one of it.
+    Missing values are empty; dates are ISO 8601, also those made by a spreadsheet.
     """
     if isinstance(value, str):  # a line break within a cell is a blank
         return value.strip() if value.isprintable() else " ".join(value.split())
@@ -512,16 +516,16 @@ def table_of_cells(
     first_line: int,
     understood: tuple[Understood, ...],
 ) -> Table:
-    """Return rows of cells as a table: comments, a header, what stands below.
+    """Return rows of cells as a table: comments, a header, rows below it.
 
     Args:
-        source: Where they come from.
+        source: Their source, for messages.
         rows: Cells by row and column.
-        first_line: What the first row is called.
-        understood: How they were written.
+        first_line: Number of the first row.
+        understood: Properties of the format.
 
     Raises:
-        InputError: There is no row, or two tables stand there.
+        InputError: There is no row.
     """
     comments: list[str] = []
     texts: list[list[str]] = []
@@ -564,8 +568,8 @@ class HeaderCells:
     """A header in a sheet.
 
     Attributes:
-        row: Where it stands, from 1.
-        column: Where it begins, from 0.
+        row: Its row, from 1.
+        column: Its first column, from 0.
         names: Its cells, up to the next empty one.
     """
 
@@ -582,15 +586,15 @@ class HeaderCells:
 
 
 def refuse_several_headers(source: str, rows: Sequence[Sequence[Any]]) -> None:
-    """Refuse a sheet in which two headers of a log stand, and one with a title.
+    """Refuse a sheet with several headers of a log, or with a title above one.
 
     Args:
-        source: What the sheet comes from.
+        source: Source of the sheet, for messages.
         rows: Its cells.
 
     Raises:
-        InputError: There are two tables, wherever they stand, or there is something
-            above the header.
+        InputError: There are several tables, below or next to one another, or cells
+            other than comments above the header.
     """
     found = headers_within(rows)
     if len(found) > 1:
@@ -628,7 +632,7 @@ def headers_within(rows: Sequence[Sequence[Any]]) -> list[HeaderCells]:
 
 
 def _runs(row: Sequence[Any]) -> list[tuple[int, tuple[str, ...]]]:
-    """Return words that stand side by side, none twice, and where each row begins."""
+    """Return runs of adjacent words without repetition, and their first columns."""
     runs: list[tuple[int, tuple[str, ...]]] = []
     begin, names = 0, []
     for column, cell in enumerate((*row, None)):
@@ -651,7 +655,7 @@ def _is_ours(word: str) -> bool:
 
 
 def _letters(column: int) -> str:
-    """Return what a column is called in a sheet."""
+    """Return the letters of a column in a sheet."""
     letters, left = "", column + 1
     while left:
         left, digit = divmod(left - 1, 26)
@@ -660,10 +664,10 @@ def _letters(column: int) -> str:
 
 
 def refuse_series(table: Table) -> None:
-    """Refuse samples: a column of times that grows, and no word of a log.
+    """Refuse samples: a growing column of times, and no column of a log.
 
     Raises:
-        InputError: It is one.
+        InputError: It is a record of samples.
     """
     keys = [spelt(name) for name in table.header]
     if any(name in keys for name in LOG_COLUMNS) or len(keys) < 2:
@@ -686,7 +690,7 @@ def refuse_series(table: Table) -> None:
 
 
 def _is_time(name: str) -> bool:
-    """Return whether a column's name says time, with or without a unit."""
+    """Return whether a column's name is a time, with or without a unit."""
     words = [word.lower() for word in words_of(name)]
     if not words or words[0] not in ("time", "t", "zeit"):
         return False

@@ -19,12 +19,7 @@ from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, shown
 from jblast.observations.places import Frame
-from jblast.quantities import (
-    ADDITIVE,
-    CLOCK_TIMES as CLOCK_TIMES,
-    QUANTITIES as QUANTITIES,
-    TIMES as TIMES,
-)
+from jblast.quantities import ADDITIVE
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")
@@ -44,13 +39,13 @@ OF_SAMPLES = (
     *("air_arrival_s", "peak_overpressure_pa"),
     *("positive_duration_s", "positive_impulse_pa_s"),
 )
-"""What is read off one."""
+"""Readings of a record of samples."""
 SYMMETRIC = 1e-9
-"""Entries on both sides of the diagonal agree to this share of the variances."""
+"""Largest asymmetry of a correlation matrix, a rounding error."""
 TEXTS = ("", ".csv", ".tsv", ".tab", ".txt", ".dat", ".log")
 """Endings of files that are read as text."""
 WORKBOOKS = {".xlsx": "openpyxl", ".xlsm": "openpyxl", ".ods": "odf"}
-"""Endings of spreadsheets, and what pandas reads them by."""
+"""Endings of spreadsheets, and the engines of pandas for them."""
 PARQUET = (".parquet", ".pq")
 FRAME = "data frame"
 """Source of a log that came as one."""
@@ -61,11 +56,11 @@ class RecordCovariance:
     """The covariance of the errors of one record's quantities.
 
     A record's noise moves its peak, duration and impulse together. Rows of a log whose
-    `record` is this one's and whose quantity is here share these errors.
+    `record` is this one and whose quantity is listed here share these errors.
 
     Attributes:
         record: Name of the record, as in the log.
-        quantities: What was read off it, keys of `QUANTITIES`.
+        quantities: Its readings, keys of `quantities.QUANTITIES`.
         matrix: Covariance in error units: seconds (or radians) for `ADDITIVE`, else of
             ln, so relative.
     """
@@ -122,7 +117,7 @@ class RecordCovariance:
 class Understood:
     """Something that was converted, skipped or supplied while a log was read.
 
-    Findings are typed where they are found and worded in `report.understood`.
+    Each kind is a subclass, with its sentence in `report.understood`.
     """
 
 
@@ -131,29 +126,29 @@ class Observations:
     """A tidy table: row i of every field belongs to measurement i.
 
     Attributes:
-        sensor: Who measured.
-        quantity: What, a key of `QUANTITIES`.
-        value: How much, in the unit the quantity's name ends in.
-        sigma: Its standard deviation, same unit; NaN leaves the law's scatter alone.
+        sensor: Name of the sensor.
+        quantity: A key of `quantities.QUANTITIES`, or `SAMPLES`.
+        value: The measured value, in the unit at the end of the quantity's name.
+        sigma: Its standard deviation, same unit; NaN for the law's scatter only.
         position: East, north, up of the sensor [m]; NaN where unknown.
         slant_range: Distance from the charge [m]; NaN where a position gives it.
-        time: Clock time of the measurement [s]; NaN but for `quantities.TIMED`.
-        path: Name of the way the wave took; "" where unsaid (then the sensor is it).
+        time: Clock time of the measurement [s]; NaN except for `quantities.TIMED`.
+        path: Name of the path of the wave; "" for that of the sensor.
         shot: Name of the event; "" where the log has only one.
         clock: Name of the recorder; "" for the common clock.
-        line: Line of the file each row stood on.
-        source: The file, or "" if it was made here.
-        comments: What stood behind the # of comment lines, kept as provenance.
+        line: Line of each row in the file.
+        source: The file, or "" for a log made in Python.
+        comments: Comments without their #, as provenance.
         lower_bound: Whether each value is a lower bound of what was measured, as the
             peak of a record that is clipped; None if none is. Its sigma is that of a
             reading of the value.
-        frame: Where on the Earth positions are counted from, if anybody said.
-        epoch: UTC of clock time zero, if anybody said.
-        record: The file of samples, or the record, that each row came from; "" where
-            unsaid, empty where no row says.
-        understood: What the reader converted, skipped or supplied.
-        covariances: How the errors of each record's quantities go together; errors of
-            all else are independent.
+        frame: Origin of positions on the Earth, if it is known.
+        epoch: UTC of clock time zero, if it is known.
+        record: The file of samples, or the record, of each row; "" for none, empty if
+            all rows have none.
+        understood: Conversions, omissions and additions of the reader.
+        covariances: Covariances of the errors of each record's quantities; all other
+            errors are independent.
     """
 
     sensor: tuple[str, ...]
@@ -180,14 +175,14 @@ class Observations:
         return len(self.value)
 
     def where(self, row: int) -> str:
-        """Name the file and line of a row, or the row of a table made here."""
+        """Return the file and line of a row, or its number in a log made in Python."""
         source = self.source or "observations"
         if self.line:
             return f"{source}: {row_word(source)} {self.line[row]}"
         return f"{source}: row {row + 1}"
 
     def error_scale(self) -> Float[np.ndarray, " row"]:
-        """Return each sigma as errors are: in its unit if `ADDITIVE`, or relative."""
+        """Return each sigma in error units: its own if `ADDITIVE`, else relative."""
         additive = np.isin(self.quantity, ADDITIVE)
         value = np.where(additive, 1.0, np.abs(self.value))  # an angle may be zero
         return self.sigma / value
@@ -199,7 +194,7 @@ class Observations:
         return self.lower_bound
 
     def records(self) -> tuple[str, ...]:
-        """Return the record that each row came from, "" where unsaid."""
+        """Return the record of each row, "" for none."""
         return self.record or ("",) * len(self)
 
     def clocks(self) -> tuple[str, ...]:
@@ -207,7 +202,7 @@ class Observations:
         return tuple(c or s for c, s in zip(self.clock, self.sensor, strict=True))
 
     def groups(self) -> tuple[str, ...]:
-        """Return what the records of a row share: its path, else its sensor."""
+        """Return the group of each row by path error: its path, else its sensor."""
         return tuple(p or s for p, s in zip(self.path, self.sensor, strict=True))
 
 
@@ -218,12 +213,12 @@ def observed(
     sigma: Sequence[float] | Float[np.ndarray, " row"],
     **others: Any,
 ) -> Observations:
-    """Return a log that is made here: what is not told of its rows is unknown.
+    """Return a log made in Python; fields that are not given are unknown.
 
     Args:
-        sensor: As in `Observations`, and so all others.
-        quantity: What was measured.
-        value: How much.
+        sensor: As in `Observations`, likewise all others.
+        quantity: The measured quantities.
+        value: The measured values.
         sigma: Its standard deviation.
         **others: Other fields.
     """
@@ -247,13 +242,13 @@ def observed(
 
 
 def no_rows(source: str) -> Observations:
-    """Return the log of a file in which nothing could be read."""
+    """Return the log of a file without readable rows."""
     return observed((), (), (), (), source=source)
 
 
 @dataclass(frozen=True)
 class Dialect(Understood):
-    """How a file was written, where it is not as we write it.
+    """Properties of the format of a file that differ from ours.
 
     Attributes:
         format: "CSV", "Excel workbook", "OpenDocument spreadsheet" or "Parquet".
@@ -273,7 +268,7 @@ class DecimalComma(Understood):
     """Numbers are written with a decimal comma.
 
     Attributes:
-        line: Of the number that shows it.
+        line: Of a number that shows it.
         text: That number as written.
     """
 
@@ -287,7 +282,7 @@ class Renamed(Understood):
 
     Attributes:
         theirs: As written.
-        ours: What it was taken for.
+        ours: Our name for it.
     """
 
     theirs: str
@@ -301,9 +296,9 @@ class Converted(Understood):
     Attributes:
         theirs: As written.
         ours: Our column or quantity.
-        unit: As our names would end in it: "psi_ms".
-        factor: What values were multiplied by.
-        rows: How many.
+        unit: Ending of a name in this unit: "psi_ms".
+        factor: Factor applied to values.
+        rows: Number of rows.
     """
 
     theirs: str
@@ -319,7 +314,7 @@ class LevelConverted(Understood):
 
     Attributes:
         theirs: As written.
-        rows: How many.
+        rows: Number of rows.
     """
 
     theirs: str
@@ -328,14 +323,14 @@ class LevelConverted(Understood):
 
 @dataclass(frozen=True)
 class ClockTimesTaken(Understood):
-    """Clock times that do not say their day or their zone, or that are not in UTC.
+    """Clock times without a day or zone, or with one other than UTC.
 
     Attributes:
-        date: The day that was taken for those without one.
-        undated: How many these are.
-        zone: The zone that was taken for those without one.
-        unzoned: How many these are.
-        moved: How many have an offset of their own, and were turned into UTC.
+        date: The day used for times without one.
+        undated: Their number.
+        zone: The zone used for times without one.
+        unzoned: Their number.
+        moved: Number of times with an offset of their own, converted to UTC.
     """
 
     date: str
@@ -350,7 +345,7 @@ class EmptySkipped(Understood):
     """Rows without a value, left out.
 
     Attributes:
-        lines: Where they stood.
+        lines: Their lines.
     """
 
     lines: tuple[int, ...]
@@ -358,12 +353,12 @@ class EmptySkipped(Understood):
 
 @dataclass(frozen=True)
 class HeightTaken(Understood):
-    """Sensors without a height, taken to stand at up = 0."""
+    """Sensors without a height, set to up = 0."""
 
 
 @dataclass(frozen=True)
 class ColumnsIgnored(Understood):
-    """Columns of notes, or of nothing.
+    """Columns of notes, which are ignored.
 
     Attributes:
         names: As written.
@@ -374,10 +369,10 @@ class ColumnsIgnored(Understood):
 
 @dataclass(frozen=True)
 class UnitsRow(Understood):
-    """A row that holds the units of the columns.
+    """A row of units of the columns.
 
     Attributes:
-        line: Where it stood.
+        line: Its line.
     """
 
     line: int
@@ -389,8 +384,8 @@ class MadeLong(Understood):
 
     Attributes:
         quantities: Names of those columns, as written.
-        without_sigma: Those beside which no error stands: the law's scatter alone.
-        shares: Those whose errors are per cent of their values.
+        without_sigma: Those without errors, for the law's scatter only.
+        shares: Those with errors in per cent of their values.
     """
 
     quantities: tuple[str, ...]
@@ -399,10 +394,10 @@ class MadeLong(Understood):
 
 
 class Faults:
-    """Where a reader takes what it cannot use.
+    """Faults of a source, which are gathered or raised.
 
     Args:
-        gathered: Faults are appended here, and reading goes on; None: the first is
+        gathered: Faults are appended here, and reading continues; None: the first is
             raised.
     """
 
@@ -410,10 +405,10 @@ class Faults:
         self.gathered = gathered
 
     def tell(self, fault: InputError) -> None:
-        """Take a fault that the rest of the log can be read without.
+        """Report a fault that leaves the rest of the log readable.
 
         Raises:
-            InputError: The fault, where nobody gathers them.
+            InputError: The fault, unless faults are gathered.
         """
         if self.gathered is None:
             raise fault
@@ -421,7 +416,7 @@ class Faults:
 
 
 def row_word(source: str) -> str:
-    """Return what a row of a source is called: text has lines."""
+    """Return the word for a row of a source: "line" of text, else "row"."""
     suffix = PurePath(source).suffix.lower()
     sheets = suffix in WORKBOOKS or suffix in PARQUET or source == FRAME
     return "row" if sheets else "line"

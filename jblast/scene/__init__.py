@@ -1,4 +1,4 @@
-"""What is there: charge, air, ground, sensors, camera, vehicle; what is not known."""
+"""Scenes: charges, air, ground, sensors, camera and vehicle, and priors of numbers."""
 
 from jblast.parameters import PARAMETERS as PARAMETERS
 from jblast.scene.camera import (

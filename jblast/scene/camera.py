@@ -21,12 +21,12 @@ from jblast.errors import InputError, shown
 from jblast.types import as_float_array, as_optional_float_array
 
 FRAMES_HZ = 1000.0
-"""Frames in a second where nothing else is said."""
+"""Default frame rate [1/s]."""
 POSITIVE = ("focal", "frames_hz", "threshold")
 MOUNTS = ("vehicle",)
-"""What may carry a camera."""
+"""Possible mounts of a camera."""
 FORWARD = (-0.5, 0.5, -0.5, 0.5)
-"""Quaternion from the camera's axes to those of a body that it looks forward from."""
+"""Quaternion from a camera's axes to those of its body, for a view forward."""
 NUMBERS = ("position", "quaternion", "center", "distortion", "exposure_s", *POSITIVE)
 
 
@@ -45,18 +45,18 @@ class Camera(eqx.Module):
         height: Of the image [px].
         distortion: k1, k2, p1, p2, k3 [-], in OpenCV's order.
         frames_hz: Frames in a second [1/s].
-        exposure_s: How long a frame gathers light [s]; 0 is an instant.
+        exposure_s: Exposure time of a frame [s]; 0 is an instant.
         threshold: Steps of log intensity that make an event: brighter, darker; both
             positive [-].
-        daylight: Light of sky and sun on the ground that pictures are exposed for
+        daylight: Illuminance of the ground by sky and sun that pictures are exposed for
             [lx]; None: full sun.
-        mount: What carries it: "" nothing, "vehicle" the scene's vehicle. Then place
-            and quaternion are those in the axes of its body (forward, left, up).
+        mount: "" for none, "vehicle" for the scene's vehicle. Then position and
+            quaternion are those in the axes of its body (forward, left, up).
 
     Raises:
         InputError: A size is below one, a number not finite, a focal length, frame rate
             or threshold not positive, an exposure negative, or the quaternion zero.
-            Inside jit numbers are not looked at.
+            Inside jit numbers are not checked.
     """
 
     position: Float[Array, "3"] = eqx.field(converter=as_float_array)
@@ -131,7 +131,7 @@ def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
 def quaternion_product(
     after: Float[ArrayLike, "4"], before: Float[ArrayLike, "4"]
 ) -> Float[Array, "4"]:
-    """Quaternion (x, y, z, w) of one rotation, and then another.
+    """Quaternion (x, y, z, w) of one rotation followed by another.
 
     Args:
         after: The later rotation.
@@ -172,19 +172,19 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
 def look_at(
     position: Float[ArrayLike, "3"], target: Float[ArrayLike, "3"]
 ) -> Float[Array, "4"]:
-    """Rotation of a level camera that has a place in the middle of its view.
+    """Rotation of a level camera with a position in the middle of its view.
 
-    The image's right is level. Straight up or down every direction across is level:
-    right is then east, as if the camera had faced north and been tilted. The rotation
-    jumps there, and its gradient leaves the heading out.
+    The image's x axis is level. For a view straight up or down every axis of the image
+    is level; x is then east, as of a camera that faces north and is tilted. The
+    rotation is discontinuous there, and its gradient is without the heading.
 
     Args:
         position: Of the camera: east, north, up [m].
-        target: What it looks at: east, north, up [m].
+        target: Position in the middle of the view: east, north, up [m].
 
     Returns:
         Unit quaternion (x, y, z, w), camera to world; NaN, with gradient zero, where
-        the two places are one.
+        the two positions are equal.
     """
     ahead = as_float_array(target) - as_float_array(position)
     apart = jnp.any(ahead != 0)

@@ -25,8 +25,8 @@ from jblast.types import Described, as_float_array, as_optional_float_array
 Burst = Literal["surface", "free-air"]
 BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 EastNorthUp = tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]
-"""East, north and up [m], a leaf each: one may be traced while the others are known;
-in a batch of charges each is an array."""
+"""East, north and up [m], a leaf each, since one may be traced and the others not; in a
+batch of charges each is an array."""
 IATG = "UN IATG 01.80, read in one port of its calculator"
 UFC = "UFC 3-340-02, from memory"
 HEAT = "ratio of heats of detonation, one port"
@@ -34,7 +34,7 @@ C2N = "half of the energy goes into the air blast (MultiPEM: C2N = 2)"
 
 
 def _place(value: ArrayLike | Sequence[ArrayLike]) -> EastNorthUp:
-    if getattr(value, "ndim", 1) == 1:  # of rows of places, three would be taken apart
+    if getattr(value, "ndim", 1) == 1:  # an array of three positions is refused
         with suppress(TypeError, ValueError):
             east, north, up = cast(Sequence[ArrayLike], value)
             return as_float_array(east), as_float_array(north), as_float_array(up)
@@ -45,7 +45,7 @@ def _place(value: ArrayLike | Sequence[ArrayLike]) -> EastNorthUp:
 
 
 def tnt_factor(explosive: str, quantity: str) -> float:
-    """Return the mass of TNT that makes the same of a quantity as 1 kg [-].
+    """Return the TNT equivalence factor of an explosive for a quantity [-].
 
     Args:
         explosive: A name of `EXPLOSIVES`.
@@ -63,21 +63,20 @@ class Charge(Described):
         position_m: East, north, up [m]; up is the height of burst, or minus the depth
             of burial. A tuple: each is a number of its own, fixed or free.
         time_s: Detonation time on the sensors' common clock [s]; infinite: it never
-            happens, and is neither recorded, seen nor felt. So a batch can have a
-            varying number of charges.
-        range_m: Slant distance to the one sensor there is [m]; takes the place of the
-            distance from the position. None where positions decide.
+            happens and has no effect, so the number of charges in a batch may vary.
+        range_m: Slant distance to the only sensor [m]; it replaces the distance from
+            the position. None where positions decide.
         burst: Which curve set holds: "surface" (hemispherical) or "free-air"; None
-            leaves it to the height, place by place (`waves/height_of_burst.py`).
-        by_height: Whether `burst` was not said but follows from the height.
-        explosive: What it is of, a name of `EXPLOSIVES`.
+            selects it by height for each place (`waves/height_of_burst.py`).
+        by_height: Whether `burst` was not given and follows from the height.
+        explosive: A name of `EXPLOSIVES`.
         tnt_factor: TNT mass over mass, for every quantity [-]; None takes the
             explosive's own.
-        name: What tells it from other charges; "" if it is the only one.
+        name: To distinguish it from other charges; "" if it is the only one.
 
     Raises:
         InputError: The position is not three numbers, or the time not a number, or
-            minus infinity. Inside jit the time is not looked at.
+            minus infinity. Inside jit the time is not checked.
         TypeError: A keyword that no attribute has, or text in place of a number.
 
     Example:
@@ -127,14 +126,14 @@ class Charge(Described):
 
     @property
     def never(self) -> Bool[Array, ""]:
-        """Whether it never happens."""
+        """True if it never happens."""
         return jnp.isposinf(self.time_s)
 
     def as_if_at_zero(self) -> "Charge":
-        """Return a charge that never happens as if it did, at time 0; others as is.
+        """Return a charge that never happens with time 0; other charges as they are.
 
-        For what is computed before it is masked: an infinite time has gradients that
-        are no numbers, masked or not.
+        For values that are computed before they are masked: an infinite time has NaN
+        gradients, masked or not.
         """
         return replace(self, time_s=jnp.where(self.never, 0.0, self.time_s))
 
@@ -147,11 +146,11 @@ class Charge(Described):
         return jnp.where(self.never, -1.0, time - self.as_if_at_zero().time_s)
 
     def tnt_mass(self, quantity: str) -> Float[Array, ""]:
-        """Return the mass of TNT that makes the same of a quantity [kg]."""
+        """Return the TNT-equivalent mass for a quantity [kg]."""
         return self.mass_kg * self.tnt_factor_for(quantity)
 
     def tnt_factor_for(self, quantity: str) -> Float[Array, "..."] | float:
-        """Return the mass of TNT that makes the same of a quantity as 1 kg [-]."""
+        """Return the TNT equivalence factor for a quantity [-]."""
         if self.tnt_factor is not None:
             return self.tnt_factor
         return tnt_factor(self.explosive, quantity)
@@ -159,12 +158,12 @@ class Charge(Described):
 
 @dataclass(frozen=True)
 class Explosive:
-    """What a kilogram of an explosive is worth in TNT.
+    """TNT equivalence factors of an explosive.
 
     Attributes:
         pressure: Mass factor for pressures, shock speeds and arrivals [-].
         impulse: Mass factor for impulses and durations [-].
-        source: Where the factors come from.
+        source: Reference of the factors.
         energy: Mass factor for the energy of a strong shock [-].
     """
 
@@ -198,11 +197,11 @@ EXPLOSIVES: dict[str, Explosive] = {
     # The mass is the yield: 1 kt is 1e6 kg. The fireball's strong shock has it all.
     "nuclear": Explosive(0.5, 0.5, C2N, energy=1.0),
 }
-"""By name. "nuclear" takes the yield in kilograms of TNT for its mass."""
+"""By name. The mass of "nuclear" is the yield in kilograms of TNT."""
 
 
 def explosive_named(name: str, where: str) -> str:
-    """Return an explosive's name as `EXPLOSIVES` writes it, however it came.
+    """Return an explosive's name as in `EXPLOSIVES`, from any case and punctuation.
 
     Raises:
         InputError: It is none of them; the message lists all.

@@ -13,9 +13,9 @@ from jblast.types import as_float_array
 
 About = Literal["world", "vehicle"]
 ABOUT: tuple[About, ...] = ("world", "vehicle")
-"""What a region is about: the origin, or the place that the vehicle holds."""
+"""Centres of a region: the origin, or the position that the vehicle holds."""
 COUNT = 5
-"""Blasts where nobody says how many."""
+"""Default number of blasts."""
 Number = Float[Array, ""] | Prior
 """A number of a world: fixed, or with the distribution that it is drawn from."""
 WORLD_NUMBERS: dict[str, Parameter] = {
@@ -95,10 +95,10 @@ class Ring(eqx.Module):
 
 
 class ByCount(eqx.Module):
-    """So many blasts, their times uniform given the gaps.
+    """A fixed number of blasts, with uniform times given the gaps.
 
     Attributes:
-        count: How many.
+        count: Number of blasts.
     """
 
     count: int = eqx.field(static=True)
@@ -115,11 +115,11 @@ class ByRate(eqx.Module):
 
 
 class ByTick(NamedTuple):
-    """At every tick a blast goes off or does not, as in the thesis (algorithm 4).
+    """At each tick a blast occurs with a fixed probability (thesis, algorithm 4).
 
     Attributes:
-        probability: That one does, at a tick at least the gap after the last [-].
-        tick: Time from tick to tick [s].
+        probability: Of a blast at a tick, at least the gap after the last blast [-].
+        tick: Time between ticks [s].
     """
 
     probability: float
@@ -127,16 +127,16 @@ class ByTick(NamedTuple):
 
 
 class WorldSpec(eqx.Module):
-    """Random blasts. What draws them is `jblast.world`.
+    """Distribution of random blasts, which `jblast.world` samples.
 
     Attributes:
-        occurrence: How many there are, and how their times come about.
-        region: Where they go off.
-        about: What the region is about.
+        occurrence: Their number and the distribution of their times.
+        region: Of their positions.
+        about: Centre of the region.
         mass: Of each charge [kg].
         time: On the common clock [s]: of each blast; for `ByRate` and `ByTick` a
-            `Uniform` from when to when there are any.
-        gap: Least time between two [s]; one number a world.
+            `Uniform` over the interval with blasts.
+        gap: Least time between two blasts [s]; one number a world.
     """
 
     occurrence: ByCount | ByRate | ByTick = ByCount(COUNT)
@@ -156,7 +156,7 @@ class WorldSpec(eqx.Module):
 
     @property
     def window(self) -> tuple[float, float]:
-        """From when to when there are blasts [s]; of any other prior, all times."""
+        """Interval with blasts [s]; infinite for a prior that is not uniform."""
         if isinstance(self.time, Uniform):
             return float(self.time.lo), float(self.time.hi)
         if isinstance(self.time, Array):

@@ -19,7 +19,7 @@ from jblast.types import as_float_array, as_optional_float_array
 
 GroundPath = Literal["head", "thesis"]
 HEIGHT_M = 30.0
-"""Scale of the ambient sound's fall with height above ground, where not said [m]."""
+"""Default scale height of the ambient sound above ground [m]."""
 
 
 class Air(eqx.Module):
@@ -35,8 +35,8 @@ class Air(eqx.Module):
             temperature and humidity.
         wind_east: Speed of the air towards east [m/s].
         wind_north: Towards north [m/s].
-        absorption: Whether it absorbs sound within the range of a pressure law, too,
-            whose peaks hold what it absorbed where they were measured.
+        absorption: Whether it also absorbs sound within the range of a pressure law,
+            whose peaks already include the absorption at their measurement.
         absorption_scale: Nepers a metre of this air over those of ISO 9613-1 [-].
     """
 
@@ -64,16 +64,16 @@ class Air(eqx.Module):
 
 
 class Ambient(eqx.Module):
-    """What is heard where nothing explodes: a recording in a loop, or coloured noise.
+    """Ambient sound: a recording in a loop, or coloured noise.
 
     Attributes:
         level: Noise on the ground, rms over its band [Pa].
         slope: How its spectrum rises with frequency [dB/octave]: 0 is white, -3 pink.
         height: Its amplitude falls by e over this height above ground [m].
         file: Recording to loop instead of noise; "" if there is none.
-        full_scale: What a sample of 1 in that recording stands for [Pa].
-        loop: Samples of the recording [Pa], once somebody has read the file.
-        loop_rate: Their samples a second [Hz].
+        full_scale: Pressure of a sample of 1 in that recording [Pa].
+        loop: Samples of the recording [Pa], after the file is read.
+        loop_rate: Their sample rate [Hz].
     """
 
     level: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
@@ -104,8 +104,8 @@ class Ground(eqx.Module):
 
     Attributes:
         p_speed: P-wave speed $c_s$ [m/s].
-        path: How its wave gets to a sensor above it: "head" (along the surface alone)
-            or "thesis" (then up at the mean speed of the air shock).
+        path: Path of its wave to a sensor above it: "head" (along the surface only) or
+            "thesis" (then up at the mean speed of the air shock).
     """
 
     p_speed: Float[Array, ""] = eqx.field(
@@ -115,21 +115,21 @@ class Ground(eqx.Module):
 
 
 class VehicleSpec(eqx.Module):
-    """A vehicle that holds its place, or flies a mission.
+    """A vehicle that holds its position, or flies a mission.
 
-    What its model is made of `vehicle` knows.
+    Its model is defined in `jblast.vehicle`.
 
     Attributes:
         model: A name of `reader.tables.VEHICLE_MODELS`.
         position: Of the start: east, north, up [m].
-        target: The place to hold: east, north, up [m]; None: that of the start.
+        target: Position to hold: east, north, up [m]; None: that of the start.
         velocity: At the start: east, north, up [m/s].
         yaw: Heading at the start and held, from east to north [rad].
-        integral: Whether the hold has integral action; None: the scene does not say.
-        gains: Of the hold, by the names kp_pos, kd_pos, ki_pos (3), kp_att, kd_att,
-            integral_limit and motor_lead; what is left out is the model's own.
-        mission: File of the plan that it flies; None: it holds its place.
-        placed: Whether `position` is known; else a mission starts at its plan's home.
+        integral: Whether the controller has integral action; None: not given.
+        gains: Of the controller, by the names kp_pos, kd_pos, ki_pos (3), kp_att,
+            kd_att, integral_limit and motor_lead; others are those of the model.
+        mission: File of its flight plan; None: it holds its position.
+        placed: Whether `position` is given; else a mission starts at its plan's home.
     """
 
     model: str = eqx.field(static=True)
@@ -146,28 +146,28 @@ class VehicleSpec(eqx.Module):
 
     @property
     def held(self) -> Float[Array, "3"]:
-        """The place that it holds: east, north, up [m]."""
+        """Position that it holds: east, north, up [m]."""
         return self.position if self.target is None else self.target
 
 
 class Scene(eqx.Module):
-    """Everything that decides what the sensors record.
+    """All inputs of the records of the sensors.
 
     Attributes:
-        charge: What exploded.
-        others: What else exploded, at other times or places; then each has a name.
-        air: What the shock travels in.
-        ground: What the ground wave travels in.
-        sensors: Who listens.
-        ambient: What is heard without a blast, if anything.
-        camera: Who looks on, if anyone.
-        vehicle: What flies there, if anything.
-        clocks: Recorders' clocks that need not agree with the common one.
+        charge: The charge.
+        others: Other charges, at other times or positions; then each has a name.
+        air: Medium of the air shock.
+        ground: Medium of the ground wave.
+        sensors: All sensors but the camera.
+        ambient: Sound without a blast, if any.
+        camera: The camera, if there is one.
+        vehicle: The vehicle, if there is one.
+        clocks: Recorders' clocks, which may differ from the common one.
         law: Pairs of quantity and law name; a quantity without one is "auto".
-        scatter: Whether the laws scatter about nature, or are exact.
-        instant_light: Whether a flash is seen at once, its way left out.
+        scatter: Whether real blasts scatter about the laws, or these are exact.
+        instant_light: Whether the travel time of light is neglected.
         sedov_gamma: Ratio of specific heats in the Sedov-Taylor law [-].
-        fireball_growth: Time constant of fireballs' expansion [s]; None leaves it to
+        fireball_growth: Time constant of fireballs' expansion [s]; None: that of
             the law.
 
     Example:
@@ -195,11 +195,11 @@ class Scene(eqx.Module):
 
     @property
     def charges(self) -> tuple[Charge, ...]:
-        """All charges; rows of a log tell them apart by their `shot`."""
+        """All charges; the `shot` of a row of a log is the name of its charge."""
         return (self.charge, *self.others)
 
     def label(self, charge: Charge) -> str:
-        """Return what follows a number's name to say of which charge; "" if of one."""
+        """Return the suffix of a number's name for a charge; "" for a single one."""
         return f".{charge.name}" if self.others else ""
 
     def clock_offsets(self) -> dict[str, Float[Array, "..."]]:

@@ -24,9 +24,9 @@ VECTORS = {
     "offset_m": ("forward", "left", "up"),
     "quaternion": ("x", "y", "z", "w"),
 }
-"""What the numbers of a sensor's vectors are."""
+"""Components of a sensor's vectors."""
 RATE_HZ = 48_000.0
-"""Samples a second where nobody says otherwise."""
+"""Default sample rate [Hz]."""
 FEWEST_BITS, MOST_BITS = 8, 32
 Saturation = Literal["clip", "compress"]
 
@@ -38,11 +38,11 @@ def _vector(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
 class Imu(eqx.Module):
     """Accelerometer and gyroscope, three axes each; a sample is the mean over its time.
 
-    Absent numbers are those of a Bosch BMI088, as Crazyflie 2.1 and Pixhawk boards
-    carry it (data sheet BST-BMI088-DS001: range and bits; noise and offsets are quoted
+    The defaults are those of a Bosch BMI088, which is on Crazyflie 2.1 and Pixhawk
+    boards (data sheet BST-BMI088-DS001: range and bits; noise and offsets are quoted
     second hand): 24 g, 2000 degrees a second, 16 bits; noise of 160 ug and 0.014
-    degrees a second per root hertz; offsets of 20 mg and 1 degree a second. How they
-    walk no data sheet says: declared, a tenth of the offset in 1000 s.
+    degrees a second per root hertz; offsets of 20 mg and 1 degree a second. Their
+    random walk is not in the data sheet: declared, a tenth of the offset in 1000 s.
 
     Attributes:
         rate: Samples a second [Hz].
@@ -50,11 +50,11 @@ class Imu(eqx.Module):
         gyroscope_range: Likewise [rad/s].
         accelerometer_noise: One-sided density of white noise [m/s2/sqrt(Hz)].
         gyroscope_noise: Likewise [rad/s/sqrt(Hz)].
-        accelerometer_bias: One standard deviation of what an axis is off by when it is
-            switched on [m/s2].
+        accelerometer_bias: Standard deviation of the offset of an axis at switch-on
+            [m/s2].
         gyroscope_bias: Likewise [rad/s].
-        accelerometer_walk: How far that walks on in a second, one standard deviation
-            [m/s2/sqrt(s)].
+        accelerometer_walk: Standard deviation of the random walk of the offset in one
+            second [m/s2/sqrt(s)].
         gyroscope_walk: Likewise [rad/s/sqrt(s)].
         bits: Of a sample; None: floating-point numbers.
     """
@@ -97,24 +97,24 @@ class Imu(eqx.Module):
 
 
 class Instrument(eqx.Module):
-    """What an instrument makes of what reaches it; by itself it adds nothing.
+    """Response and errors of an instrument; the default is an ideal one.
 
-    Full scale and noise are in the unit that the sensor measures in: Pa for a
-    microphone and a pressure gauge, m/s for an anemometer and a geophone.
+    Full scale and noise are in the unit of the sensor: Pa for a microphone and a
+    pressure gauge, m/s for an anemometer and a geophone.
 
     Attributes:
         rate: Samples a second [Hz].
-        full_scale: Largest magnitude that it can write down; None: there is none.
-        noise: Its own noise, rms; None: it has none.
-        bits: Bits of a sample, with the full scale for their range; None: it writes
+        full_scale: Largest magnitude of a sample; None: unlimited.
+        noise: Its own noise, rms; None: no noise.
+        bits: Bits of a sample over the range of the full scale; None: samples are
             floating-point numbers.
-        high_pass: Corner below which it loses what is slow [Hz]; None: it loses none.
-        low_pass: Corner above which it loses what is fast [Hz]; None: it loses none.
-        saturation: What becomes of more than the full scale: "clip" keeps just that,
-            "compress" approaches it smoothly.
-        noise_slope: How that noise rises above 20 Hz [dB/octave]; None: it is white.
-        wind_noise: What wind does on its membrane: rms over the air's density and the
-            square of its speed [-]; None: nothing.
+        high_pass: Corner frequency of its high-pass filter [Hz]; None: no filter.
+        low_pass: Corner frequency of its low-pass filter [Hz]; None: no filter.
+        saturation: Response above the full scale: "clip" is limited to it, "compress"
+            approaches it smoothly.
+        noise_slope: Slope of that noise above 20 Hz [dB/octave]; None: it is white.
+        wind_noise: Pressure of wind on its membrane: rms over the air's density and the
+            square of its speed [-]; None: no pressure.
     """
 
     rate: float = eqx.field(static=True, converter=float, default=RATE_HZ)
@@ -151,22 +151,22 @@ class Instrument(eqx.Module):
 
 
 class Sensor(Described):
-    """Where a sensor stands and what it writes down.
+    """Position, instrument and recorded quantities of a sensor.
 
     Attributes:
         name: As in the observation file.
         position_m: East, north, up [m].
-        kind: pressure, microphone, anemometer, geophone, flash or imu; "" if unsaid.
+        kind: pressure, microphone, anemometer, geophone, flash or imu; "" if unknown.
         clock_offset_s: Sensor clock minus common clock [s].
         records: Pairs of quantity and sigma: seconds for times, radians for directions,
             relative otherwise.
-        times_s: When it takes what has a time, as radii, by its clock [s].
-        instrument: What it does to the signal that it samples, if anyone said.
-        imu: What it makes of the motion that it samples, if anyone said.
-        mount: What carries it: "" nothing, "vehicle" the scene's vehicle. Then its
-            position is NaN, as that of any sensor whose place is not said.
-        offset_m: From the middle of what carries it, in the axes of its body: forward,
-            left, up [m].
+        times_s: Times of readings that have one, as radii, by its clock [s].
+        instrument: Response to the signal that it samples, if it is given.
+        imu: Response to the motion that it samples, if it is given.
+        mount: "" for none, "vehicle" for the scene's vehicle. Then its position is NaN,
+            as that of any sensor without a given position.
+        offset_m: From the middle of its mount, in the axes of that body: forward, left,
+            up [m].
         quaternion: Sensor to body (x, y, z, w), scalar last.
 
     Raises:

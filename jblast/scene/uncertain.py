@@ -1,4 +1,4 @@
-"""A scene with beliefs about its uncertain numbers: free, or with a prior.
+"""Scenes with uncertain numbers, which are free or have a prior.
 
 Numbers are read from a scene and replaced in it by name (`jblast.parameters`). Each
 belief has its own coordinate $z$ for the fit. Every prior here is a standard normal in
@@ -26,7 +26,7 @@ from jblast.scene.sensor import Clock
 from jblast.types import as_float_array
 
 NO_SCENE = "the default scene"
-"""Source of the scene that is taken where none is given."""
+"""Source of the scene that is used where none is given."""
 
 
 class Place(NamedTuple):
@@ -46,7 +46,7 @@ class Place(NamedTuple):
 
 @runtime_checkable
 class Belief(Protocol):
-    """What `Free`, `Normal`, `LogNormal`, `Uniform` and `LogUniform` have in common."""
+    """Interface of `Free`, `Normal`, `LogNormal`, `Uniform` and `LogUniform`."""
 
     @abstractmethod
     def constrain(self, z: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
@@ -69,12 +69,12 @@ class UncertainScene:
     """A scene, and a belief about each of its numbers that is not fixed.
 
     Attributes:
-        scene: Its fixed numbers; an uncertain one holds its prior's median, or a
-            place to start from where it is free.
-        beliefs: By name of `scene.PARAMETERS`. What is not named is fixed.
+        scene: The scene; the value of an uncertain number is its prior's median, or a
+            start of the fit where it is free.
+        beliefs: By name of `scene.PARAMETERS`. Other numbers are fixed.
         source: The file it was read from; `NO_SCENE` for the default one, "" for one
             made in Python.
-        place: Where on the Earth its origin lies, if anybody said.
+        place: Its origin on the Earth, if it is given.
     """
 
     scene: Scene
@@ -84,7 +84,7 @@ class UncertainScene:
 
 
 def default_scene() -> UncertainScene:
-    """Return what is taken where no scene is given.
+    """Return the scene that is used where none is given.
 
     A surface charge at the origin at time 0, its mass free, in sea-level air.
     """
@@ -95,7 +95,7 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
     """Draw every uncertain number of a scene from its prior.
 
     Raises:
-        InputError: A number is free: nothing says where to draw it from.
+        InputError: A number is free, so it has no distribution.
     """
     names = list(uncertain.beliefs)
     values = {}
@@ -113,12 +113,12 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
 
 
 def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
-    """Free more numbers of a scene: no prior, whatever the scene says of them.
+    """Free more numbers of a scene, in place of their fixed values or priors.
 
     Args:
         uncertain: The scene.
-        names: As in the answer. `clock_offset_s.NAME` of no sensor is the clock that a
-            log names so in its `clock` column.
+        names: As in the answer. `clock_offset_s.NAME`, where no sensor has that name,
+            is the clock with this name in the `clock` column of a log.
 
     Raises:
         InputError: There is no such number, or it has no meaning in this scene.
@@ -147,7 +147,7 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
 
 
 def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -> None:
-    """Refuse to free a number beside one that takes its place."""
+    """Refuse to free a number together with one that replaces it."""
     scene = uncertain.scene
     _, dot, label = name.partition(".")
     for base, parameter in PARAMETERS.items():
@@ -171,14 +171,14 @@ def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -
 
 
 def with_laws(uncertain: UncertainScene, laws: Mapping[str, str]) -> UncertainScene:
-    """Name laws for some quantities, over what the scene says."""
+    """Return a scene with laws for some quantities, in place of its own."""
     law = dict(uncertain.scene.law) | dict(laws)
     scene = replace(uncertain.scene, law=tuple(law.items()))
     return replace(uncertain, scene=scene)
 
 
 def parameter_named(name: str) -> Parameter:
-    """Return what a number is: `charge_mass_kg`, or of one of several, `....NAME`.
+    """Return the row of a number: `charge_mass_kg`, or `charge_mass_kg.NAME`.
 
     Raises:
         KeyError: No number has that name.
@@ -188,7 +188,7 @@ def parameter_named(name: str) -> Parameter:
 
 
 def place_of(name: str) -> Parameter:
-    """Return `parameter_named` of it: the name that `jblast.scene` promised first."""
+    """Return `parameter_named(name)`; kept as the earlier name of that function."""
     return parameter_named(name)
 
 
@@ -220,7 +220,7 @@ def value_of(scene: Scene, name: str) -> Float[Array, ""] | None:
 
 
 def leaf_of(scene: Scene, name: str) -> Any:
-    """Return what holds one of a scene's numbers, be it a batch or no number yet."""
+    """Return the leaf of one of a scene's numbers, which may be a batch or None."""
     base, _, label = name.partition(".")
     if base == CLOCK_OFFSET:
         return _clock_offset(scene, label)
@@ -249,7 +249,7 @@ def _each(nodes: Any) -> tuple[Any, ...]:
 
 
 class Free(eqx.Module):
-    """Nothing is believed: flat in ln of a positive number, flat otherwise.
+    """No prior: flat in ln of a positive number, flat otherwise.
 
     Attributes:
         positive: Whether the number is positive.

@@ -1,4 +1,4 @@
-"""How a blast travels: one law a file, each registered where it is defined."""
+"""Laws of blast waves, one a file and registered where defined, and wave models."""
 
 from jblast import registry
 from jblast.waves.laws.acoustic import acoustic_arrival_time as acoustic_arrival_time

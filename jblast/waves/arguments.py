@@ -1,11 +1,11 @@
-"""What the laws' arguments are called, in which unit, and where they may lie.
+"""Names, units and bounds of the arguments of laws, and their checks.
 
 A law's arguments have one name, unit and meaning wherever they occur, so one table
-checks them all. Outside `jit` a law raises for what no scene has. Inside it a law has
-no way to raise: a negative number where a positive one is expected counts as NaN, and
-so does the result. Zero stays zero there, and gives a limit. Outside `jit` a law is
-compiled as a whole, once for each shape: operation by operation every call would take
-many times as long, and so would compiling.
+(`ARGUMENTS`) checks them all. Outside `jit` a law raises for values that no scene can
+have. Inside `jit` it cannot raise: a negative number in place of a positive one becomes
+NaN, and so does the result. Zero remains zero there and gives the limit. Outside `jit`
+a law is compiled as a whole, once for each shape, which is many times as fast as
+separate operations, both in compilation and in each call.
 """
 
 import functools
@@ -36,9 +36,9 @@ class Argument:
 
     Attributes:
         unit: SI unit.
-        usual: Where it lies in most scenes; the tests sweep that span.
-        bounds: Where it has to lie.
-        open: Whether NaN (not told) and infinity (never) are left to the law.
+        usual: Range in most scenes, swept by the tests.
+        bounds: Range of permitted values.
+        open: Whether NaN (not given) and infinity (never) are passed to the law.
     """
 
     unit: str
@@ -47,7 +47,7 @@ class Argument:
     open: bool = False
 
     def fault(self, values: Float[np.ndarray, "..."]) -> str:
-        """Return what is wrong with values, in words; empty if nothing is."""
+        """Return the fault of values, in words; empty if there is none."""
         for bad, expected in (
             (~(self.bounds.allows(values) | np.isnan(values)), self.bounds.words()),
             (np.isnan(values) & (not self.open), "a number"),
@@ -59,9 +59,9 @@ class Argument:
         return ""
 
     def or_nan(self, values: Any) -> Any:
-        """Return traced values; NaN for negative ones that have to be positive.
+        """Return traced values; NaN for negative ones that must be positive.
 
-        Those that are open keep them: NaN means there that nothing is given.
+        Open arguments keep theirs, since NaN there means that no value is given.
         """
         if self.bounds.above != 0.0 or self.open:
             return values
@@ -74,7 +74,7 @@ def _positive(unit: str, low: float, high: float, *, open: bool = False) -> Argu
 
 
 ARGUMENTS: dict[str, Argument] = {
-    # the way from charge to sensor (waves.paths.Path)
+    # path from charge to sensor (waves.paths.Path)
     "slant_range": _positive("m", 0.1, 1e4),
     "ground_range": Argument("m", (0.1, 1e4), NOT_NEGATIVE),
     "sensor_height": Argument("m", (0.0, 10.0)),
@@ -111,7 +111,7 @@ ARGUMENTS: dict[str, Argument] = {
     "negative_duration": _positive("s", 5e-3, 5e-2),
     "incidence_angle": Argument("rad", (0.05, 1.5), QUADRANT),
     "mach_number": Argument("1", (1.01, 10.0), Bounds(at_least=1.0)),
-    # sound on its way
+    # propagation of sound
     "frequency": Argument("Hz", (1.0, 1e4), NOT_NEGATIVE),
     "reference_range": _positive("m", 0.1, 10.0),
 }
@@ -119,16 +119,16 @@ ARGUMENTS: dict[str, Argument] = {
 
 
 WORDS = ("burst", "ground_path", "quantity")
-"""Arguments that are no numbers."""
+"""Arguments that are not numbers."""
 
 
 def checked(law: Callable[P, R]) -> Callable[P, R]:
     """Make a law raise for arguments that no scene can have, and compile it.
 
     Raises:
-        ValueError: An argument lies outside the bounds of `ARGUMENTS`, or is of none
-            of the bursts, or shapes do not go together; the message names it, what
-            was expected and what came.
+        ValueError: An argument lies outside the bounds of `ARGUMENTS`, the burst is
+            unknown, or shapes do not broadcast; the message names the argument, what
+            was expected and what was found.
     """
     signature = inspect.signature(law)
     words = [name for name in signature.parameters if name in WORDS]
@@ -162,7 +162,7 @@ def checked(law: Callable[P, R]) -> Callable[P, R]:
 
 
 def _shape_fault(given: Mapping[str, Any]) -> str:
-    """Return which numbers have shapes that do not go together; empty if all do."""
+    """Return the shapes that do not broadcast, in words; empty if all do."""
     shapes = {name: np.shape(x) for name, x in given.items() if name in ARGUMENTS}
     try:
         np.broadcast_shapes(*shapes.values())

@@ -54,21 +54,21 @@ BLEND_WIDTH = 0.05
 Curve = Callable[[Float[Array, "..."]], Float[Array, "..."]]
 LogPressure = Callable[[np.ndarray], np.ndarray]
 HEAD_START_END = 1e6
-"""Where a head start goes over into its straight line, in units of the distance."""
+"""End of the series of a head start and start of its straight line, a distance."""
 
 
 @runtime_checkable
 class Segment(Protocol):
-    """One stretch of a curve: a `LogPolynomial` or a `ReciprocalPolynomial`."""
+    """One segment of a curve: a `LogPolynomial` or a `ReciprocalPolynomial`."""
 
     @property
     def z_min(self) -> float:
-        """Where it starts."""
+        """Its start."""
         ...
 
     @property
     def z_max(self) -> float:
-        """Where it ends."""
+        """Its end."""
         ...
 
     def log_value(self, log_z: Any) -> Any:
@@ -127,12 +127,12 @@ class LogCurve:
 
     @property
     def z_min(self) -> float:
-        """Where the table starts."""
+        """Start of the table."""
         return self.segments[0].z_min
 
     @property
     def z_max(self) -> float:
-        """Where the table ends."""
+        """End of the table."""
         return self.segments[-1].z_max
 
     def log_value(self, log_z: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -228,7 +228,7 @@ class BrokenPowerLaw:
         factor: $A$.
         exponent: $n$.
         breaks: The factors in brackets.
-        z_min: Below it the curve goes on as a power law with its slope there.
+        z_min: Below it the curve continues as a power law with its slope there.
         z_max: Likewise above it.
     """
 
@@ -261,7 +261,7 @@ class BrokenPowerLaw:
         return value
 
     def log_slope(self, z: float) -> float:
-        """Return d ln y / d ln z, at a place within z_min to z_max."""
+        """Return d ln y / d ln z, at a z from z_min to z_max."""
         return self.exponent + math.fsum(
             knee.share * knee.power / (1.0 + (z / knee.z) ** -knee.power)
             for knee in self.breaks
@@ -274,7 +274,7 @@ class HermiteCurve:
 
     Attributes:
         nodes: In ascending order.
-        coefficients: Of the powers 0 to 3 of the fraction, one row a stretch.
+        coefficients: Of the powers 0 to 3 of the fraction, one row an interval.
         slope_before: Slope of the line before the first node.
         slope_after: Slope of the line after the last node.
     """
@@ -313,7 +313,7 @@ class HermiteCurve:
         return c0 + t * (c1 + t * (c2 + t * c3)) + outer.astype(x.dtype) * (x - inside)
 
     def _is_even(self) -> bool:
-        """Whether the nodes are evenly spaced, but for rounding."""
+        """Return whether the nodes are evenly spaced, up to rounding."""
         even = np.linspace(self.nodes[0], self.nodes[-1], self.nodes.size)
         return bool(np.allclose(self.nodes, even, rtol=0, atol=1e-12 * np.ptp(even)))
 
@@ -405,7 +405,7 @@ def _spline(
 def _tridiagonal_solution(
     below: np.ndarray, middle: np.ndarray, above: np.ndarray, right: np.ndarray
 ) -> np.ndarray:
-    """Solve by elimination: safe since the middle outweighs what is beside it."""
+    """Solve by elimination, which is stable as the matrix is diagonally dominant."""
     middle, right = middle.tolist(), right.tolist()
     for i in range(1, len(right)):
         share = below[i] / middle[i - 1]

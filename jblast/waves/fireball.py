@@ -1,45 +1,46 @@
 r"""The fireball of a bare charge: how it grows, rises, cools and darkens.
 
-Growth. A high explosive's fireball ends at a diameter of $3.76\,W^{0.325}$ m
-(Rakaczky 1975; High 1968 has $3.86\,W^{0.32}$). Both are from memory. The first lies
-within 6 %, the second within 10 % of the cube root used here from 1 kg to 100 t:
+Growth. The final diameter of a high explosive's fireball is $3.76\,W^{0.325}$ m
+(Rakaczky 1975; High 1968 has $3.86\,W^{0.32}$; both from memory). From 1 kg to 100 t
+the first lies within 6 %, the second within 10 % of the cube root used here:
 
 $$R(t) = 1.81\,W^{1/3} \left(1 - e^{-t/\tau}\right), \qquad \tau = 1.0\,W^{1/3}
 \text{ ms}$$
 
 The exponential is the drag model of fireballs. Its time constant is declared, not
-measured: any below $0.7\,W^{1/3}$ ms would let the products overtake Kingery and
-Bulmash's free-air shock, and twice the value taken is as possible.
+measured: below $0.7\,W^{1/3}$ ms the products would overtake the free-air shock of
+Kingery and Bulmash, and twice the value used is equally possible.
 
-Rise. A light sphere starts with the buoyancy its own and its added mass allow, and ends
-at the speed of a large bubble (Davies and Taylor 1950, eq. 12):
+Rise. A light sphere starts with the acceleration of its buoyancy over its own and its
+added mass, and reaches the speed of a large bubble (Davies and Taylor 1950, eq. 12):
 
 $$a = g\,\frac{1 - \rho/\rho_a}{\rho/\rho_a + 1/2}, \quad w = \tfrac23\sqrt{g R_\infty},
 \quad z(t) = \frac{w^2}{a} \ln\cosh\frac{a t}{w}$$
 
-It draws in air and widens by a quarter of its rise (a thermal, Morton, Taylor and
-Turner 1956; the number is Scorer's, 1957). Beyond some five diameters a thermal slows
-down, which this does not.
+It entrains air, and its radius grows by a quarter of its rise (a thermal, Morton,
+Taylor and Turner 1956; the number is Scorer's, 1957). Beyond some five diameters a
+thermal slows down, which is not modelled.
 
-Drift. What it draws in brings the wind $U$ with it, and the momentum that a sphere and
-its added mass have in the moving air is kept, as that of a thermal is (Turner 1973,
-chapter 6, from memory): its centre follows the wind but for a part $f$ that shrinks as
-the volume grows, with $V/V_0 = (1 + z/(4 R_\infty))^3$ from the rise,
+Drift. The entrained air has the speed $U$ of the wind. The momentum of the sphere and
+its added mass relative to the wind is conserved, as that of a thermal (Turner 1973,
+chapter 6, from memory). The centre therefore moves with the wind except for a fraction
+$f$ that decreases as the volume grows, with $V/V_0 = (1 + z/(4 R_\infty))^3$,
 
 $$u = U\,(1 - f), \qquad f = \frac{\rho/\rho_a + 1/2}{\rho/\rho_a - 1 + \tfrac32
 V/V_0}$$
 
-The drag of the wind on the sphere, which would take it along sooner, is left out, and
-so is shear: the wind is one at all heights.
+Neglected are the drag of the wind on the sphere, which would accelerate it sooner, and
+shear: the wind is the same at all heights.
 
-Cooling. $T - T_a$ falls exponentially, from 2200 K (pyrometers on TNT say 1800 to 2500;
-from memory) to Draper's point, 798 K, where nothing glows any more, at the end of the
-fireball: $t_d = 0.258\,W^{0.349}$ s (Rakaczky 1975, from memory).
+Cooling. $T - T_a$ falls exponentially. $T$ starts at 2200 K (pyrometers on TNT read
+1800 to 2500; from memory) and reaches Draper's point, 798 K, where visible glow ends,
+at the end of the fireball: $t_d = 0.258\,W^{0.349}$ s (Rakaczky 1975, from memory).
 
-Smoke. TNT leaves 3.5 of its 7 carbons as soot if nothing burns later: 0.185 of its mass
-(7 C, 5 H, 3 N, 6 O to CO, H2O and C). Soot takes away 8700 m2/kg of light (Mulholland
-and Choi 1998). With a density $\propto 1 - r^2/R^2$ the optical depth along a diameter
-is $\tau_0 = 5 K M / (2 \pi R^2)$. What burns later makes it less: an upper limit.
+Smoke. Without afterburning TNT leaves 3.5 of its 7 carbon atoms as soot, 0.185 of its
+mass (7 C, 5 H, 3 N, 6 O to CO, H2O and C). The extinction of soot is 8700 m2/kg
+(Mulholland and Choi 1998). With a density $\propto 1 - r^2/R^2$ the optical depth along
+a diameter is $\tau_0 = 5 K M / (2 \pi R^2)$, an upper limit since afterburning consumes
+soot.
 """
 
 import math
@@ -71,22 +72,21 @@ SOOT_YIELD = 0.185
 """Mass of soot from a mass of TNT [-]: 3.5 x 12.011 / 227.13."""
 
 SOOT_EXTINCTION = 8700.0
-"""Light taken away by soot, 633 nm [m2/kg], good to 1100."""
+"""Mass extinction coefficient of soot at 633 nm [m2/kg], known to 1100."""
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-"""Of the integral over the drift: it is known to 1e-6 of the time while the fireball
-glows, and always to 5e-4."""
+"""Of the integral over the drift, whose error is 1e-6 of the time while the fireball
+glows, and at most 5e-4."""
 
 
 class Fireball(eqx.Module):
-    """What can be seen of a fireball at an instant.
+    """Visible state of a fireball at an instant.
 
     Attributes:
         radius: Of the cloud, expansion and entrainment [m].
         rise: Of its centre above the burst [m].
-        drift_time: For how long a wind would have blown to carry its centre as far as
-            it has come, had it carried it at full speed [s].
+        drift_time: Drift of its centre in a wind over the speed of the wind [s].
         temperature: Of its light [K].
         optical_depth: Along a diameter [-]; the density falls from the centre as
             1 - (r/radius)^2.
@@ -109,7 +109,7 @@ def fireball_growth_time(charge_mass: Float[ArrayLike, "..."]) -> Float[Array, "
 
 
 def fireball_duration(charge_mass: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """How long a fireball glows [s]: Rakaczky (1975), from memory.
+    """Duration of the visible glow [s]: Rakaczky (1975), from memory.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
@@ -122,7 +122,7 @@ def fireball_radius(
     time: Float[ArrayLike, "..."],
     growth_time: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Radius of the luminous fireball, without what its rise draws in [m].
+    r"""Radius of the luminous fireball, without entrained air [m].
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
@@ -159,10 +159,10 @@ def smoke_drift_time(
     time: Float[ArrayLike, "..."],
     air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
 ) -> Float[Array, "..."]:
-    r"""Way of the fireball's centre in a wind over the speed of the wind [s].
+    r"""Drift of the fireball's centre in a wind over the speed of the wind [s].
 
-    $\int_0^t (1 - f)\,dt'$, by Gauss and Legendre in $\sqrt{t'/t}$. It begins with zero
-    and with no speed, and lags behind the time by some $R_\infty/w$ in the end.
+    $\int_0^t (1 - f)\,dt'$, by Gauss-Legendre quadrature in $\sqrt{t'/t}$. Value and
+    slope start at zero; the final lag behind the time is some $R_\infty/w$.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
@@ -218,7 +218,7 @@ def fireball(
 
 
 def _log_cosh(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return ln cosh of what is not negative: exact near zero, finite far from it."""
+    """Return ln cosh x for x >= 0: exact near zero, without overflow far from it."""
     near = jnp.log1p(2.0 * jnp.square(jnp.sinh(0.5 * jnp.minimum(x, 1.0))))
     far = x + jnp.log1p(jnp.exp(-2.0 * x)) - math.log(2.0)
     return jnp.where(x < 1.0, near, far)

@@ -6,12 +6,12 @@ image of the charge below the ground, at a distance of
 $$R' = \sqrt{R^2 + 4 h h_s}$$
 
 for a charge $h$ and a sensor $h_s$ above the ground. Where it arrives after the
-positive phase has ended, peak, impulse and duration are those of free air: what UFC
-3-340-02 calls a free-air burst (from memory) reaches a position before any reflection
-does. Both times are those of the free-air curves. The reflection runs through air that
-the incident wave has warmed and pushed, and so arrives slightly earlier than computed.
-A sensor on the ground meets both simultaneously. `burst_notes` words which curves were
-used and where they contradict the height.
+positive phase has ended, peak, impulse and duration are those of free air. This agrees
+with UFC 3-340-02 (from memory), whose free-air burst reaches a position before any
+reflection does. Both times are those of the free-air curves. The reflection travels
+through air that is heated and moved by the incident wave, so it arrives slightly
+earlier than computed. On the ground both waves arrive simultaneously. `burst_notes`
+describes the curves used and any contradiction to the height.
 """
 
 import jax.numpy as jnp
@@ -80,13 +80,13 @@ def burst_notes(
     free: Bool[np.ndarray, " place"],
     what: str,
 ) -> list[str]:
-    """Say by which curves a charge above the ground was taken, and what they miss.
+    """Describe the curves used for a charge above the ground, and their deficiencies.
 
     Args:
-        charge: With its curve set, None where that differs from place to place.
+        charge: With its curve set, None where that depends on the position.
         heights: The least and the largest height of burst [m/kg^(1/3)].
         free: Where the reflection comes after the positive phase.
-        what: What the places are called.
+        what: Name of a position, as "sensor".
     """
     low, high = heights
     height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"

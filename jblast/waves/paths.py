@@ -37,19 +37,18 @@ def slant_range(
 ) -> Float[Array, "..."]:
     """Return the straight distance between two places [m].
 
-    Its gradient at distance zero is defined, as zero. From a place that is no number it
-    is none either.
+    Its gradient at distance zero is defined as zero. A NaN position gives NaN.
     """
     # axis by axis: a reduction of so few numbers costs more than the rest of the path
     squared = jnp.square(sensor[..., 0] - source[..., 0])
     for axis in range(1, sensor.shape[-1]):
         squared += jnp.square(sensor[..., axis] - source[..., axis])
-    apart = ~(squared <= 0)  # NaN is no place, and no distance of zero
+    apart = ~(squared <= 0)  # also where it is NaN
     return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
 
 
 class Path(eqx.Module):
-    r"""One way from charge to sensor, or many at once: fields broadcast.
+    r"""One path from charge to sensor, or many: fields broadcast.
 
     A law's arguments are named after these fields.
 
@@ -63,23 +62,23 @@ class Path(eqx.Module):
         air_density: $\rho_0$ [kg/m3].
         p_speed: P-wave speed of the ground $c_s$ [m/s].
         sedov_gamma: Ratio of specific heats behind a strong shock [-].
-        time_since_detonation: When the row was taken [s]; NaN where it has no time.
+        time_since_detonation: Time of the row [s]; NaN where it has none.
         sensor_height: Height of the sensor above the ground [m].
         temperature: Of the air [K].
         relative_humidity: Of the air, fraction, 0 to 1.
-        toward_east: From the sensor to the charge [m]; 0 where a range alone is told.
+        toward_east: From the sensor to the charge [m]; 0 where only a range is given.
         toward_north: Likewise [m].
         toward_up: Likewise [m].
         fireball_growth: Time constant of the fireball's expansion [s]; NaN for the
             law's own.
         camera_focal: Focal length of the scene's camera [px]; NaN without one.
-        jolt_east: What the blast changes of the velocity of a vehicle there [m/s];
-            NaN where that is not asked for.
+        jolt_east: Change of velocity of a vehicle there by the blast [m/s]; NaN where
+            it is not requested.
         jolt_north: Likewise [m/s].
         jolt_up: Likewise [m/s].
-        burst: "surface" or "free-air"; None where `free_air` tells.
-        free_air: Whether the reflection from the ground comes too late to matter, by
-            place; None where `burst` is told.
+        burst: "surface" or "free-air"; None where `free_air` decides.
+        free_air: Whether the reflection from the ground arrives after the positive
+            phase, by place; None where `burst` is given.
         ground_path: "head" (along the ground) or "thesis" (ground leg, then up).
     """
 
@@ -112,7 +111,7 @@ class Path(eqx.Module):
         """Return the curve set of every place.
 
         Raises:
-            ValueError: `free_air` tells of each place for itself.
+            ValueError: `free_air` decides for each place separately.
         """
         if self.burst is None:
             raise ValueError("expected a path with one burst, got one of each place")
@@ -123,7 +122,7 @@ class Path(eqx.Module):
         return replace(self, burst=burst, free_air=None)
 
     def by_height(self, answer: Callable[["Path"], Any]) -> Any:
-        """Return an answer by the curve set that the height leaves, place by place."""
+        """Return an answer with the curve set that the height selects at each place."""
         surface, free_air = (answer(self.at_burst(burst)) for burst in BURSTS)
         high = False if self.free_air is None else self.free_air
         return jax.tree.map(lambda f, s: jnp.where(high, f, s), free_air, surface)
@@ -136,10 +135,10 @@ def path_between(
     told_range: Float[Array, " place"],
     time_since_detonation: Float[Array, " place"],
 ) -> Path:
-    """Return what lies between a charge and some places.
+    """Return the paths from a charge to several places.
 
     The sound speed is the effective one along the path, wind included. The mass is
-    that of the explosive: what it is worth in TNT depends on the quantity.
+    that of the explosive, since its TNT equivalence depends on the quantity.
 
     Args:
         scene: Air and ground.
@@ -147,8 +146,8 @@ def path_between(
             of every place.
         position: East, north, up [m]; not used where `told_range` is finite.
         told_range: Distance from the charge [m]; NaN where positions decide. Where the
-            height leaves the curve set, such a place stands as low as that allows.
-        time_since_detonation: When a place is asked about [s]; NaN if at no time.
+            height selects the curve set, the place is as low as the range allows.
+        time_since_detonation: Time of the request at each place [s]; NaN for none.
     """
     air = scene.air
     source = jnp.stack(charge.position_m)[None, :]
@@ -168,7 +167,7 @@ def path_between(
     toward = jnp.where(is_placed[:, None], source - position, 0.0)
     untold = jnp.full((), jnp.nan)
     growth, camera = scene.fireball_growth, scene.camera
-    if growth is not None:  # to a law NaN is a growth that is not told
+    if growth is not None:  # to a law a NaN growth is one that is not given
         time_since_detonation = jnp.where(
             jnp.isnan(growth), jnp.nan, time_since_detonation
         )
@@ -176,7 +175,7 @@ def path_between(
     sensor_height = jnp.where(is_placed, position[:, 2], 0.0)
     free_air = None
     if charge.burst is None:
-        lowest = jnp.maximum(charge.up - distance, 0.0)  # that a range alone allows
+        lowest = jnp.maximum(charge.up - distance, 0.0)  # that the range allows
         free_air = bursts_in_free_air(
             distance,
             charge.tnt_mass("peak_overpressure_pa"),

@@ -74,15 +74,15 @@ r"""$\eta c_p/\kappa$ of air near 20 C [-]. Textbook value, two digits."""
 REFERENCE_TEMPERATURE = 293.15
 """Reference temperature of ISO 9613-1:1993 [K]."""
 ISO_DECIBELS_PER_NEPER = 8.686
-"""What ISO 9613-1:1993 writes for `DECIBELS_PER_NEPER` [dB]."""
+"""The rounded `DECIBELS_PER_NEPER` of ISO 9613-1:1993 [dB]."""
 ISO_FREQUENCIES = (50.0, 10e3)
 ISO_TEMPERATURES = (253.15, 323.15)
 ISO_HIGHEST_PRESSURE = 200e3
 TAIL_S = 0.25
-"""Silence behind a signal, so that its end does not wrap round to its start [s]. The
-slowest relaxation, nitrogen's in dry air at 9 Hz, has fallen by e^-14 then."""
+"""Silence behind a signal, so that its end does not wrap round to its start [s]. In it
+the slowest relaxation, of nitrogen in dry air at 9 Hz, falls by e^-14."""
 STOKES_FREQUENCY = 500.0 / (2.0 * math.pi)
-"""The one frequency that the thesis absorbs all sound by, 500 rad/s [Hz]."""
+"""The only frequency of absorption in the thesis, 500 rad/s [Hz]."""
 HEMISPHERE_GAIN = 10.0 * math.log10(2.0)
 """Twice the intensity, root two in amplitude: 3.01 dB."""
 
@@ -95,7 +95,7 @@ def standard_atmosphere(
 
     $$T = T_0 - L h, \qquad P = P_0\,(T/T_0)^{g/(R L)}$$
 
-    Made for -2 to 11 km. Above the tropopause it goes on at constant temperature,
+    Valid from -2 to 11 km. Above the tropopause it continues at constant temperature,
     $P \propto \exp(-g h/(R T))$, as the standard does to 20 km, so that a fitted height
     that strays has a value.
 
@@ -184,8 +184,8 @@ def air_density(
 ) -> Float[Array, "..."]:
     r"""Return the density of humid air [kg/m3], $\rho = P/(R T)$.
 
-    Below CIPM-2007, which knows air's compressibility, by 0.02 to 0.06 % between 0 and
-    30 C.
+    Lower than CIPM-2007, which includes the compressibility of air, by 0.02 to 0.06 %
+    between 0 and 30 C.
 
     Args:
         temperature: Temperature $T$ [K].
@@ -228,14 +228,14 @@ def effective_sound_speed(
 
 
 def ambient(air: Air) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return temperature [K] and pressure [Pa]: as said, or of the altitude."""
+    """Return temperature [K] and pressure [Pa]: as given, or by altitude."""
     if air.altitude is None:
         return air.temperature, air.pressure
     return standard_atmosphere(air.altitude)
 
 
 def sound_speed_of(air: Air) -> Float[Array, ""]:
-    """Return the speed of sound [m/s]: as said, or by temperature and humidity."""
+    """Return the speed of sound [m/s]: as given, or by temperature and humidity."""
     if air.sound_speed is not None:
         return air.sound_speed
     temperature, pressure = ambient(air)
@@ -254,7 +254,7 @@ def stokes_absorption(
     $$\alpha = \frac{2\,\eta\,\omega^2}{3\,\rho_0 c_0^3}, \qquad
       \eta = 2.791\times10^{-7}\,T^{0.7355}\ \mathrm{Pa\,s}$$
 
-    Short of the truth by one or two orders of magnitude at audible frequencies.
+    One or two orders of magnitude too low at audible frequencies.
 
     Args:
         frequency: $f = \omega/2\pi$ [Hz], positive.
@@ -334,7 +334,7 @@ def iso_9613_absorption(
     with $\theta = T/293.15$ K, $p_r = 101325$ Pa and $h$ the vapour's mole fraction in
     per cent. The standard gives dB/m, with 8.686 dB to the neper; here they are nepers,
     so multiply by `ISO_DECIBELS_PER_NEPER` for its own numbers. It states 10 %
-    uncertainty where `iso_9613_valid`; outside the formula simply goes on.
+    uncertainty where `iso_9613_valid`; outside, the formula is extrapolated.
 
     Args:
         frequency: $f$ [Hz], positive.
@@ -372,8 +372,8 @@ def iso_9613_valid(
 ) -> Bool[Array, "..."]:
     """Return where ISO 9613-1 claims 10 %: 50 Hz to 10 kHz, -20 to 50 C, below 2 bar.
 
-    The standard also bounds the vapour and the frequency over the pressure; those
-    bounds we have from memory only, and leave them out.
+    The standard also bounds the vapour and the frequency over the pressure. These
+    bounds are known from memory only and are not checked.
     """
     frequency, temperature, pressure = as_float_arrays(frequency, temperature, pressure)
     return (
@@ -412,7 +412,7 @@ def absorption_transfer(
     Args:
         count: Samples that are transformed, even.
         rate: Samples a second [Hz].
-        distance: Way through the air [m], not negative.
+        distance: Path through the air [m], not negative.
         temperature: Of the air [K].
         pressure: Of the air [Pa].
         relative_humidity: Of the air, fraction, 0 to 1.
@@ -423,7 +423,7 @@ def absorption_transfer(
         frequency, temperature, pressure, relative_humidity
     )
     cepstrum = jnp.fft.irfft(log_gain, count)
-    # all at positive times, twice: the logarithm of what has nothing at negative ones
+    # twice the part at positive times: the cepstrum of a causal filter of least delay
     causal = cepstrum[1 : count // 2]
     phase = jnp.fft.rfft(jnp.pad(2.0 * causal, (1, count // 2))).imag
     gain = jnp.exp(log_gain)
@@ -439,12 +439,12 @@ def absorb(
     pressure: Float[ArrayLike, ""],
     relative_humidity: Float[ArrayLike, ""],
 ) -> Float[Array, " sample"]:
-    """Return what the air leaves of a signal, as many samples; spreading is not in it.
+    """Return a signal after absorption by the air, without spreading; as many samples.
 
     Args:
         samples: Of the signal, silent before the first.
         rate: Samples a second [Hz].
-        distance: Way through the air [m], not negative.
+        distance: Path through the air [m], not negative.
         temperature: Of the air [K].
         pressure: Of the air [Pa].
         relative_humidity: Of the air, fraction, 0 to 1.
@@ -467,13 +467,13 @@ def absorb_by_stokes(
     sound_speed: Float[ArrayLike, ""],
     temperature: Float[ArrayLike, ""],
 ) -> Float[Array, " sample"]:
-    r"""Return a signal as the thesis absorbs it: all of it times $e^{-\alpha R}$.
+    r"""Return a signal with the absorption of the thesis, times $e^{-\alpha R}$.
 
-    $\alpha$ is Stokes' at 500 rad/s, so after 35 m it is as loud as at the start.
+    $\alpha$ is that of Stokes at 500 rad/s, which is negligible over 35 m.
 
     Args:
         samples: Of the signal.
-        distance: Way through the air $R$ [m].
+        distance: Path through the air $R$ [m].
         air_density: Of the air [kg/m3].
         sound_speed: Of the air [m/s].
         temperature: Of the air [K].
@@ -515,9 +515,9 @@ def hemispherical_spreading_loss(
 
     The same energy passes through half the sphere, so everywhere the level is 3.01 dB
     higher than that of the same source in free air. A level measured at $R_0$ on the
-    ground has that gain in it already: then take `spherical_spreading_loss`. Ground
-    that absorbs or moves keeps some of the gain, and a blast shares its own between
-    pressure and duration: W counts as 2 W, the peak gains 2 dB, not 3.
+    ground includes that gain already: then use `spherical_spreading_loss`. The gain is
+    smaller over ground that absorbs or moves. That of a blast is divided between
+    pressure and duration: W counts as 2 W, and the peak gains 2 dB, not 3.
 
     Args:
         slant_range: Range $R$ [m], positive.
@@ -536,7 +536,7 @@ def transmission_loss(
     relative_humidity: Float[ArrayLike, "..."],
     burst: str = "surface",
 ) -> Float[Array, "..."]:
-    r"""Return how far the level lies below the one at $R_0$ in free air [dB].
+    r"""Return the level at $R_0$ in free air minus that at the sensor [dB].
 
     $$L = 20 \lg (R/R_0) + 8.6859\,\alpha\,(R - R_0) \;[\, -\, 10 \lg 2\,]$$
 

@@ -26,8 +26,8 @@ differences of integrals from the arrival: as exact in single precision as their
 arguments are. A time of day is not: give times relative to a nearby one.
 
 `pulse_samples` gives the same means for consecutive samples at one rate, as fast as
-memory takes them. Inside a piece of the pulse the mean about the middle $m$ of a sample
-of half width $h$ (over the length of the piece) is as short as the pressure itself:
+memory is written. Inside a piece of the pulse the mean about the middle $m$ of a sample
+of half width $h$ (over the length of the piece) is as short a formula as the pressure:
 with $x = bh$
 
 $$\overline{(1-s)\,e^{-bs}} = e^{-bm} \left[(1-m)\,\frac{\sinh x}{x}
@@ -46,7 +46,7 @@ $$s(t) = A\,u^2 e^{-u}, \qquad \dot s(t) = \frac{A}{\tau}\,u\,(2 - u)\,e^{-u}, \
 u = (t - t_0)/\tau \ge 0$$
 
 It is the shortest pulse of this kind that begins without a step of the velocity and
-returns to rest. The shape is our choice: two numbers are known of the pulse, and it has
+returns to rest. The shape is a choice: laws give two numbers of the pulse, and it has
 exactly two parameters. The displacement is largest at $u = 2$, the velocity at
 $u = 2 - \sqrt 2$, so a peak displacement $D$ and a peak velocity $v$ determine
 
@@ -69,7 +69,7 @@ from jblast.waves.waveform import decay_of_fraction, impulse_fraction
 LEVEL = math.e - 2.0
 """Impulse over peak times duration of a decay that starts level, $b = -1$ [-]."""
 FARTHEST = 1 << 30
-"""Samples that an arrival may be off the first one; farther it counts as that far."""
+"""Largest distance of an arrival from the first sample; beyond it is set to this."""
 AMPLITUDE_OVER_PEAK = math.exp(2.0) / 4.0
 PEAK_VELOCITY_FACTOR = (2.0 * math.sqrt(2.0) - 2.0) * math.exp(math.sqrt(2.0) - 2.0)
 r"""Peak velocity over $A/\tau$ [-]."""
@@ -79,14 +79,14 @@ class Pulse(NamedTuple):
     r"""One wave at a place. The fields broadcast.
 
     Attributes:
-        arrival_time: When it first departs from zero [s]; infinite: never.
-        peak: Overpressure that it reaches, $P$ [Pa].
+        arrival_time: Start of the rise [s]; infinite: never.
+        peak: Largest overpressure, $P$ [Pa].
         rise_time: From zero to the peak, $\tau$ [s]; may be zero.
         duration: Of the positive phase, rise included, $t_d$ [s].
         decay: Friedlander's $b$ behind the peak, at least -1 [-].
         suction: Greatest underpressure $P^-$ [Pa].
         suction_duration: Of the negative phase, $t^-$ [s].
-        hold_time: How long the peak lasts, $t_h$ [s]; zero for most.
+        hold_time: Duration of the peak, $t_h$ [s]; zero for most.
     """
 
     arrival_time: Float[Array, "..."]
@@ -100,7 +100,7 @@ class Pulse(NamedTuple):
 
     @property
     def decay_duration(self) -> Float[Array, "..."]:
-        """Of what follows the rise and the hold, up to the end of the overpressure."""
+        """Duration from the end of the hold to the end of the overpressure [s]."""
         return self.duration - self.rise_time - self.hold_time
 
 
@@ -117,9 +117,9 @@ def pulse_of(
     """Return the wave that has these values.
 
     Args:
-        arrival_time: When it arrives [s].
+        arrival_time: Start of the rise [s].
         peak: Overpressure [Pa], positive.
-        impulse: Of the positive phase [Pa s]: see above for those that there are.
+        impulse: Of the positive phase [Pa s]; possible values as in the introduction.
         duration: Of the positive phase [s], positive.
         rise_time: From zero to the peak [s], below the duration; 0: a sharp front.
         suction: Greatest underpressure [Pa], positive.
@@ -212,7 +212,7 @@ def pulse_mean(
 
 
 def _not_zero(rise_time: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return what to divide by: a sharp front has no rise to be in."""
+    """Return the rise time as a divisor: 1 for a sharp front."""
     return jnp.where(rise_time > 0, rise_time, 1.0)
 
 
@@ -223,9 +223,9 @@ def pulse_samples(
 
     Args:
         pulse: One wave: scalars; `vmap` does many.
-        start: Where the first sample begins, on the clock of the arrival [s].
+        start: Start of the first sample, on the clock of the arrival [s].
         rate: Samples a second [Hz].
-        count: How many samples.
+        count: Number of samples.
     """
     wave, whole, part = _in_samples(pulse, start, rate)
     ends = jnp.stack(
@@ -239,7 +239,7 @@ def pulse_samples(
     )
     index = jnp.arange(count, dtype=whole.dtype)
     inside = _inside(wave, ends, (index + whole).astype(part.dtype) + part + 0.5)
-    # samples that hold an end: each once, as the others are put past the last
+    # samples that contain an end: each once, duplicates are put past the last
     last = jnp.asarray(FARTHEST, ends.dtype)
     held = jnp.floor(jnp.minimum(ends - part, last)).astype(whole.dtype) - whole
     again = (held[:, None] == held[None, :]) & np.tri(5, k=-1, dtype=bool)
@@ -274,7 +274,7 @@ def _inside(
 ) -> Float[Array, " sample"]:
     """Return the means over samples that lie in one piece, as if all did."""
     _, risen, peaked, positive, over = ends
-    rise = jnp.where(wave.rise_time > 0, wave.rise_time, 1.0)
+    rise = _not_zero(wave.rise_time)
     b, half = wave.decay, 0.5 / wave.decay_duration
     y = 2.0 * b * half
     k = impulse_fraction(y)
@@ -297,7 +297,7 @@ def _inside(
         jnp.square(0.5 / wave.suction_duration),
         6.75 * wave.suction,
     )
-    # kept apart, or they are computed anew for each sample
+    # behind a barrier, or XLA computes them again for each sample
     return _by_piece(middle, *lax.optimization_barrier(of_wave))
 
 
@@ -334,7 +334,7 @@ class GroundPulse(NamedTuple):
     r"""One pulse, or many: fields broadcast.
 
     Attributes:
-        arrival_time: When it begins $t_0$ [s]; infinite if it never comes.
+        arrival_time: Start $t_0$ [s]; infinite: never.
         amplitude: $A$ [m].
         time_constant: $\tau$ [s].
     """
@@ -353,8 +353,8 @@ def ground_pulse_of(
     """Return the pulse that has a peak displacement and a peak velocity.
 
     Args:
-        arrival_time: When it begins [s].
-        displacement: Peak displacement [m]; with a velocity of zero it has to be zero.
+        arrival_time: Start [s].
+        displacement: Peak displacement [m]; zero where the velocity is zero.
         velocity: Peak velocity [m/s].
     """
     arrival_time, displacement, velocity = as_float_arrays(
@@ -404,7 +404,7 @@ def ground_pulse_velocity_mean(
     """
     start, stop = as_float_arrays(start, stop)
     first = _since_arrival(pulse, start)
-    # of a sample that holds the arrival only what comes after it counts
+    # of a sample that contains the arrival only the part after it counts
     inside = jnp.minimum(_since_arrival(pulse, stop), stop - start)
     u, delta = first / pulse.time_constant, inside / pulse.time_constant
     rise = u**2 * jnp.expm1(-delta) + (2.0 * u + delta) * delta * jnp.exp(-delta)

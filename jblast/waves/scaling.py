@@ -8,7 +8,7 @@ multiply by the factors below. Temperature enters only through the sound speed.
 
 Half of a nuclear yield goes into air blast, the rest into heat and radiation, so a
 charge of mass W blasts like a nuclear yield of 2 W: 1 kt of TNT like 2 kt. The factor
-is MultiPEM's C2N = 2. A law stated for a yield is therefore asked at Y = 2 W, and at a
+is MultiPEM's C2N = 2. A law for a yield is therefore evaluated at Y = 2 W, and at a
 distance in metres per kt^(1/3).
 """
 

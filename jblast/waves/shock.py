@@ -59,7 +59,7 @@ The far rows of one shot share the first, which stands for its weather. It inclu
 median loss, since the sign depends on the weather: downwind, peaks rise. It is
 independent of the level of the shot near the charge. The second is that of each record,
 the scale of a Student-t with 4 degrees of freedom. Both are bounded; an unbounded
-scatter would let any distant reading agree with any mass. The numbers, in
+scatter would allow any distant reading to agree with any mass. The numbers, in
 `data/far_scatter.json`, are estimated by `calibration/far_pressure.py` from 189 records
 of 18 chemical shots, Z = 22 to 838 m/kg^(1/3).
 
@@ -68,7 +68,7 @@ rows alone reliable, so the range of these laws ends at Z = 300: masses of held-
 shots from peaks past 300 alone are too small, and 3 of 8 intervals of 90 % contain the
 true one (none with the scatter near the charge). A heavier charge would put the rows
 nearer, where the laws hold and the recorded peaks would contradict them. Whether the
-knee is at one Z for all masses and weathers cannot be shown by four campaigns.
+knee is at one Z for all masses and weathers cannot be decided by four campaigns.
 """
 
 import json
@@ -155,7 +155,7 @@ def blast_wind(
 def plane_wave_wind(
     overpressure: Float[Array, "..."], sound_speed: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    r"""Return $5 c_0 x/(7\sqrt{1 + 6x/7})$ [m/s] of any $x$: suctions draw it back.
+    r"""Return $5 c_0 x/(7\sqrt{1 + 6x/7})$ [m/s]; negative for a suction.
 
     Args:
         overpressure: $x = p/P_0$ [-], above -7/6.
@@ -200,7 +200,7 @@ def normally_reflected_pressure(
     peak_overpressure: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Float[Array, "..."]:
-    """Return the peak overpressure on a rigid wall that the front hits squarely [Pa].
+    """Return the peak overpressure on a rigid wall at normal incidence [Pa].
 
     Twice the incident one for a weak shock, eight times for a strong one.
     """
@@ -238,7 +238,7 @@ def oblique_reflected_pressure_arl(
     reflected_pressure: Float[ArrayLike, "..."],
     incidence_angle: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Return the same by the form ARL-TR-1310 prints, for comparison [Pa].
+    r"""Return the same by the form printed in ARL-TR-1310, for comparison [Pa].
 
     $$p = p_r \cos^2\alpha + p_{so}\,(1 + \cos^2\alpha - 2\cos\alpha)$$
 
@@ -260,7 +260,7 @@ class WeakShockTail:
     """The tail of one pressure curve.
 
     Attributes:
-        join: Scaled distance where it takes over [m/kg^(1/3)].
+        join: Scaled distance of its start [m/kg^(1/3)].
         amplitude: $A$ [Pa m/kg^(1/3)].
         length: $b$ [m/kg^(1/3)].
     """
@@ -278,15 +278,15 @@ class WeakShockTail:
 
 
 def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
-    r"""Return the tail that leaves a point: the slope decides $b$, then the value $A$.
+    r"""Return the tail from a point: $b$ follows from the slope, then $A$ from $p$.
 
     Args:
-        join: Distance there, in any unit; $b$ is in the same.
-        pressure: $p$ there, in any unit; $A$ is in its product with that of distance.
+        join: Distance there, in any unit; $b$ has the same.
+        pressure: $p$ there, in any unit; $A$ has its product with that of distance.
         slope: $d\ln p/d\ln Z$ there [-].
 
     Raises:
-        InputError: The slope is flatter than that of 1/Z, which no tail's is.
+        InputError: The slope is flatter than that of 1/Z, so no tail has it.
     """
     if not slope < -1.0:
         raise InputError(f"slope at join must be steeper than -1, got {slope:g}")
@@ -303,10 +303,10 @@ def weak_shock_tail(pressure: Segment, join: float) -> WeakShockTail:
 
     Args:
         pressure: The curve, ln Pa against ln Z.
-        join: Where they meet [m/kg^(1/3)].
+        join: Scaled distance of the junction [m/kg^(1/3)].
 
     Raises:
-        InputError: The curve is flatter than 1/Z there, which no tail is.
+        InputError: The curve is flatter than 1/Z there, so no tail meets it.
     """
     log_z = math.log(join)
     return tail_from(
@@ -318,9 +318,9 @@ class FarScatter(NamedTuple):
     """Scatter of one quantity far away.
 
     Attributes:
-        shared: $F$, of what the far rows of a shot share [ln].
+        shared: $F$, of the effect common to the far rows of a shot [ln].
         record: $R$, scale of each record [ln].
-        knee: $Z_k$, where both have half their size [m/kg^(1/3)].
+        knee: $Z_k$, where both have half their final value [m/kg^(1/3)].
     """
 
     shared: float

@@ -38,19 +38,20 @@ the slope returned is that of the negative phase. The cubic does not keep $P^-$ 
 the ambient pressure, which no suction exceeds; the laws for $P^-$ do.
 
 Real fronts rise in a finite time: by the thickness of a weak shock, by the ground and
-the turbulence on the way, and in every gauge. A sharp front has no derivative by its
-arrival time. `finite_rise_pressure` has one everywhere: it is the sharp pulse $p_F$
-seen through two equal lags, as by a critically damped gauge,
+the turbulence on the path, and in every gauge. A sharp front has no derivative with
+respect to its arrival time. `finite_rise_pressure` has one everywhere: it is the sharp
+pulse $p_F$ after two equal lags, as in a critically damped gauge,
 
 $$p(t) = \int_0^t p_F(u)\,\frac{t-u}{\tau^2}\,e^{-(t-u)/\tau}\,du
   = P_s\,x^2\,e^{-x} \left[k(w) + \frac{t}{t_d}\,k'(w)\right]$$
 
 with $x = t/\tau$, $\beta = b/t_d$ and $w = (\beta - 1/\tau)\,t$. This is a
 construction, not a law of the front's shape. Pressure and slope are exactly zero up to
-the arrival, and leave it smoothly ($t^2$); the curvature jumps there. The kernel has
-the integral one, so the whole record keeps its impulse for $b > 0$. As the rise time
-goes to zero the sharp pulse is recovered, with a difference of $(1 + b)\,2\tau/t_d$ of
-$P_s$ behind the front: the lag is $2\tau$, and the peak is lower than $P_s$.
+the arrival and start smoothly there ($t^2$); the curvature jumps. The integral of the
+kernel is one, so the impulse of the whole record is unchanged for $b > 0$. As the rise
+time goes to zero the sharp pulse is recovered, with a difference of $(1 +
+b)\,2\tau/t_d$ of $P_s$ behind the front: the lag is $2\tau$, and the peak is lower than
+$P_s$.
 
 The rise time of a weak shock is
 
@@ -64,10 +65,9 @@ booms, 1 ms at 1 psf = 47.9 Pa, where relaxation of nitrogen and oxygen sets it:
 memory, declared, not measured. Turbulence and dry air make it several times as long
 (3 ms at 1 psf is used too). So it is 0.5 us at 1 bar, less than any sample; 8 us at
 6 kPa (Z = 20 on the surface), 0.05 ms at Z = 100 and 0.7 ms at 1000, for every charge.
-For small charges far away that would be longer than the pulse, which has then stopped
-steepening. The harmonic bound $\tau_m$, below the time in which the peak would give the
-whole impulse, keeps the rise so short that a pulse with these values exists
-(`pulse.py`).
+For small charges far away that would exceed the length of the pulse, which no longer
+steepens there. The harmonic bound $\tau_m$ is shorter than the time in which the peak
+would give the whole impulse, so a pulse with these values exists (`pulse.py`).
 
 `blast_pulse` gives the parameters of one blast at a position; records and the loads on
 vehicles (`vehicle.loads.blast`) both follow from it:
@@ -82,16 +82,16 @@ vehicles (`vehicle.loads.blast`) both follow from it:
   to 2).
 
 A vehicle's wave has the same pulse and the same $P^-$, but a negative phase of another
-length: that whose impulse is the pulse's own, $t^- = \tfrac{16}{9}\,i^+/P^-$. With the
-tabulated one, 5 to 16 % larger at Z = 5 to 36, a third at 2, by half at 1, the wind, in
-which the pressure is integrated, would not end.
+length: its impulse equals that of the positive phase, $t^- = \tfrac{16}{9}\,i^+/P^-$.
+The tabulated impulse is larger, by 5 to 16 % at Z = 5 to 36, a third at 2 and half at
+1. With it the wind, an integral of the pressure, would not return to zero.
 
 At the end of the positive phase the pressure is continuous, its slope is not. The
 pressure never falls below vacuum. The negative table is for free air. On the surface it
-is read for the mass that has the same peak there: `ground_factor` times as much, 1.4
-near the charge to 2.0 far away. Past its last point, Z = 36.975 there (46.7 on the
-surface), suction and its impulse keep their shares of peak and impulse: 0.49 and 1.20
-(0.53 and 1.12 in free air).
+is evaluated for the mass that has the same peak there: `ground_factor` times as much,
+1.4 near the charge to 2.0 far away. Past its last point, Z = 36.975 there (46.7 on the
+surface), suction and its impulse are constant fractions of peak and impulse: 0.49 and
+1.20 (0.53 and 1.12 in free air).
 
 Range of the whole record: Z = 0.178 (free air 0.147) to 1e4 m/kg^(1/3), without
 absorption; finite elsewhere. In single precision the time since arrival is the
@@ -131,13 +131,13 @@ r"""From 10 to 90 % of a step $1 - (1 + x)\,e^{-x}$: x from 0.5318116 to 3.88972
 RISE_TIME_TIMES_PEAK = 1e-3 * 47.88
 """Of a weak shock in air, declared [Pa s]."""
 SERIES_TERMS = 18
-"""Terms of the series: the first left out is below 1/20! = 4e-19."""
+"""Terms of the series: the first left out is below 1/(20 x 18!) = 8e-18."""
 NEWTON_STEPS = 5
 """Newton steps. Four reach rounding for k from 1e-6 to 1e12; one is to spare."""
 
 
 class BlastPulse(NamedTuple):
-    r"""What one blast is at a place.
+    r"""Parameters of one blast at a position.
 
     Attributes:
         arrival_time: From detonation to the front [s].
@@ -164,7 +164,7 @@ def blast_pulse(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
     burst: str = "surface",
 ) -> BlastPulse:
-    """Return what one blast is at a place.
+    """Return the parameters of one blast at a position.
 
     Args:
         slant_range: Range $R$ [m], positive.
@@ -211,7 +211,7 @@ def suction_of(
     known = jnp.minimum(distance, last)
 
     def share(law, *air):
-        """Return what is left of a law's value past the last point of the tables."""
+        """Return the ratio of a law's value to that at the last point of the tables."""
         here, there = (law(r, mass, *air, burst=burst) for r in (distance, known))
         return here / there
 
@@ -232,10 +232,10 @@ def blast_pressure(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
     burst: str = "surface",
 ) -> Float[Array, "..."]:
-    """Return the incident overpressure at a place and time [Pa].
+    """Return the incident overpressure at a position and time [Pa].
 
     Args:
-        time_since_detonation: When [s].
+        time_since_detonation: Time [s].
         slant_range: Range $R$ [m], positive.
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
         ambient_pressure: $P_0$ [Pa], positive.
@@ -252,7 +252,7 @@ def blast_pressure(
     positive = time < duration
     return jnp.where(
         positive,
-        # which for negative decays grows without bound past the positive phase
+        # for negative decays it grows without bound past the positive phase
         modified_friedlander_pressure(
             jnp.where(positive, time, 0.0), pulse.peak, duration, pulse.decay
         ),
@@ -285,7 +285,7 @@ def modified_friedlander_pressure(
     duration: Float[ArrayLike, "..."],
     decay: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Return the overpressure of the pulse with a decay of its own [Pa].
+    r"""Return the overpressure of the pulse with a free decay [Pa].
 
     $$p = P_s (1 - t/t_d)\,e^{-b\,t/t_d}$$
 
@@ -333,8 +333,8 @@ def friedlander_decay(
 ) -> Float[Array, "..."]:
     r"""Return the decay $b$ that gives a pulse its impulse [-].
 
-    The root of `friedlander_impulse`: the one there is for every $k = i/(P_s t_d)$,
-    0 at $k = 1/2$. Above it $b$ is negative; above $e - 2 = 0.718$ it is below $-1$,
+    The root of `friedlander_impulse`, which is unique for every $k = i/(P_s t_d)$: 0 at
+    $k = 1/2$. Above it $b$ is negative; above $e - 2 = 0.718$ it is below $-1$,
     and peak, impulse and duration do not belong to one Friedlander pulse.
 
     Args:
@@ -408,7 +408,7 @@ def finite_rise_pressure(
     r"""Return the overpressure of a pulse with a finite rise [Pa].
 
     Args:
-        time: $t$ since the first of it arrives [s]; negative before.
+        time: $t$ since its first arrival [s]; negative before.
         peak_overpressure: $P_s$ of the sharp pulse [Pa], positive.
         duration: Of its positive phase, $t_d$ [s], positive.
         decay: Its $b$ [-].
@@ -487,7 +487,7 @@ def impulse_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
 
 @jax.jit
 def late_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return $g(b)$, which weighs what comes late."""
+    """Return $g(b)$, the integral weighted with time."""
     series = [(-1.0) ** n / (math.factorial(n) * (n + 2)) for n in range(SERIES_TERMS)]
     near, b = _split(decay)
     far = (-jnp.expm1(-b) / b - jnp.exp(-b)) / b
@@ -505,11 +505,12 @@ def middle_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
 def decay_of_fraction(fraction: Float[Array, "..."]) -> Float[Array, "..."]:
     r"""Return the decay $b$ of an impulse fraction $k > 0$, the inverse of $k(b)$.
 
-    Newton's steps, which cannot fail: $q(b) = 1/k(b)$ is convex and rising, so for
-    $k \le 1/2$ they fall towards the root from any start above it: the tangent at zero
-    gives $\tfrac32(1/k - 2)$, the asymptote $1/k - 1$. For $k > 1/2$ they are taken of
-    $\ln q$, concave at negative $b$, and rise from below, where its tangent at zero
-    puts $-3\ln 2k$. The derivative is that of the implicit function, not of the steps.
+    Newton's method, which always converges: $q(b) = 1/k(b)$ is convex and rising, so
+    for $k \le 1/2$ the steps fall towards the root from any start above it: the tangent
+    at zero gives $\tfrac32(1/k - 2)$, the asymptote $1/k - 1$. For $k > 1/2$ they are
+    taken of $\ln q$, concave at negative $b$, and rise from below, where its tangent at
+    zero puts $-3\ln 2k$. The derivative is that of the implicit function, not of the
+    steps.
     """
     rising = fraction > 0.5
     inverse = 1.0 / fraction
@@ -542,7 +543,7 @@ def _fraction_and_slope(decay):
 
 
 def _split(decay):
-    """Return where the series holds, and the decay kept away from zero there."""
+    """Return where the series is used, and the decay, replaced by 1 there."""
     near = jnp.abs(decay) < 1.0
     return near, jnp.where(near, 1.0, decay)
 

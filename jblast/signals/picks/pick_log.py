@@ -28,9 +28,9 @@ from jblast.observations.grouping import stacked
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.observations.records.stations import Station, started
-from jblast.observations.table import CLOCK_TIMES, OF_SAMPLES, SAMPLES, RecordCovariance
+from jblast.observations.table import OF_SAMPLES, SAMPLES, RecordCovariance
 from jblast.progress import each
-from jblast.quantities import ADDITIVE
+from jblast.quantities import ADDITIVE, CLOCK_TIMES
 from jblast.signals.arrays import bangs
 from jblast.signals.matched_filter import Detection
 from jblast.signals.onsets import stretches
