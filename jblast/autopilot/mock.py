@@ -1,7 +1,8 @@
-"""An autopilot to try a simulator with: a position hold that speaks MAVLink.
+"""An autopilot for testing a simulator: a position controller with a MAVLink link.
 
-It knows the vehicle, and where it is by HIL_STATE_QUATERNION; it arms at once. The same
-control without a network, on the same rounded numbers, is `RoundedHold`.
+It has the vehicle's parameters and takes the state from HIL_STATE_QUATERNION; it arms
+immediately. The same control without a network, on the same rounded numbers, is
+`RoundedHold`.
 """
 
 import socket

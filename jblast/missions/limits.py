@@ -1,4 +1,4 @@
-"""How fast a mission is flown, and where it may go.
+"""Speed limits of a mission, and the region where it may fly.
 
 Defaults of PX4's parameters for missions of multicopters (from memory, in brackets).
 """

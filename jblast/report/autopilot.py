@@ -1,4 +1,4 @@
-"""What `jblast serve` says of an autopilot in lockstep, and of a ground station."""
+"""The answer of `jblast serve` with an autopilot in lockstep, or a ground station."""
 
 from dataclasses import asdict, dataclass
 from typing import Any

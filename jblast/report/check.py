@@ -1,4 +1,4 @@
-"""What `jblast check` says of a log: slips of the pen, magnitudes no law explains."""
+"""The answer of `jblast check`: mistakes in a log, and magnitudes no law explains."""
 
 import re
 import textwrap

@@ -1,4 +1,4 @@
-"""What `jblast bound` says of a planned layout."""
+"""The answer of `jblast bound` on a planned layout."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Where a next sensor should stand: the sd of mass and of place over the plane."""
+"""Positions for a next sensor: the sd of mass and position, mapped over the plane."""
 
 import textwrap
 

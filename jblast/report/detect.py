@@ -1,4 +1,4 @@
-"""What `jblast detect` found in sound."""
+"""The answer of `jblast detect` for sound."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What `jblast discover` found in a trajectory: equations, and doubts about them."""
+"""The answer of `jblast discover`: equations, and doubts about them."""
 
 import math
 from collections.abc import Mapping, Sequence

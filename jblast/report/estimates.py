@@ -1,4 +1,4 @@
-"""How an estimate is printed: its value, its 90 % interval, no digit too many."""
+"""Estimates in print: value and 90 % interval, to the digits that are significant."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How every figure of a report looks: quiet axes, colours all can tell apart."""
+"""The style of every figure: light axes, and colours safe for the colour-blind."""
 
 from collections.abc import Iterable
 

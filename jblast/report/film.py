@@ -1,4 +1,4 @@
-"""What `jblast render` and `jblast events` wrote."""
+"""The answers of `jblast render` and `jblast events`."""
 
 import json
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What `jblast detect` found in film."""
+"""The answer of `jblast detect` for film."""
 
 import math
 from collections.abc import Sequence

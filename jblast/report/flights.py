@@ -1,8 +1,8 @@
-"""What became of the vehicles that `jblast fly` flew.
+"""The answer of `jblast fly`: effects on the vehicles, and the tables of their flights.
 
-`jblast discover` reads the table of a flight. Beside position, velocity and attitude it
-has the direction in which the rotors pull (body z in world axes): acceleration by
-thrust is linear in it, and not in the quaternion.
+`jblast discover` reads the table of a flight. Besides position, velocity and attitude
+it has the direction of the rotors' thrust (body z in world axes), because acceleration
+by thrust is linear in this direction, and not in the quaternion.
 """
 
 import math

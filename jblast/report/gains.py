@@ -1,4 +1,4 @@
-"""Gains that `jblast tune --gains` found."""
+"""The answer of `jblast tune --gains`."""
 
 import textwrap
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
-"""What the sensors of a scene recorded, as `jblast listen` tells and writes it.
+"""The records of a scene's sensors, as `jblast listen` prints and writes them.
 
-Samples come in pieces of any size and are seen once. What is kept of them for a figure
-takes constant memory, and does not depend on the size of the pieces.
+Samples arrive in chunks of any size and are read once. The data stored for a figure
+take constant memory and do not depend on the size of the chunks.
 """
 
 import math

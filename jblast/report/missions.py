@@ -1,4 +1,4 @@
-"""How a mission went."""
+"""The answer of `jblast fly` for a mission."""
 
 import math
 import textwrap

@@ -1,4 +1,4 @@
-"""Files of `jblast pick --report`: records and their pulses, drawn, and on a page."""
+"""Files of `jblast pick --report`: figures of records and their pulses, and a page."""
 
 import json
 from collections.abc import Sequence

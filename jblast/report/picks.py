@@ -1,4 +1,4 @@
-"""What `jblast pick` read from records."""
+"""The answer of `jblast pick`."""
 
 import math
 from collections.abc import Mapping

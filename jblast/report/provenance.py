@@ -1,4 +1,4 @@
-"""What a report was made of: command, date, versions, and files by their SHA-256."""
+"""Provenance of a report: command, date, versions, and files by their SHA-256."""
 
 import functools
 import hashlib

@@ -1,4 +1,4 @@
-"""What a run of `jblast study` says."""
+"""The answer of a run of `jblast study`."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What `jblast tune` found."""
+"""The answer of `jblast tune`."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""How a log was understood, in words."""
+"""The interpretation of a log, in words."""
 
 from collections.abc import Sequence
 from functools import singledispatch

@@ -1,4 +1,4 @@
-"""What `jblast world` and `jblast serve` say."""
+"""The answers of `jblast world` and `jblast serve`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field

@@ -1,8 +1,8 @@
 """A world on one page.
 
 The timeline has all records on one time axis, as figures 4.7 and 4.8 of the thesis:
-path from the place that is held, path error, force, moment, samples of sensors, events
-and a strip of frames; dashed lines are the blasts.
+path relative to the set point, path error, force, moment, samples of sensors, camera
+events and a strip of frames; dashed lines are the blasts.
 """
 
 import csv

@@ -18,7 +18,7 @@ import hashlib
 import itertools
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -47,8 +47,6 @@ DESIGNS: tuple[Design, ...] = ("random", "sobol", "latin", "grid")
 Keep = Literal["all", "summary"] | int
 MOST_SAMPLES = 2**40
 """A limit of the key's counter and of patience: 1e12."""
-OwnFunction = Callable[..., Any]
-"""A user's own outcome: from a key and a scene to a number."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Records of the inertial units on a world's vehicle, and the jolts picked from them.
 
-The true times say in which stretch a jolt is looked for, up to midway to the blasts
-before and after, and nothing else. The initial attitude and velocity of a stretch and
-the rotor speeds are those of the flight.
+The true times set the search interval of each jolt, up to midway to the blasts before
+and after it, and nothing else. The initial attitude and velocity of an interval and the
+rotor speeds are those of the flight.
 """
 
 import zlib

@@ -1,9 +1,9 @@
-"""Who perceives what of which blast, and when.
+"""Perception of blasts: who perceives which blast, and when.
 
-Blasts come one after another, so each reading belongs to one blast, which the column
-`shot` of the log names; a fit separates the blasts by it. In a real recording that
-would have to be found out. Errors of two blasts are independent: each has its own
-shared effects, as two shots on a range have.
+Blasts follow one another, so each reading belongs to one blast, which the column `shot`
+of the log names; a fit separates the blasts by it. In a real recording this assignment
+would have to be found. Errors of two blasts are independent: each has its own shared
+effects, as two shots on a range have.
 """
 
 from collections.abc import Collection, Mapping

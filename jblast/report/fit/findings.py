@@ -1,4 +1,4 @@
-"""What an answer says beside its numbers."""
+"""Findings printed with the answer of a fit."""
 
 from collections.abc import Iterable, Mapping
 from functools import singledispatch

@@ -1,4 +1,4 @@
-"""Rows of a log beside the answer, and accepted values."""
+"""Rows of a log with the answer of a fit, and accepted values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
-"""What a chart of speed against accuracy is made of.
+"""The parts of a chart of speed against accuracy.
 
-Every part of jblast with more than one method registers a benchmark: what it is to be
-held against, and a function that measures each method's cost and error on this machine.
+Every part of jblast with more than one method registers a benchmark: its reference, and
+a function that measures cost and error of each method on this machine.
 """
 
 from collections.abc import Callable, Mapping, Sequence

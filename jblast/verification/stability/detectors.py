@@ -1,7 +1,8 @@
-"""Where detectors and picks of pressure records fail.
+"""Failure modes of detectors and of picks of pressure records.
 
-Detectors fail by circles, rotors, gusts, echoes, clipping and wrong templates, the
-detector of flashes for small fireballs, in front of a turning camera and by lightning.
+Detectors of sound fail by circular filtering, rotors, gusts, echoes, clipping and wrong
+templates. The detector of flashes fails for small fireballs, for a turning camera and
+by lightning.
 
 Picks fail by noise, low rates, drift, echoes and clipping. The records are of six
 gauges about 15 kg, five times. A pick *fails* where arrival, peak, duration or impulse

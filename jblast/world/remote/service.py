@@ -1,4 +1,4 @@
-"""The methods of the server, and one stream to an entity."""
+"""The methods of the server, and the stream of packets to one entity."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""A server that listens: on which address, for whom, for how long."""
+"""The server that listens: its address, access, TLS and duration."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""Who takes part in a world, by name, and when packets are.
+"""The entities of a world by name, and the times of packets.
 
 Packet k covers the time from k/rate to (k + 1)/rate of the world's clock. Rates are
 used as they are written (`1/Fraction("0.1")` is ten), so no time drifts, and a sample
