@@ -29,7 +29,7 @@ from jblast.vehicle import Controller, State, Vehicle
 
 
 class RoundedHold(eqx.Module):
-    """A controller that sees and says what goes through MAVLink's messages.
+    """A controller with inputs and outputs rounded as in MAVLink's messages.
 
     Attributes:
         control: Who flies.
@@ -72,7 +72,7 @@ class RoundedHold(eqx.Module):
         memory: PyTree[Array],
         time_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
-        """Return the motors' controls for what was told, and the memory afterwards."""
+        """Return the motors' controls for a message, and the memory afterwards."""
         state = state_heard(self.origin, reported, jnp.zeros(4))
         control: Controller = self.control
         period = jnp.asarray(PERIOD_S, float)
@@ -86,7 +86,7 @@ class Mock:
 
     Args:
         hold: Who flies.
-        vehicle: As it knows it.
+        vehicle: Its model of the vehicle.
     """
 
     def __init__(self, hold: RoundedHold, vehicle: Vehicle):

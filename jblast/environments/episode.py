@@ -152,7 +152,7 @@ class EnvironmentParams(eqx.Module):
         step_s: Of environment and integrator.
         episode_steps: Most steps of an episode.
         task: Its name.
-        command: What an action means, a name of `commands.COMMANDS`.
+        command: What an action means, a name of `COMMANDS`.
         most_delay: Steps that an action may be late.
     """
 

@@ -95,7 +95,7 @@ class Choice:
         candidates: All methods that were looked at, the cheapest first.
         span: Smallest and largest scaled distance [m/kg^(1/3)].
         reference_uncertainty: How far the reference itself may be off there.
-        by_height: The curve sets that the heights of charges left, where none was said.
+        by_height: Curve sets left open by the heights of charges without a stated one.
         notes: What contradicts the heights, a sentence each.
     """
 
@@ -159,7 +159,7 @@ def choose(
 def _of_heights(
     scene: Scene, unsettled: Sequence[Path], quantity: str, sensors: Sequence[Sensor]
 ) -> tuple[tuple[Burst, ...], tuple[str, ...]]:
-    """Return which curve sets heights leave where none is said, and what is odd.
+    """Return the curve sets that heights leave open, and contradictions.
 
     Args:
         scene: The charges.
@@ -184,10 +184,10 @@ def _of_heights(
 def tolerance_of(
     sigma: Float[np.ndarray, " place"], quantity: str, conditions: Sequence[Conditions]
 ) -> float:
-    """Return a third of the smallest sigma, relative; zero if none is told.
+    """Return a third of the smallest sigma, relative; zero without any.
 
     Args:
-        sigma: Of each place; seconds for times, else relative; NaN if not told.
+        sigma: Of each place; seconds for times, else relative; NaN if not stated.
         quantity: What they are of.
         conditions: From each charge at these places. A time's sigma counts as a share
             of what sound would take.
@@ -195,7 +195,7 @@ def tolerance_of(
     shares = sigma
     if quantity in TIMES:
         longest = np.max([each.sound_time for each in conditions], axis=0)
-        away = longest > 0.0  # a sensor at the charge says nothing
+        away = longest > 0.0  # at the charge itself there is no travel time
         shares = shares[away] / longest[away]
     stated = shares[np.isfinite(shares)]
     return SHARE_OF_SIGMA * float(stated.min()) if stated.size else 0.0
@@ -229,7 +229,7 @@ def choose_for(
         found = min(alike, key=lambda c: _preference(quantity, c, conditions))
     else:
         blind = blind_to_height(quantity, conditions)
-        # one that knows of burial, out of its range, before any that does not
+        # a method with the depth as input, even outside its range, before one without
         found = min(
             taken,
             key=lambda c: (c.method in blind, *_nearness(quantity, c, conditions)),
@@ -440,9 +440,9 @@ def candidates_for(
 
 
 def blind_to_height(quantity: str, conditions: Sequence[Conditions]) -> set[str]:
-    """Return the methods that do not know how high or deep the charge is.
+    """Return the methods without a height or depth of the charge as input.
 
-    None where it stands on the ground, or where the reference does not know either.
+    None where it stands on the ground, or where the reference has no such input either.
     """
     for each in conditions:
         z = np.asarray(each.z)

@@ -131,7 +131,7 @@ def methods_for(quantity: str) -> tuple[str, ...]:
 
 
 def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " place"]:
-    """Return what a method says, also where it does not hold (see `holds`).
+    """Return the value by a method, also outside its range (see `holds`).
 
     Args:
         quantity: What is asked for.
@@ -433,7 +433,7 @@ def is_too_far(
 def reference_value(
     quantity: str, path: Path, *, lossless: bool = False
 ) -> Float[Array, " place"]:
-    """Return what the reference says; NaN where there is none.
+    """Return the value by the reference; NaN where there is none.
 
     Args:
         quantity: One of `REFERENCES`.

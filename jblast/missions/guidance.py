@@ -57,11 +57,11 @@ AT_END_M = 1e-6
 
 
 class GuidanceHistory(NamedTuple):
-    """What the guidance said at each row.
+    """Output of the guidance at each row.
 
     Attributes:
         set_point_m: Where the vehicle should have been.
-        phase: Of `guidance.PHASES`.
+        phase: Of `PHASES`.
         leg: Which leg was flown.
     """
 
@@ -288,7 +288,7 @@ def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -
     """Return what a hold is shown, so that it follows an aim that moves.
 
     Args:
-        vehicle: As the hold knows it.
+        vehicle: The hold's model of the vehicle.
         gains: Of the hold.
         state: Of the vehicle.
         aim: Where it should be.

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Limits(NamedTuple):
-    """How a mission is flown where its plan does not say.
+    """Defaults for a mission whose plan leaves them out.
 
     Attributes:
         speed_m_s: Over ground [MPC_XY_CRUISE].

@@ -55,7 +55,7 @@ STRAIGHT = math.radians(0.5)
 """A corner of less is none; of more than half a turn less this, a stop."""
 Vector = Float[np.ndarray, "3"]
 CIRCLE_M = 10.0
-"""Radius where an item for turns says none; declared."""
+"""Default radius of an item for turns; declared."""
 RAISES = 1e-3
 """Least difference of heights that is flown by itself [m]."""
 
@@ -218,7 +218,7 @@ def mission_of(
         place: Where the origin lies; None: at the plan's home.
         position_m: Where the vehicle stands; None: at the plan's home.
         yaw_rad: Its heading there.
-        limits: How it is flown where the plan does not say; None: as PX4 does.
+        limits: Defaults for a plan that leaves them out; None: PX4's.
         may_hover_on: Whether it may end in the air.
 
     Raises:
@@ -296,7 +296,7 @@ def stops_of(
         plan: The plan.
         frame: Where east-north-up has its origin.
         home_m: Where the vehicle stands, on the ground.
-        limits: How it is flown where the plan does not say.
+        limits: Defaults for a plan that leaves them out.
         may_hover_on: Whether it may end in the air.
 
     Raises:
@@ -662,7 +662,7 @@ def _goal(
 
 
 def _yaw(item: Item) -> float:
-    """Return a heading from east to north; NaN where an item says none."""
+    """Return a heading from east to north; NaN where an item has none."""
     degrees = item.params[3]
     if degrees is None or item.command not in (WAYPOINT, LOITER, LAND, TAKEOFF):
         return math.nan
@@ -679,7 +679,7 @@ def _at_least(item: Item, parameter: int, least: float, where: str) -> None:
 
 
 def check_reach(stop: Stop, home: Float[np.ndarray, "3"], at: str) -> None:
-    """Refuse a place that cannot be reached, and say why."""
+    """Refuse a place that cannot be reached, with the reason."""
     away = float(np.hypot(*(stop.goal_m - home)[:2]))
     up = float(stop.goal_m[2] - home[2])
     if away + abs(stop.radius_m) > FARTHEST_M:
@@ -704,10 +704,10 @@ def frame_of(plan: Plan, place: Place | None = None) -> Frame:
 
     Args:
         plan: The plan.
-        place: Where the scene's origin lies, if it says so.
+        place: Position of the scene's origin on the Earth, if specified.
 
     Raises:
-        InputError: Neither says where.
+        InputError: Neither specifies a position.
     """
     where = plan.home if place is None else place
     if where is None:

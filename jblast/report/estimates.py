@@ -25,7 +25,7 @@ class Printed:
     Attributes:
         value: With its unit, "not identified" where there is none.
         interval: The 90 % interval with its unit, "-" where there is none.
-        beside: The same value in another unit a reader may know, or "".
+        beside: The same value in another common unit, or "".
     """
 
     value: str

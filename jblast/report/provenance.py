@@ -39,7 +39,7 @@ class Provenance:
         logs: The log with its covariances and files of samples, or the recordings that
             it was made of; none where it was made in memory.
         scene: The scene; null where none was read from a file.
-        scene_text: All that the scene's file says; "" where there is none.
+        scene_text: Content of the scene's file; "" where there is none.
     """
 
     command: str

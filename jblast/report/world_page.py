@@ -79,7 +79,7 @@ class Table:
         rows: Cells.
         numbers: Columns that end below one another.
         marked: Rows that are to be looked at.
-        lines: What is said below.
+        lines: Text below.
     """
 
     title: str
@@ -132,7 +132,7 @@ class RunFolder:
 
     Attributes:
         path: Where it is.
-        document: What run.json says.
+        document: Contents of run.json.
         flight: Rows of flight.csv; None where nothing flew.
         waveforms: By sensor that samples.
         frames: Time of each frame that was kept [s] and its file.
@@ -149,7 +149,7 @@ class RunFolder:
 
 @dataclass(frozen=True)
 class ShotAnswer:
-    """What the readings of one blast tell.
+    """The answer from the readings of one blast.
 
     Attributes:
         shot: Its name.
@@ -557,7 +557,7 @@ def answers_of(
 
     Args:
         directory: The world's folder.
-        document: What its run.json says.
+        document: Contents of its run.json.
         scene: The scene that it was drawn from; [world] becomes the prior.
 
     Raises:

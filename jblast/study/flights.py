@@ -78,7 +78,7 @@ _exposed_each = eqx.filter_jit(
 followed_along = kept(followed)
 thrown_of = kept(thrown)
 AFTER_S = 5.0
-"""Seconds after the last arrival where nothing is said."""
+"""Default time after the last arrival."""
 MOST_STEPS = 4_000_000
 """Steps of a flight: half an hour at the default step."""
 ROWS = 20_000
@@ -90,7 +90,7 @@ ROW_S = 0.02
 and more."""
 MOST_VEHICLES = 10_000_000
 BOTH_HOLDS = ("with_integral", "without_integral")
-"""Flown where nothing is said."""
+"""Flown by default."""
 
 
 def fly(
@@ -580,7 +580,7 @@ def named_controllers(
 
     Args:
         controllers: Those asked for; None: both holds.
-        own: The scene's own hold; None where it does not say.
+        own: The hold that the scene specifies; None without one.
 
     Raises:
         InputError: An empty list is asked for.

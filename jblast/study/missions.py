@@ -80,9 +80,9 @@ from jblast.vehicle import (
 )
 
 MISSION_STEP_S = 0.004
-"""Of the integrator and the controller where nothing is said: PX4's 250 Hz."""
+"""Default of the integrator and the controller: PX4's 250 Hz."""
 TOLERANCE_M = 0.2
-"""Of the path error where nothing is said: undisturbed, corners stay below it."""
+"""Default for the path error: undisturbed, corners stay below it."""
 EACH_ROW_S = 0.02
 """Rows at which the blasts are looked for."""
 _encounter = kept(encounter_of)
@@ -148,7 +148,7 @@ class MissionFlight:
     """A mission that was flown.
 
     Attributes:
-        vehicle: What the scene says of it.
+        vehicle: Its section of the scene.
         mission: What it was to fly.
         options: How it was flown.
         integral: Whether its hold has integral action.
@@ -157,7 +157,7 @@ class MissionFlight:
         places_m: Of the charges, east, north, up.
         wind_m_s: Towards east, north.
         trajectory: A row each time that its controller was asked.
-        guided: What the guidance said at each row.
+        guided: Output of the guidance at each row.
         path_error_m: Distance from the set point at each row.
         encounter: How the blasts came to it.
         exposure: What they did to it beside moving it.
@@ -167,7 +167,7 @@ class MissionFlight:
         followed: What it took for its state at each row; None: the truth.
         disarmed_s: When it was disarmed; NaN: never.
         crash: What it crashed by; "" if it did not.
-        notes: What there is to say besides.
+        notes: Further remarks.
     """
 
     vehicle: VehicleSpec
@@ -451,7 +451,7 @@ class Rows(NamedTuple):
 
     Attributes:
         flight: The vehicle, in truth.
-        guided: What the guidance said.
+        guided: Output of the guidance.
         followed: What it took for its state; None: the truth.
     """
 
@@ -497,7 +497,7 @@ def flown(
 
 
 def cut(rows: Rows, options: Options) -> Rows:
-    """Cut a flight off after it was disarmed, if nobody said how long."""
+    """End a flight without a given duration after the vehicle is disarmed."""
     phase = np.asarray(rows.guided.phase)
     time = np.asarray(rows.flight.time_s)
     if options.seconds is not None or phase[-1] != ENDED:
@@ -588,7 +588,7 @@ def waypoints_of(
     Args:
         mission: What was to be flown.
         flight: Its rows.
-        guided: What the guidance said at them.
+        guided: Output of the guidance at these rows.
         error_m: Distance from the set point.
         until_s: When it crashed; infinite: it did not.
     """
@@ -643,7 +643,7 @@ def disturbances_of(
         arrival_s: Of each at the vehicle.
         mission: What was to be flown.
         flight: Its rows.
-        guided: What the guidance said at them.
+        guided: Output of the guidance at these rows.
         error_m: Distance from the set point.
         tolerance_m: Within which a vehicle has recovered.
     """

@@ -46,7 +46,7 @@ OTHERS = {
     CAMERA: (("flash_time_s", "flash"),),
 }
 WAVES = ("flash_time_s", "ground_arrival_s", "air_arrival_s")
-"""What brings a blast, by the quantity that says when."""
+"""Carrier of a blast, by the quantity that times it."""
 BEFORE_S, AFTER_S = 0.25, 0.5
 """Of a stretch about an arrival, at most."""
 BY_LIGHT = ("flash_time_s", "fireball_radius_px", "fireball_radius_m")

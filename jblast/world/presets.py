@@ -34,13 +34,13 @@ PRESSURE_SENSES = ("pressure", "anemometer", "imu", "vehicle")
 """Kinds of those whom a blast's pressure reaches rather than its sound."""
 OCCURRENCES = ("count", "rate_hz", "probability")
 TOGETHER = (("region_m", "about"), (*OCCURRENCES, "tick_s"))
-"""Keys of [world] that say one thing: who says one of them says it all."""
+"""Keys of [world] for one choice: a scene with one of them makes the choice."""
 LoadLaw = Literal["thesis-as-printed", "thesis-as-coded"]
 
 
 @dataclass(frozen=True)
 class Preset:
-    """How blasts act, and which there are where a scene does not say.
+    """Effects of blasts, and the blasts themselves where a scene has none.
 
     Attributes:
         name: As it is asked for.

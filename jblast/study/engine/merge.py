@@ -163,7 +163,7 @@ def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
 
 
 def _rewritten(found: Sequence[Store], whole: Store) -> None:
-    """Cut the rows of stores into tiles anew."""
+    """Cut the rows of stores into tiles of another size."""
     left: dict[str, np.ndarray] = {}
     tile = 0
     rows = (store.read_tile(n) for store in found for n in range(store.tiles))

@@ -61,7 +61,7 @@ class Prepared(NamedTuple):
         batched: What calculates it.
         finish: What makes answers of what that returns, for a batch, from Python; None:
             they are answers already.
-        notes: What there is to say of how it is calculated.
+        notes: Remarks on the calculation.
     """
 
     batched: Batched
@@ -77,7 +77,7 @@ class Setting(NamedTuple):
         believed: The same scene with what it says of its numbers itself, free ones
             among them: what a fit goes by.
         names: Outcomes that are asked for.
-        options: What else the study says.
+        options: Options of the study.
         pilot: Numbers of some samples, of each cell of the axes among them.
     """
 

@@ -42,7 +42,7 @@ from jblast.study.sampling.work import Reduced, Work
 if TYPE_CHECKING:
     import xarray
 SHOWN = 3
-"""Outcomes whose running estimates a progress line tells."""
+"""Outcomes whose running estimates a progress line contains."""
 Tiles = Callable[..., Iterable[tuple[int, Columns | None]]]
 """Calculates tiles by their numbers, in any order; None: whoever calculated one has
 written it. With `summary=True` they are tiles of the statistics, not of samples."""
@@ -60,7 +60,7 @@ def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
 
     Returns:
         A value of every number that was drawn or set, and of every outcome, for each
-        sample; attributes say how it came about.
+        sample; attributes state its provenance.
 
     Raises:
         InputError: An outcome cannot be had of the scene, or there is none such.
@@ -95,7 +95,7 @@ class Ran:
         seconds: How long that took, but for getting ready.
         complete: Whether the study is complete.
         reached: Whether it ended by its targets.
-        notes: What there is to say of how it was calculated.
+        notes: Remarks on the calculation.
     """
 
     store: Store
@@ -332,7 +332,7 @@ class _Run:
 
 
 def moments_of(variable: Variable, state: State) -> Moments:
-    """Return what running estimates tell of a state."""
+    """Return the running estimates of a state."""
     if variable.kind == "yes_no":
         share = state.yes / np.maximum(state.known, 1)
         square = state.yes * (1.0 - share)
@@ -398,7 +398,7 @@ def attributes_of(work: Work) -> dict[str, Any]:
 
 
 def _scenes(study: Study) -> dict[str, Any]:
-    """Return what is said of the scene; of several by the name of each."""
+    """Return the description of the scene; of several by the name of each."""
     texts = dict(study.scenes)
     scene = next(iter(texts.values()), "") if len(texts) < 2 else texts
     whole = scene if isinstance(scene, str) else json.dumps(scene)
@@ -483,7 +483,7 @@ def dataset_of(
     Args:
         variables: The columns.
         columns: Their values.
-        attributes: What the set says of itself.
+        attributes: Attributes of the data set.
         places: East, north, up [m] of the sensors by name.
     """
     import xarray

@@ -196,7 +196,7 @@ register_benchmark(
 
 
 class Answer(NamedTuple):
-    """What a method says of a log's ln mass."""
+    """Estimates of a log's ln mass by a method."""
 
     middle: float
     low: float

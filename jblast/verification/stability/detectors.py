@@ -136,7 +136,7 @@ def _row(
         unit: Of the levels.
         words: A level in words.
         most_unmarked: Share that may be far off and called good.
-        message: What is said where picks fail.
+        message: Message where picks fail.
     """
     bad = shares.failed > SHARE
     first = int(np.argmax(bad)) if bad.any() else len(levels) - 1
@@ -261,7 +261,7 @@ def flash_failures() -> list[FailureMode]:
 
 
 def is_seen(film: BlastFilm) -> bool:
-    """Return whether a blast is told within 20 ms."""
+    """Return whether a blast is detected within 20 ms."""
     found = detect_flashes(
         [(film.times, _light(film.frames))], 1000.0, flash_threshold()
     )

@@ -203,7 +203,7 @@ def _quaternion() -> FailureMode:
 
 
 def _refusal(length: float) -> str:
-    """Return what is said of a quaternion of a length in float32, "" if nothing."""
+    """Return the message on a quaternion of a length in float32, "" without one."""
     level = hovering(named("crazyflie"))
     try:
         short = np.array([0.0, 0.0, 0.0, length], np.float32)
@@ -280,7 +280,7 @@ def adjoint_failure() -> FailureMode:
 
 
 def _kernel_refusal() -> str:
-    """Return what is said of a derivative through the kernel."""
+    """Return the message on a derivative through the kernel."""
     vehicle = named("crazyflie")
     level = hovering(vehicle)
 

@@ -140,7 +140,7 @@ class Table:
         Args:
             world: What is served.
             patience_s: How long a client may keep the server waiting [s].
-            say: Is told a line of each who is dropped.
+            say: Receives a line for each client that is disconnected.
         """
         self.world = world
         self.registry = Registry()
@@ -181,7 +181,7 @@ class Table:
         self.registry.leave(name)
 
     def drop(self, name: str, peer: str, why: str) -> None:
-        """Let go of one who does not, and say so."""
+        """Disconnect one that does not, with a message."""
         self._joined.pop(name, None)
         self.registry.drop(name, peer, why)
         who = f"{name!r} ({peer})" if name else peer
