@@ -147,6 +147,12 @@ def progress_told(verb: str) -> Iterator[None]:
         line.clear()
 
 
+def serve_line(line: str) -> None:
+    """Write a line of `jblast serve` on stderr."""
+    sys.stderr.write(f"jblast serve: {line}\n")
+    sys.stderr.flush()
+
+
 class _Over:
     """A stream of text that takes the line off the terminal before it writes."""
 

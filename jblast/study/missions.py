@@ -22,7 +22,6 @@ from jaxtyping import Array, Bool, Float
 from jblast.autopilot.estimator import Followed, Thrown
 from jblast.autopilot.logs import Estimate, FlightRecord
 from jblast.errors import InputError
-from jblast.kept_programs import kept
 from jblast.missions import (
     GuidanceHistory,
     Item,
@@ -46,8 +45,6 @@ from jblast.study.flight_results import (
     FlightLoad,
     Flights,
     Options,
-    encounter_of,
-    exposed,
     load_of,
     target_of,
     trajectory_of,
@@ -61,6 +58,8 @@ from jblast.study.flights import (
     checked_scene,
     drawn_scenes,
     drawn_values,
+    encounter_along,
+    exposed_along,
     fly,
     followed_along,
     instruments_of,
@@ -85,8 +84,6 @@ TOLERANCE_M = 0.2
 """Default for the path error: undisturbed, corners stay below it."""
 EACH_ROW_S = 0.02
 """Rows at which the blasts are looked for."""
-_encounter = kept(encounter_of)
-_exposed = kept(exposed)
 SHARE, EACH_S, LEAST_S, UNIT_S = 0.05, 10.0, 10.0, 20.0
 """Of time beyond what was planned: a share of it, for each blast, in any case; all of
 it in whole units, as each other duration is another program."""
@@ -389,11 +386,11 @@ def fly_mission(
     crash, crashed_s = crash_of(flight)
     every = max(1, round(EACH_ROW_S / options.step_s))
     states = _states(flight, every)
-    encounter = _encounter(
+    encounter = encounter_along(
         load, flight.time_s[::every], states.position_m, states.quaternion
     )
     vehicle = vehicle_of(spec)
-    exposure = _exposed(
+    exposure = exposed_along(
         unwatched(scene), load, vehicle, encounter, flight.time_s[::every], states
     )
     ended = np.asarray(guided.phase) == ENDED

@@ -354,7 +354,7 @@ class Stager:
     """Makes the announcements of blasts to entities.
 
     Attributes:
-        scene: What there is besides blasts and entities; its laws are said.
+        scene: Air and ground of the world, with its laws stated.
     """
 
     def __init__(self, world: DrawnWorld):
@@ -376,7 +376,7 @@ class Stager:
         Args:
             entity: Recipient.
             charge: The blast.
-            motion: What it reported last; None: nothing.
+            motion: Last report; None without one.
             revision: Number of earlier announcements.
 
         Raises:
@@ -391,7 +391,7 @@ class Stager:
             met = met._replace(
                 quaternion=motion.quaternion, body_rate_rad_s=motion.body_rate_rad_s
             )
-        # of its vehicle the load asks the place alone
+        # the load depends on the position of its vehicle alone
         spec = VehicleSpec(entity.vehicle or "hummingbird", met.position_m)
         load = blast_load(replace(scene, vehicle=spec))
         force = None
@@ -642,7 +642,7 @@ def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
 
     Args:
         entity: Its path goes before what it reports.
-        motion: What it reported last; None: nothing.
+        motion: Last report; None without one.
     """
     if entity.path is not None:
         return _padded(*entity.path)
