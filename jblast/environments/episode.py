@@ -1,4 +1,4 @@
-r"""What an episode of an environment draws, and the state of a lane in it.
+r"""The draws of an episode of an environment, and the state of a lane in it.
 
 Actions lie within -1 and 1 and are clipped to these bounds. By the mode of command they
 mean:
@@ -12,14 +12,14 @@ mean:
 - `hold` (3): the place to hold moves by $a$ times a reach, about where the task has it:
   an action of zero is the SE(3) hold itself.
 
-Mass, inertia and allocation are the nominal ones, without what an episode drew.
+Mass, inertia and allocation are the nominal ones, without the episode's draws.
 
 Most steps are outside all blasts, and a bound of the times of a wave is cheaper than
 the load. Where the episode starts, a front comes at $t_0$ and its wave lasts $D$. At a
 distance $d$ from there it comes at $t_0 - d/c$ at the earliest and at $t_0 + 4.7 d/c$
 at the latest (`BlastLoad.quiet_until`), and lasts no longer than the longest wave at
 half, once and twice the start's distance from the charge, as long as $d$ is less than
-half of that distance. Farther away the bound says that the blast may act.
+half of that distance. Farther away the blast is taken to act.
 """
 
 from dataclasses import replace

@@ -44,6 +44,9 @@ from jblast.waves.paths import Path, path_between
 from jblast.waves.scaling import scaled_distance
 from jblast.waves.shock import FAR_END
 
+if TYPE_CHECKING:  # a choice reads the cost of a run from a table, and needs no run
+    from jblast.waves.euler import Decay
+
 PER_OCTAVE = 17
 _OCTAVES = np.arange(-164, 79) / PER_OCTAVE
 JUST_PAST = 1.0 + 1e-9
@@ -84,8 +87,6 @@ FARTHEST = 5000.0
 DATA = files("jblast.fidelity") / "data"
 Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]
-if TYPE_CHECKING:  # a choice knows what a run costs, and needs none
-    from jblast.waves.euler import Decay
 SOLVER = "euler"
 SOLVER_CELLS = 100
 """Enough for 0.1 % (`calibration/results/point_source.txt`)."""

@@ -1,14 +1,15 @@
-r"""A plan as what flies: its stops, and the legs between them.
+r"""A plan prepared for flight: its stops, and the legs between them.
 
-A corner by an angle $\theta$ that need not be stopped at is cut by an arc of radius $r$
-that touches both lines: it leaves them $r \tan(\theta/2)$ before the corner and comes
-as near as $r (1/\cos(\theta/2) - 1)$ to it, half the acceptance radius; neither takes
-more than half of a line. It is flown at $\sqrt{a r}$ at most. Speeds at the ends of
-legs are such that what follows can be braked for, $v^2 \le v_{next}^2 + 2 a l$.
+A corner with the turning angle $\theta$, at which no stop is required, is cut by an arc
+of radius $r$ that touches both lines. The arc begins $r \tan(\theta/2)$ before the
+corner, at most half of a line, and its least distance from the corner is
+$r (1/\cos(\theta/2) - 1)$, at most half the acceptance radius. It is flown at
+$\sqrt{a r}$ at most. The speed at the end of a leg is limited by braking on the next
+one, $v^2 \le v_{next}^2 + 2 a l$.
 
-Horizontal places are those of `observations.places.Frame`. Heights are above the origin
-and are not changed by the conversion: the scene's ground is level, and the fall of the
-Earth's surface below the plane (8 cm in a kilometre) is neglected both ways.
+Horizontal positions are those of `observations.places.Frame`. Heights are above the
+origin and are not changed by the conversion: the scene's ground is level, and the fall
+of the Earth's surface below the plane (8 cm in a kilometre) is neglected both ways.
 """
 
 import math

@@ -1,8 +1,8 @@
 """The file of a plan: QGroundControl's `.plan` and `QGC WPL 110`, read and written.
 
-QGroundControl's `.plan`, version 1, is JSON. It has what its loader demands: fileType,
-version, groundStation, mission of version 2 with plannedHomePosition, items and
-firmwareType; an item has exactly seven params.
+QGroundControl's `.plan`, version 1, is JSON with the keys that its loader requires:
+fileType, version, groundStation, mission of version 2 with plannedHomePosition, items
+and firmwareType; an item has exactly seven params.
 
 QGC WPL 110 is the older text form, twelve fields a line between tabs: number, current,
 frame, command, p1, p2, p3, p4, latitude, longitude, height, continue. The first line is
@@ -11,7 +11,7 @@ Mission Planner write it; a list without home begins with its first item.
 
 Numbers of commands (MAV_CMD) and the meaning of their parameters are those of MAVLink's
 common.xml, from memory. What a multicopter does with them is PX4's, or ArduCopter's for
-turns; each says which.
+turns; each entry names its source.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Where fits fail: poor starts, parameters that a log does not identify, outliers.
+"""Failure modes of fits: poor starts, unidentified parameters, outliers.
 
 The logs are eight arrivals, to 0.1 ms, each log of a surface charge of its own (5 to
 200 kg, within 20 m of the centre of the sensors) with unknown mass and position. All

@@ -1,4 +1,4 @@
-"""What comes to one entity, packet by packet, computed ahead of time.
+"""The packets of one entity, computed ahead of time.
 
 One blast for one entity is computed at a time, by programs that are the same for all:
 of the load, of the arrivals, and of each sensor that samples. Where a moving entity
