@@ -65,9 +65,10 @@ from jblast.types import as_float_array
 from jblast.vehicle import State, Trajectory, Vehicle
 
 WATCHED_S = 10.0
-"""How long after it came a blast is held to account, until the next one at most."""
+"""Time after its arrival over which errors are attributed to a blast, until the next
+blast at most."""
 BEFORE_S = 1.0
-"""How long before it came the estimate is looked at."""
+"""Time before an arrival over which the error before it is computed."""
 _ALIGNMENT = 2**32 - 1
 """Folded into the key of the first error: past the numbers of the instruments."""
 GATE = 5.0
@@ -195,7 +196,7 @@ class Alignment(eqx.Module):
 
 
 class Past(NamedTuple):
-    """What was estimated when the last fix was taken.
+    """The estimate at the time of the last fix.
 
     Attributes:
         position_m: East, north, up.
@@ -231,7 +232,7 @@ class Estimate(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known at a turn.
+    """The estimator's memory at a turn.
 
     Attributes:
         estimate: Of the state.

@@ -108,9 +108,9 @@ def _number(value: ArrayLike | Prior) -> NumberOrPrior:
 
 
 class Randomisation(eqx.Module):
-    """What differs from episode to episode beside the blasts: numbers or priors.
+    """Differences between episodes besides the blasts: numbers or priors.
 
-    The hold and the loop of the body's rates know the vehicle without it.
+    The hold and the loop of the body's rates use the nominal vehicle.
 
     Attributes:
         mass_factor: On the vehicle's mass [-].

@@ -143,7 +143,7 @@ def fly(
     size = math.ceil(vehicles / chunks)
     through = counted(vehicles, "vehicles")
     for n in range(chunks):
-        # the last chunk is filled up: another size would compile everything anew
+        # the last chunk is filled up: another size would compile everything again
         lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
         some = scenes if vehicles == 1 else lanes_of(scenes, lanes)
         carried = {}

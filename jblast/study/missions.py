@@ -88,14 +88,14 @@ SHARE, EACH_S, LEAST_S, UNIT_S = 0.05, 10.0, 10.0, 20.0
 """Of time beyond what was planned: a share of it, for each blast, in any case; all of
 it in whole units, as each other duration is another program."""
 AFTER_S = 1.0
-"""What is kept after it was disarmed."""
+"""Time stored after the vehicle is disarmed."""
 WATCHED_S = 10.0
-"""How long after it came a blast is held to account for what a flight does."""
+"""Time after its arrival over which a deviation is attributed to a blast."""
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What one blast did to the flight.
+    """The effect of one blast on the flight.
 
     Attributes:
         charge: Its name; "" of one alone.

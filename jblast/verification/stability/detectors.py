@@ -95,7 +95,7 @@ WINDOWS = 60
 
 
 def record_failures() -> list[FailureMode]:
-    """Measure every failure mode."""
+    """Measure every failure mode of picks."""
     return [
         _noise(),
         _coloured(),
@@ -109,7 +109,7 @@ def record_failures() -> list[FailureMode]:
 
 @functools.cache
 def noise_shares(colour: float = 0.0) -> Shares:
-    """Return how many picks fail, by `SNRS`.
+    """Return the shares of picks that fail, by `PICK_SNRS`.
 
     Args:
         colour: Share of the noise of a sample that the next one has.
@@ -256,7 +256,7 @@ def _clipped_records() -> FailureMode:
 
 
 def flash_failures() -> list[FailureMode]:
-    """Measure every failure mode."""
+    """Measure every failure mode of the detector of flashes."""
     return [_small(), _turning(), _lightning()]
 
 
