@@ -25,7 +25,7 @@ from jax import lax
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, new_figure, quiet, titled
-from jblast.sensors import instrument as filters
+from jblast.sensors import instrument
 from jblast.sensors.instrument import (
     CUTOFF_HZ,
     CausalFilter,
@@ -121,14 +121,14 @@ def show_seconds() -> None:
     """Print how long each way takes."""
     print(f"\n  seconds for one second, {os.cpu_count()} cores")
     print("  microphones" + "".join(f"{n:10d}" for n in MICROPHONES))
-    kept = filters.CHUNK
+    kept = instrument.CHUNK
     for chunk in CHUNKS:
-        filters.CHUNK = chunk
+        instrument.CHUNK = chunk
         band = causal_filter(RATE, 20.0, 8e3)
         taken = [seconds(band, by_chunk, n) for n in MICROPHONES]
         mark = " (kept)" if chunk == kept else ""
         print(f"  chunks {chunk:4d} " + "".join(f"{t:10.4f}" for t in taken) + mark)
-    filters.CHUNK = kept
+    instrument.CHUNK = kept
     band = causal_filter(RATE, 20.0, 8e3)
     taken = [seconds(band, by_sample, n) for n in MICROPHONES]
     print("  a sample    " + "".join(f"{t:10.4f}" for t in taken))

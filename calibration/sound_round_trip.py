@@ -210,10 +210,13 @@ def rows_in(log: Observations, order: np.ndarray) -> Observations:
 
 def true_arrivals(scene: Scene) -> Float[np.ndarray, " sensor"]:
     """Return when the front comes to each microphone, by the law [s]."""
-    from jblast.sensors import heard as waves
+    from jblast.sensors import arrivals
 
     return np.array(
-        [float(waves(scene, s.position_m)[0].pulse.arrival_time) for s in scene.sensors]
+        [
+            float(arrivals.heard(scene, s.position_m)[0].pulse.arrival_time)
+            for s in scene.sensors
+        ]
     )
 
 

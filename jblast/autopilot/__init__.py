@@ -1,1 +1,1 @@
-"""Who flies a vehicle in place of what it truly does: estimates, autopilots, logs."""
+"""Estimators, autopilots and ground stations of a vehicle, and its flight logs."""

@@ -2,7 +2,7 @@ r"""An error-state Kalman filter of a vehicle's own state, and control by it.
 
 At each turn of the controller the instruments are sampled, the estimate is predicted
 and corrected, and the controller is given the estimate in place of the state. Rotor
-speeds are known; a switch tells whether the vehicle stands on the ground. The memory
+speeds are known; a switch detects contact with the ground. The memory
 of a controller is not stored: where a row is stored at each of its turns, the estimate
 along a flight is computed again from the stored states.
 
@@ -32,7 +32,7 @@ innovation of each is limited to `GATE` standard deviations: the pressure of a b
 the barometer hardly moves the estimate, and an estimate that is far off still recovers,
 which it might not if such numbers were rejected.
 
-A fix tells the place a time $d$ before. The error then was, to first order,
+A fix measures the position a time $d$ earlier. The error then was, to first order,
 
 $$\delta v_d = \delta v + d\,e, \qquad \delta p_d = \delta p - d\,\delta v -
   d^2 e/2, \qquad e = [\bar a]_\times R\,\delta\theta + R\,\delta b_f$$
@@ -65,9 +65,10 @@ from jblast.types import as_float_array
 from jblast.vehicle import State, Trajectory, Vehicle
 
 WATCHED_S = 10.0
-"""How long after it came a blast is held to account, until the next one at most."""
+"""Time after its arrival over which errors are attributed to a blast, until the next
+blast at most."""
 BEFORE_S = 1.0
-"""How long before it came the estimate is looked at."""
+"""Time before an arrival over which the error before it is computed."""
 _ALIGNMENT = 2**32 - 1
 """Folded into the key of the first error: past the numbers of the instruments."""
 GATE = 5.0
@@ -195,7 +196,7 @@ class Alignment(eqx.Module):
 
 
 class Past(NamedTuple):
-    """What was estimated when the last fix was taken.
+    """The estimate at the time of the last fix.
 
     Attributes:
         position_m: East, north, up.
@@ -231,7 +232,7 @@ class Estimate(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known at a turn.
+    """The estimator's memory at a turn.
 
     Attributes:
         estimate: Of the state.
@@ -395,7 +396,7 @@ def estimated(
     Args:
         suite: The instruments.
         estimate: Before.
-        sample: What they say.
+        sample: Their readings.
         moves: Whether time has gone on since the last: at the first turn it has not.
         period_s: Of the sample.
     """
@@ -455,12 +456,12 @@ def corrected(estimate: Estimate, numbers: Numbers) -> Estimate:
 
 
 def numbers_read(estimate: Estimate, suite: Suite, sample: Sample) -> Numbers:
-    """Return what a sample says beside what the estimate expects: fix, field, height.
+    """Return the innovations of a sample: fix, field, height.
 
     Args:
         estimate: Carried on to the sample.
         suite: The instruments.
-        sample: What they say.
+        sample: Their readings.
     """
     fix, past, magnetometer = sample.fix, estimate.past, suite.magnetometer
     field, lag = magnetometer.field_gauss, suite.barometer.lag
@@ -493,7 +494,7 @@ def fix_taken(estimate: Estimate, takes: Bool[Array, ""]) -> Estimate:
 
 
 def height_expected(estimate: Estimate, lag_s: Float[Array, ""]) -> Float[Array, ""]:
-    """Return the height that a barometer should tell through its lag [m]."""
+    """Return the height expected from a barometer with lag [m]."""
     return estimate.position_m[2] - lag_s * estimate.velocity_m_s[2]
 
 
@@ -691,7 +692,7 @@ def error_of(estimate: Estimate, true: State, biases: Biases) -> Float[Array, "1
 def aligned(key: PRNGKeyArray, true: State, deviations: Float[Array, "15"]) -> Estimate:
     """Return the estimate that a flight begins with: the truth, less a drawn error.
 
-    Of what its instruments are off by it knows nothing.
+    The estimated biases of its instruments begin at 0.
 
     Args:
         key: Of the error.

@@ -1,16 +1,16 @@
 """A vehicle on a ground station's screen: telemetry and the mission protocol.
 
-The vehicle stands until it is told to arm or to begin its mission. The flight is then
+The vehicle stands until a command to arm or to begin its mission. The flight is then
 computed whole and sent row by row at the pace of the wall clock.
 
 Numbers of telemetry are those of MAVLink's common.xml: MAV_TYPE_QUADROTOR,
 MAV_AUTOPILOT_PX4, and PX4's modes of the main mode AUTO (px4_custom_mode.h).
 
 The mission protocol is mavlink.io/en/services/mission.html, from the vehicle's side: a
-station that uploads says how many items there are, and is asked for one after another.
-An item out of turn is ignored and the right one requested again, as is one that does
-not come within `RETRY_S`, up to `RETRIES` times. A mission that cannot be flown is
-refused as a whole, and the one before is kept.
+station that uploads sends the number of items, which are then requested one by one. An
+item out of turn is ignored and the right one requested again, as is one that does not
+arrive within `RETRY_S`, up to `RETRIES` times. A mission that cannot be flown is
+rejected as a whole, and the previous one remains.
 """
 
 import math
@@ -92,7 +92,7 @@ class Missions:
         plan: What it holds at first.
         home: Where the vehicle stands.
         check: Refuses a plan that cannot be flown, by an `InputError`.
-        say: Is told what the ground station should read.
+        say: Receives text for the ground station.
     """
 
     def __init__(
@@ -332,7 +332,7 @@ class GroundStation:
 
 
 def heartbeat(sender: Sender, *, armed: bool, has_mission: bool) -> bytes:
-    """Return the message that says a vehicle is there."""
+    """Return the heartbeat of the vehicle."""
     return sender.pack(
         "HEARTBEAT",
         type=QUADROTOR,
@@ -348,7 +348,7 @@ class Telemetry:
     """The messages of a flight's rows.
 
     Args:
-        record: The flight; what it tells is what the vehicle takes for its state.
+        record: The flight, by the state that the vehicle estimates.
     """
 
     def __init__(self, record: FlightRecord):
@@ -453,7 +453,7 @@ def item_fields(item: Item, sequence: int) -> dict[str, Any]:
 
 
 def item_of(fields: dict[str, Any]) -> Item:
-    """Return the item that MISSION_ITEM_INT tells.
+    """Return the item of a MISSION_ITEM_INT.
 
     Raises:
         InputError: As in `checked_item`.

@@ -1,4 +1,4 @@
-"""A simulator as PX4 knows one: sensors out, rotor controls in, in lockstep.
+"""A simulator for PX4: sensors out, rotor controls in, in lockstep.
 
 Until the first controls come, samples are sent by the wall clock, so that the autopilot
 can start. From then on each turn waits for the answer to its own HIL_SENSOR. The
@@ -15,8 +15,7 @@ PX4's axes are north, east, down, and ahead, right, down for the body, with the 
 of a quaternion first; ours are east, north, up, and ahead, left, up, with the scalar
 last. PX4 numbers the motors of a quadrotor X: ahead right, behind left (both
 counter-clockwise), ahead left, behind right (clockwise). A control is a share of the
-greatest speed, 0 to 1. Thrust goes with its square, which PX4 is told by THR_MDL_FAC =
-1.
+greatest speed, 0 to 1. Thrust goes with its square (in PX4: THR_MDL_FAC = 1).
 
 Latitudes and longitudes are computed within compiled programs, as by
 `missions.mission.level` and `geodetic`, but with heights above the origin, over level
@@ -76,7 +75,7 @@ MOTOR_WORDS = "1 ahead right, 2 behind left, 3 ahead left, 4 behind right"
 ARMED, LOCKSTEP = 128, 1
 """Bits of the mode, and of the flags, of HIL_ACTUATOR_CONTROLS."""
 PLACE = Place(47.397742, 8.545594, 0.0)
-"""Where the origin lies if the scene does not say: PX4's default home, at sea level."""
+"""Default position of the origin: PX4's default home, at sea level."""
 PERIOD_S = 0.004
 """Of a turn: PX4's simulators send 250 samples a second."""
 PERIOD_US = round(1e6 * PERIOD_S)
@@ -123,7 +122,7 @@ class Lockstep:
     """How a flight went, while it goes and afterwards.
 
     Attributes:
-        turns: That were told, and answered.
+        turns: Sent and answered.
         flown: Of these, since the autopilot armed.
         late: Answers that came for an earlier turn, and were passed over.
         ended: Why it ended.
@@ -198,7 +197,7 @@ class Carried(NamedTuple):
 
 
 class Programs(NamedTuple):
-    """The turns of one vehicle, compiled; both return what is carried and told next.
+    """The compiled turns of one vehicle; both return carried state and message.
 
     Attributes:
         first: Takes nothing.
@@ -422,7 +421,7 @@ class Turns(eqx.Module):
     def reported(
         self, carried: Carried, turn: Int[Array, ""], world_turn: Int[Array, ""]
     ) -> tuple[Carried, Float[Array, " number"]]:
-        """Return what is carried on from a turn, and what is told at it.
+        """Return the carried state after a turn, and its message.
 
         Args:
             carried: From the turn before.
@@ -570,7 +569,7 @@ def readings_of(
     temperature_k: Float[Array, ""],
     noise_m: Float[Array, "6"],
 ) -> Readings:
-    """Return what is told of a sample and of the vehicle's true state.
+    """Return the message on a sample and the vehicle's true state.
 
     Args:
         origin: Where the scene lies.
@@ -636,12 +635,12 @@ def state_reported(
 def state_heard(
     origin: Origin, reported: Float[Array, "18"], rotor_speed_rad_s: Float[Array, "4"]
 ) -> State:
-    """Return the state that the numbers of HIL_STATE_QUATERNION tell.
+    """Return the state in the numbers of HIL_STATE_QUATERNION.
 
     Args:
         origin: Where the scene lies.
         reported: The numbers.
-        rotor_speed_rad_s: Which they do not tell.
+        rotor_speed_rad_s: Not among these numbers.
     """
     lat_lon_alt = reported[7:10] * jnp.array([1e-7, 1e-7, 1e-3])
     return State(

@@ -18,7 +18,7 @@ MAGIC, MAGIC_1 = 0xFD, 0xFE
 
 
 class LinkLost(Exception):
-    """The peer has gone; the message says how."""
+    """The peer has gone; the message states how."""
 
 
 class Address(NamedTuple):

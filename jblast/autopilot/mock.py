@@ -1,7 +1,8 @@
-"""An autopilot to try a simulator with: a position hold that speaks MAVLink.
+"""An autopilot for testing a simulator: a position controller with a MAVLink link.
 
-It knows the vehicle, and where it is by HIL_STATE_QUATERNION; it arms at once. The same
-control without a network, on the same rounded numbers, is `RoundedHold`.
+It has the vehicle's parameters and takes the state from HIL_STATE_QUATERNION; it arms
+immediately. The same control without a network, on the same rounded numbers, is
+`RoundedHold`.
 """
 
 import socket
@@ -28,7 +29,7 @@ from jblast.vehicle import Controller, State, Vehicle
 
 
 class RoundedHold(eqx.Module):
-    """A controller that sees and says what goes through MAVLink's messages.
+    """A controller with inputs and outputs rounded as in MAVLink's messages.
 
     Attributes:
         control: Who flies.
@@ -71,7 +72,7 @@ class RoundedHold(eqx.Module):
         memory: PyTree[Array],
         time_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
-        """Return the motors' controls for what was told, and the memory afterwards."""
+        """Return the motors' controls for a message, and the memory afterwards."""
         state = state_heard(self.origin, reported, jnp.zeros(4))
         control: Controller = self.control
         period = jnp.asarray(PERIOD_S, float)
@@ -85,7 +86,7 @@ class Mock:
 
     Args:
         hold: Who flies.
-        vehicle: As it knows it.
+        vehicle: Its model of the vehicle.
     """
 
     def __init__(self, hold: RoundedHold, vehicle: Vehicle):

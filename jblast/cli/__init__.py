@@ -1,1 +1,1 @@
-"""The command line `jblast`: one module a verb, each thin."""
+"""The command line `jblast`: one short module a verb."""

@@ -1,4 +1,4 @@
-"""How a command starts JAX: float64, and compiled code kept between runs."""
+"""The start of JAX by a command: float64, and compiled code stored between runs."""
 
 import os
 from importlib.metadata import version

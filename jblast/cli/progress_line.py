@@ -1,8 +1,8 @@
-"""What a command says while it works: where it is, and about how long it will take.
+"""The progress of a command: its stage, and the time left.
 
-Nothing in the first second. Then, on a terminal, one line on stderr that is written
-over and cleared at the end; into a pipe or a file a line at each stage, and seldomer
-the longer it takes. Stdout is left alone.
+Nothing is printed in the first second. Then a terminal has one line on stderr that is
+overwritten and cleared at the end. A pipe or a file has a line at each stage, at
+intervals that grow with the run. Stdout is not used.
 """
 
 import io
@@ -145,6 +145,12 @@ def progress_told(verb: str) -> Iterator[None]:
         ticking.join()
         sys.stdout, sys.stderr = streams
         line.clear()
+
+
+def serve_line(line: str) -> None:
+    """Write a line of `jblast serve` on stderr."""
+    sys.stderr.write(f"jblast serve: {line}\n")
+    sys.stderr.flush()
 
 
 class _Over:

@@ -67,7 +67,7 @@ FEWEST_OF_INTERVAL = 19
 STRETCHES = 5
 """Each is left out once."""
 LONG = 8.0
-"""Half widths of a window after which an integration starts anew: about 1.3 periods."""
+"""Half widths of a window after which an integration restarts: about 1.3 periods."""
 LEAST_SKILL = 0.3
 """Share of the squared miss of the better guess that a law has to save."""
 DOUBTFUL = 1e-3
@@ -126,7 +126,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What speaks for an equation and against it.
+    """Evidence for an equation and against it.
 
     Attributes:
         skill: Share of the squared miss of the better of two guesses, mean and start,
@@ -181,7 +181,7 @@ class Discovery:
         exchangeable: Of each equation, pairs of one of its terms and a candidate that
             could stand in its place (`exchangeable_terms`).
         start: Smoothed states at the first row.
-        judged: What speaks for and against each equation.
+        judged: Evidence for and against each equation.
     """
 
     states: tuple[str, ...]

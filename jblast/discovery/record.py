@@ -27,7 +27,7 @@ from jblast.errors import InputError
 POWER = 4
 r"""Of a window; $\varphi$ and three derivatives vanish at its ends."""
 PER_HALF_WIDTH = 4
-"""Windows in each half width of one: closer ones say the same again."""
+"""Windows in each half width of one: closer ones add nothing."""
 MOST = 600
 """Windows at most."""
 FEWEST_ROWS = 4
@@ -40,8 +40,9 @@ PENALTIES = np.logspace(-1.0, 12.0, 27)
 FREEST = 0.5
 """Degrees of freedom per row, at most: a spline through every row leaves no noise."""
 PROBES = 50
-"""Random vectors that tell the trace of the smoother (Hutchinson 1990), but for the
-straight line, which it leaves as it is; unit vectors tell that of fewer rows."""
+"""Random vectors that estimate the trace of the smoother (Hutchinson 1990), but for the
+straight line, which it leaves as it is; for at most twice as many rows, unit vectors
+give it exactly."""
 
 
 class Sides(NamedTuple):

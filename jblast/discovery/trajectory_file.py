@@ -15,7 +15,7 @@ TIME = "time_s"
 LARGEST = 1e100
 """Of a value: its square has to be a number still."""
 FEWEST = 20
-"""Rows: fewer leave no noise to tell from the motion."""
+"""Rows: with fewer, noise is not separable from the motion."""
 
 
 class TrajectoryColumns(NamedTuple):

@@ -1,4 +1,4 @@
-"""Vehicles in blasts behind the interface that learners expect (Gymnasium)."""
+"""Vehicles in blasts as environments for reinforcement learning (Gymnasium)."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""An environment from a few names and numbers, each checked."""
+"""The builder of an environment: names and numbers, each checked."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float

@@ -1,4 +1,4 @@
-r"""What an episode of an environment draws, and the state of a lane in it.
+r"""The draws of an episode of an environment, and the state of a lane in it.
 
 Actions lie within -1 and 1 and are clipped to these bounds. By the mode of command they
 mean:
@@ -12,14 +12,14 @@ mean:
 - `hold` (3): the place to hold moves by $a$ times a reach, about where the task has it:
   an action of zero is the SE(3) hold itself.
 
-Mass, inertia and allocation are the nominal ones, without what an episode drew.
+Mass, inertia and allocation are the nominal ones, without the episode's draws.
 
 Most steps are outside all blasts, and a bound of the times of a wave is cheaper than
 the load. Where the episode starts, a front comes at $t_0$ and its wave lasts $D$. At a
 distance $d$ from there it comes at $t_0 - d/c$ at the earliest and at $t_0 + 4.7 d/c$
 at the latest (`BlastLoad.quiet_until`), and lasts no longer than the longest wave at
 half, once and twice the start's distance from the charge, as long as $d$ is less than
-half of that distance. Farther away the bound says that the blast may act.
+half of that distance. Farther away the blast is taken to act.
 """
 
 from dataclasses import replace
@@ -108,9 +108,9 @@ def _number(value: ArrayLike | Prior) -> NumberOrPrior:
 
 
 class Randomisation(eqx.Module):
-    """What differs from episode to episode beside the blasts: numbers or priors.
+    """Differences between episodes besides the blasts: numbers or priors.
 
-    The hold and the loop of the body's rates know the vehicle without it.
+    The hold and the loop of the body's rates use the nominal vehicle.
 
     Attributes:
         mass_factor: On the vehicle's mass [-].
@@ -152,7 +152,7 @@ class EnvironmentParams(eqx.Module):
         step_s: Of environment and integrator.
         episode_steps: Most steps of an episode.
         task: Its name.
-        command: What an action means, a name of `commands.COMMANDS`.
+        command: What an action means, a name of `COMMANDS`.
         most_delay: Steps that an action may be late.
     """
 

@@ -1,4 +1,4 @@
-"""The classes that Gymnasium makes; its library is an extra."""
+"""The classes that Gymnasium creates; Gymnasium itself is an optional extra."""
 
 from typing import Any
 

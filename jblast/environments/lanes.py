@@ -1,8 +1,8 @@
-"""Many lanes at once, each as if alone; one that ended begins anew with the next step.
+"""Many lanes together; each is independent, and restarts with the step after its end.
 
-In any step few lanes are in a blast, and few begin. Both cost more than the step
-itself, so both are computed for blocks of those lanes alone, as many blocks as it
-takes. Each lane gets the same as by `step`.
+In any step few lanes are in a blast, and few restart. Both cost more than the step
+itself, so both are computed for blocks of these lanes alone, as many blocks as needed.
+Each lane has the same result as by `step`.
 """
 
 from collections.abc import Callable

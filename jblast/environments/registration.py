@@ -1,4 +1,4 @@
-"""The environments that Gymnasium finds by name: it loads this, so no JAX here."""
+"""The registration of environments with Gymnasium, which loads it: no JAX here."""
 
 from importlib import import_module
 

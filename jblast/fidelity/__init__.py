@@ -1,4 +1,4 @@
-"""How much is enough: measured errors and costs, and the cheapest that will do."""
+"""Measured errors and costs of methods, and the cheapest that is accurate enough."""
 
 from jblast.fidelity.choose import (
     Candidate as Candidate,

@@ -47,16 +47,16 @@ from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import Path, path_between
 
 SHARE_OF_SIGMA = 1.0 / 3.0
-"""Of the data's sigma: the tolerance where none is told. In quadrature a method that
-far off widens an error by 5 %."""
+"""Default tolerance, as a share of the data's sigma. In quadrature a method error of
+this size widens the total by 5 %."""
 ALIKE = 2.0
-"""Costs within this factor count as one: a busy machine moves them by as much. Of
-methods that cost alike, the one with the smallest promised error is taken."""
+"""Costs within this factor count as equal: a busy machine changes them by as much. Of
+methods of equal cost, the one with the smallest predicted error is taken."""
 SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))
 """Of the ends of a prior's 90 % interval."""
 ON_THE_GROUND = 0.05
-"""Scaled height or depth of burst up to which a method that knows of neither will do
-beside a reference that does [m/kg^(1/3)]."""
+"""Scaled height or depth of burst up to which a method without them as inputs is
+accepted where the reference has them [m/kg^(1/3)]."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """What suffices, or what comes nearest to it.
+    """The method that suffices, or the most accurate one.
 
     Attributes:
         quantity: What was asked for.
@@ -95,7 +95,7 @@ class Choice:
         candidates: All methods that were looked at, the cheapest first.
         span: Smallest and largest scaled distance [m/kg^(1/3)].
         reference_uncertainty: How far the reference itself may be off there.
-        by_height: The curve sets that the heights of charges left, where none was said.
+        by_height: Curve sets selected by height, for charges without a stated set.
         notes: What contradicts the heights, a sentence each.
     """
 
@@ -126,7 +126,7 @@ def choose(
 
     Returns:
         The method, the error it was measured to have, what it costs, and what else was
-        looked at: `report.reason_for` says why it.
+        examined (`report.reason_for` words the reason).
 
     Raises:
         InputError: There is no such quantity, no sensor for it, no law or no place, the
@@ -159,7 +159,7 @@ def choose(
 def _of_heights(
     scene: Scene, unsettled: Sequence[Path], quantity: str, sensors: Sequence[Sensor]
 ) -> tuple[tuple[Burst, ...], tuple[str, ...]]:
-    """Return which curve sets heights leave where none is said, and what is odd.
+    """Return the curve sets selected by heights, and contradictions.
 
     Args:
         scene: The charges.
@@ -184,10 +184,10 @@ def _of_heights(
 def tolerance_of(
     sigma: Float[np.ndarray, " place"], quantity: str, conditions: Sequence[Conditions]
 ) -> float:
-    """Return a third of the smallest sigma, relative; zero if none is told.
+    """Return a third of the smallest sigma, relative; zero without any.
 
     Args:
-        sigma: Of each place; seconds for times, else relative; NaN if not told.
+        sigma: Of each place; seconds for times, else relative; NaN if not stated.
         quantity: What they are of.
         conditions: From each charge at these places. A time's sigma counts as a share
             of what sound would take.
@@ -195,7 +195,7 @@ def tolerance_of(
     shares = sigma
     if quantity in TIMES:
         longest = np.max([each.sound_time for each in conditions], axis=0)
-        away = longest > 0.0  # a sensor at the charge says nothing
+        away = longest > 0.0  # at the charge itself there is no travel time
         shares = shares[away] / longest[away]
     stated = shares[np.isfinite(shares)]
     return SHARE_OF_SIGMA * float(stated.min()) if stated.size else 0.0
@@ -229,7 +229,7 @@ def choose_for(
         found = min(alike, key=lambda c: _preference(quantity, c, conditions))
     else:
         blind = blind_to_height(quantity, conditions)
-        # one that knows of burial, out of its range, before any that does not
+        # a method with the depth as input, even outside its range, before one without
         found = min(
             taken,
             key=lambda c: (c.method in blind, *_nearness(quantity, c, conditions)),
@@ -293,8 +293,8 @@ def _preference(
 def sensors_for(scene: Scene, quantity: str) -> tuple[Sensor, ...]:
     """Return the sensors of a scene that measure a quantity.
 
-    One that does not say what it records may measure anything, and what no sensor
-    records (`shock_speed_m_s`) is asked for at all of them.
+    A sensor without stated records may measure any quantity. A derived quantity
+    (`shock_speed_m_s`) is computed at all sensors.
 
     Raises:
         InputError: There is no such quantity, or no such sensor.
@@ -367,10 +367,10 @@ def paths_in(
 
 
 def by_curves(paths: Sequence[Path]) -> list[Path]:
-    """Return paths whose curve set is said: the one that the height leaves.
+    """Return paths with the curve set that the height selects.
 
-    Where it leaves both, a method has to do for either at every place: the surface
-    curves first, the free-air ones behind all others.
+    Where the height allows both sets, a method has to be accurate for either at every
+    position: the surface curves come first, the free-air ones after all others.
     """
     first, more = [], []
     for path in paths:
@@ -440,9 +440,9 @@ def candidates_for(
 
 
 def blind_to_height(quantity: str, conditions: Sequence[Conditions]) -> set[str]:
-    """Return the methods that do not know how high or deep the charge is.
+    """Return the methods without a height or depth of the charge as input.
 
-    None where it stands on the ground, or where the reference does not know either.
+    None where it stands on the ground, or where the reference has no such input either.
     """
     for each in conditions:
         z = np.asarray(each.z)
@@ -464,12 +464,12 @@ def _knows_height(law: Law) -> bool:
 
 @dataclass(frozen=True)
 class TakenLaw:
-    """The law that a quantity is read by.
+    """The law of a quantity.
 
     Attributes:
         name: Its name.
-        choice: By which it was taken; None where it was asked for. What suits the
-            answer may be another method than the one taken before it was known.
+        choice: Its reason; None where the law was requested. The choice at the answer
+            may be another method than the one taken before the answer was known.
     """
 
     name: str

@@ -44,6 +44,9 @@ from jblast.waves.paths import Path, path_between
 from jblast.waves.scaling import scaled_distance
 from jblast.waves.shock import FAR_END
 
+if TYPE_CHECKING:  # a choice reads the cost of a run from a table, and needs no run
+    from jblast.waves.euler import Decay
+
 PER_OCTAVE = 17
 _OCTAVES = np.arange(-164, 79) / PER_OCTAVE
 JUST_PAST = 1.0 + 1e-9
@@ -84,8 +87,6 @@ FARTHEST = 5000.0
 DATA = files("jblast.fidelity") / "data"
 Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]
-if TYPE_CHECKING:  # a choice knows what a run costs, and needs none
-    from jblast.waves.euler import Decay
 SOLVER = "euler"
 SOLVER_CELLS = 100
 """Enough for 0.1 % (`calibration/results/point_source.txt`)."""
@@ -131,7 +132,7 @@ def methods_for(quantity: str) -> tuple[str, ...]:
 
 
 def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " place"]:
-    """Return what a method says, also where it does not hold (see `holds`).
+    """Return the value by a method, also outside its range (see `holds`).
 
     Args:
         quantity: What is asked for.
@@ -433,7 +434,7 @@ def is_too_far(
 def reference_value(
     quantity: str, path: Path, *, lossless: bool = False
 ) -> Float[Array, " place"]:
-    """Return what the reference says; NaN where there is none.
+    """Return the value by the reference; NaN where there is none.
 
     Args:
         quantity: One of `REFERENCES`.

@@ -1,4 +1,4 @@
-"""How long a call takes, and on what machine that was."""
+"""The duration of a call, and the machine on which it was measured."""
 
 import os
 import platform

@@ -1,4 +1,4 @@
-"""Plans flown unattended: the file of a plan, its legs, who flies them, its end."""
+"""Missions without a pilot: the file of a plan, its legs, the guidance, the end."""
 
 from jblast.missions.guidance import (
     Guidance as Guidance,

@@ -1,4 +1,4 @@
-r"""Where a vehicle on a mission should be, and the controller that brings it there.
+r"""The set point of a vehicle on a mission, and the controller that follows it.
 
 The phases come one after another: the rotors stand while the sensors are calibrated,
 idle once armed, fly the legs, and stand when the vehicle has landed. The set point
@@ -11,15 +11,16 @@ moves along a leg at a speed that grows by $a$ at most and is never above
   PositionSmoothing; $e_1$ is its MPC_XY_ERR_MAX, from memory).
 
 At the end of a leg that waits, the set point stands until the vehicle has come within
-the acceptance radius and stayed as long as the item says. The vehicle has landed when
-it has been slow and as low as the ground for some time.
+the acceptance radius and stayed for the time that the item specifies. The vehicle has
+landed when it has been slow and as low as the ground for some time.
 
 The position hold follows the set point. Its velocity and acceleration are added to the
-velocity that the hold is given, $v - v_{sp} - a/k_d$, so that the hold asks for
-$-k_p e_x - k_d (v - v_{sp}) + a$ and its integral depends on places alone. $a$ contains
+velocity that the hold is given, $v - v_{sp} - a/k_d$, so that the hold requests
+$-k_p e_x - k_d (v - v_{sp}) + a$ and its integral depends on positions alone. $a$ has
 the set point's acceleration and the drag of the rotors at hover at that velocity in
-still air, $(k_d, k_d, k_z) \sum \Omega_i v_{sp} / m$: without it an Iris trails 0.2 m
-behind at 5 m/s for as long as its integral needs.
+still air, $(c_d, c_d, c_z) \sum \Omega_i v_{sp} / m$ with the drag coefficients $c$ of
+a rotor. Without it an Iris trails 0.2 m behind at 5 m/s for as long as its integral
+needs.
 
 The controller's memory is not stored. It is computed again from the states that it was
 given, which are the stored rows (or their estimates) where each turn is stored.
@@ -57,11 +58,11 @@ AT_END_M = 1e-6
 
 
 class GuidanceHistory(NamedTuple):
-    """What the guidance said at each row.
+    """Output of the guidance at each row.
 
     Attributes:
         set_point_m: Where the vehicle should have been.
-        phase: Of `guidance.PHASES`.
+        phase: Of `PHASES`.
         leg: Which leg was flown.
     """
 
@@ -288,7 +289,7 @@ def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -
     """Return what a hold is shown, so that it follows an aim that moves.
 
     Args:
-        vehicle: As the hold knows it.
+        vehicle: The hold's model of the vehicle.
         gains: Of the hold.
         state: Of the vehicle.
         aim: Where it should be.

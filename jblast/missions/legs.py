@@ -1,9 +1,9 @@
 r"""A plan as a table of legs: arrays, so that a batch flies a batch of plans.
 
-A leg is a piece of path of constant curvature, straight or round:
-$p(s) = p_0 + t\,\sin(\kappa s)/\kappa + n\,(1 - \cos \kappa s)/\kappa$, its velocity
-along $t\cos\kappa s + n\sin\kappa s$. The table of a plan is padded with legs that
-nobody enters: the last of the plan is a landing or a hold without end.
+A leg is a path of constant curvature, straight or circular:
+$p(s) = p_0 + t\,\sin(\kappa s)/\kappa + n\,(1 - \cos \kappa s)/\kappa$, with the
+velocity along $t\cos\kappa s + n\sin\kappa s$. The table of a plan is padded with legs
+that are never entered, because its last leg is a landing or a hold without end.
 """
 
 import equinox as eqx

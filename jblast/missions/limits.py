@@ -1,4 +1,4 @@
-"""How fast a mission is flown, and where it may go.
+"""Speed limits of a mission, and the region where it may fly.
 
 Defaults of PX4's parameters for missions of multicopters (from memory, in brackets).
 """
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Limits(NamedTuple):
-    """How a mission is flown where its plan does not say.
+    """Defaults for a mission whose plan leaves them out.
 
     Attributes:
         speed_m_s: Over ground [MPC_XY_CRUISE].

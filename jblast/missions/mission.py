@@ -1,14 +1,15 @@
-r"""A plan as what flies: its stops, and the legs between them.
+r"""A plan prepared for flight: its stops, and the legs between them.
 
-A corner by an angle $\theta$ that need not be stopped at is cut by an arc of radius $r$
-that touches both lines: it leaves them $r \tan(\theta/2)$ before the corner and comes
-as near as $r (1/\cos(\theta/2) - 1)$ to it, half the acceptance radius; neither takes
-more than half of a line. It is flown at $\sqrt{a r}$ at most. Speeds at the ends of
-legs are such that what follows can be braked for, $v^2 \le v_{next}^2 + 2 a l$.
+A corner with the turning angle $\theta$, at which no stop is required, is cut by an arc
+of radius $r$ that touches both lines. The arc begins $r \tan(\theta/2)$ before the
+corner, at most half of a line, and its least distance from the corner is
+$r (1/\cos(\theta/2) - 1)$, at most half the acceptance radius. It is flown at
+$\sqrt{a r}$ at most. The speed at the end of a leg is limited by braking on the next
+one, $v^2 \le v_{next}^2 + 2 a l$.
 
-Horizontal places are those of `observations.places.Frame`. Heights are above the origin
-and are not changed by the conversion: the scene's ground is level, and the fall of the
-Earth's surface below the plane (8 cm in a kilometre) is neglected both ways.
+Horizontal positions are those of `observations.places.Frame`. Heights are above the
+origin and are not changed by the conversion: the scene's ground is level, and the fall
+of the Earth's surface below the plane (8 cm in a kilometre) is neglected both ways.
 """
 
 import math
@@ -55,7 +56,7 @@ STRAIGHT = math.radians(0.5)
 """A corner of less is none; of more than half a turn less this, a stop."""
 Vector = Float[np.ndarray, "3"]
 CIRCLE_M = 10.0
-"""Radius where an item for turns says none; declared."""
+"""Default radius of an item for turns; declared."""
 RAISES = 1e-3
 """Least difference of heights that is flown by itself [m]."""
 
@@ -218,7 +219,7 @@ def mission_of(
         place: Where the origin lies; None: at the plan's home.
         position_m: Where the vehicle stands; None: at the plan's home.
         yaw_rad: Its heading there.
-        limits: How it is flown where the plan does not say; None: as PX4 does.
+        limits: Defaults for a plan that leaves them out; None: PX4's.
         may_hover_on: Whether it may end in the air.
 
     Raises:
@@ -296,7 +297,7 @@ def stops_of(
         plan: The plan.
         frame: Where east-north-up has its origin.
         home_m: Where the vehicle stands, on the ground.
-        limits: How it is flown where the plan does not say.
+        limits: Defaults for a plan that leaves them out.
         may_hover_on: Whether it may end in the air.
 
     Raises:
@@ -662,7 +663,7 @@ def _goal(
 
 
 def _yaw(item: Item) -> float:
-    """Return a heading from east to north; NaN where an item says none."""
+    """Return a heading from east to north; NaN where an item has none."""
     degrees = item.params[3]
     if degrees is None or item.command not in (WAYPOINT, LOITER, LAND, TAKEOFF):
         return math.nan
@@ -679,7 +680,7 @@ def _at_least(item: Item, parameter: int, least: float, where: str) -> None:
 
 
 def check_reach(stop: Stop, home: Float[np.ndarray, "3"], at: str) -> None:
-    """Refuse a place that cannot be reached, and say why."""
+    """Refuse a place that cannot be reached, with the reason."""
     away = float(np.hypot(*(stop.goal_m - home)[:2]))
     up = float(stop.goal_m[2] - home[2])
     if away + abs(stop.radius_m) > FARTHEST_M:
@@ -704,10 +705,10 @@ def frame_of(plan: Plan, place: Place | None = None) -> Frame:
 
     Args:
         plan: The plan.
-        place: Where the scene's origin lies, if it says so.
+        place: Position of the scene's origin on the Earth, if specified.
 
     Raises:
-        InputError: Neither says where.
+        InputError: Neither specifies a position.
     """
     where = plan.home if place is None else place
     if where is None:

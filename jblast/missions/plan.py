@@ -1,8 +1,8 @@
 """The file of a plan: QGroundControl's `.plan` and `QGC WPL 110`, read and written.
 
-QGroundControl's `.plan`, version 1, is JSON. It has what its loader demands: fileType,
-version, groundStation, mission of version 2 with plannedHomePosition, items and
-firmwareType; an item has exactly seven params.
+QGroundControl's `.plan`, version 1, is JSON with the keys that its loader requires:
+fileType, version, groundStation, mission of version 2 with plannedHomePosition, items
+and firmwareType; an item has exactly seven params.
 
 QGC WPL 110 is the older text form, twelve fields a line between tabs: number, current,
 frame, command, p1, p2, p3, p4, latitude, longitude, height, continue. The first line is
@@ -11,7 +11,7 @@ Mission Planner write it; a list without home begins with its first item.
 
 Numbers of commands (MAV_CMD) and the meaning of their parameters are those of MAVLink's
 common.xml, from memory. What a multicopter does with them is PX4's, or ArduCopter's for
-turns; each says which.
+turns; each entry names its source.
 """
 
 import json
@@ -102,8 +102,8 @@ class Item:
 
     Attributes:
         number: By which others, and messages, name it; a ground station shows it.
-        command: Of `commands.COMMANDS`.
-        frame: Of `commands.FRAMES`: what its height is counted from.
+        command: Of `COMMANDS`.
+        frame: Of `FRAMES`: what its height is counted from.
         params: Seven: 1 to 4 by the command, latitude and longitude [degree], height
             [m]; None where nothing is said.
         auto_continue: Whether the next follows by itself.
@@ -143,8 +143,8 @@ class Plan:
 
     Attributes:
         items: In their order.
-        home: Latitude, longitude, height above the sea; None: it does not say.
-        hover_speed_m_s: What a multicopter cruises with; None: it does not say.
+        home: Latitude, longitude, height above the sea; None: unspecified.
+        hover_speed_m_s: Cruise speed of a multicopter; None: unspecified.
         firmware: Whose the plan is, 12 PX4, 3 ArduPilot, as MAVLink numbers them.
         source: The file it was read from; "" for one made here.
         not_flown: What it has besides that nobody here goes by, in words.
@@ -172,7 +172,7 @@ def ground_control_text(plan: Plan) -> str:
     were.
 
     Raises:
-        InputError: The plan does not say where home is.
+        InputError: The plan has no home.
     """
     if plan.home is None:
         raise InputError(
@@ -204,7 +204,7 @@ def waypoint_list_text(plan: Plan) -> str:
     """Return a plan as a list of waypoints; numbers go up from 1, home is 0.
 
     Raises:
-        InputError: The plan does not say where home is, whose line comes first.
+        InputError: The plan has no home, whose line comes first.
     """
     if plan.home is None:
         raise InputError(
@@ -252,7 +252,8 @@ def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
     """Return a plan in the form that a file's name asks for.
 
     Raises:
-        InputError: The name asks for none, or the plan lacks what its form has to say.
+        InputError: The name has no known suffix, or the plan lacks a part that its
+            format requires.
     """
     return WRITERS[check_form(path)](plan)
 
@@ -604,7 +605,7 @@ def _counted(values: Sequence[Any]) -> list[tuple[int, Any]]:
 
 
 def _number(value: Any, at: str) -> float | None:
-    """Return a number; None where nothing is said, which NaN says too."""
+    """Return a number; None where there is none, or NaN."""
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -1,4 +1,4 @@
-"""What we print: the answer in words, its figures, and one page with all of it."""
+"""Answers in words, their figures, and one page with all of it."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

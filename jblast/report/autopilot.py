@@ -1,4 +1,4 @@
-"""What `jblast serve` says of an autopilot in lockstep, and of a ground station."""
+"""The answer of `jblast serve` with an autopilot in lockstep, or a ground station."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -17,7 +17,7 @@ class LockstepAnswer:
         seed: Of all that is drawn.
         vehicle: What flew.
         address: Where it was spoken.
-        turns: That were told, 250 a second.
+        turns: Number of turns, 250 a second.
         flown: Of these, since the autopilot armed.
         seconds: How long the vehicle flew.
         late: Answers that came for an earlier turn, and were passed over.
@@ -121,7 +121,7 @@ def document(answer: LockstepAnswer | WatchedAnswer) -> dict[str, Any]:
 
 
 def lockstep_line(vehicle: str, scene: str, address: str, *, listens: bool) -> str:
-    """Return what is said once an autopilot may come."""
+    """Return the line printed when an autopilot can connect."""
     how = "waits for an autopilot on" if listens else "speaks to an autopilot at"
     return (
         f"{vehicle} in {scene} {how} {address}: 250 samples a second in lockstep, "
@@ -130,7 +130,7 @@ def lockstep_line(vehicle: str, scene: str, address: str, *, listens: bool) -> s
 
 
 def watched_line(vehicle: str, scene: str, address: str) -> str:
-    """Return what is said once a ground station may listen."""
+    """Return the line printed when a ground station can connect."""
     return f"{vehicle} in {scene} on {address}, for a ground station to arm"
 
 

@@ -1,4 +1,4 @@
-"""What `jblast check` says of a log: slips of the pen, magnitudes no law explains."""
+"""The answer of `jblast check`: mistakes in a log, and magnitudes no law explains."""
 
 import re
 import textwrap
@@ -31,7 +31,7 @@ MOST_LINES = 5
 KNOWN = re.compile(r"; expected (?:one|some) of [\w, ]+$")
 """A list of all that could have been meant, at the end of a message."""
 MOST_WARNINGS = 40
-"""Warnings that are told one by one; a document has them all."""
+"""Warnings that are printed one by one; a document has all of them."""
 LINE = re.compile(r"line (\d+)([:,].*)", re.DOTALL)
 """How a message of one line of the file begins."""
 REFUSED = 2
@@ -186,7 +186,7 @@ def _item(line: str) -> str:
 def _folded(faults: Sequence[str], source: str) -> list[str]:
     """Tell once what is said of many lines, and each list of all that is known.
 
-    The name of the file stands above. Of what came in many lines the first is told.
+    The name of the file stands above. Of a warning on many lines the first is printed.
     """
     lines: dict[str, list[str]] = {}
     came: dict[str, list[str]] = {}
@@ -274,7 +274,7 @@ def _warned(doubt: Doubt, log: Observations) -> Warned:
 
 
 def _places(log: Observations) -> dict[str, int]:
-    """Count sensors by how the log says where they stand."""
+    """Count sensors by how the log gives their positions."""
     known: dict[str, str] = {}
     positioned = np.asarray(~np.isnan(log.position).any(axis=1))
     ranged = ~np.isnan(log.slant_range)
@@ -548,7 +548,7 @@ OF_SLIPS: dict[str, Callable[[Doubt, Observations], str]] = {
     "not_at_time_0": _another_time,
 }
 SENTENCES = OF_PLAIN_FAULTS | OF_MAGNITUDES | OF_SLIPS
-"""By kind of doubt, what says it."""
+"""By kind of doubt, the function that words it."""
 
 
 def sentence(doubt: Doubt, observations: Observations) -> str:

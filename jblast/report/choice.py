@@ -1,4 +1,4 @@
-"""Which method `jblast choose` names, and why."""
+"""The method that `jblast choose` selects, and the reason."""
 
 import math
 from collections.abc import Mapping

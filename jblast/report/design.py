@@ -1,4 +1,4 @@
-"""What `jblast bound` says of a planned layout."""
+"""The answer of `jblast bound` on a planned layout."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -50,7 +50,7 @@ PER_CENT = 1.0
 
 
 def bound_text(bound: Bound, plot: str | Path | None = None) -> str:
-    """Return what a layout could tell for the terminal.
+    """Return what a layout constrains, for the terminal.
 
     Args:
         bound: The layout.

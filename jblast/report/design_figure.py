@@ -1,4 +1,4 @@
-"""Where a next sensor should stand: the sd of mass and of place over the plane."""
+"""Positions for a next sensor: the sd of mass and position, mapped over the plane."""
 
 import textwrap
 
@@ -29,7 +29,7 @@ from jblast.report.words import (
 )
 
 SHADES = LinearSegmentedColormap.from_list("paper", ["#3d84b8", "#b7d4e8", "#ffffff"])
-"""Dark where a sensor tells much."""
+"""Dark where a sensor adds much information."""
 NICE = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 MOST_LEVELS = 6
 MOST_NAMED = 12

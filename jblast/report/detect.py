@@ -1,4 +1,4 @@
-"""What `jblast detect` found in sound."""
+"""The answer of `jblast detect` for sound."""
 
 import math
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ def detection_text(
 
 
 def _thresholds(searched: Sequence[Searched]) -> list[str]:
-    """Say how loud is loud enough, and how late it is told."""
+    """Return the line with the threshold and the delay of a detection."""
     levels = [one.threshold_snr_db for one in searched]
     low, high = min(levels), max(levels)
     span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
@@ -168,7 +168,7 @@ def detection_document(
         searched: Channels that were searched.
         dead: Names of those that could not be.
         method: How, as keys and values.
-        arrays: What arrays told.
+        arrays: Results of arrays.
     """
     arrivals = [
         _arrival(one, found, fit)

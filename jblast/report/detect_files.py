@@ -1,4 +1,4 @@
-"""What `jblast detect --out` writes: the log, and what was detected, drawn."""
+"""Files of `jblast detect --out`: the log, and figures of the detections."""
 
 from collections.abc import Sequence
 from pathlib import Path

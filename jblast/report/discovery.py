@@ -1,4 +1,4 @@
-"""What `jblast discover` found in a trajectory: equations, and doubts about them."""
+"""The answer of `jblast discover`: equations, and doubts about them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ HELD = (0.73, 1.0)
 cases and noises simulated, where the true terms came out
 (calibration/results/discovery.txt)."""
 MIN_SHARE = 0.05
-"""Share of the ensemble from which a term left out is told of."""
+"""Share of the ensemble from which an excluded term is reported."""
 
 
 def discovery_text(
@@ -62,7 +62,7 @@ def discovery_text(
 
 
 def slowing_text(slowing: Slowing) -> str:
-    """Return what a radius history says of a shock's speed."""
+    """Return the answer on a shock's speed from a radius history."""
     found = slowing.discovery
     lines = [
         equation_text(found, 0).replace("d(R)/dt", "dR/dt"),
@@ -365,7 +365,7 @@ def discovery_answer(
     members: int,
     seed: int,
 ) -> DiscoveryAnswer:
-    """Return what is to be told of equations that were found.
+    """Return the answer on equations that were found.
 
     Args:
         found: The equations.
@@ -405,7 +405,7 @@ def discovery_answer(
 
 
 def found_equation(found: Discovery, again: Replay, state: int) -> FoundEquation:
-    """Return what is to be told of one equation."""
+    """Return the answer on one equation."""
     judged = found.judged[state]
     return FoundEquation(
         equation=equation_text(found, state),

@@ -1,4 +1,4 @@
-"""Data against integrated equations, and what noise does to discovery, as figures."""
+"""Figures of discovery: data against integrated equations, and effect of noise."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""How an estimate is printed: its value, its 90 % interval, no digit too many."""
+"""Estimates in print: value and 90 % interval, to the digits that are significant."""
 
 import math
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Printed:
     Attributes:
         value: With its unit, "not identified" where there is none.
         interval: The 90 % interval with its unit, "-" where there is none.
-        beside: The same value in another unit a reader may know, or "".
+        beside: The same value in another common unit, or "".
     """
 
     value: str

@@ -1,4 +1,4 @@
-"""Figures as files, written whole or not at all, and as bytes for a page."""
+"""Figures as files, each written completely or not at all, and as bytes for a page."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""How every figure of a report looks: quiet axes, colours all can tell apart."""
+"""The style of every figure: light axes, and colours safe for the colour-blind."""
 
 from collections.abc import Iterable
 
@@ -30,7 +30,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def quiet(axes: Axes) -> None:
-    """Take away from a plot what says nothing."""
+    """Hide the top and right spines, and draw the remaining ones and the grid light."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(MUTED)
     axes.tick_params(which="both", color=MUTED, labelcolor=INK, labelsize=9)

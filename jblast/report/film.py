@@ -1,4 +1,4 @@
-"""What `jblast render` and `jblast events` wrote."""
+"""The answers of `jblast render` and `jblast events`."""
 
 import json
 from dataclasses import dataclass, field
@@ -18,8 +18,8 @@ class FilmEvents:
             darker.
         noise: Whether the camera has its imperfections.
         events: How many there are.
-        brighter: How many of them tell of more light.
-        darker: How many tell of less.
+        brighter: Number of events of increasing light.
+        darker: Number of events of decreasing light.
         stamps: How their times were found.
         stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
     """
@@ -152,8 +152,8 @@ class EventsAnswer:
         noise: Whether the camera has its imperfections.
         seed: Of the noise; null without.
         events: How many there are.
-        brighter: How many of them tell of more light.
-        darker: How many tell of less.
+        brighter: Number of events of increasing light.
+        darker: Number of events of decreasing light.
         bits: Bit depth of the values of the frames; null of floats.
         darkest: Linear light, as a fraction of full scale, below which changes give no
             events.

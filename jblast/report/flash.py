@@ -1,4 +1,4 @@
-"""What `jblast detect` found in film."""
+"""The answer of `jblast detect` for film."""
 
 import math
 from collections.abc import Sequence
@@ -161,7 +161,7 @@ class FlashAnswer:
         method: How it was searched.
         recording: What was searched.
         flashes: All that is known of each arrival.
-        warnings: What to know.
+        warnings: Warnings, a sentence each.
     """
 
     detected: bool
@@ -264,14 +264,14 @@ def flash_answer(
     directions: "Sequence[Direction]" = (),
     warnings: Sequence[str] = (),
 ) -> FlashAnswer:
-    """Return what is told of a film.
+    """Return the answer on a film.
 
     Args:
         watched: What was seen in it.
         searched: What it is.
         false_alarms: For how many an hour the threshold was set.
         directions: Of each flash; none without a scene.
-        warnings: What to know.
+        warnings: Warnings, a sentence each.
     """
     late = [f.told_s - f.growth.time_s for f in watched.flashes]
     return FlashAnswer(

@@ -1,8 +1,8 @@
-"""What became of the vehicles that `jblast fly` flew.
+"""The answer of `jblast fly`: effects on the vehicles, and the tables of their flights.
 
-`jblast discover` reads the table of a flight. Beside position, velocity and attitude it
-has the direction in which the rotors pull (body z in world axes): acceleration by
-thrust is linear in it, and not in the quaternion.
+`jblast discover` reads the table of a flight. Besides position, velocity and attitude
+it has the direction of the rotors' thrust (body z in world axes), because acceleration
+by thrust is linear in this direction, and not in the quaternion.
 """
 
 import math
@@ -74,7 +74,7 @@ THRESHOLD_WORDS = {
     "fireball_time_s": "threshold of time in a fireball",
 }
 MET = ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa")
-"""Numbers of an `Encounter` that are told of each blast."""
+"""Numbers of an `Encounter` that are printed for each blast."""
 MOST_NAMED = 100
 """Lost vehicles that are named one by one."""
 PARTS = {"position": "place", "velocity": "moves", "attitude": "turn"}
@@ -90,7 +90,7 @@ def trajectory_csv(
     Args:
         trajectory: The flight.
         path_error_m: Of each row.
-        comment: What is said of it in the first line.
+        comment: Text of the first line.
     """
     names = [name for part in COLUMNS.values() for name in part]
     parts = [np.asarray(trajectory.time_s)[:, None]]
@@ -470,7 +470,7 @@ class FlightsAnswer:
         holds: By hold what became of the flights.
         estimator: "ekf", or "": it flew by the truth.
         estimates: By hold what each blast did to the estimate.
-        warnings: Sentences on what the numbers do not tell.
+        warnings: Limits of the numbers, a sentence each.
     """
 
     scene: str
@@ -501,11 +501,11 @@ class FlightsAnswer:
 
 
 def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
-    """Return what is to be told of flights.
+    """Return the answer on flights.
 
     Args:
         flights: What was flown.
-        scene: The file that says through what.
+        scene: The scene's file.
         seed: Of what was drawn.
     """
     options, vehicle = flights.options, flights.vehicle
@@ -656,7 +656,7 @@ def estimates_thrown(
     Args:
         thrown: It, the blasts last.
         blasts: Their names.
-        of: What is told of the vehicles' numbers.
+        of: Printed numbers of the vehicles.
     """
     found = thrown._asdict()
     return tuple(

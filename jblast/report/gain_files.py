@@ -1,4 +1,4 @@
-"""What `jblast tune --gains --out` writes: the scene, and both holds drawn."""
+"""Files of `jblast tune --gains --out`: the scene, and figures of both controllers."""
 
 import copy
 import json

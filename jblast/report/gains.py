@@ -1,4 +1,4 @@
-"""Gains that `jblast tune --gains` found."""
+"""The answer of `jblast tune --gains`."""
 
 import textwrap
 from collections.abc import Mapping
@@ -98,7 +98,7 @@ class GainsAnswer:
         cut: By what share the median peak deviation is less.
         flights_of_the_search: How often all blasts were flown, with derivatives.
         converged: Whether the search ended of itself.
-        warnings: What to know.
+        warnings: Warnings, a sentence each.
         files: What was written.
     """
 
@@ -240,7 +240,7 @@ def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
 
 
 def warnings_of(tuned: TunedGains) -> list[str]:
-    """Return what to know of tuned gains."""
+    """Return warnings on tuned gains."""
     said = list(tuned.notes)
     before, after = tuned.before, tuned.after
     short = [

@@ -1,7 +1,7 @@
-"""What the sensors of a scene recorded, as `jblast listen` tells and writes it.
+"""The records of a scene's sensors, as `jblast listen` prints and writes them.
 
-Samples come in pieces of any size and are seen once. What is kept of them for a figure
-takes constant memory, and does not depend on the size of the pieces.
+Samples arrive in chunks of any size and are read once. The data stored for a figure
+take constant memory and do not depend on the size of the chunks.
 """
 
 import math
@@ -29,7 +29,7 @@ from jblast.sensors.instrument import clipping
 from jblast.sensors.listening import Listening, instrument_of, samples_of
 
 MOST_LINES = 20
-"""Sensors that are told one by one; all of them stand in truth.csv."""
+"""Sensors that are printed one by one; truth.csv has all of them."""
 TOLD = ("ground_arrival_s", "air_arrival_s", "peak_overpressure_pa")
 CLOCK = "times are by each sensor's own clock; its file begins there at 0"
 COLUMNS = {
@@ -40,7 +40,7 @@ COLUMNS = {
 }
 """What a kind of sensor writes down, component by component."""
 DRAWN = {"anemometer": "wind_speed_m_s"}
-"""What is told and drawn instead, of several components: their magnitude."""
+"""Printed and drawn for several components: their magnitude."""
 BITS = (8, 16, 24, 32)
 """What a whole number in a sound file may have; the least that holds a sensor's own."""
 BEFORE, AFTER = 0.25, 6.0
@@ -59,14 +59,14 @@ PIECE = 2**16
 
 
 class SensorRecord:
-    """One sensor's record: where it is written, and what is kept of it to be told.
+    """One sensor's record: where it is written, and its summary.
 
     Attributes:
         sensor: Whose it is.
         file: Name of its file.
         rate_hz: Samples a second.
         samples: How many it has.
-        column: What is told and drawn of it, with its unit.
+        column: Component that is printed and drawn, with its unit.
         full_scale: What a sample of 1 in a sound file stands for [Pa].
         largest: Largest magnitude written, in its unit.
         clipped: By charge, whether a sample clipped between its first arrival and the
@@ -150,7 +150,7 @@ def listening_text(
     Args:
         listening: What was to be recorded.
         records: What was.
-        notes: What else there is to know.
+        notes: Further remarks.
     """
     rows = [["sensor", "kind", "file", "ground", "air", "peak"]]
     for number, record in enumerate(records[:MOST_LINES]):
@@ -184,7 +184,7 @@ def listening_document(
     Args:
         listening: What was to be recorded.
         records: What was.
-        notes: What else there is to know.
+        notes: Further remarks.
     """
     return plain(
         {
@@ -226,7 +226,7 @@ def _sensor(listening: Listening, number: int, record: SensorRecord) -> dict[str
 
 
 def warnings_of(listening: Listening, records: Sequence[SensorRecord]) -> list[str]:
-    """Return what somebody should know who uses the records."""
+    """Return warnings on the use of the records."""
     truth = listening.truth
     notes = [f"sensor {name!r}: {why}" for name, why in listening.skipped.items()]
     for name, valid in truth.valid.items():

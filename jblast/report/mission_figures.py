@@ -1,4 +1,4 @@
-"""The way of a mission: planned and flown, drawn and as KML."""
+"""The path of a mission, planned and flown, as a figure and as KML."""
 
 import math
 from xml.etree import ElementTree as ET

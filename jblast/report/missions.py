@@ -1,4 +1,4 @@
-"""How a mission went."""
+"""The answer of `jblast fly` for a mission."""
 
 import math
 import textwrap
@@ -211,7 +211,7 @@ class MissionAnswer:
         peak_overpressure_pa: Incident, of the strongest blast.
         peak_acceleration_m_s2: By the blasts alone.
         thresholds: Of these two, by exposure.
-        warnings: Sentences on what the numbers do not tell.
+        warnings: Limits of the numbers, a sentence each.
     """
 
     scene: str
@@ -247,11 +247,11 @@ class MissionAnswer:
 
 
 def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAnswer:
-    """Return what is to be told of a mission.
+    """Return the answer on a mission.
 
     Args:
         flight: What was flown.
-        scene: The file that says through what.
+        scene: The scene's file.
         seed: Of what was drawn.
     """
     options, mission = flight.options, flight.mission
@@ -303,7 +303,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
 
 
 def mission_warnings(flight: MissionFlight) -> list[str]:
-    """Return sentences on what the numbers do not tell by themselves."""
+    """Return sentences on the limits of the numbers."""
     said = list(flight.notes)
     plan = flight.mission.plan
     said += [

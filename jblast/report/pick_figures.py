@@ -1,4 +1,4 @@
-"""Files of `jblast pick --report`: records and their pulses, drawn, and on a page."""
+"""Files of `jblast pick --report`: figures of records and their pulses, and a page."""
 
 import json
 from collections.abc import Sequence
@@ -69,7 +69,7 @@ def write_picks(
         found: Picks that keep their samples.
         log: Their rows.
         document: What `picks_document` made of them.
-        lines: What else is to be said.
+        lines: Further remarks.
         made: What they were made of.
 
     Raises:
@@ -307,7 +307,7 @@ def picks_page(
     Args:
         found: Picks.
         pictures: Of their records.
-        lines: What else is to be said, a sentence each.
+        lines: Further remarks, a sentence each.
         made: What they were made of.
         comments: Of the log.
     """

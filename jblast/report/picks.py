@@ -1,4 +1,4 @@
-"""What `jblast pick` read from records."""
+"""The answer of `jblast pick`."""
 
 import math
 from collections.abc import Mapping
@@ -242,7 +242,7 @@ class PickAnswer:
         lower_bound: Whether the peak is a lower bound, as the record is clipped.
         later_arrivals_s: Further fronts.
         quality: How far it may be trusted.
-        notes: What is to be said of it, a sentence each.
+        notes: Remarks, a sentence each.
     """
 
     record: str
@@ -336,7 +336,7 @@ def _estimate(one: RecordPick, quantity: str) -> PickedValue | None:
 
 
 def note_words(one: RecordPick) -> list[str]:
-    """Return what is to be said of a pick."""
+    """Return the remarks on a pick."""
     later = [float(time) for time in one.pick.later_arrivals_s if time == time]
     scale = float(one.pick.clipped_at_pa)
     level = f"{scale:.3g} of full scale"

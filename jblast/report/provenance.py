@@ -1,4 +1,4 @@
-"""What a report was made of: command, date, versions, and files by their SHA-256."""
+"""Provenance of a report: command, date, versions, and files by their SHA-256."""
 
 import functools
 import hashlib
@@ -39,7 +39,7 @@ class Provenance:
         logs: The log with its covariances and files of samples, or the recordings that
             it was made of; none where it was made in memory.
         scene: The scene; null where none was read from a file.
-        scene_text: All that the scene's file says; "" where there is none.
+        scene_text: Content of the scene's file; "" where there is none.
     """
 
     command: str

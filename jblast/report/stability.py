@@ -1,4 +1,4 @@
-"""How methods fail, as text, Markdown, CSV and JSON."""
+"""Failure modes of methods as text, Markdown, CSV and JSON."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Where methods fail, drawn."""
+"""Figures of the failure modes of methods."""
 
 from collections.abc import Callable, Mapping, Sequence
 

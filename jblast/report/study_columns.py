@@ -154,9 +154,9 @@ class StudyColumns:
         input_units: Their units.
         axes: What was varied, in the order of the store.
         weights: Of the samples; None where they have none.
-        attributes: What the store says of itself.
+        attributes: Attributes of the store.
         samples: How many there are; of statistics alone how many variants and cells.
-        notes: What to know.
+        notes: Remarks, a sentence each.
         counted: How many samples statistics are of, where they alone were kept.
         course: What was known of each lane after so many samples, likewise.
         rows: The samples that were kept beside statistics.

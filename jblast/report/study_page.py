@@ -134,7 +134,7 @@ class StudyReport:
         """Return the page.
 
         Args:
-            made: What else there is to say of how it came about.
+            made: Further provenance.
         """
         said = self.columns.attributes
         return page(

@@ -172,7 +172,7 @@ def sensitivity_table(shares: Sequence[LaneShares]) -> Table | None:
 
 
 def text_lines(columns: StudyColumns, overall: Sequence[LaneSummary]) -> list[str]:
-    """Return what a terminal is told: a line for each outcome."""
+    """Return the text for a terminal: a line for each outcome."""
     width = max((len(one.lane.title) for one in overall), default=0)
     said = []
     for one in overall:
@@ -230,7 +230,7 @@ class InputShare:
         total_interval: 90 % interval of it.
         elasticity: Per cent of the outcome for one per cent of the number, about the
             middle of the samples.
-        differs: Why slope and index tell different things; null where they do not.
+        differs: Why slope and index disagree; null where they agree.
     """
 
     name: str
@@ -277,8 +277,8 @@ class StudyReportAnswer:
         axes: Values of each axis, in words.
         outcomes: Each over all samples.
         cells: Each in each combination of the values of the axes.
-        sensitivity: What the scatter of each comes from, where samples tell it.
-        notes: What to know.
+        sensitivity: Contributions to the scatter of each, where samples identify them.
+        notes: Remarks, a sentence each.
     """
 
     samples: int

@@ -1,4 +1,4 @@
-"""What a run of `jblast study` says."""
+"""The answer of a run of `jblast study`."""
 
 import math
 from collections.abc import Iterable
@@ -58,7 +58,7 @@ class StudyAnswer:
         calculated: How many this run calculated.
         seconds: How long that took.
         outcomes: What is known of each, over all cells of the axes together.
-        notes: What there is to say of how it was calculated.
+        notes: Remarks on the calculation.
     """
 
     schema: int

@@ -63,7 +63,7 @@ def summary_columns(
     Args:
         store: The store.
         rows: The samples that it keeps, if any: what scatter comes from is theirs.
-        incomplete: What is said of a store that is not complete.
+        incomplete: Remark on a store that is not complete.
 
     Raises:
         InputError: None were begun.

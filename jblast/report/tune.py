@@ -1,4 +1,4 @@
-"""What `jblast tune` found."""
+"""The answer of `jblast tune`."""
 
 import json
 import math
@@ -45,7 +45,7 @@ class TunedEstimate:
         q05: It is less with 5 %; likewise.
         q95: It is less with 95 %; likewise.
         unit: Of all of these.
-        before: What the scene said, or where the search began.
+        before: Value of the scene, or start of the search.
         fitted: What the tuned scene holds: the value, or where the search left what
             the record does not tell.
         key: Where it stands in a scene file.
@@ -74,8 +74,8 @@ class TuneAnswer:
         free: Their names.
         fixed: Numbers that such a record could tell and that were taken as the scene
             has them, by name; null where it has none.
-        identifiable: Whether the record tells all that was looked for.
-        null_directions: What it does not tell.
+        identifiable: Whether the record identifies all searched parameters.
+        null_directions: Combinations that it does not constrain.
         chi2: Sum of squares of what is left, each over its variance.
         dof: What is expected of it.
         tests: Probability of what is left, by what was looked at; below 0.001 the
@@ -84,7 +84,7 @@ class TuneAnswer:
             typical one in thresholds; null of sound.
         error_allowed: More counts as poorly explained.
         converged: Whether the search ended of itself.
-        warnings: What to know.
+        warnings: Warnings, a sentence each.
         files: What was written.
     """
 
@@ -268,7 +268,7 @@ def key_words(name: str, sensor: str | None) -> str:
 
 
 def warnings_of(tuned: Tuned) -> list[str]:
-    """Return what somebody should know who uses the numbers."""
+    """Return warnings on the use of the numbers."""
     found = [_note(note) for note in tuned.notes]
     for direction in tuned.null_directions:
         names = list(direction.parameters)

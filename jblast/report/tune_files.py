@@ -1,4 +1,4 @@
-"""What `jblast tune --out` writes: the tuned scene, and the record beside it, drawn."""
+"""Files of `jblast tune --out`: the tuned scene, and figures of it and the record."""
 
 import copy
 import os

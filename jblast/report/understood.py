@@ -1,11 +1,11 @@
-"""How a log was understood, in words."""
+"""The interpretation of a log, in words."""
 
 from collections.abc import Sequence
 from functools import singledispatch
 from pathlib import Path
 
 import jblast
-from jblast.observations import Observations, table as of
+from jblast.observations import Observations, table
 from jblast.observations.table import Understood
 from jblast.report.words import joined
 
@@ -40,7 +40,7 @@ def understood_words(found: Understood) -> str:
 
 
 @understood_words.register
-def _(found: of.Dialect) -> str:
+def _(found: table.Dialect) -> str:
     parts = []
     if found.separator:
         parts.append(f"fields separated by {_separator(found.separator)}")
@@ -53,17 +53,17 @@ def _(found: of.Dialect) -> str:
 
 
 @understood_words.register
-def _(found: of.DecimalComma) -> str:
+def _(found: table.DecimalComma) -> str:
     return f"numbers have a decimal comma, as {found.text} in line {found.line} shows"
 
 
 @understood_words.register
-def _(found: of.Renamed) -> str:
+def _(found: table.Renamed) -> str:
     return f"{found.theirs} was taken for {found.ours}"
 
 
 @understood_words.register
-def _(found: of.Converted) -> str:
+def _(found: table.Converted) -> str:
     if found.unit == "percent":
         return f"{found.theirs}: per cent of each value ({_rows(found.rows)})"
     ours = "SI" if found.ours in ("value", "sigma") else found.ours
@@ -74,7 +74,7 @@ def _(found: of.Converted) -> str:
 
 
 @understood_words.register
-def _(found: of.LevelConverted) -> str:
+def _(found: table.LevelConverted) -> str:
     if found.theirs.lower().startswith("sigma"):
         return (
             f"{found.theirs}: 1 dB is ln(10)/20 = 11.5 % of each value "
@@ -87,7 +87,7 @@ def _(found: of.LevelConverted) -> str:
 
 
 @understood_words.register
-def _(found: of.ClockTimesTaken) -> str:
+def _(found: table.ClockTimesTaken) -> str:
     parts = []
     if found.undated:
         parts.append(
@@ -103,7 +103,7 @@ def _(found: of.ClockTimesTaken) -> str:
 
 
 @understood_words.register
-def _(found: of.EmptySkipped) -> str:
+def _(found: table.EmptySkipped) -> str:
     n = len(found.lines)
     which = [str(line) for line in found.lines[:NAMED]]
     more = [f"{n - NAMED} more"] if n > NAMED else []
@@ -112,23 +112,23 @@ def _(found: of.EmptySkipped) -> str:
 
 
 @understood_words.register
-def _(_: of.HeightTaken) -> str:
+def _(_: table.HeightTaken) -> str:
     return "no column up_m: sensors taken to stand at up = 0"
 
 
 @understood_words.register
-def _(found: of.ColumnsIgnored) -> str:
+def _(found: table.ColumnsIgnored) -> str:
     columns = "column" if len(found.names) == 1 else "columns"
     return f"{columns} {joined(list(found.names))} left aside as notes"
 
 
 @understood_words.register
-def _(found: of.UnitsRow) -> str:
+def _(found: table.UnitsRow) -> str:
     return f"line {found.line} was read as the units of the columns"
 
 
 @understood_words.register
-def _(found: of.MadeLong) -> str:
+def _(found: table.MadeLong) -> str:
     text = f"a wide table, a column for each of {joined(list(found.quantities))}"
     if found.shares:
         text += f"; errors of {joined(list(found.shares))} per cent of each value"

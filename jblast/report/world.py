@@ -1,4 +1,4 @@
-"""What `jblast world` and `jblast serve` say."""
+"""The answers of `jblast world` and `jblast serve`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -17,7 +17,7 @@ from jblast.world import DrawnWorld, Perceived, Preset
 from jblast.world.remote.serving import Options, Serving
 
 MOST_BLASTS, MOST_ENTITIES = 20, 12
-"""Blasts and senses told one by one; all of them stand in the tables."""
+"""Blasts and senses printed one by one; the tables have all of them."""
 BLASTS = ("shot", "time_s", "east_m", "north_m", "up_m", "mass_kg")
 PERCEIVED = ("shot", "entity", "sense", "time_s")
 MARK = "as the thesis computes it, not as blasts are"
@@ -79,7 +79,7 @@ def served_answer(server: Serving) -> ServedAnswer:
 
 
 def serving_line(world: DrawnWorld, address: str, options: Options) -> str:
-    """Return what is said once clients may come."""
+    """Return the line printed when clients can connect."""
     count = len(world.charges)
     pace = "in lockstep"
     if options.speed is not None:
@@ -119,7 +119,7 @@ class WorldRun:
         sound: The document of the records of samples; None where there are none.
         imu: What each inertial measurement unit wrote; None where there is none.
         film: What the camera wrote; None where there is none.
-        warnings: What else there is to know.
+        warnings: Further warnings.
     """
 
     world: DrawnWorld
@@ -216,7 +216,7 @@ def world_document(run: WorldRun) -> dict[str, Any]:
 
 
 def warnings_of(run: WorldRun) -> list[str]:
-    """Return what somebody should know who uses the run."""
+    """Return warnings on the use of the run."""
     said = [] if run.world.preset is None else preset_notes(run.world.preset)
     said += run.warnings
     if not run.world.shots:
@@ -264,7 +264,7 @@ def preset_words(preset: Preset) -> str:
 
 
 def preset_notes(preset: Preset) -> list[str]:
-    """Return what somebody should know who uses such a run."""
+    """Return warnings on the use of a run with a preset."""
     notes = [
         f"{preset_words(preset)} ({preset.source}); the scene's own laws, by which "
         "jblast fit goes, are others"
@@ -337,8 +337,8 @@ class FilmMade:
         width: Of each [px].
         height: Of each [px].
         events: How many there are.
-        brighter: How many of them tell of more light.
-        darker: How many tell of less.
+        brighter: Number of events of increasing light.
+        darker: Number of events of decreasing light.
         stamps: How their times were found.
         stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
     """
@@ -390,7 +390,7 @@ class WorldAnswer:
         sound: As of `jblast listen`; null where no sensor samples.
         imu: By name, what each inertial measurement unit wrote; null where none flies.
         camera: What it wrote; null where there is none.
-        warnings: Sentences on what to know.
+        warnings: Warnings, a sentence each.
     """
 
     scene: str

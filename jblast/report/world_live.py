@@ -38,7 +38,7 @@ Columns = tuple[
 
 
 class LiveFigure:
-    """A figure of the last seconds, drawn anew at each instant.
+    """A figure of the last seconds, drawn again at each instant.
 
     Attributes:
         figure: What is drawn on.

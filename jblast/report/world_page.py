@@ -1,8 +1,8 @@
 """A world on one page.
 
 The timeline has all records on one time axis, as figures 4.7 and 4.8 of the thesis:
-path from the place that is held, path error, force, moment, samples of sensors, events
-and a strip of frames; dashed lines are the blasts.
+path relative to the set point, path error, force, moment, samples of sensors, camera
+events and a strip of frames; dashed lines are the blasts.
 """
 
 import csv
@@ -79,7 +79,7 @@ class Table:
         rows: Cells.
         numbers: Columns that end below one another.
         marked: Rows that are to be looked at.
-        lines: What is said below.
+        lines: Text below.
     """
 
     title: str
@@ -132,7 +132,7 @@ class RunFolder:
 
     Attributes:
         path: Where it is.
-        document: What run.json says.
+        document: Contents of run.json.
         flight: Rows of flight.csv; None where nothing flew.
         waveforms: By sensor that samples.
         frames: Time of each frame that was kept [s] and its file.
@@ -149,7 +149,7 @@ class RunFolder:
 
 @dataclass(frozen=True)
 class ShotAnswer:
-    """What the readings of one blast tell.
+    """The answer from the readings of one blast.
 
     Attributes:
         shot: Its name.
@@ -557,7 +557,7 @@ def answers_of(
 
     Args:
         directory: The world's folder.
-        document: What its run.json says.
+        document: Contents of its run.json.
         scene: The scene that it was drawn from; [world] becomes the prior.
 
     Raises:

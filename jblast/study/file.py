@@ -18,7 +18,7 @@ import hashlib
 import itertools
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -37,7 +37,7 @@ KEYS = (
     *("axes", "options"),
 )
 MOST_UNTIL_KNOWN = 100_000_000
-"""Samples of a study that ends by its targets, where nobody says how many."""
+"""Default samples of a study that ends by its targets."""
 MOST_VALUES = 100_000
 RANGE_KEYS = ("from", "to", "count", "scale")
 SCALES = ("linear", "log")
@@ -47,8 +47,6 @@ DESIGNS: tuple[Design, ...] = ("random", "sobol", "latin", "grid")
 Keep = Literal["all", "summary"] | int
 MOST_SAMPLES = 2**40
 """A limit of the key's counter and of patience: 1e12."""
-OwnFunction = Callable[..., Any]
-"""A user's own outcome: from a key and a scene to a number."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +78,8 @@ class Study:
         design: How draws fill what the priors allow.
         keep: "all" samples, a "summary" alone, or so many samples.
         numbers: Axes over numbers of the scene, crossed with each other.
-        words: Axes over what else the scene's file says, crossed likewise.
-        options: What else outcomes are told.
+        words: Axes over other keys of the scene's file, crossed likewise.
+        options: Options of outcomes.
         allow_code: Whether outcomes may be functions of the user's own.
         text: The study's file; "" of one made in Python.
         scenes: Likewise the scenes', by the names the study has for them.
@@ -156,7 +154,7 @@ def read_study(path: str | os.PathLike[str], *, allow_code: bool = False) -> Stu
 def study_from_text(
     text: str, scenes: Mapping[str, str], *, allow_code: bool = False
 ) -> Study:
-    """Return the study that texts say, as a store holds them: scenes by their names."""
+    """Return the study of the texts in a store; scenes are stored by their names."""
     study = study_from_document(tomllib.loads(text), scenes, "study", Path())
     return replace(study, text=text, allow_code=allow_code)
 
@@ -175,11 +173,11 @@ def _scene_names(value: Any, source: str) -> tuple[str, ...]:
 def study_from_document(
     document: dict[str, Any], scenes: Mapping[str, str], source: str, folder: Path
 ) -> Study:
-    """Build a study from what TOML says.
+    """Build a study from a TOML document.
 
     Args:
         document: The tables of the file.
-        scenes: What the files of scenes say, by their names.
+        scenes: Contents of the scene files, by their names.
         source: The file's name, for the messages.
         folder: Where the scenes lie, for the messages.
 
@@ -373,7 +371,7 @@ def outcomes_of(value: Any, source: str) -> tuple[str, ...]:
 
 
 def options_of(value: Any, source: str) -> dict[str, Any]:
-    """Return what else outcomes are told."""
+    """Return the options of outcomes."""
     if not isinstance(value, dict):
         raise InputError(f"{source}: [options]: expected a table, got {shown(value)}")
     return dict(value)

@@ -231,7 +231,7 @@ class Flights:
     """Flights through the blasts of a scene.
 
     Attributes:
-        vehicle: What the scene says of it.
+        vehicle: Its section of the scene.
         options: How they were flown.
         seconds: How long each was.
         count: How many scenes were drawn; each was flown by each hold.
@@ -240,8 +240,8 @@ class Flights:
         places_m: Of the charges, east, north, up.
         wind_m_s: Towards east, north.
         holds: By a name of `vehicle.CONTROLLERS`, in the order flown.
-        own: The scene's own hold; None where it does not say.
-        notes: What there is to say of the curves that the blasts were taken by.
+        own: The hold that the scene specifies; None without one.
+        notes: Remarks on the curve sets of the blasts.
     """
 
     vehicle: VehicleSpec
@@ -258,7 +258,7 @@ class Flights:
 
 
 def warnings_of(flights: Flights) -> list[str]:
-    """Return sentences on what the numbers do not tell by themselves."""
+    """Return sentences on the limits of the numbers."""
     said = list(flights.notes)
     encounter = next(iter(flights.holds.values())).encounter
     outside = np.mean(~encounter.in_range.all(axis=-1))
@@ -332,7 +332,7 @@ def with_bursts_at_start(
         vehicle: Where it starts.
 
     Returns:
-        The scenes, and what there is to say of charges above the ground.
+        The scenes, and remarks on charges above the ground.
     """
     place = jnp.asarray(vehicle.position)[None, :]
     charges, notes = [], []
@@ -433,7 +433,8 @@ def load_of(scene: Scene, profile: Profile | None, by: LoadLaw = "laws") -> Flig
         by: Which laws.
 
     Raises:
-        InputError: As in `vehicle.blast_load` and `vehicle.custom_profile`.
+        InputError: As in `vehicle.blast_load` and
+            `vehicle.loads.impulse_table.custom_profile`.
     """
     if profile is None:
         return LOADS[by](scene)

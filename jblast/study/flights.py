@@ -69,16 +69,16 @@ from jblast.vehicle.quadrotor import in_precision
 GROUND_UP_M = 0.0
 CHUNK = {"cpu": 2048, "gpu": 16_384}
 """Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
-_encounter = kept(encounter_of)
+encounter_along = kept(encounter_of)
 _encounter_each = eqx.filter_jit(jax.vmap(encounter_of, (0, None, 0, 0)))
-_exposed = kept(exposed)
+exposed_along = kept(exposed)
 _exposed_each = eqx.filter_jit(
     eqx.filter_vmap(exposed, in_axes=(0, 0, None, 0, None, 0))
 )
 followed_along = kept(followed)
 thrown_of = kept(thrown)
 AFTER_S = 5.0
-"""Seconds after the last arrival where nothing is said."""
+"""Default time after the last arrival."""
 MOST_STEPS = 4_000_000
 """Steps of a flight: half an hour at the default step."""
 ROWS = 20_000
@@ -90,7 +90,7 @@ ROW_S = 0.02
 and more."""
 MOST_VEHICLES = 10_000_000
 BOTH_HOLDS = ("with_integral", "without_integral")
-"""Flown where nothing is said."""
+"""Flown by default."""
 
 
 def fly(
@@ -143,7 +143,7 @@ def fly(
     size = math.ceil(vehicles / chunks)
     through = counted(vehicles, "vehicles")
     for n in range(chunks):
-        # the last chunk is filled up: another size would compile everything anew
+        # the last chunk is filled up: another size would compile everything again
         lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
         some = scenes if vehicles == 1 else lanes_of(scenes, lanes)
         carried = {}
@@ -236,7 +236,7 @@ def flown_by(
     )
     trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
     places = trajectory.position_m, trajectory.quaternion
-    encounter = (_encounter if single else _encounter_each)(
+    encounter = (encounter_along if single else _encounter_each)(
         load, trajectory.time_s, *places
     )
     first = encounter.arrival_s.min(axis=-1)
@@ -251,7 +251,7 @@ def flown_by(
     times = jnp.broadcast_to(trajectory.time_s, error.shape)
     last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
     before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
-    exposure = (_exposed if single else _exposed_each)(
+    exposure = (exposed_along if single else _exposed_each)(
         unwatched(scenes),
         load,
         vehicle_of(spec),
@@ -402,12 +402,12 @@ def thrown_by_blasts(
         lambda flight: flight.time_s, jax.tree.map(lambda x: 0, trajectory), None
     )
     several = eqx.filter_jit(
-        eqx.filter_vmap(_thrown_of, in_axes=(eqx.if_array(0), rows, 0, None))
+        eqx.filter_vmap(_thrown_by_estimate, in_axes=(eqx.if_array(0), rows, 0, None))
     )
     return several(control, trajectory, arrival_s, period), None
 
 
-def _thrown_of(
+def _thrown_by_estimate(
     control: EstimatedControl, flight: Trajectory, arrival_s: Array, period_s: Array
 ) -> Thrown:
     return thrown(followed(control, flight, period_s), flight.time_s, arrival_s)
@@ -580,7 +580,7 @@ def named_controllers(
 
     Args:
         controllers: Those asked for; None: both holds.
-        own: The scene's own hold; None where it does not say.
+        own: The hold that the scene specifies; None without one.
 
     Raises:
         InputError: An empty list is asked for.

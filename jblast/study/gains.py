@@ -124,7 +124,7 @@ class Tried:
 
     Attributes:
         gains: The gains.
-        margins: Of each loop of `control.stability.LOOPS`.
+        margins: Of each loop of `vehicle.control.stability.LOOPS`.
         outcomes: Of the unseen blasts.
     """
 
@@ -172,13 +172,13 @@ class TunedGains:
     """Gains before and after.
 
     Attributes:
-        vehicle: What the scene says of it.
+        vehicle: Its section of the scene.
         wish: How they were tuned.
         before: The scene's.
         after: The tuned ones.
         ln_peaks: The objective (see the module's text) at each step of the search.
         converged: Whether the search ended of itself.
-        notes: What there is to say of the curves that the blasts were taken by.
+        notes: Remarks on the curve sets of the blasts.
     """
 
     vehicle: VehicleSpec
@@ -569,7 +569,7 @@ def drawn_flights(
         options: How they are flown.
 
     Returns:
-        The flights, and what there is to say of charges above the ground.
+        The flights, and remarks on charges above the ground.
 
     Raises:
         InputError: A number cannot be drawn, or no blast comes during the flight.

@@ -22,7 +22,6 @@ from jaxtyping import Array, Bool, Float
 from jblast.autopilot.estimator import Followed, Thrown
 from jblast.autopilot.logs import Estimate, FlightRecord
 from jblast.errors import InputError
-from jblast.kept_programs import kept
 from jblast.missions import (
     GuidanceHistory,
     Item,
@@ -46,8 +45,6 @@ from jblast.study.flight_results import (
     FlightLoad,
     Flights,
     Options,
-    encounter_of,
-    exposed,
     load_of,
     target_of,
     trajectory_of,
@@ -61,6 +58,8 @@ from jblast.study.flights import (
     checked_scene,
     drawn_scenes,
     drawn_values,
+    encounter_along,
+    exposed_along,
     fly,
     followed_along,
     instruments_of,
@@ -80,25 +79,23 @@ from jblast.vehicle import (
 )
 
 MISSION_STEP_S = 0.004
-"""Of the integrator and the controller where nothing is said: PX4's 250 Hz."""
+"""Default of the integrator and the controller: PX4's 250 Hz."""
 TOLERANCE_M = 0.2
-"""Of the path error where nothing is said: undisturbed, corners stay below it."""
+"""Default for the path error: undisturbed, corners stay below it."""
 EACH_ROW_S = 0.02
 """Rows at which the blasts are looked for."""
-_encounter = kept(encounter_of)
-_exposed = kept(exposed)
 SHARE, EACH_S, LEAST_S, UNIT_S = 0.05, 10.0, 10.0, 20.0
 """Of time beyond what was planned: a share of it, for each blast, in any case; all of
 it in whole units, as each other duration is another program."""
 AFTER_S = 1.0
-"""What is kept after it was disarmed."""
+"""Time stored after the vehicle is disarmed."""
 WATCHED_S = 10.0
-"""How long after it came a blast is held to account for what a flight does."""
+"""Time after its arrival over which a deviation is attributed to a blast."""
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What one blast did to the flight.
+    """The effect of one blast on the flight.
 
     Attributes:
         charge: Its name; "" of one alone.
@@ -148,7 +145,7 @@ class MissionFlight:
     """A mission that was flown.
 
     Attributes:
-        vehicle: What the scene says of it.
+        vehicle: Its section of the scene.
         mission: What it was to fly.
         options: How it was flown.
         integral: Whether its hold has integral action.
@@ -157,7 +154,7 @@ class MissionFlight:
         places_m: Of the charges, east, north, up.
         wind_m_s: Towards east, north.
         trajectory: A row each time that its controller was asked.
-        guided: What the guidance said at each row.
+        guided: Output of the guidance at each row.
         path_error_m: Distance from the set point at each row.
         encounter: How the blasts came to it.
         exposure: What they did to it beside moving it.
@@ -167,7 +164,7 @@ class MissionFlight:
         followed: What it took for its state at each row; None: the truth.
         disarmed_s: When it was disarmed; NaN: never.
         crash: What it crashed by; "" if it did not.
-        notes: What there is to say besides.
+        notes: Further remarks.
     """
 
     vehicle: VehicleSpec
@@ -389,11 +386,11 @@ def fly_mission(
     crash, crashed_s = crash_of(flight)
     every = max(1, round(EACH_ROW_S / options.step_s))
     states = _states(flight, every)
-    encounter = _encounter(
+    encounter = encounter_along(
         load, flight.time_s[::every], states.position_m, states.quaternion
     )
     vehicle = vehicle_of(spec)
-    exposure = _exposed(
+    exposure = exposed_along(
         unwatched(scene), load, vehicle, encounter, flight.time_s[::every], states
     )
     ended = np.asarray(guided.phase) == ENDED
@@ -451,7 +448,7 @@ class Rows(NamedTuple):
 
     Attributes:
         flight: The vehicle, in truth.
-        guided: What the guidance said.
+        guided: Output of the guidance.
         followed: What it took for its state; None: the truth.
     """
 
@@ -497,7 +494,7 @@ def flown(
 
 
 def cut(rows: Rows, options: Options) -> Rows:
-    """Cut a flight off after it was disarmed, if nobody said how long."""
+    """End a flight without a given duration after the vehicle is disarmed."""
     phase = np.asarray(rows.guided.phase)
     time = np.asarray(rows.flight.time_s)
     if options.seconds is not None or phase[-1] != ENDED:
@@ -588,7 +585,7 @@ def waypoints_of(
     Args:
         mission: What was to be flown.
         flight: Its rows.
-        guided: What the guidance said at them.
+        guided: Output of the guidance at these rows.
         error_m: Distance from the set point.
         until_s: When it crashed; infinite: it did not.
     """
@@ -643,7 +640,7 @@ def disturbances_of(
         arrival_s: Of each at the vehicle.
         mission: What was to be flown.
         flight: Its rows.
-        guided: What the guidance said at them.
+        guided: Output of the guidance at these rows.
         error_m: Distance from the set point.
         tolerance_m: Within which a vehicle has recovered.
     """

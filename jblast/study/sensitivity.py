@@ -277,7 +277,7 @@ def indices_of_function(
 def disagreement(
     indices: SobolIndices, slope_shares: Mapping[str, float]
 ) -> dict[str, str]:
-    """Return by number why its slope and its indices tell different things.
+    """Return by number why its slope and its indices disagree.
 
     Args:
         indices: Of the outcome.

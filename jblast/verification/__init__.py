@@ -1,1 +1,1 @@
-"""How well jblast does it: what `jblast chart` and `jblast stability` measure."""
+"""Measured cost, error and failure modes: `jblast chart` and `jblast stability`."""

@@ -1,11 +1,10 @@
-"""Films in which detectors of flashes are compared: blasts, and lookalikes.
+"""Films for comparing detectors of flashes: blasts and lookalikes.
 
 Blasts are fireballs of the renderer in front of a texture that moves with the camera.
-Charges are 1 kg to 1 t, at distances where the fireball ends with a given radius in the
-image. The fireball is the law's smooth ball, in the air or on the ground, which hides
-its lower half; or the explosion of a set of pictures, on the ground, from any side and
-from up to 30 degrees above. On the ground its light falls on the background below the
-horizon.
+Charges are 1 kg to 1 t, at distances where the final fireball has a given radius in the
+image. The fireball is either the law's smooth ball, in the air or on the ground (which
+hides its lower half), or a rendered explosion on the ground, from any side and from up
+to 30 degrees above. On the ground its light falls on the background below the horizon.
 
 Lookalikes are lamps, cars, glints, shots, lightning and noise. Each is drawn at random
 and returns the light that it adds to a background at a time.

@@ -62,11 +62,6 @@ WARM_UP = 10
 """The first tenth of a walk is left out."""
 
 
-def margin(u: Float[Array, "3"]) -> Float[Array, ""]:
-    """Return ln of the pressure over its threshold."""
-    return jnp.log(pressure(u) / CASE.threshold_pa)
-
-
 @dataclass(frozen=True)
 class RareRegion:
     """An event and its probability.
@@ -248,6 +243,11 @@ def pressure(u: Float[Array, "3"], case: RarePressure = CASE) -> Float[Array, ""
         case.mass_kg * case.mass_factor ** u[0],
     )
     return law * jnp.exp(case.scatter * u[2])
+
+
+def margin(u: Float[Array, "3"]) -> Float[Array, ""]:
+    """Return ln of the pressure over its threshold."""
+    return jnp.log(pressure(u) / CASE.threshold_pa)
 
 
 def probability_above(threshold_pa: float, case: RarePressure = CASE) -> float:

@@ -1,4 +1,4 @@
-"""Many blasts on one clock: when and where they go off, who perceives what and when."""
+"""Many blasts on one clock: their times and places, and who perceives them."""
 
 from jblast.world.drawn import (
     Blasts as Blasts,

@@ -1,4 +1,4 @@
-r"""A scene with its random blasts drawn: what every sensor's record follows from.
+r"""A scene with its random blasts drawn, from which the records of all sensors follow.
 
 Draws are the same for one seed on every machine and in any batch. Blast $k$ of a world
 has a key of its own, `fold_in(key, k)` of the counter-based threefry, so a draw depends

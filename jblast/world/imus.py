@@ -1,8 +1,8 @@
 """Records of the inertial units on a world's vehicle, and the jolts picked from them.
 
-The true times say in which stretch a jolt is looked for, up to midway to the blasts
-before and after, and nothing else. The initial attitude and velocity of a stretch and
-the rotor speeds are those of the flight.
+The true times set the search interval of each jolt, up to midway to the blasts before
+and after it, and nothing else. The initial attitude and velocity of an interval and the
+rotor speeds are those of the flight.
 """
 
 import zlib
@@ -72,7 +72,7 @@ class ImuRecord(NamedTuple):
 def picked_jolts(
     world: DrawnWorld, arrivals: Arrivals, records: Sequence[ImuRecord]
 ) -> tuple[Observations | None, int]:
-    """Return the jolts of the units that say how they sample.
+    """Return the jolts of the units with a specified sampling.
 
     Args:
         world: What is there.
@@ -80,8 +80,8 @@ def picked_jolts(
         records: What the units wrote.
 
     Returns:
-        When, how much and whereto, as a log, None where there is none; and how many
-        waves were not picked.
+        Times, sizes and directions as a log, None where there is none; and the number
+        of waves that were not picked.
     """
     rows: list[tuple[str, str, float, float, str, bool]] = []
     places: list[Float[np.ndarray, 3]] = []
@@ -147,8 +147,8 @@ def _pick(
         )
     )
     air = world.scene.air
-    # a vehicle's estimator knows what its gyroscope is off by, as well as it may be
-    # told within the first of the samples
+    # the bias of the gyroscope is estimated by the vehicle's estimator; here, by the
+    # mean difference from the truth over the first samples
     rates = record.samples.rate[part]
     base = base_of(len(rates))
     edges = jnp.asarray(common[some[0]] + np.arange(base + 1) / record.imu.rate)
@@ -182,8 +182,8 @@ def _readings(
     """Return quantity, value, sigma and whether it is a lower bound."""
     step, row = 1 / record.imu.rate, record.row_s
     onset = float(record.stamps_s[first + pick.onset])
-    # where in its sample, and in its row of the flight, a push begins nobody knows;
-    # that of the front begins half a body before it comes to the middle
+    # the start of a push within its sample and within its row of the flight is unknown;
+    # the push of the front begins half a body before the front reaches the middle
     readings = [
         (
             AIR,

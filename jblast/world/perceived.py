@@ -1,9 +1,9 @@
-"""Who perceives what of which blast, and when.
+"""Perception of blasts: who perceives which blast, and when.
 
-Blasts come one after another, so each reading belongs to one blast, which the column
-`shot` of the log names; a fit separates the blasts by it. In a real recording that
-would have to be found out. Errors of two blasts are independent: each has its own
-shared effects, as two shots on a range have.
+Blasts follow one another, so each reading belongs to one blast, which the column `shot`
+of the log names; a fit separates the blasts by it. In a real recording this assignment
+would have to be found. Errors of two blasts are independent: each has its own shared
+effects, as two shots on a range have.
 """
 
 from collections.abc import Collection, Mapping
@@ -40,13 +40,13 @@ BY_WAVE = {
     "ground_arrival_s": "ground motion",
     "air_arrival_s": "pressure",
 }
-"""What one of no kind perceives that writes down what a wave brings."""
+"""What a sensor without a kind perceives, by the wave that brings its records."""
 OTHERS = {
     VEHICLE: (("air_arrival_s", "force"),),
     CAMERA: (("flash_time_s", "flash"),),
 }
 WAVES = ("flash_time_s", "ground_arrival_s", "air_arrival_s")
-"""What brings a blast, by the quantity that says when."""
+"""Carrier of a blast, by the quantity that times it."""
 BEFORE_S, AFTER_S = 0.25, 0.5
 """Of a stretch about an arrival, at most."""
 BY_LIGHT = ("flash_time_s", "fireball_radius_px", "fireball_radius_m")
@@ -182,7 +182,7 @@ def _by_scene(
 
 
 def _without_air(sensor: Sensor) -> Sensor:
-    """Return a sensor that does not say what it records of the air shock."""
+    """Return a sensor without its records of the air shock."""
     waves = waves_of(sensor)
     kept = [(q, sigma) for q, sigma in sensor.records if waves[q] != AIR]
     return replace(sensor, records=tuple(kept))
@@ -283,7 +283,7 @@ def stretch_about(
 def waves_of(sensor: Sensor) -> dict[str, str]:
     """Return which of `WAVES` brings each quantity that a sensor records.
 
-    Of one that sees the flash or the fireball, light tells the direction, too.
+    A sensor with a reading of the flash or the fireball takes its direction from light.
     """
     recorded = [quantity for quantity, _ in sensor.records]
     sees = any(quantity in BY_LIGHT for quantity in recorded)
@@ -299,13 +299,13 @@ def _wave(quantity: str, sees: bool) -> str:
 def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arrivals:
     """Return when each blast comes to everyone in a scene, by its laws.
 
-    Times are those of `sensors.record`, at the places where who moves meets a wave. One
-    blast is asked after another, by one program.
+    Times are those of `sensors.record`. A moving sensor is placed where it meets the
+    wave. The blasts are computed one by one, by one program.
 
     Args:
-        scene: What is there; its laws are said.
-        tracks: Where the vehicle and what rides on it are, by name; absent: they stand
-            where it holds.
+        scene: The scene, with its laws stated.
+        tracks: Paths of the vehicle and of mounted sensors, by name; absent: they stand
+            at the held position.
 
     Raises:
         InputError: Somebody is as fast as sound.

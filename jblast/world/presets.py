@@ -1,8 +1,8 @@
-"""Ways to compute a world other than by jblast's own physics.
+"""Physics of a world other than jblast's own.
 
-A preset decides how blasts act. What it says of air, ground and laws a scene may leave
-out or repeat; another value is a contradiction and refused. The scene says which blasts
-there are and who perceives them; the preset fills in what it leaves out.
+A preset decides how blasts act. A scene may leave out or repeat the preset's air,
+ground and laws; another value contradicts it and is rejected. The scene specifies the
+blasts and the sensors, and the preset fills in values that are left out.
 
 The presets are the thesis as printed (Parab 2024, eqs. 3.1 to 3.5, algorithm 4, section
 4.2.1) and as coded: facts read from charlotte-visionlab/gazebo_blast3d, `e6dd04c` and
@@ -34,13 +34,13 @@ PRESSURE_SENSES = ("pressure", "anemometer", "imu", "vehicle")
 """Kinds of those whom a blast's pressure reaches rather than its sound."""
 OCCURRENCES = ("count", "rate_hz", "probability")
 TOGETHER = (("region_m", "about"), (*OCCURRENCES, "tick_s"))
-"""Keys of [world] that say one thing: who says one of them says it all."""
+"""Keys of [world] for one choice: a scene with one of them makes the choice."""
 LoadLaw = Literal["thesis-as-printed", "thesis-as-coded"]
 
 
 @dataclass(frozen=True)
 class Preset:
-    """How blasts act, and which there are where a scene does not say.
+    """Effects of blasts, and the blasts themselves where a scene has none.
 
     Attributes:
         name: As it is asked for.

@@ -2,37 +2,40 @@
 
 import pytest
 
-from jblast.observations import table as of
+from jblast.observations import table
 from jblast.observations.table import Understood
 from jblast.report.understood import understood_lines, understood_words
 
 SAID = [
-    (of.Dialect("Excel workbook", sheet="a"), "read as Excel workbook: sheet 'a'"),
+    (table.Dialect("Excel workbook", sheet="a"), "read as Excel workbook: sheet 'a'"),
     (
-        of.Dialect(separator="tab", encoding="UTF-16 (big-endian)"),
+        table.Dialect(separator="tab", encoding="UTF-16 (big-endian)"),
         "read as text: fields separated by tabs, UTF-16 (big-endian)",
     ),
-    (of.DecimalComma(3, "0,5"), "decimal comma, as 0,5 in line 3 shows"),
-    (of.Renamed("toa_s", "air_arrival_s"), "toa_s was taken for air_arrival_s"),
+    (table.DecimalComma(3, "0,5"), "decimal comma, as 0,5 in line 3 shows"),
+    (table.Renamed("toa_s", "air_arrival_s"), "toa_s was taken for air_arrival_s"),
     (
-        of.Converted("range_ft", "range_m", "ft", 0.3048, 2),
+        table.Converted("range_ft", "range_m", "ft", 0.3048, 2),
         "range_ft was converted to range_m: times 0.3048 (2 rows)",
     ),
-    (of.Converted("Sigma (%)", "sigma", "percent", 0.01, 1), "per cent of each value"),
-    (of.LevelConverted("peak_level_db", 1), "20 uPa times 10^(dB/20)"),
-    (of.LevelConverted("sigma_db", 2), "1 dB is ln(10)/20 = 11.5 %"),
-    (of.EmptySkipped((4,)), "1 row without a value left out: line 4"),
-    (of.EmptySkipped(tuple(range(9))), "lines 0, 1, 2, 3, 4 and 4 more"),
     (
-        of.ClockTimesTaken("2020-08-04", 2, "Asia/Beirut", 3, 1),
+        table.Converted("Sigma (%)", "sigma", "percent", 0.01, 1),
+        "per cent of each value",
+    ),
+    (table.LevelConverted("peak_level_db", 1), "20 uPa times 10^(dB/20)"),
+    (table.LevelConverted("sigma_db", 2), "1 dB is ln(10)/20 = 11.5 %"),
+    (table.EmptySkipped((4,)), "1 row without a value left out: line 4"),
+    (table.EmptySkipped(tuple(range(9))), "lines 0, 1, 2, 3, 4 and 4 more"),
+    (
+        table.ClockTimesTaken("2020-08-04", 2, "Asia/Beirut", 3, 1),
         "value_utc: times of day taken to be of 2020-08-04 (2 rows); times without a "
         "zone taken in Asia/Beirut (3 rows); times with an offset turned into UTC "
         "(1 row)",
     ),
-    (of.HeightTaken(), "sensors taken to stand at up = 0"),
-    (of.ColumnsIgnored(("Note",)), "column Note left aside"),
-    (of.UnitsRow(2), "line 2 was read as the units"),
-    (of.MadeLong(("a", "b"), ("b",)), "for b: the law's scatter alone"),
+    (table.HeightTaken(), "sensors taken to stand at up = 0"),
+    (table.ColumnsIgnored(("Note",)), "column Note left aside"),
+    (table.UnitsRow(2), "line 2 was read as the units"),
+    (table.MadeLong(("a", "b"), ("b",)), "for b: the law's scatter alone"),
 ]
 
 
@@ -43,7 +46,7 @@ def test_each_finding_has_a_sentence(found, said):
 
 def test_none_is_without_one():
     told = {type(found) for found, _ in SAID}
-    assert told == {k for k in vars(of).values() if _is_finding(k)}
+    assert told == {k for k in vars(table).values() if _is_finding(k)}
     assert understood_lines([found for found, _ in SAID])
 
 

@@ -16,7 +16,7 @@ from jblast.vehicle import (
     StepGust,
     named,
     named_gains,
-    rollout as batching,
+    rollout,
     simulate,
 )
 from tests.vehicle.flights import at_hover, hover_speed, tumbling
@@ -46,7 +46,7 @@ def same(one, other, atol=1e-13):
 
 @pytest.mark.slow
 def test_a_batch_is_its_flights_one_by_one(monkeypatch):
-    monkeypatch.setattr(batching, "CHUNK_BYTES", 4 * 8)
+    monkeypatch.setattr(rollout, "CHUNK_BYTES", 4 * 8)
     states = batch_of(6)
     gust = StepGust([5.0, 0, 0], 0.01)
     together = simulate(VEHICLE, states, wind=gust, **SHORT)

@@ -15,13 +15,18 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
-from jblast.scene import Camera
-from jblast.sensors.camera.files.images import frame_files
+from jblast.scene import Camera, draw_scene, quaternion_matrix, read_scene
+from jblast.sensors.camera.files.images import (
+    frame_files,
+    read_colours,
+    read_depth,
+)
 from jblast.sensors.camera.files.recordings import (
     MovingBackground,
     background_frames,
     background_image,
     background_video,
+    read_camera_path,
 )
 
 if TYPE_CHECKING:
@@ -52,8 +57,6 @@ def film_asked(asked: argparse.Namespace, most: int) -> "Film":
     """
     import jax
 
-    from jblast.scene import draw_scene, read_scene
-    from jblast.sensors.camera.files.images import read_depth
     from jblast.sensors.camera.film import Film
 
     uncertain = read_scene(asked.scene)
@@ -210,7 +213,6 @@ def _refuse_still(film: "Film", asked: argparse.Namespace) -> None:
 
 def _refuse_looking_away(film: "Film", source: str) -> None:
     """Refuse a camera that would never see the blast, before frames without it."""
-    from jblast.scene import quaternion_matrix
     from jblast.sensors.camera.rendering import in_view, off_axis
 
     if in_view(film.scene, film.camera, film.views):
@@ -373,8 +375,6 @@ def camera_path(
     if asked.flight is None:
         path, source = _flown(uncertain, end, asked.seed), asked.scene
     else:
-        from jblast.sensors.camera.files.recordings import read_camera_path
-
         path, source = read_camera_path(asked.flight), asked.flight
     first, last = float(path.time[0]), float(path.time[-1])
     if not first <= times[0] <= end <= last:
@@ -439,8 +439,6 @@ def landscape_asked(asked: argparse.Namespace, *, carried: bool) -> "Landscape |
             "--ground: expected IMAGE.png:METRES_PER_PIXEL, as field.png:0.05, got "
             f"{asked.ground!r}"
         )
-    from jblast.sensors.camera.files.images import read_colours
-
     return landscape(read_colours(Path(name)), metres, sun=sun)
 
 

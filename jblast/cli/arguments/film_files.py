@@ -164,7 +164,7 @@ class Stamps(NamedTuple):
 
     Attributes:
         error_s: Bound [s]; of all if they are solved for, else of 99 in 100, of a real
-            camera by trial (`film.LIGHT_ERROR`).
+            camera by trial (`sensors.camera.film.LIGHT_ERROR`).
         how: In two words.
     """
 

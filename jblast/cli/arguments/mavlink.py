@@ -9,7 +9,6 @@ import contextlib
 import dataclasses
 import math
 import signal
-import sys
 from collections.abc import Iterator
 from types import FrameType
 from typing import NamedTuple
@@ -28,6 +27,7 @@ from jblast.autopilot.lockstep import (
 from jblast.autopilot.logs import TelemetryLog, flight_ulog
 from jblast.autopilot.mavlink import Link, read_address
 from jblast.cli.arguments.options import refuse_existing
+from jblast.cli.progress_line import serve_line
 from jblast.files import write_bytes
 from jblast.report.autopilot import (
     LockstepAnswer,
@@ -90,7 +90,7 @@ def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
             link.keep = log.keep
             files.append(asked.tlog)
         made = programs(turns)
-        _say(
+        serve_line(
             lockstep_line(
                 scene.spec.model,
                 asked.scene,
@@ -153,7 +153,7 @@ def served_ground_station(asked: argparse.Namespace) -> WatchedAnswer:
             None if spec.mission is None else check_flown(uncertain),
             home_of(spec, place),
             lambda plan: check_flown(uncertain, plan),
-            lambda text: [_say(text), *(one.say(text) for one in said)],
+            lambda text: [serve_line(text), *(one.say(text) for one in said)],
         )
         station = GroundStation(
             link,
@@ -163,7 +163,7 @@ def served_ground_station(asked: argparse.Namespace) -> WatchedAnswer:
             1.0 if asked.speed is None else asked.speed,
         )
         said.append(station)
-        _say(watched_line(spec.model, asked.scene, str(link.address)))
+        serve_line(watched_line(spec.model, asked.scene, str(link.address)))
         with _stopped_by_signal():
             watched = station.serve(asked.seconds)
         return watched_answer(
@@ -201,8 +201,3 @@ def _stopped_by_signal() -> Iterator[None]:
     finally:
         if before is not None:
             signal.signal(signal.SIGTERM, before)
-
-
-def _say(line: str) -> None:
-    sys.stderr.write(f"jblast serve: {line}\n")
-    sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""Recordings and templates that a command names: read, checked, at one rate."""
+"""Recordings and templates named on the command line: read, checked, at one rate."""
 
 from argparse import Namespace
 from collections.abc import Callable, Sequence
@@ -14,12 +14,15 @@ from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import each
 from jblast.signals.search import (
+    DURATIONS,
     OTHER_FRONT,
     SAME_FRONT,
     Channel,
     Searched,
+    bank_of_pulses,
     search,
     search_as_stream,
+    search_bank,
 )
 
 Shapes = list[np.ndarray]
@@ -139,8 +142,6 @@ def searched_for(
         if len(templates) == 1:
             searched.append(look(channel, templates[0], asked.false_alarms))
             continue
-        from jblast.signals.search import search_bank
-
         found = search_bank(
             channel,
             templates,
@@ -162,7 +163,6 @@ def _sought(asked: Namespace) -> tuple[Callable[[float], Shapes], Method]:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.signals.search import DURATIONS, bank_of_pulses
     from jblast.signals.templates import blast_template
 
     if asked.charge:

@@ -305,7 +305,7 @@ def _about(
 
 
 def _value(one: RecordPick, quantity: str) -> tuple[float, float]:
-    """Return what a pick tells of a quantity, its sample heeded; and its sigma."""
+    """Return a quantity of a pick and its sigma, both for means over samples."""
     value, sigma = log_value(one, quantity)
     step = 1.0 / one.record.rate_hz
     unknown = step / math.sqrt(12.0)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from jblast.cli.arguments.numbers import positive, positive_of_any_size
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import EVENT_FILES, path
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 NOT_FOUND = 3
 Kind = Literal["sound", "frames", "video", "events"]
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
-EVENTS = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
 OF_SOUND = ("template", "charge", "range", "blast_form", "stream", "positions")
 OF_PICTURES = ("fps", "scene")
 
@@ -232,7 +231,7 @@ def kind_of(path: str) -> Kind:
         return "frames"
     if suffix in VIDEOS:
         return "video"
-    return "events" if suffix in EVENTS else "sound"
+    return "events" if suffix in EVENT_FILES else "sound"
 
 
 def kind_asked(asked: argparse.Namespace) -> Kind:

@@ -6,11 +6,17 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from jblast.cli.arguments.logs import (
+    WALK,
     add_records,
     check_folders,
+    each_made,
     from_records,
+    logs_of,
+    made_with_samples,
+    only_a_walk,
     scaling_of,
     scene_of_records,
+    write_answers,
 )
 from jblast.cli.arguments.options import (
     add_free,
@@ -99,13 +105,6 @@ def run(asked: argparse.Namespace) -> int:
     from functools import partial
     from pathlib import Path
 
-    from jblast.cli.arguments.logs import (
-        WALK,
-        each_made,
-        logs_of,
-        made_with_samples,
-        only_a_walk,
-    )
     from jblast.inference import fit, fit_each
     from jblast.report import check_directory, summary, write_report
     from jblast.report.fit.document import fit_document, picks_entry
@@ -207,7 +206,6 @@ def _is_small(files: Sequence[str]) -> bool:
 
 def _many(answers, picks, out, made_of, asked: argparse.Namespace) -> int:
     """Print and write the answers of several logs; the worst decides the exit code."""
-    from jblast.cli.arguments.logs import write_answers
     from jblast.report.fit.terminal import answers_document, answers_text
 
     if out:

@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.logs import add_records
+from jblast.cli.arguments.logs import add_records, picked, refusal
 from jblast.cli.arguments.options import path, refuse_existing, writing
 
 NOT_FOUND = 3
@@ -62,7 +62,6 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.cli.arguments.logs import picked, refusal
     from jblast.observations import write
     from jblast.report.picks import picks_document, picks_text
     from jblast.report.provenance import provenance_of

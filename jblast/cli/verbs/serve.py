@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import positive, seed
 from jblast.cli.arguments.options import path
+from jblast.cli.progress_line import serve_line
 from jblast.errors import InputError, read_text
 
 if TYPE_CHECKING:
@@ -201,8 +202,8 @@ async def _served(world: "DrawnWorld", options: "Options") -> "ServedAnswer":
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError, ValueError):
             loop.add_signal_handler(number, over.set)
-    async with listening(world, options, _say) as server:
-        _say(serving_line(world, server.address, options))
+    async with listening(world, options, serve_line) as server:
+        serve_line(serving_line(world, server.address, options))
         await over.wait()
     return served_answer(server)
 
@@ -220,11 +221,6 @@ def token_of(said: str) -> str:
     if not (said.isascii() and said.isprintable()) or " " in said:
         raise InputError("--token: expected a word without blanks, of ASCII")
     return said
-
-
-def _say(line: str) -> None:
-    sys.stderr.write(f"jblast serve: {line}\n")
-    sys.stderr.flush()
 
 
 def add_mavlink(verb: argparse.ArgumentParser) -> None:

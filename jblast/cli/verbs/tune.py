@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import number, positive, positive_of_any_size, seed
-from jblast.cli.arguments.options import names_to_free, path, writing
+from jblast.cli.arguments.options import EVENT_FILES, names_to_free, path, writing
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from jblast.scene import Camera, UncertainScene
 
 NOT_FOUND, DOUBTFUL = 3, 4
-EVENTS = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
 SOUND_ONLY = ("sensor", "full_scale")
 SIGHT_ONLY = ("fps", "start", "background")
 OF_GAINS = ("margin_db", "margin_deg", "delay", "motor_lead", "vehicles", "seed")
@@ -210,7 +209,7 @@ def tuned_as_asked(asked: argparse.Namespace, names: list[str]) -> "Tuned":
         raise InputError(
             f"{asked.recorded}: no such file or directory; expected what was recorded"
         )
-    is_events = recorded.suffix.lower() in EVENTS
+    is_events = recorded.suffix.lower() in EVENT_FILES
     if not is_events and is_record(recorded) and not recorded.is_dir():
         _refuse(asked, SIGHT_ONLY, "frames or events")
         return _heard(uncertain, asked, names)

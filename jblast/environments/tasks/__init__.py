@@ -1,1 +1,1 @@
-"""What a lane is to do: hover, follow rates, fly a mission, tell a blast."""
+"""Tasks of a lane: hover, follow rates, fly a mission, detect a blast."""

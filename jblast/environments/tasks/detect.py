@@ -1,19 +1,20 @@
-r"""Detect: tell a blast from what a microphone and an event camera aboard have of it.
+r"""Detect: raise an alarm for a blast, from a microphone and an event camera on board.
 
-The vehicle holds its place by itself; the action (1) is an alarm where it is positive.
-Seen, of the last step:
+A controller holds the vehicle's position; the action (1) is an alarm where it is
+positive. Observations, of the last step:
 
 - level of the greatest overpressure at the vehicle, with noise of the rotors, over
   20 µPa, in units of 100 dB;
-- the natural logarithm of 1 plus the events that a camera had. Of a flash they are the
-  pixels on the fireball's disc, $\frac{\pi}{4} (2 f r / R)^2$ with $r = 1.75\,m
-  Q^{1/3}$ and $f = 260$ pixels, five events each in the step of the detonation; beside
-  them ten of the background, each with its square root as noise. A simple
-  count: `jblast.sensors.camera` draws events in full;
+- the natural logarithm of 1 plus the number of camera events. A flash gives five events
+  for each pixel on the fireball's disc, $\frac{\pi}{4} (2 f r / R)^2$ pixels with $r =
+  1.75\,m Q^{1/3}$ and $f = 260$ pixels, in the step of the detonation. The background
+  adds ten events, and the sum has its square root as noise. This is a simple count:
+  `jblast.sensors.camera` draws events in full;
 - seconds since the last alarm, 1 at most.
 
-An alarm within 0.5 s of an arrival that nobody has told yet earns 1; one without costs
-0.1; an arrival that nobody told in that time costs 1. All constants are declared.
+An alarm within 0.5 s of an arrival without an earlier alarm earns 1; one without an
+arrival costs 0.1; an arrival without an alarm in that time costs 1. All constants are
+declared.
 """
 
 import math

@@ -1,8 +1,9 @@
-r"""Hover: hold a place through blasts.
+"""Hover: hold a position through blasts.
 
-Seen: place and velocity off the aim (3, 3), attitude as a matrix (9), body rates (3).
-Reward of a step: $1 - |e|$ with the distance $e$ in metres, less 0.02 times the body
-rate in rad/s. Over where the vehicle is farther off than `far_m`, or on the ground.
+Observations: position and velocity relative to the target (3, 3), attitude as a matrix
+(9), body rates (3). Reward of a step: $1 - |e|$ with the distance $e$ in metres, less
+0.02 times the body rate in rad/s. An episode ends where the vehicle is farther off than
+`far_m`, or on the ground.
 """
 
 import jax

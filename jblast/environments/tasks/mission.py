@@ -1,9 +1,9 @@
-r"""Mission: follow the set point of a plan's legs (`jblast.missions`).
+"""Mission: follow the set point of a plan's legs (`jblast.missions`).
 
-An episode begins on the ground at home, armed. Seen: place and velocity off the set
-point (3, 3), attitude (9), body rates (3), and the way from the set point to the leg's
-goal (3). Reward of a step: $1 - |e|$. Over where the vehicle is farther off than
-`far_m`, or has landed at the mission's end.
+An episode begins on the ground at home, armed. Observations: position and velocity
+relative to the set point (3, 3), attitude (9), body rates (3), and the vector from the
+set point to the leg's goal (3). Reward of a step: $1 - |e|$. An episode ends where the
+vehicle is farther off than `far_m`, or has landed at the mission's end.
 """
 
 from jaxtyping import Array, PRNGKeyArray, PyTree

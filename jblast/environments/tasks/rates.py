@@ -1,9 +1,9 @@
-r"""Rates: turn as fast as asked, which is what GymFC trains.
+"""Rates: follow requested body rates, the task of GymFC.
 
 An episode draws body rates to follow, uniform within `rate_rad_s` about each axis; the
-vehicle flies freely. Seen: rates asked for less those there are (3), rates (3), speeds
-of the rotors over the greatest (4), all rates over `rate_rad_s`. Reward of a step: 1
-less the mean of the absolute errors over `rate_rad_s`.
+vehicle flies freely. Observations: requested less actual rates (3), actual rates (3),
+both over `rate_rad_s`, and rotor speeds over the greatest (4). Reward of a step: 1 less
+the mean of the absolute errors over `rate_rad_s`.
 """
 
 import jax

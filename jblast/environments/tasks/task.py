@@ -1,4 +1,4 @@
-"""What a task is: where a vehicle starts and should be, what is seen, what it earns."""
+"""The parts of a task: start, target, observations and reward."""
 
 from collections.abc import Callable
 from typing import NamedTuple

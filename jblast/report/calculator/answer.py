@@ -252,7 +252,7 @@ class LawValue:
 
 @dataclass(frozen=True)
 class LawEntry:
-    """What a law says of one quantity.
+    """The value of one quantity by one law.
 
     Attributes:
         value: In the unit of the quantity, by row.
@@ -419,12 +419,12 @@ def calculator_answer(
     apart: Sequence[Disagreement] = (),
     recommended: Recommended | None = None,
 ) -> CalculatorAnswer:
-    """Put together what laws say of some rows.
+    """Combine the values of laws for some rows.
 
     Args:
         question: What was asked.
-        answer: What the laws say.
-        other: What those of two curve sets say by the other set, if that is of use.
+        answer: Values of the laws.
+        other: Values by the other curve set, for laws with two, if that is of use.
         apart: Where laws that hold disagree.
         recommended: The answer, where one question was asked.
     """

@@ -327,7 +327,7 @@ def holding(by_law: Curves, first: str = FIRST) -> list[str]:
     """Return the laws that hold somewhere, one before all, then those that hold most.
 
     Args:
-        by_law: What each says.
+        by_law: Value of each law.
         first: The one, if it holds.
     """
     return sorted(

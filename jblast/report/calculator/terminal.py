@@ -129,7 +129,7 @@ def value_line(
     Args:
         question: Of one range and one mass.
         recommended: The answer.
-        by_law: What all laws say.
+        by_law: Values of all laws.
     """
     words = quantity_words(recommended.quantity)
     value = printed_number(
@@ -159,7 +159,7 @@ def root_line(
     Args:
         question: Of the quantity, and of one range or one mass.
         recommended: The answer.
-        by_law: What all laws say.
+        by_law: Values of all laws.
     """
     target = printed_number(question.quantity, question.target, system=question.units)
     solutions = recommended.solutions or (recommended.value,)
@@ -224,8 +224,8 @@ def calculation_text(
 
     Args:
         question: What was asked.
-        answer: What the laws say.
-        other: What those of two curve sets say by the other set, if that is of use.
+        answer: Values of the laws.
+        other: Values by the other curve set, for laws with two, if that is of use.
         apart: Where laws that hold disagree.
     """
     lines = _head(question)
@@ -321,7 +321,7 @@ def printed_value(of_law: Calculated, unit: Unit) -> tuple[str, str]:
 
 
 def entry(name: str, value: str, mark: str, text: str, column: int) -> Lines:
-    """Return what one law says: name, value, mark, and its range beside them."""
+    """Return the line of one law: name, value, mark and range."""
     gap = "" if value.endswith(" ") else " "  # after "psi ms"
     return behind(f"  {name:<{column}}{value:>15}{gap}{mark:<9}", text)
 

@@ -1,8 +1,8 @@
 """Figures of a fit.
 
-Arrivals are drawn less the time that sound takes. Over two decades of range an arrival
-hides a millisecond; less range over speed it shows how much the shock outran sound, and
-the residuals can be seen.
+Arrivals are drawn less the time that sound takes. Over two decades of range a
+millisecond is invisible in an arrival. Less range over speed of sound, the arrival
+shows the lead of the shock over sound, and the residuals are visible.
 """
 
 import sys

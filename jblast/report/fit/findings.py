@@ -1,4 +1,4 @@
-"""What an answer says beside its numbers."""
+"""Findings printed with the answer of a fit."""
 
 from collections.abc import Iterable, Mapping
 from functools import singledispatch
@@ -37,7 +37,7 @@ def goodness_p(found: Summary) -> float | None:
 
 
 def goodness_sentence(found: Summary) -> str:
-    """Say what chi2 says of the fit."""
+    """Return a sentence on the chi2 of the fit."""
     p = goodness_p(found)
     if p is None and found.dof > 0:
         return "There is no chi2, so nothing says whether the law fits the recordings."

@@ -1,4 +1,4 @@
-"""Where the charge and the sensors are: what a map shows, and what is said of it."""
+"""Positions of the charge and the sensors, for the map and in words."""
 
 import math
 import textwrap

@@ -1,4 +1,4 @@
-"""Rows of a log beside the answer, and accepted values."""
+"""Rows of a log with the answer of a fit, and accepted values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ def compare(
 
 
 def not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:
-    """Return the accepted names that an answer says nothing of."""
+    """Return the accepted names that an answer does not contain."""
     return [name for name in accepted or {} if name not in estimates_of(found)]
 
 

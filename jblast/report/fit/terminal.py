@@ -689,7 +689,7 @@ def freeing(more: MoreToFree) -> str:
 
 
 def _mass(estimates: Mapping[str, Estimate]) -> str:
-    """Return what is told of masses."""
+    """Return the lines on masses."""
     return joined(
         [
             f"{parameter_words(number)} {printed.value} (90 %: {printed.interval})"

@@ -1,1 +1,1 @@
-"""What every study of millions needs: tiles of samples, devices, stores, going on."""
+"""The engine of a study: tiles, devices, stores, summaries and their merging."""

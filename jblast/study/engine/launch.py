@@ -258,7 +258,7 @@ def _gathered(answers: PyTree[Array], count: int) -> PyTree[np.ndarray]:
 
 
 def out_of_memory(error: Exception) -> bool:
-    """Whether an error says that memory ran out."""
+    """Whether an error is for lack of memory."""
     words = str(error).lower()
     said = "resource_exhausted" in words or "out of memory" in words
     return said or isinstance(error, MemoryError)

@@ -57,7 +57,7 @@ def merged(
 
 
 def _refuse_twice(stores: Sequence[str | os.PathLike[str]]) -> None:
-    """Refuse a folder that is named twice: another was meant."""
+    """Refuse a folder that is named twice, which is probably a mistake."""
     paths = [Path(path).resolve() for path in stores]
     for n, path in enumerate(paths):
         if path in paths[:n]:
@@ -163,7 +163,7 @@ def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
 
 
 def _rewritten(found: Sequence[Store], whole: Store) -> None:
-    """Cut the rows of stores into tiles anew."""
+    """Cut the rows of stores, joined one after another, into whole tiles."""
     left: dict[str, np.ndarray] = {}
     tile = 0
     rows = (store.read_tile(n) for store in found for n in range(store.tiles))

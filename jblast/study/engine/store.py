@@ -127,7 +127,7 @@ class Store:
         variables: Its columns.
         samples: How many rows it has when it is complete.
         tile: Rows of a chunk.
-        attributes: What it says of itself.
+        attributes: Attributes of the group.
     """
 
     def __init__(

@@ -1,1 +1,1 @@
-"""What may be asked of a sample of a study; each outcome is registered once."""
+"""Outcomes of a sample of a study; each is registered once."""

@@ -1,20 +1,22 @@
-r"""Whether each microphone hears the blast in noise, and how soon.
+r"""Detection of the blast in noise by each microphone, and its latency.
 
-Noise is the scene's ambient sound, the microphone's own, and what wind does to it
-(`sensor.wind_noise`), as it samples them. The detector is the filter matched to the
-very pulse that comes, what the air absorbs included: no filter does better, and the
-house's own, matched to templates, does at best as well. With $S_k$ the transform of
-the $n$ samples of the pulse and $P_k$ the noise's spectrum (of mean square the
-level's), its output is normal about the deflection
+The noise is the sum of the scene's ambient sound, the microphone's own noise and wind
+noise (`sensor.wind_noise`). The detector is the filter matched to the pulse that
+arrives, absorption by the air included. No linear filter has a higher signal-to-noise
+ratio, so the result is an upper bound for detectors that use templates. With $S_k$ the
+transform of the $n$ samples of the pulse and $P_k$ the spectrum of the noise (its mean
+over the band is the mean square of the noise), the output is normal about the
+deflection
 
 $$d = \Big(\sum_k |S_k|^2 / (n P_k)\Big)^{1/2}$$
 
-with standard deviation 1 (Kay 1998, Detection Theory, eqs. 4.16 and 5.14). It tells
-when it is above a threshold $u$ at which noise alone rises through it, at most half a
-time a sample (Rice 1945, eq. 3.3-11, white in the band), as often as is borne with:
-$u = \sqrt{2 \ln(f_s T / 2)}$ for one false alarm in $T$. The latency is when, after the
-arrival, what has come of the whitened pulse suffices for that: as for a filter that
-need not wait for the end. No outcome of a sample that is not heard.
+with standard deviation 1 (Kay 1998, Detection Theory, eqs. 4.16 and 5.14). The sum is
+over all $n$ frequencies of the transform. A blast is detected if the output exceeds a
+threshold $u$. Noise that is white in the band crosses $u$ upwards at half the sampling
+rate times $e^{-u^2/2}$ at most (Rice 1945, eq. 3.3-11), so one false alarm in a time
+$T$ requires $u = \sqrt{2 \ln(f_s T / 2)}$. The latency is the time from the arrival
+until the part of the whitened pulse received by then suffices, as for a filter that
+need not wait for the end of the pulse. It is undefined where nothing is detected.
 """
 
 import math

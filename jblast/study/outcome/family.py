@@ -1,10 +1,10 @@
-"""Outcomes, in families whose members come from one calculation.
+"""Outcomes, in families whose members follow from one calculation.
 
-A family prepares itself for a scene once, outside JAX, where it may refuse, and gives a
-function of a batch: pure, so that it is compiled, differentiated and shared among
-devices by whoever calls it. What only runs from Python on whole batches (fits in their
-many tries) takes what that function returns: on a CPU block by block, on a GPU all that
-it has, where it lies.
+A family prepares itself once for a scene, outside JAX, where it may reject the scene.
+The result is a pure function of a batch, so that the caller can compile it,
+differentiate it and divide it among devices. Work that runs only from Python on whole
+batches, such as fits with several starts, takes the values of that function: on a CPU
+block by block, on a GPU all of them, in its own memory.
 """
 
 from collections.abc import Callable, Mapping
@@ -61,7 +61,7 @@ class Prepared(NamedTuple):
         batched: What calculates it.
         finish: What makes answers of what that returns, for a batch, from Python; None:
             they are answers already.
-        notes: What there is to say of how it is calculated.
+        notes: Remarks on the calculation.
     """
 
     batched: Batched
@@ -77,7 +77,7 @@ class Setting(NamedTuple):
         believed: The same scene with what it says of its numbers itself, free ones
             among them: what a fit goes by.
         names: Outcomes that are asked for.
-        options: What else the study says.
+        options: Options of the study.
         pilot: Numbers of some samples, of each cell of the axes among them.
     """
 

@@ -1,12 +1,12 @@
-"""What a fit makes of each sample's readings: error, interval, truth inside or not.
+"""Fits to each sample's readings: error, interval, and whether it contains the truth.
 
-The readings are those the sensors of the scene say that they record, with the errors
-they say. The truth is what the study draws, or its axes set; the fit goes by what the
-scene's own file says of its numbers, so an axis over the mass beside `mass_kg = "free"`
-in the scene asks how well a mass of which nothing is known is weighed.
+The readings are the records that the scene's sensors specify, with the standard errors
+specified there. The truth is the drawn value, or that of an axis. The fit uses the
+priors of the scene's own file: with `mass_kg = "free"` in the scene and an axis over
+the mass, the study measures how well an unknown mass is estimated.
 
 Logs are fitted in blocks of a fixed size, each on one device, so a fit does not depend
-on how many there are.
+on the number of logs.
 """
 
 import functools

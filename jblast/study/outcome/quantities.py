@@ -1,7 +1,7 @@
-"""What each sensor would read without an error of its own: times, pressures, impulses.
+"""Quantities at each sensor without measurement error: times, pressures, impulses.
 
-Values are those of nature: where the scene's laws scatter about it, they do. The layout
-is every sensor and every quantity asked for, whatever the sensors say that they record.
+If the scene's laws scatter, the values contain this scatter. Every requested quantity
+is computed at every sensor, whatever records the sensors specify.
 """
 
 from collections.abc import Mapping

@@ -1,10 +1,10 @@
-"""What blasts do to the scene's vehicle: deviation, recovery, survival, exposure.
+"""Effects of blasts on the scene's vehicle: deviation, recovery, survival, exposure.
 
-Each sample is one flight of position hold, with integral action unless the scene says
-otherwise, in the sample's wind, from 0 on the scene's clock until 5 s after the blast
-comes latest. The curve sets of the blasts, and how long flights last, are settled once
-for all samples, by the study's first draws; a sample whose blast comes after the end
-has no answer.
+Each sample is one flight under position control in the sample's wind, with integral
+action unless the scene excludes it. It begins at 0 on the scene's clock and ends
+`study.flights.AFTER_S` after the latest arrival among the study's first draws. The
+duration and the curve sets of the blasts are settled by these draws for all samples. A
+sample whose blast arrives after the end has no answer.
 """
 
 from collections.abc import Mapping

@@ -1,1 +1,1 @@
-"""From a study to its samples: keys, draws, outcomes, the run."""
+"""Samples of a study: keys, draws, outcomes and the run."""

@@ -34,8 +34,6 @@ from jblast.study.file import Axis, Design
 
 MOST_LATIN = 20_000_000
 """Draws of a Latin hypercube, which is made whole."""
-MOST_SOBOL = 21_201
-"""Dimensions that SciPy has direction numbers for."""
 BITS = 32
 """Of a Sobol point: of more SciPy passes over none. There are 2^32 points."""
 Points = Callable[[int, int], Float[np.ndarray, "draw dimension"]]

@@ -41,13 +41,12 @@ from jblast.study.sampling.work import Reduced, Work
 
 if TYPE_CHECKING:
     import xarray
+
 SHOWN = 3
-"""Outcomes whose running estimates a progress line tells."""
+"""Outcomes whose running estimates a progress line contains."""
 Tiles = Callable[..., Iterable[tuple[int, Columns | None]]]
 """Calculates tiles by their numbers, in any order; None: whoever calculated one has
 written it. With `summary=True` they are tiles of the statistics, not of samples."""
-if TYPE_CHECKING:
-    import xarray
 
 
 def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
@@ -60,7 +59,7 @@ def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
 
     Returns:
         A value of every number that was drawn or set, and of every outcome, for each
-        sample; attributes say how it came about.
+        sample; attributes state its provenance.
 
     Raises:
         InputError: An outcome cannot be had of the scene, or there is none such.
@@ -85,7 +84,7 @@ def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
 
 @dataclass
 class Ran:
-    """What became of a run.
+    """The result of a run.
 
     Attributes:
         store: The store.
@@ -95,7 +94,7 @@ class Ran:
         seconds: How long that took, but for getting ready.
         complete: Whether the study is complete.
         reached: Whether it ended by its targets.
-        notes: What there is to say of how it was calculated.
+        notes: Remarks on the calculation.
     """
 
     store: Store
@@ -129,8 +128,8 @@ def run_into(
         tiles: What calculates them in place of this process.
 
     Raises:
-        InputError: An outcome cannot be had, there is a store and nobody said to go
-            on, or it is another study's.
+        InputError: An outcome is not available, there is a store and `resume` is false,
+            or it is another study's.
         OSError: It cannot be written; what was computed is kept.
     """
     if limit is not None and limit < 1:
@@ -304,7 +303,7 @@ def _rows(
 
 
 class _Run:
-    """Takes statistics in in the order of their tiles, as these come."""
+    """Adds statistics in the order of their tiles, as the tiles arrive."""
 
     def __init__(self, work: Work, summary: SummaryStore, reduced: Reduced) -> None:
         self._summary, self._reduced = summary, reduced
@@ -332,7 +331,7 @@ class _Run:
 
 
 def moments_of(variable: Variable, state: State) -> Moments:
-    """Return what running estimates tell of a state."""
+    """Return the running estimates of a state."""
     if variable.kind == "yes_no":
         share = state.yes / np.maximum(state.known, 1)
         square = state.yes * (1.0 - share)
@@ -342,7 +341,7 @@ def moments_of(variable: Variable, state: State) -> Moments:
 
 
 def telling(numbering: Numbering) -> Callable[[int, Estimates], None]:
-    """Return what tells how far a run is, how fast, and what is known by now."""
+    """Return a reporter of the progress of a run, its rate and its estimates."""
     teller, total, begun = Task(), numbering.samples, time.monotonic()
     first: list[int] = []
 
@@ -398,7 +397,7 @@ def attributes_of(work: Work) -> dict[str, Any]:
 
 
 def _scenes(study: Study) -> dict[str, Any]:
-    """Return what is said of the scene; of several by the name of each."""
+    """Return the description of the scene; of several by the name of each."""
     texts = dict(study.scenes)
     scene = next(iter(texts.values()), "") if len(texts) < 2 else texts
     whole = scene if isinstance(scene, str) else json.dumps(scene)
@@ -483,7 +482,7 @@ def dataset_of(
     Args:
         variables: The columns.
         columns: Their values.
-        attributes: What the set says of itself.
+        attributes: Attributes of the data set.
         places: East, north, up [m] of the sensors by name.
     """
     import xarray

@@ -62,7 +62,7 @@ parts are merged in their order."""
 AHEAD = 4
 """Parts, or tiles, that devices and host are at together."""
 ANCHOR_SAMPLES = 16
-"""Samples of each cell that tell what its numbers are counted from."""
+"""Samples of each cell from which the origins of its sketches follow."""
 ANCHOR_SEED = 0
 """Of those samples, so that studies of other seeds can be merged."""
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
@@ -83,7 +83,7 @@ class Work:
         study: The study.
         variables: Its columns: what was drawn, what axes set, outcomes.
         numbering: Which sample is which.
-        notes: What there is to say of how it is calculated.
+        notes: Remarks on the calculation.
         kind: Of the devices: "cpu" or "gpu".
     """
 

@@ -9,8 +9,8 @@ Views: interpolation between sides and between frames. Between sides: the eight 
 left out of the set that is part of jblast, at their ten phases, compared with the
 interpolation from that set. Between frames: eight views of the set at phases removed
 from it, every second one, so that the gaps are twice as wide as its own. Likeness is
-over the pixels of the fire in either picture (sRGB luminance before a grey
-background); the cost of a frame is that of a film.
+over the pixels of the fire in either picture (sRGB luminance on a grey background); the
+cost of a frame is that of a film.
 """
 
 import functools

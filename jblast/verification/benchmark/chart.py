@@ -1,7 +1,7 @@
-"""What a chart of speed against accuracy is made of.
+"""The parts of a chart of speed against accuracy.
 
-Every part of jblast with more than one method registers a benchmark: what it is to be
-held against, and a function that measures each method's cost and error on this machine.
+Every part of jblast with more than one method registers a benchmark: its reference, and
+a function that measures cost and error of each method on this machine.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -44,7 +44,7 @@ class Benchmark:
         cost: What a cost is of, for the axis.
         error: What an error is of, for the axis.
         relative: Whether an error is a share, to be read in per cent.
-        measure: Measures all points, and tells how far it is (`jblast.progress`).
+        measure: Measures all points, and reports its progress (`jblast.progress`).
         orders: Of convergence, by the word with which the names of a method's points
             begin: how its errors should fall as its costs rise, for the figure.
     """

@@ -215,7 +215,7 @@ class Solved(NamedTuple):
 
     Attributes:
         posterior: It.
-        identified: What its log tells.
+        identified: Directions that its log identifies.
         normal: Its normal approximation.
         seconds: What that takes, with the optimum known.
         density: The posterior in coordinates in which it is round.

@@ -65,7 +65,7 @@ WHOLE_S = 0.2
 BLOCK_S = 0.01
 SIZE, WINDOWS = 2**16, 100
 LEAST = 1e-3
-"""Of 2E/N0: less is not told."""
+"""Least reported loss, as a share of 2E/N0."""
 SNR_DB = 17.0
 """2E/N0 of the blasts whose misses are counted."""
 Loudest = Callable[[np.ndarray], float]
@@ -196,7 +196,7 @@ register_benchmark(
 
 
 class Answer(NamedTuple):
-    """What a method says of a log's ln mass."""
+    """Estimates of a log's ln mass by a method."""
 
     middle: float
     low: float
@@ -229,7 +229,7 @@ def _on_grid(posterior: Posterior, centre: float, sd: float, count: int) -> Answ
 
 
 def answer_of(posterior: Posterior) -> Answer:
-    """Return what readings say, from nothing: ever closer about the best."""
+    """Return the answer from readings alone, on ever narrower grids about the best."""
     answer = Answer(math.log(MASS), 0.0, 0.0, 0.3)
     for _ in range(6):
         before = answer.sd
@@ -242,7 +242,7 @@ def answer_of(posterior: Posterior) -> Answer:
 
 
 def by_eye(records: list[PressureRecord]) -> Observations:
-    """Return the rows that eye rules give, as good as one would say."""
+    """Return the rows by eye rules, with assumed errors (`EYE`)."""
     picks = pick_records(records)
     log = log_of_picks(picks)
     value, sigma = log.value.copy(), log.sigma.copy()
@@ -261,12 +261,12 @@ def by_eye(records: list[PressureRecord]) -> Observations:
 
 
 def trials(recorder: Recorder, logs: int, *, scatter: bool) -> dict[str, Trial]:
-    """Let every method answer simulated logs.
+    """Apply every method to simulated logs.
 
     Args:
         recorder: How records are taken.
         logs: How many.
-        scatter: Whether laws scatter, in nature and in what is known of them.
+        scatter: Whether laws scatter, in the simulated records and in the fit.
     """
     rng = np.random.default_rng(SEED)
     parameters = parameters_of(uncertain_scene(scatter=scatter))

@@ -1,1 +1,1 @@
-"""Where each method breaks, measured, and what jblast does there."""
+"""Failure modes of each method, measured, and the response of jblast."""

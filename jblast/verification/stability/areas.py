@@ -1,6 +1,7 @@
-"""The areas of the map, and what measures each: imported when it is asked for.
+"""The areas of the map of failure modes, and the functions that measure them.
 
-Names are known without JAX, and a walk is measured without Warp.
+Each function imports its module when it is called: the names of areas are listed
+without JAX, and MCMC is measured without Warp.
 """
 
 from collections.abc import Callable

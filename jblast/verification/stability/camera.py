@@ -1,4 +1,4 @@
-"""Where the formulas of a lens and the arithmetic of event cameras fail.
+"""Failure modes of lens formulas and of the arithmetic of event cameras.
 
 The formulas of a lens fail behind the camera and beyond the fold of its distortion; the
 arithmetic of events fails in long streams, by rounding and at cuts between batches.

@@ -1,7 +1,8 @@
-"""Where detectors and picks of pressure records fail.
+"""Failure modes of detectors and of picks of pressure records.
 
-Detectors fail by circles, rotors, gusts, echoes, clipping and wrong templates, the
-detector of flashes for small fireballs, in front of a turning camera and by lightning.
+Detectors of sound fail by circular filtering, rotors, gusts, echoes, clipping and wrong
+templates. The detector of flashes fails for small fireballs, for a turning camera and
+by lightning.
 
 Picks fail by noise, low rates, drift, echoes and clipping. The records are of six
 gauges about 15 kg, five times. A pick *fails* where arrival, peak, duration or impulse
@@ -94,7 +95,7 @@ WINDOWS = 60
 
 
 def record_failures() -> list[FailureMode]:
-    """Measure every failure mode."""
+    """Measure every failure mode of picks."""
     return [
         _noise(),
         _coloured(),
@@ -108,7 +109,7 @@ def record_failures() -> list[FailureMode]:
 
 @functools.cache
 def noise_shares(colour: float = 0.0) -> Shares:
-    """Return how many picks fail, by `SNRS`.
+    """Return the shares of picks that fail, by `PICK_SNRS`.
 
     Args:
         colour: Share of the noise of a sample that the next one has.
@@ -135,7 +136,7 @@ def _row(
         unit: Of the levels.
         words: A level in words.
         most_unmarked: Share that may be far off and called good.
-        message: What is said where picks fail.
+        message: Message where picks fail.
     """
     bad = shares.failed > SHARE
     first = int(np.argmax(bad)) if bad.any() else len(levels) - 1
@@ -255,12 +256,12 @@ def _clipped_records() -> FailureMode:
 
 
 def flash_failures() -> list[FailureMode]:
-    """Measure every failure mode."""
+    """Measure every failure mode of the detector of flashes."""
     return [_small(), _turning(), _lightning()]
 
 
 def is_seen(film: BlastFilm) -> bool:
-    """Return whether a blast is told within 20 ms."""
+    """Return whether a blast is detected within 20 ms."""
     found = detect_flashes(
         [(film.times, _light(film.frames))], 1000.0, flash_threshold()
     )

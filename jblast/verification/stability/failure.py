@@ -101,7 +101,7 @@ def verified(response: Response, seen: bool | np.bool_, what: str) -> Response:
     """Return a response, once it was seen: a table claims no other.
 
     Args:
-        response: What jblast is said to do.
+        response: Stated response of jblast.
         seen: Whether it did, just now.
         what: Where, for the message.
 

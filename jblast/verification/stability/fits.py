@@ -1,4 +1,4 @@
-"""Where fits fail: poor starts, parameters that a log does not identify, outliers.
+"""Failure modes of fits: poor starts, unidentified parameters, outliers.
 
 The logs are eight arrivals, to 0.1 ms, each log of a surface charge of its own (5 to
 200 kg, within 20 m of the centre of the sensors) with unknown mass and position. All
@@ -38,7 +38,7 @@ from jblast.sensors.simulate import Noise
 from jblast.verification.stability.failure import FailureMode, crossing, verified
 
 FAR = 20
-"""The size that is told of [standard deviations]."""
+"""The size that is reported [standard deviations]."""
 SIZES = np.arange(0.0, 2 * FAR + 1)
 """Tried by `solve` [sds]."""
 FITS = 400
@@ -46,7 +46,7 @@ FITS = 400
 FINE = np.linspace(0.0, 2 * FAR, FITS)
 """Tried by least squares [sds]."""
 WHICH = 0
-"""The nearest sensor, which tells most."""
+"""The nearest sensor, whose reading constrains the fit most."""
 LM = "Levenberg-Marquardt"
 MIRRORED = (30.0, 10.0, 20.0)
 """Mass, east, north of the charge beside a line of sensors."""
@@ -77,7 +77,7 @@ SIGMA = 1e-4
 """Error of an arrival [s]."""
 LAWS = {"air_arrival_s": "shock_kinematics"}
 START = {"charge_mass_kg": 1.0, "charge_east_m": 0.0, "charge_north_m": 0.0}
-"""What is unknown, and what the search is told of it."""
+"""Unknowns, and their priors in the search."""
 SEED = 1
 Places = tuple[tuple[float, float], ...]
 """East and north of each sensor [m]."""
@@ -254,7 +254,7 @@ def at_places(count: int) -> SolvedLog:
 
 
 def is_told(solution: Solution) -> bool:
-    """Whether a log tells one place and one mass."""
+    """Whether a log identifies one place and one mass."""
     return not len(solution.identifiability.null) and not other_modes(solution, True)
 
 
@@ -295,7 +295,7 @@ def wu_hao_told() -> Solution:
 
 
 def null_direction_failure() -> FailureMode:
-    """Measure what masses are reported where no arrival tells them."""
+    """Measure which masses are reported where no arrival constrains them."""
     found = wu_hao_told()
     rng = np.random.default_rng(0)
     low, high = np.log([[0.1, 200.0, 3000.0], [1000.0, 600.0, 8000.0]])

@@ -1,12 +1,13 @@
-r"""Where flights fail: steps, controllers, kernels, pulses.
+r"""Failure modes of flights: steps, controllers, kernels, pulses.
 
 The limit at which a position controller becomes unstable is measured against the stated
 limit. Near hover the loop depends on times only as multiples of the step: a step longer
 by $s$ is the same step with motors and gains faster by $s$, $\tau_m/s$, $s^2 k_p$,
 $s k_d$, $s^2 k_R$, $s k_\omega$. So one program flies every vehicle at every step.
 
-A blast too close for the laws and too strong for a vehicle, a step longer than the
-pulse, and derivatives by a Warp kernel whose loop overwrites its state are the others.
+The other failure modes are a blast too close for the laws or too strong for a vehicle,
+a step longer than the pulse, and derivatives by a Warp kernel whose loop overwrites its
+state.
 """
 
 import dataclasses
@@ -203,7 +204,7 @@ def _quaternion() -> FailureMode:
 
 
 def _refusal(length: float) -> str:
-    """Return what is said of a quaternion of a length in float32, "" if nothing."""
+    """Return the message on a quaternion of a length in float32, "" without one."""
     level = hovering(named("crazyflie"))
     try:
         short = np.array([0.0, 0.0, 0.0, length], np.float32)
@@ -280,7 +281,7 @@ def adjoint_failure() -> FailureMode:
 
 
 def _kernel_refusal() -> str:
-    """Return what is said of a derivative through the kernel."""
+    """Return the message on a derivative through the kernel."""
     vehicle = named("crazyflie")
     level = hovering(vehicle)
 

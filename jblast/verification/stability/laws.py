@@ -1,4 +1,4 @@
-"""Where laws, clocks and derivatives fail.
+"""Failure modes of laws, clocks and derivatives.
 
 Laws of arrival, duration and absorption are measured by themselves. The printed
 polynomials of Kingery and Bulmash fail at their joins, at their ends and beyond; laws

@@ -1,6 +1,6 @@
-"""Where MCMC fails: ridges and separate modes.
+"""Failure modes of MCMC: ridges and separate modes.
 
-Two modes: emcee's stretch move does not find the second mode, or weighs it wrongly. The
+Two modes: emcee's stretch move misses the second mode, or gives it a wrong weight. The
 first case has a known truth: two round normals in three dimensions, one of which has
 twice the weight of the other. The second is a charge next to a line of sensors, and its
 mirror image, with half the weight each. Ridges are flat, endless or curved.

@@ -1,4 +1,4 @@
-"""Where Friedlander's pulse and the shock solver fail.
+"""Failure modes of Friedlander's pulse and of the shock solver.
 
 Friedlander's pulse fails without decay, with negative decay, and for an impulse that is
 too large for its peak and duration. The shock solver fails at long steps, on a coarse

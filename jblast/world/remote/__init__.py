@@ -1,7 +1,8 @@
-"""A world over the network, by gRPC: server and client, an extra of ours.
+"""A world over the network, by gRPC: server and client, an optional extra.
 
-gRPC, since a `.proto` file gives a plugin in C++ its client, checks the form of what
-comes, streams both ways with flow control, and knows tokens and TLS.
+gRPC is used because a `.proto` file gives a plugin in C++ its client. It also checks
+the form of messages, streams in both directions with flow control, and supports tokens
+and TLS.
 """
 
 from jblast.world.remote.client import Client as Client, connect as connect

@@ -58,7 +58,7 @@ class ServedStream:
 
         Args:
             packets: How many more.
-            motion: How the entity moves; None: as it said before.
+            motion: Motion of the entity; None: as last reported.
         """
         ask = messages().Ask(packets=packets)
         if motion is not None:
@@ -138,7 +138,7 @@ class Client:
         """Register an entity.
 
         Args:
-            name: What tells it from others.
+            name: Unique among entities.
             senses: Some of flash, ground, pressure, sound, force.
             position_m: Where it stands or starts: east, north, up [m]; or
             path: times [s] and places.
@@ -249,7 +249,7 @@ def connect(
 
 
 def _said(error: Any) -> InputError:
-    """Return what a server said, as an error."""
+    """Return a server's message as an error."""
     return InputError(f"server: {error.details()} ({error.code().name})")
 
 

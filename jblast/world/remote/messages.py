@@ -1,9 +1,10 @@
-"""Messages between server and client, and what cannot be used of them.
+"""Messages between server and client, and the rejection of invalid ones.
 
-Messages are made from `blasts.binpb`, protoc's description of `blasts.proto` (`python
--m tests.tools.describe_messages` writes it anew, and a test compares): data in
-protobuf's own stable format. Python code that protoc generates works with one release
-of protobuf only; this does not, and grpcio-tools is not needed to run.
+Messages are made from `blasts.binpb`, protoc's description of `blasts.proto`, in
+protobuf's own stable format. `python -m tests.tools.describe_messages` writes it again,
+and a test compares the two. Python code that protoc generates works with one release of
+protobuf only. The description works with any, and grpcio-tools is not needed at run
+time.
 """
 
 import functools

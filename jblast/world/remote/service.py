@@ -1,4 +1,4 @@
-"""The methods of the server, and one stream to an entity."""
+"""The methods of the server, and the stream of packets to one entity."""
 
 import asyncio
 import contextlib
@@ -82,14 +82,14 @@ async def _abort(context: Any, status: str, detail: str) -> Any:
 
 
 STAGED_AHEAD_S = 2.0
-"""In real time blasts are staged so long before they are told [s of the world]."""
+"""Lead of staging a blast before its announcement, in real time [s of the world]."""
 CATCH_UP_S = 2.0
-"""So long after a blast was staged a full buffer is waited for: the first ones compile
-programs, and who takes packets is not to blame that they come all at once."""
+"""A full buffer is accepted for this time after a blast was staged: the first blasts
+compile programs, after which their packets arrive together [s]."""
 SETTLES_S = 1.0
-"""How long a write may go on of one who is dropped."""
+"""Time left to a write to a client that is disconnected."""
 LINGER_S = 0.05
-"""Of one that was cut off gRPC says first that it has done, and then cancels."""
+"""gRPC reports the end of a call that was cut off first, and cancels it then."""
 WAITS_FOR_NOBODY = float("inf")
 
 
@@ -117,7 +117,7 @@ class ServedWorld(NamedTuple):
 
 
 class Table:
-    """Who takes part in a world that is served, and how far it has come.
+    """The clients of a served world, and its progress.
 
     Attributes:
         world: The world.
@@ -140,7 +140,7 @@ class Table:
         Args:
             world: What is served.
             patience_s: How long a client may keep the server waiting [s].
-            say: Is told a line of each who is dropped.
+            say: Receives a line for each client that is disconnected.
         """
         self.world = world
         self.registry = Registry()
@@ -176,12 +176,12 @@ class Table:
         return self._joined[name].first
 
     def leave(self, name: str) -> None:
-        """Let go of one who goes as it should."""
+        """Remove a client that leaves in order."""
         self._joined.pop(name, None)
         self.registry.leave(name)
 
     def drop(self, name: str, peer: str, why: str) -> None:
-        """Let go of one who does not, and say so."""
+        """Disconnect a client, with a message."""
         self._joined.pop(name, None)
         self.registry.drop(name, peer, why)
         who = f"{name!r} ({peer})" if name else peer
@@ -198,7 +198,7 @@ class Table:
         return await loop.run_in_executor(self._thread, call)
 
     async def watch(self) -> None:
-        """Drop those who keep the server waiting; for ever."""
+        """Disconnect clients that keep the server waiting, until cancelled."""
         patience = self._patience_s
         while True:
             await asyncio.sleep(min(patience / 4, 1.0))
@@ -213,7 +213,7 @@ class Table:
                     self.drop(name, joined.peer, why)
 
     async def end(self) -> None:
-        """End the streams that are open, each of which is told."""
+        """End the open streams, each with a message."""
         self.closing = True
         for session in self.sessions.values():
             if not session.why and session.task:
@@ -284,7 +284,7 @@ async def _streamed(table: Table, context: Any) -> None:
             status = "UNAVAILABLE"
         else:
             table.drop(stream.name, context.peer(), why or "went away")
-        if not why:  # there is nobody to tell, and gRPC cancels nothing but this
+        if not why:  # the client is gone, and gRPC cancels nothing but this
             return
     except BufferFull:
         status, why = "RESOURCE_EXHAUSTED", TOO_SLOW

@@ -1,4 +1,4 @@
-"""A server that listens: on which address, for whom, for how long."""
+"""The server that listens: its address, access, TLS and duration."""
 
 import asyncio
 import contextlib
@@ -107,7 +107,7 @@ async def listening(
     Args:
         world: Its blasts, air and ground.
         options: How it is served.
-        say: Is told a line of each client that is dropped.
+        say: Receives a line for each client that is disconnected.
 
     Raises:
         InputError: An option cannot be used, or the port is taken.
@@ -206,7 +206,7 @@ def serving(
     Args:
         world: Its blasts, air and ground.
         options: How it is served; None: as by default.
-        say: Is told a line of each client that is dropped.
+        say: Receives a line for each client that is disconnected.
 
     Raises:
         InputError: As in `listening`.

@@ -1,6 +1,6 @@
-"""A world that others take part in: who they are, what comes to them, packet by packet.
+"""A world for several clients: its entities, and the packets that each receives.
 
-Nothing here knows of a network: `world.remote` carries it over one.
+Nothing here depends on a network: `world.remote` carries it over one.
 """
 
 from jblast.world.server.playback import (

@@ -1,4 +1,4 @@
-"""What comes to one entity, packet by packet, computed ahead of time.
+"""The packets of one entity, computed ahead of time.
 
 One blast for one entity is computed at a time, by programs that are the same for all:
 of the load, of the arrivals, and of each sensor that samples. Where a moving entity
@@ -17,7 +17,7 @@ where they are below `SILENCE_PA`, nothing is kept.
 
 Force and moment of a force profile are means over each step, from the impulses of
 `vehicle.blast_load`. While the pulse passes, the vehicle is taken to stay in the state
-in which it was met. The announced load (`world.remote.blast_load`) contains the change
+in which it was met. The announced load (`announced_load`) contains the change
 of that state as well: a flight by it is the flight in one process. A C++ client, which
 has no laws, flies by the force profiles.
 """
@@ -71,7 +71,7 @@ GROUND_LASTS = 50.0
 RECORDERS: dict[str, ModuleType] = {"pressure": pressure_gauge, "sound": microphone}
 KINDS = {"pressure": "pressure", "sound": "microphone"}
 STEPS_HZ = 2000.0
-"""Steps a second: those of a flight where nothing is said."""
+"""Steps a second: the default of a flight."""
 MOST_STEPS = 2**14
 """Eight seconds: longer than any blast wave here."""
 
@@ -147,11 +147,11 @@ class Record(NamedTuple):
 
 
 class Announcement(NamedTuple):
-    """A blast, told to one entity before it happens.
+    """A blast, announced to one entity before it happens.
 
     Attributes:
         charge: What explodes, where and when; its name is the blast's.
-        revision: 0 at first; one more each time that it is told anew.
+        revision: 0 at first; one more at each repetition.
         arrivals: When it comes to the entity.
         pulse: The air shock there; None: it never comes.
         burst: By which curves its load is, "surface" or "free-air".
@@ -292,7 +292,7 @@ class Packet(NamedTuple):
     Attributes:
         number: Counted from 0 at 0 on the common clock.
         time_s: When it begins [s]; it ends as the next one begins.
-        announcements: Blasts told for the first time, or anew.
+        announcements: Blasts announced for the first time, or again.
         perceived: What each sense had first in this time.
         force: Six numbers a step: force, world [N], and moment, body [N m].
         pressure: In Pa.
@@ -329,10 +329,10 @@ class Wanted(NamedTuple):
     """A blast that an entity is to be told of, arguments of `Stager.stage`.
 
     Attributes:
-        entity: Who is told.
+        entity: Recipient.
         charge: The blast.
         motion: What it reported last, or None.
-        revision: How often it was told before.
+        revision: Number of earlier announcements.
     """
 
     entity: Entity
@@ -342,7 +342,7 @@ class Wanted(NamedTuple):
 
 
 class _Live:
-    """A blast that was told and is not over."""
+    """An announced blast that is not over."""
 
     def __init__(self, announced: Announcement, motion: Motion | None):
         self.newest = announced
@@ -351,10 +351,10 @@ class _Live:
 
 
 class Stager:
-    """Makes what entities are told of blasts.
+    """Makes the announcements of blasts to entities.
 
     Attributes:
-        scene: What there is besides blasts and entities; its laws are said.
+        scene: Air and ground of the world, with its laws stated.
     """
 
     def __init__(self, world: DrawnWorld):
@@ -371,13 +371,13 @@ class Stager:
         motion: Motion | None = None,
         revision: int = 0,
     ) -> Announcement:
-        """Return what an entity is to be told of a blast.
+        """Return the announcement of a blast to an entity.
 
         Args:
-            entity: Who is told.
+            entity: Recipient.
             charge: The blast.
-            motion: What it reported last; None: nothing.
-            revision: How often it was told before.
+            motion: Last report; None without one.
+            revision: Number of earlier announcements.
 
         Raises:
             InputError: It is at the charge, or as fast as sound.
@@ -391,7 +391,7 @@ class Stager:
             met = met._replace(
                 quaternion=motion.quaternion, body_rate_rad_s=motion.body_rate_rad_s
             )
-        # of its vehicle the load asks the place alone
+        # the load depends on the position of its vehicle alone
         spec = VehicleSpec(entity.vehicle or "hummingbird", met.position_m)
         load = blast_load(replace(scene, vehicle=spec))
         force = None
@@ -435,7 +435,7 @@ class Playback:
     """The packets of one entity; `wanted` and `next` in turn.
 
     Attributes:
-        entity: Who is told.
+        entity: Recipient.
         number: Of the next packet.
     """
 
@@ -452,7 +452,7 @@ class Playback:
         """Begin before the first packet.
 
         Args:
-            entity: Who is told.
+            entity: Recipient.
             schedule: Which blasts there will be.
             times: When packets are.
             stager: Of the same world; asked here for its air alone.
@@ -476,7 +476,7 @@ class Playback:
 
     @property
     def waiting(self) -> int:
-        """How many blasts were told and are not over."""
+        """Number of announced blasts that are not over."""
         return len(self._live)
 
     def report(self, motion: Motion) -> None:
@@ -642,7 +642,7 @@ def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
 
     Args:
         entity: Its path goes before what it reports.
-        motion: What it reported last; None: nothing.
+        motion: Last report; None without one.
     """
     if entity.path is not None:
         return _padded(*entity.path)

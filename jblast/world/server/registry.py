@@ -1,4 +1,4 @@
-"""Who takes part in a world, by name, and when packets are.
+"""The entities of a world by name, and the times of packets.
 
 Packet k covers the time from k/rate to (k + 1)/rate of the world's clock. Rates are
 used as they are written (`1/Fraction("0.1")` is ten), so no time drifts, and a sample
@@ -25,8 +25,8 @@ from jblast.vehicle import named
 from jblast.world.drawn import DrawnWorld
 
 PAST_S = 60.0
-"""How long after it happened a blast is told to one who joins: its wave may be on its
-way for 20 km."""
+"""A blast is announced to a new client up to this time after it: its wave may still be
+on its way, for 20 km."""
 MOST_ANNOUNCED = 10_000
 """Blasts that are announced beside those of the scene, at most."""
 T = TypeVar("T")
@@ -53,7 +53,7 @@ class BlastSchedule:
     """The blasts of a world by time; more may be announced ahead of time.
 
     Attributes:
-        lead_s: How long before it happens each entity is told of a blast [s].
+        lead_s: Lead of an announcement before its blast [s].
     """
 
     def __init__(self, world: DrawnWorld, lead_s: float):
@@ -61,7 +61,7 @@ class BlastSchedule:
 
         Args:
             world: The world.
-            lead_s: How long ahead blasts are told [s].
+            lead_s: Lead of an announcement before its blast [s].
 
         Raises:
             InputError: The lead is negative or not finite.
@@ -82,7 +82,7 @@ class BlastSchedule:
         return tuple(self._charges)
 
     def announced(self, after_s: float, until_s: float) -> tuple[Charge, ...]:
-        """Return the blasts that are told of after a time and until another [s]."""
+        """Return the blasts announced after a time and until another [s]."""
         first = bisect.bisect_right(self._times, after_s + self.lead_s)
         last = bisect.bisect_right(self._times, until_s + self.lead_s)
         return tuple(self._charges[first:last])
@@ -127,10 +127,10 @@ class BufferFull(Exception):
 
 
 class PacketBuffer(Generic[T]):
-    """A ring of fixed size; when it is full nothing is lost, the writer is told.
+    """A ring of fixed size; when it is full, nothing is lost: `write` raises.
 
-    Nothing is overwritten: one who misses a packet would not know. So `write` raises,
-    and what is done with who is too slow is the caller's to decide.
+    No packet is overwritten, because the loss would remain unnoticed. The caller
+    decides how to treat a slow client.
     """
 
     def __init__(self, capacity: int = CAPACITY):
@@ -258,7 +258,7 @@ class ScaledRealTime:
             self._began = self._now()
 
     def world_s(self) -> float:
-        """Return what the world's clock says [s]."""
+        """Return the time of the world's clock [s]."""
         return 0.0 if self._began is None else (self._now() - self._began) * self.speed
 
     def wait_s(self, world_s: float) -> float:
@@ -285,7 +285,7 @@ class Entity(NamedTuple):
     """One who takes part.
 
     Attributes:
-        name: What tells it from others.
+        name: Unique among entities.
         senses: Some of `SENSES`.
         position_m: Where it stands, or starts: east, north, up [m].
         path: Times [s] and places [m] that it will be at, straight between and at rest
@@ -307,7 +307,7 @@ class Registered(NamedTuple):
 
     Attributes:
         entity: The entity.
-        ticket: A word that none but it was told.
+        ticket: A secret word that only this entity received.
     """
 
     entity: Entity
@@ -397,7 +397,7 @@ class Registry:
 
 
 class Motion(NamedTuple):
-    """How an entity moves, as it says itself.
+    """Motion of an entity, as it reports it.
 
     Attributes:
         time_s: When, on the common clock [s].

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jblast.autopilot import lockstep as axes
+from jblast.autopilot import lockstep
 from jblast.autopilot.lockstep import geodetic_of, level_of, origin_at, rotors_of
 from jblast.autopilot.logs import euler, scalar_first
 from jblast.errors import InputError
@@ -35,11 +35,11 @@ def test_degrees_are_those_of_missions_and_come_back(place):
 
 @pytest.mark.parametrize("attitude", ATTITUDES)
 def test_attitudes_are_turned_as_matrices_say_and_come_back(attitude):
-    told = np.asarray(axes.attitude_out(jnp.asarray(attitude)))
+    told = np.asarray(lockstep.attitude_out(jnp.asarray(attitude)))
     expected = TO_NED @ Rotation.from_quat(attitude).as_matrix() @ TO_FRD
     found = Rotation.from_quat(np.roll(told, -1)).as_matrix()
     np.testing.assert_allclose(found, expected, atol=1e-14)
-    back = Rotation.from_quat(np.asarray(axes.attitude_in(jnp.asarray(told))))
+    back = Rotation.from_quat(np.asarray(lockstep.attitude_in(jnp.asarray(told))))
     np.testing.assert_allclose(
         back.as_matrix(), Rotation.from_quat(attitude).as_matrix(), atol=1e-14
     )
@@ -49,8 +49,8 @@ def test_attitudes_are_turned_as_matrices_say_and_come_back(attitude):
 
 
 def test_east_north_up_becomes_north_east_down_and_left_right():
-    np.testing.assert_array_equal(axes.world(jnp.array([1.0, 2, 3])), [2, 1, -3])
-    np.testing.assert_array_equal(axes.body(jnp.array([1.0, 2, 3])), [1, -2, -3])
+    np.testing.assert_array_equal(lockstep.world(jnp.array([1.0, 2, 3])), [2, 1, -3])
+    np.testing.assert_array_equal(lockstep.body(jnp.array([1.0, 2, 3])), [1, -2, -3])
 
 
 @pytest.mark.parametrize("model", ["crazyflie", "hummingbird", "iris"])

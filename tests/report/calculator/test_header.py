@@ -2,7 +2,7 @@
 
 import pytest
 
-from jblast.report import words as numbers
+from jblast.report import words
 from jblast.report.calculator.answer import header
 from jblast.scene import Scene
 from jblast.sensors.calculator import Question
@@ -14,7 +14,7 @@ def test_in_our_units_no_factor_of_others_is_asked_for(monkeypatch):
     def asked(suffix):
         raise AssertionError(suffix)
 
-    monkeypatch.setattr(numbers, "si_factor", asked)
+    monkeypatch.setattr(words, "si_factor", asked)
     told = dict(header(Question(Scene(), (20.0,), (15.0,))))
     assert told["scaled distance"] == "8.11 m/kg^(1/3)"
     with pytest.raises(AssertionError):

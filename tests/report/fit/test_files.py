@@ -11,7 +11,7 @@ from jblast.errors import InputError
 from jblast.inference.fitting.findings import PoorFit
 from jblast.json_values import plain
 from jblast.report import figure_files, write_report
-from jblast.report.fit import figures as residuals
+from jblast.report.fit import figures
 from jblast.report.fit.document import fit_document
 from tests.report import example
 
@@ -180,7 +180,7 @@ def test_a_figure_that_fails_costs_only_itself(tmp_path, monkeypatch):
     def fails(fit):
         raise RuntimeError("no ink <left>")
 
-    monkeypatch.setattr(residuals, "residuals_figure", fails)
+    monkeypatch.setattr(figures, "residuals_figure", fails)
     with pytest.warns(UserWarning, match=r"residuals.png was not written.*no ink"):
         paths = write_report(example.no_draws(), tmp_path)
     left = {"fit.json", "map.png", "recordings.png", "report.html"}

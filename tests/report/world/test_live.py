@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from jblast.errors import InputError
-from jblast.report import world_live as window
+from jblast.report import world_live
 from jblast.report.figure_style import new_figure
 from jblast.report.world_live import (
     CAPACITY,
@@ -146,7 +146,7 @@ def test_a_page_that_would_be_served_until_it_is_ended_is_no_window(monkeypatch)
 
 def test_it_plays_to_the_end_at_the_speed_that_is_asked_for(run, monkeypatch):
     shown = []
-    monkeypatch.setattr(window, "check_display", lambda: None)
+    monkeypatch.setattr(world_live, "check_display", lambda: None)
     monkeypatch.setattr(plt, "show", lambda: shown.append("kept open"))
     monkeypatch.setattr(plt, "pause", lambda seconds: shown.append(seconds))
     play(run, speed=40.0)

@@ -6,7 +6,7 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.study import run_into
-from jblast.study.sampling import work as work_module
+from jblast.study.sampling import work
 from jblast.study.sampling.cluster import (
     client_of,
     shared,
@@ -22,7 +22,7 @@ from tests.study.example import STUDY, study_in
 @pytest.mark.filterwarnings("ignore")  # of sockets that Dask leaves open
 def test_two_processes_write_the_store_that_one_does(tmp_path, monkeypatch):
     study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 200_000"))
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: 16_384)
+    monkeypatch.setattr(work, "_tile_samples", lambda _: 16_384)
     run_into(study, tmp_path / "one")
     with workers_here(2) as client:
         store = str(tmp_path / "two")
@@ -54,7 +54,7 @@ def test_two_processes_write_the_store_that_one_does(tmp_path, monkeypatch):
 def test_two_processes_write_the_statistics_that_one_does(tmp_path, monkeypatch):
     samples = 'samples = 200_000\nkeep = "summary"'
     study = study_in(tmp_path, STUDY.replace("samples = 300", samples))
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: 16_384)
+    monkeypatch.setattr(work, "_tile_samples", lambda _: 16_384)
     run_into(study, tmp_path / "one")
     store = str(tmp_path / "two")
     with workers_here(2) as client:

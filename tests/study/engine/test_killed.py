@@ -14,7 +14,7 @@ from jblast.errors import InputError
 from jblast.study import run_into
 from jblast.study.engine import store as store_module
 from jblast.study.engine.store import locked, open_store
-from jblast.study.sampling import work as work_module
+from jblast.study.sampling import work
 from tests.study.example import SCENE, STUDY, study_in, written
 
 SMALL = 1024
@@ -55,7 +55,7 @@ def opened(folder):
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: SMALL)
+    monkeypatch.setattr(work, "_tile_samples", lambda _: SMALL)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.study import run_into
 from jblast.study.engine.merge import merged
-from jblast.study.sampling import work as work_module
+from jblast.study.sampling import work
 from tests.study.example import STUDY, study_in
 
 
@@ -17,7 +17,7 @@ def kept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("kept")
     study = study_in(folder, STUDY.replace("seed = 7", "seed = 1"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(work_module, "_tile_samples", lambda _: 64)
+        patch.setattr(work, "_tile_samples", lambda _: 64)
         run_into(study, folder / "seed_1")
     for seed in (2, 3):
         group = (

@@ -21,7 +21,7 @@ from jblast.scene import (
     UncertainScene,
     with_values,
 )
-from jblast.study import flights as fly_module
+from jblast.study import flights as flights_module
 from jblast.study.flight_results import (
     Profile,
     encounter_at,
@@ -100,7 +100,7 @@ def test_a_flight_lasts_five_seconds_past_the_last_blast():
     )
     for uncertain, blast in ((one, 2.0), (both, 3.0)):
         arrival = blast + 0.0092  # at 5.4 m
-        seconds = fly_module.flight_seconds(
+        seconds = flights_module.flight_seconds(
             uncertain.scene, SPEC, "scene.toml", Options()
         )
         assert arrival + 5.0 <= seconds < arrival + 5.1
@@ -134,7 +134,7 @@ def test_a_charge_that_never_happens_changes_nothing(flights):
     assert answer.to_dict()["blasts"][1]["arrival_s"] is None
     assert loads_figure(found) is not None
     seconds = [
-        fly_module.flight_seconds(of.scene, SPEC, "scene.toml", Options())
+        flights_module.flight_seconds(of.scene, SPEC, "scene.toml", Options())
         for of in (both, scene())
     ]
     assert seconds[0] == seconds[1]
@@ -142,17 +142,17 @@ def test_a_charge_that_never_happens_changes_nothing(flights):
 
 def test_a_long_flight_has_as_fine_rows_as_a_short_one(monkeypatch):
     """Else its peak falls between two of them; then fewer vehicles fit in memory."""
-    assert fly_module.rows_stored(6.0, 10) == 500
+    assert flights_module.rows_stored(6.0, 10) == 500
     for vehicles in (1, 10):
-        assert 1000.0 / fly_module.rows_stored(1000.0, vehicles) <= 0.02
-    monkeypatch.setitem(fly_module.CHUNK, "cpu", 20)
+        assert 1000.0 / flights_module.rows_stored(1000.0, vehicles) <= 0.02
+    monkeypatch.setitem(flights_module.CHUNK, "cpu", 20)
     sizes = []
 
     def noted(scenes, spec, hold, seconds, vehicles, options):
         sizes.append(scenes.charge.mass_kg.shape[0])
         raise InputError("enough")
 
-    monkeypatch.setattr(fly_module, "flown_by", noted)
+    monkeypatch.setattr(flights_module, "flown_by", noted)
     uncertain = scene(beliefs={"charge_mass_kg": LogNormal(1.0, 1.5)})
     for seconds in (6.0, 100.0):
         with pytest.raises(InputError, match="enough"):
@@ -189,7 +189,7 @@ def test_a_custom_profile_takes_the_place_of_the_charge():
 @pytest.mark.slow
 def test_a_batch_flies_as_its_vehicles_alone(monkeypatch):
     """In two chunks, the last filled up; rounding in another order aside."""
-    monkeypatch.setitem(fly_module.CHUNK, "cpu", 2)
+    monkeypatch.setitem(flights_module.CHUNK, "cpu", 2)
     uncertain = scene(
         beliefs={
             "charge_mass_kg": LogNormal(1.0, 1.5),

@@ -10,7 +10,7 @@ from jblast.errors import InputError
 from jblast.scene import Air
 from jblast.study import draw, outcomes, run, run_into
 from jblast.study.engine.launch import Launcher, mesh_of
-from jblast.study.sampling import work as work_module
+from jblast.study.sampling import work
 from jblast.waves import wu_hao_air_arrival_time
 from jblast.waves.propagation import sound_speed_of
 from tests.study.example import STUDY, study_in
@@ -81,10 +81,10 @@ def test_a_number_that_is_not_drawn_is_refused_with_the_nearest(study):
 def test_samples_do_not_depend_on_tiles_devices_or_interruption(
     study, whole, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: 512)
+    monkeypatch.setattr(work, "_tile_samples", lambda _: 512)
     small = dataclasses.replace(study, samples=1500)
     longer = run(dataclasses.replace(study, samples=1500))
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: 1024)
+    monkeypatch.setattr(work, "_tile_samples", lambda _: 1024)
     for name in ("charge_mass_kg", "air_arrival_s"):
         np.testing.assert_array_equal(longer[name][:300], whole[name])
     run_into(small, tmp_path / "a", mesh=mesh_of(1))
@@ -115,7 +115,7 @@ def test_a_device_without_memory_is_given_less_and_says_so(study, whole, monkeyp
 
 
 def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path, monkeypatch):
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: 512)
+    monkeypatch.setattr(work, "_tile_samples", lambda _: 512)
     text = STUDY.replace("samples = 300", "samples = 5000") + (
         "sd_target = { air_arrival_s = 2e-3 }\n"
     )

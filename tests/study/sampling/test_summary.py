@@ -13,7 +13,7 @@ from jblast.study.engine.merge import merged
 from jblast.study.engine.store import open_store
 from jblast.study.engine.summary import SummaryStore, merged_states
 from jblast.study.outcome.family import FAMILIES
-from jblast.study.sampling import work as work_module
+from jblast.study.sampling import work
 from jblast.study.statistics import NUMBER
 from tests.study.engine.test_killed import chunks
 from tests.study.example import SCENE, STUDY, study_in
@@ -28,8 +28,8 @@ YES_NO = SUMMARY.replace(
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: 1024)
-    monkeypatch.setattr(work_module, "PART", 2048)
+    monkeypatch.setattr(work, "_tile_samples", lambda _: 1024)
+    monkeypatch.setattr(work, "PART", 2048)
 
 
 def whole_state(folder, name="air_arrival_s"):

@@ -16,7 +16,7 @@ from jblast.vehicle import (
     simulate,
     step_limit,
 )
-from jblast.vehicle.control import stability as limit_of_steps
+from jblast.vehicle.control import stability
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed
 
 NAMES = ["crazyflie", "hummingbird", "iris"]
@@ -114,7 +114,7 @@ def test_a_limit_that_was_found_is_not_looked_for_again(monkeypatch):
     weaker = dataclasses.replace(gains, attitude=0.5 * gains.attitude)
     found = [step_limit("rk4", lag, gains), step_limit("rk4", lag, weaker)]
     assert found[0] != found[1]
-    monkeypatch.setattr(limit_of_steps, "growth", None)
+    monkeypatch.setattr(stability, "growth", None)
     again = [step_limit("rk4", lag, named_gains("crazyflie", integral=True))]
     assert [*again, step_limit("rk4", lag, weaker)] == found
 

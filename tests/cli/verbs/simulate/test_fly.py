@@ -5,7 +5,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from docs.generate.answer_schemas import fly
-from jblast.cli.arguments import flight_files as fly_files
+from jblast.cli.arguments import flight_files
 from tests.cli.cli_files import Command
 
 CHARGE = "[charge]\nmass_kg = 1.0\n"
@@ -105,7 +105,7 @@ def test_a_figure_that_fails_costs_only_itself(jblast, monkeypatch):
     def fails(flights):
         raise RuntimeError("no ink")
 
-    monkeypatch.setitem(fly_files.ONE, "path.png", fails)
+    monkeypatch.setitem(flight_files.ONE, "path.png", fails)
     code, said, err = flown(jblast, "--out", jblast.path("out"))
     assert code == 0, err
     assert "path.png was not written" in err

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from jblast.sensors import listening as recorders
+from jblast.sensors import listening
 
 SCENE = """
 [charge]
@@ -124,8 +124,8 @@ def test_a_stream_that_breaks_keeps_what_it_had(jblast, monkeypatch):
                 yield next(stream)
             raise OSError(28, "No space left on device")
 
-    studio = recorders.RECORDERS["microphone"]
-    monkeypatch.setitem(recorders.RECORDERS, "microphone", Broken)
+    studio = listening.RECORDERS["microphone"]
+    monkeypatch.setitem(listening.RECORDERS, "microphone", Broken)
     scene = jblast.file("scene.toml", SCENE)
     told = jblast.refused("listen", scene, "--out", jblast.path("o"), "--packets", "10")
     assert "No space left on device" in told

@@ -50,11 +50,11 @@ def test_a_scene_that_cannot_be_drawn_is_one_message(jblast):
 
 
 def test_without_its_extra_the_message_says_what_to_install(jblast, monkeypatch):
-    from jblast.world.remote import messages as wire
+    from jblast.world.remote import messages
 
     def absent(module, extra, path, what):
         raise InputError(f"{path}: {module} is not there; jblast[{extra}]")
 
-    monkeypatch.setattr(wire, "needed", absent)
+    monkeypatch.setattr(messages, "needed", absent)
     err = jblast.refused("serve", jblast.file("world.toml", WORLD))
     assert "jblast[serve]" in err

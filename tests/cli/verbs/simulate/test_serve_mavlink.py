@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from jblast.autopilot import mavlink as wire
+from jblast.autopilot import mavlink
 from jblast.autopilot.mavlink import Receiver, Sender
 
 SCENE = """
@@ -56,9 +56,9 @@ def test_without_its_extra_the_message_says_what_to_install(jblast, monkeypatch,
         raise ImportError(module)
 
     monkeypatch.setattr("jblast.errors.import_module", absent)
-    wire.dialect.cache_clear()
+    mavlink.dialect.cache_clear()
     err = jblast.refused("serve", jblast.file("scene.toml", SCENE), way)
-    wire.dialect.cache_clear()
+    mavlink.dialect.cache_clear()
     assert "by the package pymavlink, which is not installed" in err
     assert "pip install 'jblast[mavlink]'" in err
 

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files import images as png_files
+from jblast.sensors.camera.files import images
 from jblast.sensors.camera.files.images import (
     frame_files,
     read_colours,
@@ -73,9 +73,9 @@ def test_written_frames_are_a_sequence(tmp_path):
 def test_what_cannot_be_read_is_named(tmp_path):
     (tmp_path / "a.png").write_bytes(b"GIF89a")
     with pytest.raises(InputError, match=r"a\.png: expected a PNG image"):
-        png_files.read_png(tmp_path / "a.png")
+        images.read_png(tmp_path / "a.png")
     with pytest.raises(InputError, match=r"b\.png: .*No such file"):
-        png_files.read_png(tmp_path / "b.png")
+        images.read_png(tmp_path / "b.png")
 
 
 @pytest.mark.parametrize("filters", ["none", "sub", "up", "avg", "paeth", "mixed"])

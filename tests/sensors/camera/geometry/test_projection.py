@@ -10,11 +10,11 @@ from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 
 from jblast.scene import Camera, look_at
-from jblast.sensors.camera import geometry as projection
+from jblast.sensors.camera import geometry
 
 TABLE = Path(__file__).with_name("opencv_projections.csv").read_text().splitlines()
 ROWS = list(csv.DictReader(line for line in TABLE if not line.startswith("#")))
-project = eqx.filter_jit(projection.project)
+project = eqx.filter_jit(geometry.project)
 LENSES = sorted({row["lens"] for row in ROWS})
 
 
@@ -133,7 +133,7 @@ def test_cameras_in_a_batch_see_what_each_sees_alone():
     cameras = [camera_at(place, [0.0, 0.0, 1.0]) for place in places]
     batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *cameras)
     points = np.array([[1.0, 2.0, 3.0], [0.0, -30.0, 2.0]])
-    each = eqx.filter_jit(eqx.filter_vmap(projection.project, in_axes=(0, None)))
+    each = eqx.filter_jit(eqx.filter_vmap(geometry.project, in_axes=(0, None)))
     together = each(batch, jnp.array(points))
     for index, camera in enumerate(cameras):
         alone = project(camera, points)

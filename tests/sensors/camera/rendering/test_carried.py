@@ -11,7 +11,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.scene.camera import FORWARD, quaternion_product
-from jblast.sensors.camera import rendering as carried_module
+from jblast.sensors.camera import rendering
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.film import Film, subdivided
 from jblast.sensors.camera.geometry import CameraPath, carried_camera, pixel_rays
@@ -86,7 +86,7 @@ def test_a_camera_that_stands_sees_what_one_that_stands_sees():
 def test_frames_at_other_poses_are_made_by_one_program():
     eye, times = camera(), jnp.array([0.1, 0.2])
     render_carried(NEVER, eye, yawing(0.1), times)
-    programs = cast(Any, carried_module._frames)._cached
+    programs = cast(Any, rendering._frames)._cached
     before = programs._cache_size()
     render_carried(NEVER, eye, yawing(0.7), times + 0.1)
     assert programs._cache_size() == before

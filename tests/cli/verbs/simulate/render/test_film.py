@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jblast.sensors.camera.files import images as png_files
+from jblast.sensors.camera.files import images
 from tests.cli.verbs.simulate.render.scenes import (
     AWAY,
     CAMERA,
@@ -47,7 +47,7 @@ def test_frames_events_and_a_contact_sheet(jblast):
     assert 0 < events["t"].min() < events["t"].max() <= 38_000
     # the blast is ahead, a little below the middle
     assert abs(np.median(events["x"]) - 11.5) < 1
-    assert png_files.read_png(said["files"]["contact_sheet"]).shape[1] > 100
+    assert images.read_png(said["files"]["contact_sheet"]).shape[1] > 100
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from jblast.sensors.camera import film
-from jblast.sensors.camera.files import images as png_files
+from jblast.sensors.camera.files import images
 from tests.cli.verbs.simulate.render.scenes import (
     AWAY,
     CAMERA,
@@ -158,4 +158,4 @@ def test_frames_written_before_an_interruption_stay_whole(jblast, monkeypatch):
     assert [p.name for p in left[:4]] == [f"{k:04d}.png" for k in range(4)]
     assert len(left) < 9
     for path in left:
-        assert png_files.read_png(path).shape == (18, 24, 3)
+        assert images.read_png(path).shape == (18, 24, 3)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Camera, Charge, Scene, look_at
-from jblast.sensors.camera import fireball as window
+from jblast.sensors.camera import fireball as fireball_module
 from jblast.sensors.camera.files.views import explosion_views
 from jblast.sensors.camera.fireball import Appearance, cloud
 from jblast.sensors.camera.geometry import pixel_rays
@@ -171,9 +171,9 @@ def test_windows_show_what_whole_images_show(puffs, sides, monkeypatch):
         camera(distortion=np.array([-0.25, 0.05, 0.002, -0.001, 0.0])),
         camera(place=(3.0, -3.0, 60.0)),
     ]
-    monkeypatch.setattr(window, "SMALL", 10**6)
+    monkeypatch.setattr(fireball_module, "SMALL", 10**6)
     whole = [np.asarray(layer(views, scene_of(), eye, 0.1)) for eye in eyes]
-    monkeypatch.setattr(window, "SMALL", 64)
+    monkeypatch.setattr(fireball_module, "SMALL", 64)
     eqx.clear_caches()
     jax.clear_caches()
     for eye, wanted in zip(eyes, whole, strict=True):
