@@ -60,6 +60,8 @@ FAR, FAR_SHARE = 20e3, 0.25
 (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
 CLOCK_STEP = 1e-3
 """What any arrival may be off by [s]."""
+PRICE = 3
+"""Of a row that is off, or of a supposed mistake, in numbers found from the rows."""
 NO_CLOCK = -1
 LAWS = {
     "air_arrival_s": "shock_kinematics",
@@ -118,8 +120,8 @@ class Agreement:
         return int((self.checkable & ~self.off).sum()) >= max(self.unknowns, 2)
 
     def price(self) -> int:
-        """Return what it costs to believe it: three numbers for a row that is off."""
-        return 3 * int((self.checkable & self.off).sum()) + self.unknowns
+        """Return the unknowns, and `PRICE` more for each row that is off."""
+        return PRICE * int((self.checkable & self.off).sum()) + self.unknowns
 
     def share(self) -> float:
         """Return the share of rows that agree."""

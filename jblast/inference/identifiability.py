@@ -5,9 +5,9 @@ predictions stay the same within the errors. Candidates are eigenvectors of the 
 information, scaled by typical steps, of near zero eigenvalue. Each is confirmed by a
 step of finite length, from which Gauss-Newton returns to the curve along which no
 prediction changes. Without such a curve the derivative vanished by symmetry alone, and
-the direction is identified. Combinations that
-vanish along all null directions are estimable although their parameters are not. They
-are named like `air_sound_speed_m_s * charge_mass_kg^0.2`.
+the direction is identified. Combinations that vanish along all null directions are
+estimable although their parameters are not. They are named like
+`air_sound_speed_m_s * charge_mass_kg^0.2`.
 
 For each null direction, additional data are compared by the change of their prediction
 along it: every quantity at a sensor of the log, and at a position off the sensors'
@@ -28,6 +28,7 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.mode.starts import layout_size, typical_step
 from jblast.inference.posterior.fisher_information import (
     NULL,
+    TAKES_PART,
     information,
     unit_diagonal,
     whitened_jacobian,
@@ -52,8 +53,6 @@ ROUNDS = 20
 """Steps back onto the curve of a null direction, at most."""
 HALVINGS = 12
 """Such a step is halved so often before it is given up: it must bring data nearer."""
-ROUNDING = 1e-5
-"""A part of a direction smaller than this, in standard deviations, is rounding."""
 BANG = "air_arrival_s"
 RESOLVED_CHANGE = 0.03
 """A datum is a cure if a typical step along the direction moves it by 3 %."""
@@ -161,7 +160,7 @@ def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"
         if lead == len(rows):
             break
         best = lead + int(np.argmax(np.abs(rows[lead:, column])))
-        if np.abs(rows[best, column]) <= ROUNDING:
+        if np.abs(rows[best, column]) <= TAKES_PART:
             continue
         rows[[lead, best]] = rows[[best, lead]]
         rows[lead] /= rows[lead, column]
@@ -170,7 +169,7 @@ def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"
                 rows[other] -= rows[other, column] * rows[lead]
         lead += 1
     sizes = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
-    rows[np.abs(rows) < ROUNDING * sizes] = 0.0
+    rows[np.abs(rows) < TAKES_PART * sizes] = 0.0
     return rows
 
 

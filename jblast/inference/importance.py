@@ -99,8 +99,7 @@ def importance(
     posterior has to be proper for its weights to mean anything.
     """
     root = root_of(normal)
-    misfit = jax.eval_shape(posterior.misfit, jnp.asarray(normal.z))
-    of_one = misfit.loading.size + 8 * misfit.residual.size
+    of_one = _numbers_of_a_draw(posterior, normal)
     draws = min(draws, max(WORK // of_one, FEWEST))
     w = np.random.default_rng(seed).standard_normal((draws, normal.z.size))
     density = Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root))
@@ -117,6 +116,12 @@ def importance(
         k_hat=k_hat,
         ess=float(1 / np.sum(weights**2)),
     )
+
+
+def _numbers_of_a_draw(posterior: Posterior, normal: Laplace) -> int:
+    """Return about how many numbers are held for the density of one draw."""
+    misfit = jax.eval_shape(posterior.misfit, jnp.asarray(normal.z))
+    return misfit.loading.size + 8 * misfit.residual.size
 
 
 def laplace_holds(k_hat: float, log_sd: float, off: float) -> bool:
@@ -308,9 +313,7 @@ def check_intervals(
 
 def _judged(posterior, normal, seed: int, along: bool) -> IntervalError:
     """Draw until it is clear; along the ridge or not."""
-    at = jnp.asarray(normal.z)
-    misfit = jax.eval_shape(posterior.misfit, at)
-    of_one = misfit.loading.size + 8 * misfit.residual.size
+    of_one = _numbers_of_a_draw(posterior, normal)
     if along:
         of_one *= 1 + normal.z.size
     most = max(INTERVAL_WORK // of_one, FEWEST_INTERVAL_DRAWS)

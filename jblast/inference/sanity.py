@@ -29,6 +29,7 @@ from jblast.inference.consensus import (
     CLOCK_STEP,
     FAR,
     LARGEST,
+    PRICE,
     SMALLEST,
     WITH_MASS,
     Agreement,
@@ -94,8 +95,6 @@ HALF_HOUR = 1800.0
 """Zones of time differ by whole quarters of an hour, nearly all by halves."""
 LATEST = 26 * 3600.0
 """The largest difference of two zones (UTC-12 and UTC+14) [s]."""
-PRICE = 3
-"""Of a slip, in numbers that are found from the rows: that of a row that is off."""
 _MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
 _PSI = {
     "psi written as kPa": 1e3 / POUND_FORCE_PER_INCH2,

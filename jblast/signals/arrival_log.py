@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc
 
 from jblast.observations import Observations, observed
 from jblast.observations.records.stations import Station
@@ -146,8 +147,6 @@ def _array_rows(
     shot: str,
 ) -> tuple[ArrayFinding, list[_Row]]:
     """Return what an array tells of a bang, and its rows."""
-    from scipy.special import chdtrc
-
     names = [member.channel.sensor for member in members]
     where = np.array([stations[sensor].position for sensor in names])
     apart = np.linalg.norm(where[:, None] - where[None], axis=-1)

@@ -406,9 +406,8 @@ def solve(
 
     Laws left to us are chosen at the likeliest start, and again at the answer until
     they settle (`settle_laws`); so are the curve sets of charges whose `burst` is left
-    to their height. Samples of
-    records, where there are any, count once the log of what was read off them is
-    solved; `begin` tells of each stage.
+    to their height. Samples of records, where there are any, count once the log of what
+    was read off them is solved. `begin` is called with the name of each stage.
     """
     if not parameters_of(uncertain).names:
         raise InputError(

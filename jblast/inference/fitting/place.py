@@ -18,7 +18,7 @@ on level ground, has fallen to given values.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -157,9 +157,11 @@ def place_draws(
     free = [name for name in asked if name in fit.summary.free]
     unknown = fit.summary.unidentified
     drawn = [name for name in free if name in fit.draws and name not in unknown]
-    if not drawn or len(drawn) < len(free) or not _finite(fit.draws, drawn):
+    if not drawn or len(drawn) < len(free):
         return None
     count = len(fit.draws[drawn[0]])
+    if not count or not all(np.isfinite(fit.draws[name]).all() for name in drawn):
+        return None
     east, north = (
         fit.draws[name] if name in drawn else np.full(count, float(known))
         for name, known in zip(asked, np.asarray(charge.position_m)[:2], strict=True)
@@ -195,10 +197,6 @@ def rests_on_clocks(fit: Fit, shot: int = 0) -> bool:
         for finding in fit.summary.warnings
         if isinstance(finding, ClocksTakenToAgree)
     )
-
-
-def _finite(draws: Mapping[str, Float[np.ndarray, " draw"]], names: list[str]) -> bool:
-    return all(len(draws[name]) and np.isfinite(draws[name]).all() for name in names)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ r"""How often a step is of each kind.
 near: along the difference of two other walkers, $2.38/\sqrt{2 d}$ of it long (ter Braak
 2006, Stat. Comput. 16:239). jump: the whole of it, which leads from mode to mode.
 stretch: towards or away from another walker (Goodman & Weare 2010), for long tails.
-independence: to a place drawn from the normals about the known optima (see `mixture`).
+independence: to a place drawn from the normals about the known optima (see `Mixture`).
 Five microphones, four unknowns, 64 walkers: autocorrelation time 11 steps, without that
 17, with the stretch move alone 59; for a normal of 12 unknowns 13, 45 and 184. A charge
 beside a line of microphones and its mirror image: 36, without that some 460.
@@ -61,7 +61,7 @@ class Segment(NamedTuple):
     Attributes:
         chain: Places after each step.
         log_density: ln of the density there.
-        random: As of `State`, after the last step.
+        random: As of `WalkState`, after the last step.
         interrupted: Whether Ctrl-C ended it early.
     """
 

@@ -54,10 +54,11 @@ from jblast.inference.whitening import (
 )
 from jblast.observations import Observations
 
-UNLIKELY = 1e-3
-"""An optimum with less of the posterior than this beside the best gets no walkers."""
 if TYPE_CHECKING:
     import xarray
+
+UNLIKELY = 1e-3
+"""An optimum with less of the posterior than this beside the best gets no walkers."""
 NEEDED = "expected ArviZ and a writer: pip install arviz h5netcdf h5py"
 MOST_DRAWS = 200_000
 """Steps are thinned so that no more draws than this are kept."""
@@ -248,7 +249,7 @@ def _others(density: Whitened, normal, identifiability, optima: Optima) -> list[
 
 
 def _mode_about(center, mode: Mode) -> Mode:
-    """Put a mode where it is."""
+    """Return a mode in the fitted coordinates; it is given relative to a center."""
     return replace(
         mode,
         peak=mode.peak + center,

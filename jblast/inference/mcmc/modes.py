@@ -19,6 +19,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float
 
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.whitening import Density, densities
 
 VALLEY = 2.0
@@ -36,7 +37,7 @@ LENGTHS = np.array([0.0, 1.0, 0.25, 0.06, 0.015, 0.004])
 """Of a Newton step: the best is taken."""
 LONG = 3.0
 """A ridge is so many times as long as the normal approximation says."""
-NORMAL_SPREAD = 3.2897072539029444
+NORMAL_SPREAD = 2 * NORMAL_Q95
 """From the 5 % to the 95 % quantile of a unit normal."""
 OUTER = 0.05, 0.15
 """The outer twentieth of the draws at an end, and the tenth next to it."""

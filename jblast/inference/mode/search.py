@@ -164,8 +164,8 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
             repeated, lambda: end, lambda: _climb(posterior, scale, end.z, known)
         )
 
-    climbed = lax.map(climb, (finalists, known, repeated))
-    return _in_order(climbed, repeated, preference), first[0]
+    tops = lax.map(climb, (finalists, known, repeated))
+    return _in_order(tops, repeated, preference), first[0]
 
 
 def onward(approach, unknowns, freedoms):

@@ -346,8 +346,8 @@ def posterior_of(
 
     Raises:
         InputError: A row has no error at all: no sigma, and a law taken as exact. Or a
-            sigma disagrees with the covariance of its record. Or
-            rows times shared effects are more than `HELD`.
+            sigma disagrees with the covariance of its record. Or rows times shared
+            effects are more than `HELD`, or times their square more than `WORK`.
     """
     refuse_exact(observations, parameters.scene.scatter, laws)
     refuse_unresolved(observations)

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.tuning.search import Problem, Solution, parts_told
 from jblast.inference.tuning.unknowns import Between, Unknown, tuned_value
 from jblast.scene import Scene
@@ -20,8 +21,8 @@ from jblast.scene import Scene
 Kind = Literal["sound", "frames", "events"]
 POOR = 1e-3
 """Probability of what is left, below which a record counts as poorly explained."""
-QUANTILE_90 = 1.6448536269514722
-"""Of the standard normal distribution at 95 %."""
+TO_MEDIAN = 0.6745
+"""Median magnitude of a standard normal number."""
 TAKES_PART = 0.2
 """Share of a direction from which on a number is said to be in it."""
 FAR_OUT = 6.0
@@ -217,7 +218,7 @@ def _number(
     """Return a number with its interval, in its own unit."""
     value, low, high, one_up, one_down = (
         float(one.belief.constrain(jnp.asarray(z + away * sd)))
-        for away in (0.0, -QUANTILE_90, QUANTILE_90, 1.0, -1.0)
+        for away in (0.0, -NORMAL_Q95, NORMAL_Q95, 1.0, -1.0)
     )
     at_bound = isinstance(one.belief, Between) and abs(z) > FAR_OUT
     return TunedNumber(

@@ -19,7 +19,7 @@ fits. So the residual is evaluated at several points, up to a few large changes 
 and a search begins at the best one, or at the next where that does not lead to a fit.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -199,11 +199,6 @@ def parts_told(
     identified = values >= LEAST_INFORMATION
     covariance = (vectors / np.maximum(values, LEAST_INFORMATION)) @ vectors.T
     return vectors[:, identified].T, vectors[:, ~identified].T, covariance
-
-
-def names_of(unknowns: Sequence[Unknown]) -> tuple[str, ...]:
-    """Return the names of what is looked for."""
-    return tuple(one.name for one in unknowns)
 
 
 def widening(problem: Problem, z: Float[np.ndarray, " unknown"]) -> Any:

@@ -28,7 +28,14 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from jblast.errors import InputError
-from jblast.inference.tuning.result import Explained, Kind, Note, Tuned, answer
+from jblast.inference.tuning.result import (
+    TO_MEDIAN,
+    Explained,
+    Kind,
+    Note,
+    Tuned,
+    answer,
+)
 from jblast.inference.tuning.search import (
     Problem,
     Solution,
@@ -61,7 +68,6 @@ FREEDOM = 4.0
 """Of the Student-t errors of events."""
 STAMP = 0.5e-6 * 3.0**-0.5
 """Standard deviation of a stamp in whole microseconds [s]."""
-TO_MEDIAN = 0.6745
 Ints = Int[Array, " event"] | Int[np.ndarray, " event"]
 Floats = Float[Array, " event"] | Float[np.ndarray, " event"]
 
@@ -360,9 +366,7 @@ class EventsEvidence(eqx.Module):
 
     def left(self, scene: Scene) -> Float[Array, " event"]:
         """Return the change that no threshold explains, in thresholds."""
-        threshold = camera_of(scene).threshold
-        own = jnp.where(self.events.sign > 0, threshold[0], threshold[1])
-        return self._left(scene) / own
+        return self._left(scene) / self._thresholds(scene)
 
     def misfit(self, scene: Scene) -> Float[Array, ""]:
         """Return the typical size of what is left, in thresholds."""
@@ -391,9 +395,14 @@ class EventsEvidence(eqx.Module):
         """
         return (self._left(scene) / weights,)
 
-    def _left(self, scene: Scene) -> Float[Array, " event"]:
+    def _thresholds(self, scene: Scene) -> Float[Array, " event"]:
+        """Return the threshold of each event, by its sign."""
         threshold = camera_of(scene).threshold
-        own = jnp.where(self.events.sign > 0, threshold[0], threshold[1])
+        return jnp.where(self.events.sign > 0, threshold[0], threshold[1])
+
+    def _left(self, scene: Scene) -> Float[Array, " event"]:
+        """Return the change that no threshold explains, in logarithms."""
+        own = self._thresholds(scene)
         sign = jnp.asarray(self.events.sign, own.dtype)
         return self.changes(scene) - sign * own
 

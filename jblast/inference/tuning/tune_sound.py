@@ -23,6 +23,7 @@ from scipy.stats import chi2
 
 from jblast.errors import InputError, argument, nearest
 from jblast.inference.tuning.result import (
+    TO_MEDIAN,
     Explained,
     Note,
     NothingHeardError,
@@ -45,8 +46,6 @@ from jblast.sensors.wave_paths import low_charges_settled
 
 HEARD = 6.0
 """Standard deviations of noise from which on a blast that is looked for is heard."""
-TO_MEDIAN = 0.6745
-"""Median magnitude of a standard normal number."""
 DURATIONS = 8.0
 """Of the positive phase, until a blast has gone by."""
 AIMED_AT = 0.3
@@ -111,7 +110,10 @@ def tune_sound(
     if not unknowns:
         raise InputError(f"{source}: expected something to tune, got nothing free")
     loudness = _loudness(uncertain.scene, recorded)
-    if _is_silent(uncertain.scene, index) and not _tells_noise(names):
+    if _is_silent(uncertain.scene, index) and {
+        "noise_pa",
+        "ambient_level_pa",
+    }.isdisjoint(names):
         names = [*names, "noise_pa"]
         notes.append(Note("noise_added", {}))
         _, extra = unknowns_of(uncertain, ["noise_pa"], "sound", rate)
@@ -185,10 +187,6 @@ def _is_silent(scene: Scene, index: int) -> bool:
         and float(ambient.level) > 0
     )
     return not (own or written or around or instrument.wind_noise is not None)
-
-
-def _tells_noise(names: Sequence[str]) -> bool:
-    return any(name in ("noise_pa", "ambient_level_pa") for name in names)
 
 
 def _timed(

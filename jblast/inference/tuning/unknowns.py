@@ -180,7 +180,8 @@ def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> S
             continue
         start = TUNABLES[name].start
         if name == "low_pass_hz":
-            start = 0.2 * _rate(scene, index)
+            instrument = scene.sensors[index].instrument or Instrument()
+            start = 0.2 * instrument.rate
         values[name] = loudness if math.isnan(start) else start
     return with_tuned(scene, index, values)
 
@@ -257,10 +258,6 @@ def _leaf(scene: Any, index: int, row: Tunable) -> Any:
             return None
         held = held.sensors[index] if part == "sensor" else getattr(held, part)
     return held
-
-
-def _rate(scene: Scene, index: int) -> float:
-    return (scene.sensors[index].instrument or Instrument()).rate
 
 
 def _belief(row: Tunable, rate: float | None) -> Belief:

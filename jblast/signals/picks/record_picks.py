@@ -161,12 +161,12 @@ def _picked(
     high_passed: bool,
 ) -> dict[int, Pick]:
     """Return the picks of records that are filled up to one length."""
-    begins = [_begin(record, length) for record in records]
+    begins = [stretch_begin(record, length) for record in records]
     cut = [
         record.samples[begin : begin + length]
         for record, begin in zip(records, begins, strict=True)
     ]
-    filled = np.stack([_filled(x, length) for x in cut])
+    filled = np.stack([np.pad(x, (0, length - x.size), mode="edge") for x in cut])
     corners = (
         np.array([(record.high_pass_hz or 0.0) / record.rate_hz for record in records])
         if high_passed
@@ -230,18 +230,18 @@ def _length(record: PressureRecord) -> int:
     return filled_length(min(record.samples.size, LONGEST))
 
 
-def _begin(record: PressureRecord, length: int) -> int:
-    """Return the first sample of the stretch that is picked."""
+def stretch_begin(record: PressureRecord, length: int) -> int:
+    """Return the first sample of the stretch that is picked.
+
+    Args:
+        record: The recording.
+        length: Samples of the stretch; a shorter recording is picked whole.
+    """
     spare = record.samples.size - length
     if spare <= 0:
         return 0
     largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
     return int(np.clip(largest - int(BEFORE * length), 0, spare))
-
-
-def _filled(samples: Float[np.ndarray, " sample"], length: int):
-    """Return samples and then the last one again."""
-    return np.pad(samples, (0, length - samples.size), mode="edge")
 
 
 def _check(record: PressureRecord) -> None:
