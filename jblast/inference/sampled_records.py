@@ -40,7 +40,7 @@ from jblast.waves.waveform import decay_of_fraction
 
 UNRESOLVED = 0.1
 """Standard deviation of ln of a rise within two samples, about the pick's: samples do
-not tell it from the arrival, whose error then has the part of a sample."""
+not separate it from the arrival, whose error then has the part of a sample."""
 NONE = 1e-9
 """Corner in place of none, where another record has a high-pass [Hz]."""
 ASKED = 4
@@ -271,8 +271,9 @@ def trial_nuisances(
 ) -> Float[Array, "search trial nuisance"]:
     """Return nuisances to begin searches with: of some rises, all else as picked.
 
-    Samples tell where the middle of a front is, so one that arrives later rises faster:
-    beside `RISES`, and the pick's in the first search, stands the one that keeps it.
+    Samples fix the middle of a front, so one that arrives later rises faster. In
+    addition to `RISES`, and the pick's in the first search, the rise is tried that
+    keeps the middle.
 
     Args:
         moved: As of `PulseTerms`.

@@ -1,4 +1,4 @@
-"""Where a next sensor would tell most: the sd of mass and place over the plane."""
+"""The benefit of one more sensor: the sd of mass and position over the plane."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ BATCH = 256
 
 @dataclass(frozen=True)
 class BoundMap:
-    """What is left unknown with one more sensor, over where it stands.
+    """Standard deviations with one more sensor, over its position.
 
     Attributes:
         east: Where, increasing [m].

@@ -94,7 +94,7 @@ POINTS = 80
 
 @dataclass(frozen=True)
 class Band:
-    """What the posterior says of one quantity along a line away from the charge.
+    """Predictive band of one quantity along a line away from the charge.
 
     Attributes:
         quantity: A key of `observations.QUANTITIES`.
@@ -203,7 +203,7 @@ def fit(
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
 ) -> Fit:
-    """Find out what a log says of a blast.
+    """Fit a blast to a log.
 
     Args:
         observations: The log. The samples of a record that a row names count themselves
@@ -211,19 +211,19 @@ def fit(
         uncertain: The scene and what is not known of it; without one, a surface charge
             of unknown mass at the origin at time 0, in sea-level air; of a log in
             degrees, or with dates, place and time are free (`scenes.for_log`). A
-            fireball's growth time is free unless the scene says otherwise.
+            fireball's growth time is free unless the scene states otherwise.
         noise: Distribution of the independent errors.
         posterior: How intervals are found: "weighted" (draws of a normal approximation,
             weighted by the posterior), "laplace" (that approximation alone), "emcee"
             (walkers), or "auto": walkers where the approximation is found wanting.
         seed: Of the starts of the search and the draws of the posterior.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
-        scaling: Scale of the records that rows name, where files do not tell it.
+        scaling: Scale of the records that rows name, where files do not state it.
         high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
 
     Returns:
         Estimates with their intervals, the law they rest on and where it ends, and
-        what the data cannot tell; `jblast.report.summary` puts it in words.
+        what the data do not identify; `jblast.report.summary` puts it in words.
 
     Raises:
         ValueError: The log and the scene do not go together; the message says how.

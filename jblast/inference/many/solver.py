@@ -80,7 +80,7 @@ class Expansion(optx.FunctionInfo):
 
 
 class SolverState(eqx.Module):
-    """What the solver carries.
+    """State of the solver.
 
     Attributes:
         first_step: Whether nothing has been computed yet.
@@ -336,7 +336,7 @@ def newton(
         there = jnp.where(jnp.isfinite(there), there, jnp.inf)
         which = jnp.argmin(there, axis=0)
         lowest = jnp.take_along_axis(there, which[None], axis=0)[0]
-        # where the cost no longer tells, the whole step is as good as any, and ends
+        # below the rounding of the cost the whole step is as good as any, and ends
         level = there[0] <= f + floor
         which = jnp.where(level & (lowest > f - floor), 0, which)
         best = jnp.take_along_axis(places, which[None, None], axis=0)[0]

@@ -128,7 +128,7 @@ def ensemble(
     Args:
         posterior: The posterior.
         normal: Its normal approximation.
-        identifiability: What the log tells.
+        identifiability: Null directions of the log.
         optima: Where searches ended; walkers start at those that count. Without them
             all start from the normal approximation.
         seed: Of all random numbers.
@@ -416,7 +416,7 @@ def inference_data(
     observations: Observations,
     notes: Sequence[str] = (),
 ) -> "xarray.DataTree":
-    """Return an ensemble as ArviZ knows it, each walker a chain.
+    """Return an ensemble in the schema of ArviZ, each walker a chain.
 
     Groups: `posterior` (every number, in the units of its name), `sample_stats` (`lp`,
     ln of the density per unit of the fitted coordinates), `observed_data`.
@@ -425,7 +425,7 @@ def inference_data(
         ensemble: The walk.
         posterior: What was walked.
         observations: The log.
-        notes: What to say beside the draws.
+        notes: Findings to store with the draws.
 
     Raises:
         InputError: ArviZ is not installed.

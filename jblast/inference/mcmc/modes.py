@@ -36,7 +36,7 @@ STEEP = 1e-6
 LENGTHS = np.array([0.0, 1.0, 0.25, 0.06, 0.015, 0.004])
 """Of a Newton step: the best is taken."""
 LONG = 3.0
-"""A ridge is so many times as long as the normal approximation says."""
+"""A ridge is so many times as long as the normal approximation."""
 NORMAL_SPREAD = 2 * NORMAL_Q95
 """From the 5 % to the 95 % quantile of a unit normal."""
 OUTER = 0.05, 0.15
@@ -67,7 +67,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Ridge:
-    """A direction along which the log tells little.
+    """A direction that the log constrains little.
 
     Attributes:
         longer: How many times as long as the normal approximation.

@@ -54,7 +54,7 @@ from jblast.waves.fireball import fireball_growth_time
 
 MOST_FRAMES, MOST_VALUES, MOST_EVENTS = 24, 200_000, 10_000
 CHANGED = 2.0
-"""Steps of 8 bits from which on a pixel is said to change."""
+"""Steps of 8 bits from which on a pixel counts as changing."""
 ROUNDED_ALIKE = 6.0
 """Steps of 8 bits: of what has changed by less, neighbours are rounded alike."""
 ROUNDING = 12.0**-0.5
@@ -79,7 +79,7 @@ def tune_frames(
     names: Sequence[str],
     background: Float[ArrayLike, "..."] = BACKGROUND,
 ) -> Tuned:
-    """Return what frames tell of a scene.
+    """Tune a scene to frames.
 
     Args:
         uncertain: The scene; what it leaves free, or gives a prior, is looked for, too.
@@ -150,7 +150,7 @@ def tune_events(
     names: Sequence[str],
     background: Float[ArrayLike, "..."] = BACKGROUND,
 ) -> Tuned:
-    """Return what events tell of a scene.
+    """Tune a scene to events.
 
     Args:
         uncertain: As of `tune_frames`.

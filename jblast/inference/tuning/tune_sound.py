@@ -81,7 +81,7 @@ class RecordedSound(NamedTuple):
 def tune_sound(
     uncertain: UncertainScene, recorded: RecordedSound, names: Sequence[str]
 ) -> Tuned:
-    """Return what a sound record tells of a scene.
+    """Tune a scene to a sound record.
 
     Args:
         uncertain: The scene; what it leaves free, or gives a prior, is looked for, too.
@@ -160,7 +160,7 @@ def _loudness(scene: Scene, recorded: RecordedSound) -> float:
 def _limit(scene: Scene, recorded: RecordedSound, names: Sequence[str]) -> float:
     """Return from which magnitude on samples are at the recorder's limit.
 
-    Where a record in pascals is to tell the limit, they are what it tells it by.
+    Where a record in pascals is to identify the limit, such samples identify it.
     """
     instrument = scene.sensors[recorded.sensor].instrument
     assert instrument is not None
@@ -175,7 +175,7 @@ def _limit(scene: Scene, recorded: RecordedSound, names: Sequence[str]) -> float
 
 
 def _is_silent(scene: Scene, index: int) -> bool:
-    """Whether a scene has no noise of any kind for a sensor."""
+    """Return whether a scene has no noise of any kind for a sensor."""
     sensor, ambient = scene.sensors[index], scene.ambient
     instrument = sensor.instrument or Instrument()
     own = instrument.noise is not None and float(instrument.noise) > 0

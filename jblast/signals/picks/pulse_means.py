@@ -245,7 +245,7 @@ def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:
 
     Args:
         bins: Contiguous.
-        pulse: With a rise, and nothing held; its peak and suction are not asked for.
+        pulse: With a rise, and nothing held; its peak and suction are not used.
     """
     since = bins.ends.astype(pulse.arrival_time.dtype) - pulse.arrival_time
     rise, length, fall = pulse.rise_time, pulse.decay_duration, pulse.suction_duration
@@ -392,7 +392,7 @@ def _middle(y, k, late):
 
 
 class Ringing(NamedTuple):
-    r"""What resonance adds to the mean pressure over each bin.
+    r"""Contribution of resonance to the mean pressure over each bin.
 
     Attributes:
         mean: All of it.

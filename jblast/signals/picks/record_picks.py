@@ -63,7 +63,7 @@ NoteKind = Literal[
     "duration_unsure",
     "faint",
 ]
-"""What may be said of a pick."""
+"""Kinds of notes on a pick."""
 POOR = frozenset({"nothing_found", "not_converged"})
 HARMLESS = frozenset({"sharp_front", "drifting", "later_arrival"})
 """These were seen and are within the errors; any other makes a pick doubtful."""
@@ -72,7 +72,7 @@ UNSURE_DURATION = 0.2
 FAINT = 0.1
 """Standard deviation of ln peak from which on a pulse is faint."""
 QUIET = 32
-"""Samples that must come before an onset, to know what quiet is."""
+"""Samples that must come before an onset, to measure the quiet."""
 LOUD = 10.0
 """The largest sample is as many standard deviations of the quiet ones."""
 SUDDEN = 3.0
@@ -82,7 +82,7 @@ becomes large, and no rougher."""
 
 @dataclass(frozen=True)
 class RecordPick:
-    """What was picked of a recording.
+    """The pick of a recording.
 
     Attributes:
         record: The recording.
@@ -102,7 +102,7 @@ def pick_records(
 ) -> list[RecordPick]:
     """Return the pick of each recording.
 
-    Where nobody said what a sample is in pascals, peak and impulse are in the samples'
+    Without a scale in pascals, peak and impulse are in the samples'
     own unit, and only the times mean something. Of a record that is suddenly loud and
     that no pulse fits, the arrival is its onset (`onset_of`) and all else NaN.
 
@@ -261,7 +261,7 @@ def _check(record: PressureRecord) -> None:
 
 
 def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
-    """Return what is to be said of the pick of one record."""
+    """Return the notes on the pick of one record."""
     if not bool(pick.found):
         return ("nothing_found",)
     if np.isnan(pick.peak_overpressure_pa):
@@ -306,7 +306,7 @@ def hopeless(pick: Pick) -> bool:
 
 
 class Onset(NamedTuple):
-    """When a record becomes loud, in samples.
+    """Onset of a record, in samples.
 
     Attributes:
         sample: The first loud one.
