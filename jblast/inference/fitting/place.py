@@ -44,7 +44,7 @@ from jblast.sensors.calculator import (
 THIN = 1e-12
 """A variance so small beside the other is rounding: the place is known along it."""
 NEAREST = 60
-"""Draws about a place, of which the last says how dense they are: of normal draws the
+"""Draws about a place, of which the last measures their density: of normal draws the
 area comes out 5 % too large."""
 FILLED = 0.8
 """A 90 % ellipse of which the 90 % region fills less than this misleads."""
@@ -58,7 +58,7 @@ TRIES = 2000
 GRID = 160
 PEAK = "peak_overpressure_pa"
 LEVELS = (1e3, 5e3, 20e3, 100e3)
-"""Where no one says otherwise [Pa]."""
+"""By default [Pa]."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +144,7 @@ def place_draws(
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"]] | None:
     """Return draws of where a charge stood, east and north [m].
 
-    None where nothing was asked of its place, or the log cannot tell it: a coordinate
-    is not identified, or a range was sought.
+    None where its position was not fitted, or a coordinate is not identified.
 
     Args:
         fit: The fit.
@@ -201,7 +200,7 @@ def rests_on_clocks(fit: Fit, shot: int = 0) -> bool:
 
 @dataclass(frozen=True)
 class CredibleRegion:
-    """Where a posterior is densest, so much that it holds a share.
+    """The densest part of a posterior that contains a share of it.
 
     Attributes:
         share: Of the draws inside.
@@ -262,9 +261,10 @@ def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
 
 def _sparseness(x: Float[np.ndarray, "draw 2"]):
     """Return a function of places: the distance to the k-th nearest draw."""
+    # imported here, as is contourpy below: an ellipse does without
     from scipy.spatial import KDTree
 
-    # a draw that was picked again and again says no more than once where it is
+    # a draw that was picked repeatedly counts once
     _, times = np.unique(x, axis=0, return_counts=True)
     nearest = min(max(NEAREST, 3 * int(times.max())), len(x))
     tree = KDTree(x)
@@ -305,7 +305,7 @@ def _area(ring: Float[np.ndarray, "point 2"]) -> float:
 
 @dataclass(frozen=True)
 class PlaceOnEarth:
-    """Where a charge stood, WGS84.
+    """Position of a charge, WGS84.
 
     Attributes:
         lat_deg: Latitude of the most probable place [degree].
@@ -325,14 +325,14 @@ class PlaceOnEarth:
 
 @dataclass(frozen=True)
 class ChargeOnEarth:
-    """What a fit says of a charge in degrees and by the calendar.
+    """Position and time of a charge, in degrees and by the calendar.
 
     Attributes:
         charge: Its name; "" of the only one.
         place: Where it stood; null where the log has no latitudes, its scene no
-            [place], or it cannot tell.
+            [place], or it is not identified.
         origin_time_utc: When it exploded, ISO 8601, on the clock of `origin_clock`;
-            null where the log has no dates, or cannot tell.
+            null where the log has no dates, or it is not identified.
     """
 
     charge: str
@@ -342,7 +342,7 @@ class ChargeOnEarth:
 
 @dataclass(frozen=True)
 class OnEarth:
-    """What a fit says in degrees and by the calendar.
+    """Positions and times of a fit, in degrees and by the calendar.
 
     Attributes:
         place: Where the first charge stood, as `charges_on_earth` has it.
@@ -420,7 +420,7 @@ def _common_clock(fit: Fit) -> str:
 
 @dataclass(frozen=True)
 class ShockRing:
-    """Where a peak overpressure is reached, on level ground at the height 0.
+    """Range at which a peak overpressure is reached, on level ground at the height 0.
 
     Attributes:
         peak_overpressure_pa: The value.
