@@ -1,4 +1,11 @@
-"""Covariances from Fisher information: the Cramer-Rao bound and its parts."""
+r"""Covariances from Fisher information: the Cramer-Rao bound and its parts.
+
+The bound is $B (B^T F B)^{-1} B^T$, with $F$ the information of layout and priors (see
+`fisher_information`) and $B$ a basis of the identified directions. It is local: where
+$F$ vanishes by symmetry along an identified direction, the width is measured on the
+density instead. The same inverse with a number given, or a prior left out, shows on
+what a width depends.
+"""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,9 @@
-"""The benefit of one more sensor: the sd of mass and position over the plane."""
+"""The benefit of one more sensor: the sd of mass and position over the plane.
+
+The new sensor records the quantities of the first one, at the same height and with the
+same errors, on a clock that is right. At each position of a grid the Cramer-Rao bound
+of layout and new sensor is computed, at the assumed values of the parameters.
+"""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,12 @@
-"""Uncertainty of an answer: normal approximation, weighted draws, or walkers."""
+"""Uncertainty of an answer: normal approximation, weighted draws, or walkers.
+
+By default draws of the normal approximation are weighted by the posterior (see
+`importance`). Where the weights are unreliable or the effective sample size is below
+`FEW`, intervals are those of the normal approximation, with a finding. Walkers run if
+they are requested, or with "auto" if the approximation fails its check. For a charge
+beside a small array draws follow its range (see `mode.range_profile`). Along null
+directions nothing is drawn: the normal approximation of the rest is all there is.
+"""
 
 import os
 from collections.abc import Mapping, Sequence

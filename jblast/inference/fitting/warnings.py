@@ -1,4 +1,8 @@
-"""Warnings and assumptions of an answer."""
+"""Warnings and assumptions of an answer.
+
+They concern fit, priors, laws, clocks, and the height, shape and surroundings of the
+charge. The gravest warning stands first; each is a `Finding`, without words.
+"""
 
 import inspect
 from collections.abc import Collection, Mapping
