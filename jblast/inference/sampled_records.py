@@ -95,7 +95,7 @@ class SampledCase(NamedTuple):
         rate: Samples a second [Hz].
         rise: Middle and standard deviation of what is believed of ln of the rise.
         widened: Standard deviations of the noise are as many times those before the
-            front: what the pulse leaves of the record says so.
+            front, by the residuals of the pulse.
     """
 
     ready: Case

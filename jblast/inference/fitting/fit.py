@@ -129,7 +129,7 @@ class Fit:
         predicted: The law's value at each row, in the row's unit.
         distance: Slant range of each row at the answer [m].
         residual: (measured - predicted - shared effects) / sd of each row; of a lower
-            bound the least error that keeps it: 0 where the law says more.
+            bound the least error that keeps it: 0 where the law predicts more.
         sd: Independent standard deviation of each row: seconds for times, else in ln.
         shared: The shared effects at each row, same unit as `sd`.
         draws: Posterior draws of every parameter that the data determine.

@@ -167,7 +167,7 @@ class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     `options` may hold, for each lane, `floor`: what rounding adds to the length of the
     vector of residuals, without it 0; and `skip`: whether to leave it where it is. And
     `stragglers`: the share of lanes not to wait for. Which lanes have ended is in the
-    state; whether at an optimum, says `at_optimum`.
+    state; `at_optimum` returns which of them are at an optimum.
 
     Attributes:
         tolerance: Ends where the whitened gradient is this short, or at the floor.

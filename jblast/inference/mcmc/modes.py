@@ -92,7 +92,7 @@ def modes(
         density: The posterior in coordinates in which distances mean something.
         draws: Draws from it.
         log_density: ln of the density at each.
-        axes: What is told is $A w$, with this $A$.
+        axes: $A$: the modes are returned as $A w$.
     """
     some = _some(len(draws))
     w, value = draws[some], log_density[some]

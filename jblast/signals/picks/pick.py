@@ -358,7 +358,7 @@ def pick_of(
     high = lanes.offset + scale * lanes.clipped_level
     low = jnp.abs(lanes.offset - scale * lanes.clipped_level)
     longer = natural.suction_duration > LONG_SUCTION * natural.duration
-    # of one as shallow as noise allows the duration tells nothing
+    # of one as shallow as noise allows the duration is no sign
     deep = natural.suction * natural.suction_duration > DEEP_SUCTION * natural.impulse
     longer &= deep
     return Pick(
