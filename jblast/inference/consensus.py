@@ -45,21 +45,23 @@ MOST = 60
 AT_ONCE = 250_000
 """Readings times tries that are held in memory."""
 SPREADS = 4.0
-"""How far from the sensors a charge is looked for, in their median distances."""
+"""Reach of the search for a charge about the sensors, in their median distances."""
 SPEED = 340.0
 """Turns the spacing of a grid into seconds [m/s]."""
 SIGMAS = 5.0
 """A reading this many sigmas away is no error of reading."""
 FACTOR = 3.0
-"""What a pressure, an impulse or a duration may be off by: a reflection doubles it, and
+"""Tolerance of a pressure, an impulse or a duration: a reflection doubles it, and
 a law, a burst in the air, or ground between may halve it."""
 SHARE = 0.07
-"""What a travel time may be off by: wind, air that is not the scene's."""
+"""Tolerance of a travel time, as a share: wind, air that is not the scene's."""
 FAR, FAR_SHARE = 20e3, 0.25
 """Past this distance [m] sound goes through the stratosphere, at 280 m/s and less
 (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
 CLOCK_STEP = 1e-3
-"""What any arrival may be off by [s]."""
+"""Tolerance of any arrival [s]."""
+PRICE = 3
+"""Of a row that is off, or of a supposed mistake, in numbers found from the rows."""
 NO_CLOCK = -1
 LAWS = {
     "air_arrival_s": "shock_kinematics",
@@ -77,14 +79,14 @@ WITH_MASS = {
     "positive_duration_s",
     "reflected_impulse_pa_s",
 }
-"""What grows with the cube root of the mass at one scaled distance."""
+"""Quantities that grow with the cube root of the mass at one scaled distance."""
 NEAREST, FARTHEST, POINTS = 1e-3, 1e6, 901
 """Scaled distances of the tables [m/kg^(1/3)]: 100 a decade."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """What a blast explains.
+    """Rows of a shot, compared with one blast.
 
     Attributes:
         place: East, north, up [m].
@@ -118,8 +120,8 @@ class Agreement:
         return int((self.checkable & ~self.off).sum()) >= max(self.unknowns, 2)
 
     def price(self) -> int:
-        """Return what it costs to believe it: three numbers for a row that is off."""
-        return 3 * int((self.checkable & self.off).sum()) + self.unknowns
+        """Return the unknowns, and `PRICE` more for each row that is off."""
+        return PRICE * int((self.checkable & self.off).sum()) + self.unknowns
 
     def share(self) -> float:
         """Return the share of rows that agree."""
@@ -183,7 +185,7 @@ class ScaledLaws:
         return self.log_z[self.log_z >= np.log(self.near[quantity])]
 
     def _along(self, quantity: str, distance: float) -> Float[np.ndarray, " z"]:
-        """Return ln of a quantity at one distance for every mass it is told of."""
+        """Return ln of a quantity at one distance for every mass in its table."""
         log_z = self._valid(quantity)
         value = self.log_value[quantity][-len(log_z) :]
         third = np.log(distance) - log_z
@@ -198,8 +200,8 @@ class Readings:
         row: Which row of the log each is.
         quantity: What it is.
         value: Seconds for readings of a clock, ln for all else.
-        position: East, north, up of the sensor [m]; NaN where a range is told.
-        slant_range: Distance from the charge [m]; NaN where a position is told.
+        position: East, north, up of the sensor [m]; NaN where a range is given.
+        slant_range: Distance from the charge [m]; NaN where a position is given.
         clock: Number of its clock, 0 the common one; -1 for what is no clock's.
         error: `SIGMAS` of its sigma, same unit.
         bound: Whether it is a lower bound.
@@ -271,13 +273,13 @@ class Readings:
 
 @dataclass(frozen=True)
 class Supposed:
-    """What the rows of a shot are held against.
+    """The blast with which the rows of a shot are compared.
 
     Attributes:
         readings: The rows, with the range that the scene has of the charge.
-        found: What the blast explains; None where nothing could be told.
-        distance: From the charge of each [m]; NaN where its place was not said.
-        origin: Time of the shot on the common clock [s]; None where it was not said.
+        found: What the blast explains; None where none could be found.
+        distance: From the charge of each [m]; NaN where its position is not given.
+        origin: Time of the shot on the common clock [s]; None where it is not given.
         said: What the blast explains that a fit would suppose; None where the scene
             leaves its place open.
         said_origin: Time of that one on the common clock [s].
@@ -300,7 +302,7 @@ def supposed_blast(
     uncertain: UncertainScene,
     label: str,
 ) -> Supposed:
-    """Return what the rows of a shot are held against.
+    """Return the blast with which the rows of a shot are compared.
 
     Args:
         readings: The rows.
@@ -336,7 +338,7 @@ def supposed_blast(
 def _another(
     said: Supposed, laws: ScaledLaws, charge: Charge, place: Float[np.ndarray, "3"]
 ) -> Supposed:
-    """Return the blast that most rows agree on where none was said to be."""
+    """Return the blast that most rows agree on where the scene has none."""
     readings, found = said.readings, said.found
     first = int(readings.row[0])
     later = at_place(readings, laws, place, None)
@@ -354,7 +356,7 @@ def _another(
 
 
 def _better(one: Agreement, other: Agreement) -> bool:
-    """Return whether one agreement says more with less."""
+    """Return whether one agreement is believable and has the lower price."""
     if not one.is_believable():
         return False
     if one.price() == other.price():
@@ -525,7 +527,7 @@ def readings_of(
 
     Args:
         observations: The log.
-        scene: Knows what clocks show more than the common one.
+        scene: It has the offsets of clocks from the common one.
         rows: Of one shot.
         beliefs: Names of what is not fixed; a clock among them is a clock of its own.
     """
@@ -569,7 +571,7 @@ def readings_of(
 def scaled_laws(scene: Scene) -> ScaledLaws:
     """Tabulate the laws for 1 kg of a scene's explosive, in its air.
 
-    By the curves of a burst on the ground, unless the scene says otherwise: the others
+    By the curves of a burst on the ground, unless the scene has another: the others
     are those of half the mass or so, which no doubt depends on.
     """
     charge = replace(scene.charge, burst=scene.charge.burst or "surface")

@@ -5,9 +5,9 @@ predictions stay the same within the errors. Candidates are eigenvectors of the 
 information, scaled by typical steps, of near zero eigenvalue. Each is confirmed by a
 step of finite length, from which Gauss-Newton returns to the curve along which no
 prediction changes. Without such a curve the derivative vanished by symmetry alone, and
-the direction is identified. Combinations that
-vanish along all null directions are estimable although their parameters are not. They
-are named like `air_sound_speed_m_s * charge_mass_kg^0.2`.
+the direction is identified. Combinations that vanish along all null directions are
+estimable although their parameters are not. They are named like
+`air_sound_speed_m_s * charge_mass_kg^0.2`.
 
 For each null direction, additional data are compared by the change of their prediction
 along it: every quantity at a sensor of the log, and at a position off the sensors'
@@ -28,6 +28,7 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.mode.starts import layout_size, typical_step
 from jblast.inference.posterior.fisher_information import (
     NULL,
+    TAKES_PART,
     information,
     unit_diagonal,
     whitened_jacobian,
@@ -45,15 +46,13 @@ from jblast.sensors.law_choice import law_names
 from jblast.sensors.record import to_error_scale
 
 STEP = 1.0
-"""How far a null direction is followed to confirm it, in typical steps."""
+"""Distance over which a null direction is followed to confirm it, in typical steps."""
 NULL_TOLERANCE = 1e-4
 """Data that move by less than this many standard deviations along it have not moved."""
 ROUNDS = 20
 """Steps back onto the curve of a null direction, at most."""
 HALVINGS = 12
 """Such a step is halved so often before it is given up: it must bring data nearer."""
-ROUNDING = 1e-5
-"""A part of a direction smaller than this, in standard deviations, is rounding."""
 BANG = "air_arrival_s"
 RESOLVED_CHANGE = 0.03
 """A datum is a cure if a typical step along the direction moves it by 3 %."""
@@ -62,7 +61,7 @@ Where = Literal["sensor", "place", "aside", "range", "later"]
 
 @dataclass(frozen=True)
 class Identifiability:
-    """How the data divide the space of the parameters.
+    """Null directions and identified directions of the parameters.
 
     Attributes:
         null: One row for each direction along which no datum moves, in coordinates.
@@ -82,8 +81,8 @@ def identifiability(
 ) -> Identifiability:
     """Find the null directions at a place, and confirm each by moving along it.
 
-    A number with a prior is known, however little beside what the data know; so its
-    information counts as no less than the data's.
+    A number with a prior is known, however little its prior adds to the data; so its
+    information counts as no less than that of the data.
     """
     scale = typical_step(posterior)
     known = np.asarray(information(posterior, jax.device_put(z)))
@@ -113,7 +112,7 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
 
     A derivative can vanish by symmetry alone (a charge at the height of its sensors);
     then a finite step is seen. A true invariance may be curved (a charge on a circle
-    about its one sensor), so after the step the told directions are adjusted.
+    about its one sensor), so after the step the identified directions are adjusted.
     """
     step = (
         STEP
@@ -161,7 +160,7 @@ def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"
         if lead == len(rows):
             break
         best = lead + int(np.argmax(np.abs(rows[lead:, column])))
-        if np.abs(rows[best, column]) <= ROUNDING:
+        if np.abs(rows[best, column]) <= TAKES_PART:
             continue
         rows[[lead, best]] = rows[[best, lead]]
         rows[lead] /= rows[lead, column]
@@ -170,7 +169,7 @@ def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"
                 rows[other] -= rows[other, column] * rows[lead]
         lead += 1
     sizes = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
-    rows[np.abs(rows) < ROUNDING * sizes] = 0.0
+    rows[np.abs(rows) < TAKES_PART * sizes] = 0.0
     return rows
 
 
@@ -191,7 +190,7 @@ def estimable_forms(found: Identifiability) -> Float[np.ndarray, "told free"]:
     if not shy:
         return np.zeros((0, len(found.determined)))
     # The forms on the shy parameters that vanish on the null directions; led by the
-    # last parameter, so that speeds and times are told in terms of the mass. Scaled,
+    # last parameter, so that speeds and times are in terms of the mass. Scaled,
     # so that a metre and a second count alike.
     size = np.abs(found.null).max(axis=0)[shy]
     null = found.null[:, shy] / size
@@ -203,7 +202,7 @@ def estimable_forms(found: Identifiability) -> Float[np.ndarray, "told free"]:
 
 @dataclass(frozen=True)
 class ResolvingDatum:
-    """A datum that would tell what a log cannot.
+    """A datum that would resolve a null direction or an ambiguity.
 
     Attributes:
         quantity: What to record.
@@ -255,7 +254,7 @@ def aside(posterior: Posterior, reach: float = 0.0) -> Float[np.ndarray, "3"]:
     """Return a place off the sensors' line, as far from their middle as they spread.
 
     Args:
-        posterior: Knows the sensors.
+        posterior: It has the sensors.
         reach: It is no nearer than this [m].
     """
     position = np.asarray(posterior.layout.position)
@@ -266,7 +265,7 @@ def aside(posterior: Posterior, reach: float = 0.0) -> Float[np.ndarray, "3"]:
 
 @dataclass(frozen=True)
 class Cure:
-    """What would end a null direction: any one of these.
+    """Remedies of a null direction: any one of these.
 
     Attributes:
         parameters: A prior on one of them, or a measurement.
@@ -384,7 +383,7 @@ def combination(
 
 
 def space_of(space: Sequence[str], weights: Float[np.ndarray, " free"]) -> str:
-    """Return the space a direction is told in: "ln", "linear" or "mixed"."""
+    """Return the space of a direction: "ln", "linear" or "mixed"."""
     used = {s for s, w in zip(space, weights, strict=True) if w != 0}
     return used.pop() if len(used) == 1 else "mixed"
 
@@ -417,7 +416,7 @@ class OtherMode:
         parameters: Every number there.
         differ: Names of the numbers in which it is another.
         delta_chi2: By how much chi squared differs.
-        cure: What would tell the two apart best.
+        cure: Datum that would distinguish the two best.
     """
 
     parameters: Mapping[str, float]

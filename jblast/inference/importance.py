@@ -39,7 +39,7 @@ from jblast.scene import parameter_named
 
 DRAWS = 4000
 FEWEST = 500
-"""Draws for a long log: k-hat is then told by a tail of 67."""
+"""Draws for a long log: k-hat is then estimated from a tail of 67."""
 HELD = 40_000_000
 """Numbers (8 bytes) that the densities of some draws at a time may need."""
 WORK = 4_000_000_000
@@ -66,9 +66,9 @@ SHARED = 0.5
 """Effective draws for each draw: 0.9 for a normal posterior. Where a single weight is
 this heavy or heavier there are fewer: then k-hat decides."""
 BLOCKS = 8
-"""Of draws, whose spread tells how far chance moves an end."""
+"""Of draws; their spread estimates the Monte Carlo error of a bound."""
 PRECISE = 0.1
-"""Standard deviations to which an end that is off is told."""
+"""Monte Carlo error to which a bound that is off is estimated [sd]."""
 SURE = 2.0
 """Standard errors by which an end has to be further off than `MAX_QUANTILE_ERROR`."""
 
@@ -95,12 +95,11 @@ def importance(
 ) -> Importance:
     """Weight draws from the normal approximation so that they follow the posterior.
 
-    Along null directions, of which the normal says nothing, nothing is drawn: the
+    Along null directions, which the normal does not have, nothing is drawn: the
     posterior has to be proper for its weights to mean anything.
     """
     root = root_of(normal)
-    misfit = jax.eval_shape(posterior.misfit, jnp.asarray(normal.z))
-    of_one = misfit.loading.size + 8 * misfit.residual.size
+    of_one = _numbers_of_a_draw(posterior, normal)
     draws = min(draws, max(WORK // of_one, FEWEST))
     w = np.random.default_rng(seed).standard_normal((draws, normal.z.size))
     density = Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root))
@@ -119,8 +118,14 @@ def importance(
     )
 
 
+def _numbers_of_a_draw(posterior: Posterior, normal: Laplace) -> int:
+    """Return about how many numbers are held for the density of one draw."""
+    misfit = jax.eval_shape(posterior.misfit, jnp.asarray(normal.z))
+    return misfit.loading.size + 8 * misfit.residual.size
+
+
 def laplace_holds(k_hat: float, log_sd: float, off: float) -> bool:
-    """Whether the normal approximation may be taken for the posterior.
+    """Return whether the normal approximation may be taken for the posterior.
 
     Args:
         k_hat: Shape of the tail of the importance weights.
@@ -170,7 +175,7 @@ def pareto_smoothed(
 
     Returns:
         ln of the weights, which add to 1, and k-hat: 0 if all ratios are equal, inf if
-        too few draws have any weight to tell.
+        too few draws have any weight.
     """
     count = len(log_ratio)
     tail = int(np.ceil(min(0.2 * count, 3 * np.sqrt(count))))
@@ -226,8 +231,8 @@ class Drawn:
         weights: What each counts; they add to 1.
         straight: The same draws, of the normal approximation.
         of_normal: What each of those counts for it.
-        quantiles: 5, 50 and 95 % of each coordinate: the normal's, moved by what the
-            same draws say that the posterior's lie away from it.
+        quantiles: 5, 50 and 95 % of each coordinate: the normal's, moved by the
+            difference of the posterior's from it by the same draws.
     """
 
     z: Float[np.ndarray, "draw free"]
@@ -244,7 +249,7 @@ class IntervalsOff(Finding):
     Attributes:
         parameter: Of which number an end is surely off by most.
         off: By how many of its standard deviations; NaN if none surely is.
-        k_hat: Shape of the weights' tail where importance sampling cannot tell; else
+        k_hat: Shape of the weights' tail where importance sampling fails; else
             NaN.
     """
 
@@ -263,7 +268,7 @@ class IntervalError:
         error: Standard error of that.
         k_hat: Shape of the tail of the weights.
         share: Effective draws for each draw.
-        settled: Whether more draws would say the same, of every end.
+        settled: Whether more draws would not change the verdict on any bound.
         drawn: The posterior by these draws.
     """
 
@@ -277,7 +282,7 @@ class IntervalError:
 
     @property
     def believed(self) -> bool:
-        """Whether importance sampling can tell."""
+        """Whether the weights are reliable."""
         return self.k_hat <= RELIABLE or self.share >= SHARED
 
     def finding(self) -> IntervalsOff | None:
@@ -308,9 +313,7 @@ def check_intervals(
 
 def _judged(posterior, normal, seed: int, along: bool) -> IntervalError:
     """Draw until it is clear; along the ridge or not."""
-    at = jnp.asarray(normal.z)
-    misfit = jax.eval_shape(posterior.misfit, at)
-    of_one = misfit.loading.size + 8 * misfit.residual.size
+    of_one = _numbers_of_a_draw(posterior, normal)
     if along:
         of_one *= 1 + normal.z.size
     most = max(INTERVAL_WORK // of_one, FEWEST_INTERVAL_DRAWS)
@@ -504,8 +507,8 @@ class FewEffectiveDraws(Finding):
     """Importance sampling is left with few draws.
 
     Attributes:
-        effective: So many draws' worth.
-        wanted: What intervals take.
+        effective: Effective sample size.
+        wanted: Effective sample size that intervals need.
     """
 
     effective: float
@@ -540,7 +543,7 @@ class DrawsWeighted(Finding):
 
     Attributes:
         k_hat: Shape of the weights' tail.
-        effective: So many draws' worth.
+        effective: Effective sample size.
     """
 
     k_hat: float

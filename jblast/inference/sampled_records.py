@@ -23,6 +23,7 @@ from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks.forms import with_forms
 from jblast.signals.picks.hypotheses import unstated_high_pass, with_what_shows
 from jblast.signals.picks.model import larger_misfit_ratio, misfit
+from jblast.signals.picks.pick import filled_length
 from jblast.signals.picks.pick_log import TOLD
 from jblast.signals.picks.preparation import (
     Case,
@@ -31,21 +32,17 @@ from jblast.signals.picks.preparation import (
     clipped_samples,
     prepared,
 )
-from jblast.signals.picks.record_picks import RecordPick
+from jblast.signals.picks.record_picks import LONGEST, RecordPick, stretch_begin
 from jblast.signals.picks.searches import first_optimum
 from jblast.signals.picks.unknowns import CENTRE, NARROW, SPREAD, WIDE, natural_of
 from jblast.waves.pulse import LEVEL
 from jblast.waves.waveform import decay_of_fraction
 
-LONGEST = 65536
-"""Of a longer record the stretch about its largest sample counts."""
 UNRESOLVED = 0.1
 """Standard deviation of ln of a rise within two samples, about the pick's: samples do
-not tell it from the arrival, whose error then has the part of a sample."""
+not separate it from the arrival, whose error then has the part of a sample."""
 NONE = 1e-9
 """Corner in place of none, where another record has a high-pass [Hz]."""
-BEFORE = 0.25
-"""Share of that stretch that lies before the largest sample."""
 ASKED = 4
 """Of a pick's unknowns the first; the last of them, the decay, is by the impulse."""
 LEAST_FRACTION = 1e-4
@@ -65,7 +62,7 @@ def sampled_records(
         picks: Of the records, by what the log calls these.
     """
     cut = [_stretch(one.record) for _, one in picks]
-    length = max(512, 1 << (max(one.samples.size for one in cut) - 1).bit_length())
+    length = filled_length(max(one.samples.size for one in cut))
     high_passed = any(one.high_pass_hz for one in cut)
     more = any(_shows_more(one) for _, one in picks)
     ready = [_case(one, length, high_passed, more) for one in cut]
@@ -98,7 +95,7 @@ class SampledCase(NamedTuple):
         rate: Samples a second [Hz].
         rise: Middle and standard deviation of what is believed of ln of the rise.
         widened: Standard deviations of the noise are as many times those before the
-            front: what the pulse leaves of the record says so.
+            front, by the residuals of the pulse.
     """
 
     ready: Case
@@ -146,12 +143,10 @@ def _evidence(terms: PulseTerms, nuisance, case: SampledCase):
 
 
 def _stretch(record: PressureRecord) -> PressureRecord:
-    """Return what of a record counts."""
-    spare = record.samples.size - LONGEST
-    if spare <= 0:
+    """Return the stretch of a record that its pick is made of."""
+    if record.samples.size <= LONGEST:
         return record
-    largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
-    begin = int(np.clip(largest - int(BEFORE * LONGEST), 0, spare))
+    begin = stretch_begin(record, LONGEST)
     return PressureRecord(
         record.name,
         record.samples[begin : begin + LONGEST],
@@ -276,8 +271,9 @@ def trial_nuisances(
 ) -> Float[Array, "search trial nuisance"]:
     """Return nuisances to begin searches with: of some rises, all else as picked.
 
-    Samples tell where the middle of a front is, so one that arrives later rises faster:
-    beside `RISES`, and the pick's in the first search, stands the one that keeps it.
+    Samples fix the middle of a front, so one that arrives later rises faster. In
+    addition to `RISES`, and the pick's in the first search, the rise is tried that
+    keeps the middle.
 
     Args:
         moved: As of `PulseTerms`.

@@ -29,6 +29,7 @@ from jblast.inference.consensus import (
     CLOCK_STEP,
     FAR,
     LARGEST,
+    PRICE,
     SMALLEST,
     WITH_MASS,
     Agreement,
@@ -53,7 +54,7 @@ from jblast.scene import Charge, UncertainScene
 from jblast.waves.fireball import LARGEST_RADIUS
 
 OF_ALL = ("not_at_the_origin", "not_at_time_0", "clock_of_one_row")
-"""Doubts that say nothing against a row."""
+"""Warnings that concern no row."""
 TWO_SIDED: Mapping[str, str] = {
     "too_slow_between": "the other arrival",
     "peak_rises": "the nearer peak",
@@ -94,8 +95,6 @@ HALF_HOUR = 1800.0
 """Zones of time differ by whole quarters of an hour, nearly all by halves."""
 LATEST = 26 * 3600.0
 """The largest difference of two zones (UTC-12 and UTC+14) [s]."""
-PRICE = 3
-"""Of a slip, in numbers that are found from the rows: that of a row that is off."""
 _MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
 _PSI = {
     "psi written as kPa": 1e3 / POUND_FORCE_PER_INCH2,
@@ -197,7 +196,7 @@ def _of_shot(
 def _named(
     observations: Observations, readings: Readings, laws: ScaledLaws, found: Agreement
 ) -> list[Doubt]:
-    """Name the slip of each row that is off, or say that it is off."""
+    """Return a warning for each row that is off, with its mistake if one is found."""
     off = np.flatnonzero(found.off & found.checkable)
     doubted, done = [], set()
     by_sensor: dict[str, list[int]] = {}
@@ -233,7 +232,7 @@ def _named(
 
 
 def _off(readings: Readings, laws: ScaledLaws, found: Agreement, i: int) -> Doubt:
-    """Name the unit of one row, or say how far it is off."""
+    """Return the mistaken unit of one row, or how far it is off."""
     row, quantity = (int(readings.row[i]),), readings.quantity[i]
     slip = slip_of_value(readings, laws, found, i)
     numbers = {"mass_kg": found.mass}
@@ -248,7 +247,7 @@ def _off(readings: Readings, laws: ScaledLaws, found: Agreement, i: int) -> Doub
 
 
 def _divided(readings: Readings, found: Agreement) -> list[Doubt]:
-    """Say that the rows of a shot are of no one blast, where none can be blamed."""
+    """Return a warning that the rows of a shot fit no single blast."""
     checkable = int(found.checkable.sum())
     agree = int((found.checkable & ~found.off).sum())
     if checkable < 2 or agree == checkable:
@@ -414,7 +413,7 @@ def speeds_doubted(
         readings: The rows of a shot.
         laws: Of a kilogram.
         distance: From the charge of each [m].
-        origin: Time of the shot on the common clock [s], where no flash tells it; None:
+        origin: Time of the shot on the common clock [s], where no flash gives it; None:
             not known.
     """
     seen = {
@@ -430,7 +429,7 @@ def speeds_doubted(
         if quantity != "air_arrival_s" or begun is None or not distance[i] > 0:
             continue
         if seen.get(int(readings.clock[i]), -np.inf) > readings.value[i]:
-            continue  # before the flash: that is said already
+            continue  # before the flash: that is reported already
         took, error = readings.value[i] - begun, readings.error[i] + CLOCK_STEP
         slowest = SLOWEST_FAR if distance[i] > FAR else SLOWEST
         kind = ""

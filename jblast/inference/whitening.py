@@ -107,7 +107,7 @@ def whitened_density(
 
     Raises:
         InputError: The posterior is improper along a direction that neither the log nor
-            a prior tells anything of.
+            a prior constrains.
     """
     if len(identifiability.null):
         raise InputError(_improper(posterior.parameters.names, identifiability))
@@ -152,7 +152,7 @@ def refuse_without_density(
     """Refuse a log to which nothing gives a probability, and name its rows.
 
     Raises:
-        InputError: As said.
+        InputError: The density is not finite at the best optimum.
     """
     if np.isfinite(np.asarray(found.log_density)[0]):
         return
@@ -173,7 +173,7 @@ def _shortly(names: Sequence[str], most: int = 5) -> str:
 
 
 class RtoDraws(NamedTuple):
-    r"""Where some coordinates are.
+    r"""Draws by randomize-then-optimize.
 
     Attributes:
         z: The places; of coordinates that no place was found to have, any.

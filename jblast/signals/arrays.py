@@ -61,7 +61,7 @@ FEWEST, MOST = 2, 8
 NEIGHBOURS = 16
 """Bins at either side over which powers are averaged."""
 CERTAIN = 6.0
-"""Sound in a bin is told from noise by so many standard deviations of the average."""
+"""Sound in a bin exceeds the noise by so many standard deviations of the average."""
 QUIETEST = 1e-12
 """Least noise, as a share of the loudest bin: silence between bangs is no knowledge."""
 TAPERED = 0.05
@@ -75,7 +75,7 @@ FLAT = 1e-6
 """Microphones span no dimension in which they are nearer than this share of the
 farthest."""
 TOLD = 0.5
-"""An angle with a larger standard deviation is not told [rad]."""
+"""An angle with a larger standard deviation is not identified [rad]."""
 AS_GOOD = 6.0
 """Another direction whose chi-squared is greater by less than this is as good."""
 ANGLES = ("bearing_rad", "elevation_rad")
@@ -93,15 +93,15 @@ UNSURE = 0.01
 
 
 class PairDelay(NamedTuple):
-    """How much later the second microphone hears it.
+    """Delay of the record of the second microphone of a pair.
 
     Attributes:
-        delay: Of the second record [s]; NaN if none is told.
-        sigma: Its standard deviation [s]; infinite if none is told.
+        delay: Of the second record [s]; NaN if none is found.
+        sigma: Its standard deviation [s]; infinite if none is found.
         share: Of its variance: what the first record's noise brings, what the second's
             brings, and what only their product does.
         significance: Height of the peak in standard deviations of noise alone. Below
-            `SIGNIFICANT` no delay is told.
+            `SIGNIFICANT` no delay is given.
     """
 
     delay: float
@@ -111,13 +111,13 @@ class PairDelay(NamedTuple):
 
 
 class RelativeTimes(NamedTuple):
-    """When a front passed each microphone, counted from their mean.
+    """Times at which a front passed each microphone, counted from their mean.
 
     Attributes:
         time: Since the mean of all [s].
         covariance: Of these times [s^2]; singular, since their sum is zero.
         pairs: Delay of each pair, `(first, second)` counted from zero.
-        lost: Pairs in which no delay is told.
+        lost: Pairs without a delay.
     """
 
     time: Float[np.ndarray, " channel"]
@@ -127,7 +127,7 @@ class RelativeTimes(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether the delays told reach every microphone."""
+        """Whether the delays found connect all microphones."""
         return bool(np.isfinite(self.time).all())
 
 
@@ -201,7 +201,7 @@ def _gain_and_sound(
 ) -> tuple[Float[np.ndarray, " channel"], Float[np.ndarray, " bin"]]:
     """Return by how much each record is louder, and the power that they share.
 
-    Bins in which the sound cannot be told from the noise hold none.
+    Bins in which the sound cannot be distinguished from the noise hold none.
     """
     width = 2 * NEIGHBOURS + 1
     kernel = np.full(width, 1 / width)
@@ -275,7 +275,7 @@ def pair_delay(
         psi = np.divide(1.0, size, out=np.zeros_like(size), where=holds)
         power = np.sqrt((sound + noise[0]) * (sound + noise[1]))
         expected = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0)
-    psi[[0, -1]] = 0.0  # no phase is told there
+    psi[[0, -1]] = 0.0  # no phase is defined there
     expected = np.where(psi > 0, expected, 0.0)
     lag = _greatest_lag(psi * cross, rate_hz, largest_s)
     spectrum = psi * cross * np.exp(1j * omega * lag)
@@ -325,12 +325,12 @@ class Direction(NamedTuple):
     """From where a front came.
 
     Attributes:
-        bearing: Of the source, clockwise from north [rad]; NaN where not told.
-        elevation: Of the source, above the horizon [rad]; NaN where not told.
-        covariance: Of bearing and elevation [rad^2]; NaN where not told.
+        bearing: Of the source, clockwise from north [rad]; NaN if not identified.
+        elevation: Of the source, above the horizon [rad]; NaN if not identified.
+        covariance: Of bearing and elevation [rad^2]; NaN if not identified.
         mirror: Bearing and elevation of the other direction from which it may have come
             as well: the other side of the plane of the microphones.
-        undetermined: What these microphones do not tell: `bearing_rad`,
+        undetermined: Angles that these microphones do not identify: `bearing_rad`,
             `elevation_rad`.
         layout: How they stand: `two`, `collinear`, `coplanar` or `spatial`.
         chi2: Of the times about the plane wave.
@@ -362,7 +362,7 @@ def direction(
         sound_speed_sigma: Its standard deviation [m/s]; wind counts, too.
 
     Raises:
-        InputError: Microphones that stand at one place, or a time of one is not told.
+        InputError: Microphones that stand at one place, or a time of one is missing.
     """
     positions = np.asarray(positions, float)
     if positions.shape != (len(times.time), 3):
@@ -419,7 +419,7 @@ class Front(NamedTuple):
 
 
 class PlaneWave(NamedTuple):
-    """What an array measured of a plane wave.
+    """Measurements of a plane wave by an array.
 
     Attributes:
         information: Of the slowness, in the directions that the microphones span
@@ -521,7 +521,7 @@ class PlaneWave(NamedTuple):
 def _resolved_angles(
     wave: PlaneWave, found: Front, other: Front, span: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float] | None]:
-    """Return which angles are told, their covariance, and the other direction."""
+    """Return which angles are identified, their covariance, and the other direction."""
     if span == 1:  # a cone about the line of the microphones
         upright = abs(float(wave.axis()[2])) > 1 - FLAT
         covariance = np.diag([np.inf, wave.covariance(found)[1, 1]])
@@ -532,7 +532,7 @@ def _resolved_angles(
     mirrored = angles_of(other.toward)
     turned = (mirrored - angles_of(found.toward) + np.pi) % (2 * np.pi) - np.pi
     as_good = wave.misfit(other) - wave.misfit(found) < AS_GOOD
-    # one side of a plane is never told from the other, however near to it
+    # the two sides of a plane are never distinguished, however near to it
     differ = as_good & (np.abs(turned) > (FLAT if span == 2 else APART * sd))
     mirror = (float(mirrored[0]), float(mirrored[1])) if differ.any() else None
     return (sd < TOLD) & ~differ, covariance, mirror

@@ -1,12 +1,12 @@
 """Detected arrivals as rows of a log.
 
-Separate microphones have one row `air_arrival_s` each. An array, three or more channels
-of one recorder within `WIDEST` of each other, has one such row at its centre and the
-direction, `bearing_rad` and `elevation_rad`, as far as its layout identifies them. The
-scatter of a travel time about its law is common to its microphones, so the differences
-of their times are known much better than the times, which separate rows would ignore.
-The mean and the differences of times share no error: nothing is counted twice. If the
-times contradict a plane wave, the microphones have separate rows.
+Separate microphones have one row `air_arrival_s` each. An array, three to eight
+channels of one recorder within `WIDEST` of each other, has one such row at its centre
+and the direction, `bearing_rad` and `elevation_rad`, as far as its layout identifies
+them. The scatter of a travel time about its law is common to its microphones, so the
+differences of their times are known much better than the times, which separate rows
+would ignore. The mean and the differences of times share no error: nothing is counted
+twice. If the times contradict a plane wave, the microphones have separate rows.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc
 
 from jblast.observations import Observations, observed
 from jblast.observations.records.stations import Station
@@ -38,12 +39,12 @@ SPEED, SPEED_SD = 340.29, 10.0
 
 
 class ArrayFinding(NamedTuple):
-    """What an array told of one bang.
+    """Measurements of one bang by an array.
 
     Attributes:
         array: Its recorder.
         bang: Which bang, from 0.
-        direction: From where it came; None where the delays of some are not told.
+        direction: Of the source; None where some delays are missing.
         probability: Of times as unlike a plane wave's, or more.
         used: Whether its rows stand in the log.
     """
@@ -60,7 +61,7 @@ class Log(NamedTuple):
 
     Attributes:
         observations: The rows.
-        arrays: What arrays told.
+        arrays: Measurements by arrays.
         left_out: Sensor and arrival of what stands in no row (`bangs`).
     """
 
@@ -145,9 +146,7 @@ def _array_rows(
     bang: int,
     shot: str,
 ) -> tuple[ArrayFinding, list[_Row]]:
-    """Return what an array tells of a bang, and its rows."""
-    from scipy.special import chdtrc
-
+    """Return the measurements of a bang by an array, and its rows."""
     names = [member.channel.sensor for member in members]
     where = np.array([stations[sensor].position for sensor in names])
     apart = np.linalg.norm(where[:, None] - where[None], axis=-1)

@@ -125,7 +125,7 @@ class MatchedKernel(NamedTuple):
 
 
 class Filtered(NamedTuple):
-    """What came out of a matched filter.
+    """Output of a matched filter.
 
     Attributes:
         statistic: One for each sample of the recording: how strongly it speaks for the
@@ -185,8 +185,8 @@ def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:
     """Return the deviation of a statistic in its loudest tenth over that of the rest.
 
     Near 1 for noise that is steady; thresholds hold for such. From 1.4 on gusts, birds
-    or loud blasts are in the recording, and false alarms come twice as often as asked
-    and more.
+    or loud blasts are in the recording, and false alarms are at least twice as
+    frequent as requested.
 
     Args:
         filtered: What came out of a filter.
@@ -404,7 +404,7 @@ def false_alarms_at(kernel: MatchedKernel, threshold: float) -> float:
         kernel: The filter.
         threshold: In standard deviations, from 0 up.
     """
-    # exp(-u^2 / (1 + cos p)) without its value at 0, which may be too small to be told
+    # exp(-u^2 / (1 + cos p)) without its value at 0, which may underflow
     phase = 0.5 * kernel.phase_step_rad * (1 + _NODES)
     fall = np.exp(-0.5 * threshold**2 * np.tan(phase / 2) ** 2)
     mean = 0.5 * float(_WEIGHTS @ fall)
@@ -595,7 +595,7 @@ class Stream:
 
     @property
     def latency_s(self) -> float | None:
-        """From the first sample of a blast to its being told, at most [s]."""
+        """From the first sample of a blast to its report, at most [s]."""
         if self.kernel is None:
             return None
         later = self.kernel.reach + self._picker.settles + self._block
@@ -699,7 +699,7 @@ def stream(
 def fast_length(least: int) -> int:
     """Return a length from `least` up whose Fourier transform is quick.
 
-    A power of two times one of `ODD`: mostly at most a tenth longer than asked.
+    A power of two times one of `ODD`: mostly at most a tenth longer than requested.
     """
     return min(n << max(-(-least // n) - 1, 0).bit_length() for n in ODD)
 

@@ -34,11 +34,11 @@ from jblast.errors import InputError, argument
 from jblast.signals.samples import checked_positive, checked_samples
 
 SEGMENT_S = 0.1
-"""Of a window, to the next power of two: 12 Hz are told apart."""
+"""Of a window, to the next power of two: the resolution is 12 Hz."""
 LEAST_SEGMENTS = 7
-"""With fewer, a median says little."""
+"""With fewer, a median is of little use."""
 FLOOR = 1e-10
-"""Of the mean density: 100 dB below it a recorder has nothing to say."""
+"""Of the mean density: 100 dB below it a recorder has no signal."""
 
 
 class NoiseSpectrum(NamedTuple):

@@ -43,7 +43,7 @@ class Onset(NamedTuple):
 
 
 class Stretches(NamedTuple):
-    """What of a channel is worth a closer look.
+    """Intervals of a channel that may contain a blast.
 
     Attributes:
         records: Stretches of equal length, in order of time.
@@ -58,8 +58,8 @@ class Stretches(NamedTuple):
 def stretches(recording: Recording) -> tuple[Stretches, ...]:
     """Return the stretches of each channel; of a short recording, all of it.
 
-    Where a channel is loudest is looked at in any case: what began with the bang has
-    nothing quiet before it, and no onset.
+    The loudest sample of a channel is always within one: a record that begins with the
+    bang has nothing quiet before it, and no onset.
 
     Raises:
         InputError: A sample is no finite number.
@@ -103,7 +103,7 @@ def _lengths(rate_hz: float) -> tuple[int, int]:
 
 
 class _Channel:
-    """What is carried from block to block of one channel."""
+    """State of one channel from block to block."""
 
     def __init__(self):
         self.onsets: list[Onset] = []

@@ -54,7 +54,8 @@ STEPS = 1
 104 struck plates and drums in white noise pass as longer pulses, with one none."""
 BANDS_HZ = (np.inf, 3000.0, 1200.0, 600.0)
 """Gaussian low-pass of the pulses, 4.3 dB down at these frequencies [Hz]: no absorption
-to some kilometres of air. One octave apart: a band between two loses under 0.1 dB."""
+to some kilometres of air. About an octave apart: a band between two loses under 0.1
+dB."""
 REFLECTION_S = 0.05
 """Longest delay of the second pulse [s]: from the ground below the microphone, walls up
 to 8 m behind it, or the recompression at the end of the suction."""

@@ -55,7 +55,7 @@ OTHER_FRONT = 0.5
 there: 0.68 by a template for a quarter of the distance, 0.55 by clipping at two fifths
 of the peak."""
 LEAST_QUIET = 0.5
-"""Share of a recording that has to be left to know the noise by."""
+"""Share of a recording that has to be left to measure the noise."""
 STEP = 2**0.5
 """From one duration of the bank to the next. Half a step away, in white noise, 0.93 of
 the signal is left, 0.6 dB."""
@@ -84,16 +84,16 @@ class Channel(NamedTuple):
 
 
 class Searched(NamedTuple):
-    """What was heard in a channel.
+    """Result of the search of a channel.
 
     Attributes:
         channel: Where it was searched.
         noise: What it was searched in.
         kernel: The filter.
         threshold: In standard deviations of the noise.
-        statistic: The filter's output, a sample for each that it is known of.
+        statistic: The filter's output at each sample where it is known.
         detections: Blasts, in order of time.
-        latency_s: From the first sample of a blast to its being told, as a stream [s].
+        latency_s: From the first sample of a blast to its report, as a stream [s].
         fits: Goodness of fit of each detection, in a search without a template.
         rejected: Arrivals above the threshold whose form is not that of a blast.
     """

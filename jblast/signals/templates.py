@@ -171,7 +171,7 @@ class Member(NamedTuple):
 
 
 class Match(NamedTuple):
-    """What a bank made of the loudest blast in a recording.
+    """The loudest blast in a recording, by a bank of templates.
 
     Attributes:
         detection: Of the best member.

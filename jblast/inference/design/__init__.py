@@ -1,1 +1,1 @@
-"""What a planned log would tell: Cramer-Rao bounds, sensor maps, the datum to add."""
+"""Design of layouts: Cramer-Rao bounds, sensor maps, the datum to add."""

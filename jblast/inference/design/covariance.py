@@ -1,4 +1,11 @@
-"""How wide information leaves each number: the Cramer-Rao bound and parts of it."""
+r"""Covariances from Fisher information: the Cramer-Rao bound and its parts.
+
+The bound is $B (B^T F B)^{-1} B^T$, with $F$ the information of layout and priors (see
+`fisher_information`) and $B$ a basis of the identified directions. It is local: where
+$F$ vanishes by symmetry along an identified direction, the width is measured on the
+density instead. The same inverse with a number given, or a prior left out, shows on
+what a width depends.
+"""
 
 from collections.abc import Mapping
 
@@ -50,15 +57,16 @@ def cramer_rao(
     basis: Float[np.ndarray, "free basis"],
     known: Float[np.ndarray, "free free"],
 ) -> Laplace:
-    """Invert the information along the directions that are told.
+    """Invert the information along the identified directions.
 
-    Along one that is told by symmetry's breaking alone (the height of a charge among
-    sensors at its own height) the information is zero: the width is measured there.
+    Along one that is identified by the breaking of a symmetry alone (the height of a
+    charge among sensors at its own height) the information is zero: there the width is
+    measured.
 
     Args:
-        posterior: What a log without error would say.
+        posterior: That of a log without errors.
         z: Where.
-        basis: Basis of the directions that are told, one column each.
+        basis: Basis of the identified directions, one column each.
         known: Information.
     """
     values, vectors = np.linalg.eigh(basis.T @ known @ basis)
@@ -85,7 +93,7 @@ def spread_left(
     """Return how far a number may be off.
 
     Args:
-        posterior: Says what the numbers are.
+        posterior: It has the names and priors of the numbers.
         z: Where.
         matrix: Information, priors included.
         target: Index of the number.

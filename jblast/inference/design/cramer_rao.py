@@ -91,7 +91,7 @@ class AddedDatum:
         is_default: Whether the error is our guess, the layout recording no such.
         law: Which law would read it.
         law_valid: Whether that holds there.
-        parameter: The number that it would tell more of.
+        parameter: The number that it would constrain.
         left: How far that may be off then.
     """
 
@@ -109,7 +109,7 @@ class AddedDatum:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """How well one number is known, by what is known of another.
+    """Sensitivity of the width of one number to knowledge of another.
 
     Attributes:
         parameter: The one.
@@ -125,67 +125,9 @@ class Sensitivity:
     without_prior: Spread | None
 
 
-def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
-    """Say which other numbers decide how well one is known.
-
-    Args:
-        plan: The layout.
-        target: Index of the number.
-
-    Returns:
-        One for each that matters, the most first.
-    """
-    posterior, z = plan.posterior, plan.z
-    has_prior = np.asarray(posterior.parameters.has_prior())
-    matrix = np.asarray(information(posterior, jnp.asarray(z)))
-    now = spread_left(posterior, z, matrix, target).width
-    answer = []
-    for i, name in enumerate(posterior.parameters.names):
-        if i == target:
-            continue
-        known = spread_left(posterior, z, matrix, target, known=i)
-        without = None
-        if has_prior[i]:
-            without = spread_left(posterior, z, matrix, target, unbelieved=i)
-        gain = _ratio(now, known.width)
-        loss = 1.0 if without is None else _ratio(without.width, now)
-        if gain < KNOWN_GAIN and loss < PRIOR_LOSS:
-            continue
-        entry = Sensitivity(posterior.parameters.names[target], name, known, without)
-        answer.append((max(gain, loss), entry))
-    return tuple(entry for _, entry in sorted(answer, key=lambda pair: -pair[0]))
-
-
-def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
-    r"""Return the least and largest $d \ln y / d \ln W$ of each quantity.
-
-    Of an air arrival $y$ is the travel time; other times hardly depend on the mass. A
-    scene of several charges, or of a fixed mass, has none.
-    """
-    posterior, z = plan.posterior, jnp.asarray(plan.z)
-    parameters, layout = posterior.parameters, posterior.layout
-    if "charge_mass_kg" not in parameters.names:
-        return {}
-    i = parameters.names.index("charge_mass_kg")
-    there = parameters.scene_at(z)
-    start = np.asarray(clock_offsets(there, layout) + there.charge.time_s)
-    value, moved, grown = map(np.asarray, _mass_slopes(posterior, z, i))
-    quantities = [
-        q for q in layout.quantities() if q == "air_arrival_s" or q not in ADDITIVE
-    ]
-    answer = {}
-    for quantity in quantities:
-        rows = np.isin(layout.quantity, quantity)
-        if rows.any():
-            base = value[rows] - (start[rows] if quantity in TIMES else 0.0)
-            exponent = moved[rows] / base / grown
-            answer[quantity] = (float(exponent.min()), float(exponent.max()))
-    return answer
-
-
 @dataclass(frozen=True)
 class BoundSummary:
-    """What a layout could tell.
+    """Results of the bound of a layout, as values.
 
     Attributes:
         at: The numbers taken for true.
@@ -203,7 +145,7 @@ class BoundSummary:
         help: Rows that could be added, the most helpful first.
         leans_on: What the number known worst rests on, the most first.
         mass_exponents: Least and largest slope of ln of each quantity in ln mass.
-        warnings: What is to be told beside the numbers.
+        warnings: Warnings.
     """
 
     at: Mapping[str, float]
@@ -235,12 +177,12 @@ class BoundSummary:
 
 @dataclass(frozen=True)
 class Bound:
-    """What a layout could tell.
+    """The Cramer-Rao bound of a layout.
 
     Attributes:
         summary: What was found.
         log: The readings without error.
-        posterior: What the log would say.
+        posterior: That of the log.
         z: The numbers taken for true, in the fitted coordinates.
         information: Fisher information of the log and the priors at `z`.
         covariance: Its inverse, without null directions.
@@ -271,10 +213,10 @@ def bound(
     noise: Noise = "student",
     seed: int = 0,
 ) -> Bound:
-    """Find out what the sensors of a scene could tell of what is not known.
+    """Return the Cramer-Rao bound of the uncertain numbers of a scene with sensors.
 
     Args:
-        uncertain: The scene; its sensors say what they record.
+        uncertain: The scene; its sensors have the quantities that they record.
         at: Numbers taken for true; needed for each that is free, the others are the
             medians of their priors.
         noise: Distribution of the independent errors.
@@ -355,7 +297,7 @@ def _summary(plan: Planned, solution: Solution) -> BoundSummary:
 
 
 def _climbed(posterior: Posterior, z, normal: Laplace) -> Laplace:
-    """Climb to the optimum about a place, each step as long as information says."""
+    """Climb to the optimum about a place, each step scaled by the information."""
     # readings without error curve Student-t densities more than they do on average
     nu = STUDENT_FREEDOM
     bend = 1.0 if posterior.noise == "gaussian" else (nu + 1) / nu
@@ -505,6 +447,64 @@ def candidates(plan: Planned) -> list[Datum]:
     return answer
 
 
+def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
+    """Return the other numbers to which the width of one is sensitive.
+
+    Args:
+        plan: The layout.
+        target: Index of the number.
+
+    Returns:
+        One for each that matters, the most first.
+    """
+    posterior, z = plan.posterior, plan.z
+    has_prior = np.asarray(posterior.parameters.has_prior())
+    matrix = np.asarray(information(posterior, jnp.asarray(z)))
+    now = spread_left(posterior, z, matrix, target).width
+    answer = []
+    for i, name in enumerate(posterior.parameters.names):
+        if i == target:
+            continue
+        known = spread_left(posterior, z, matrix, target, known=i)
+        without = None
+        if has_prior[i]:
+            without = spread_left(posterior, z, matrix, target, unbelieved=i)
+        gain = _ratio(now, known.width)
+        loss = 1.0 if without is None else _ratio(without.width, now)
+        if gain < KNOWN_GAIN and loss < PRIOR_LOSS:
+            continue
+        entry = Sensitivity(posterior.parameters.names[target], name, known, without)
+        answer.append((max(gain, loss), entry))
+    return tuple(entry for _, entry in sorted(answer, key=lambda pair: -pair[0]))
+
+
+def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
+    r"""Return the least and largest $d \ln y / d \ln W$ of each quantity.
+
+    Of an air arrival $y$ is the travel time; other times hardly depend on the mass. A
+    scene of several charges, or of a fixed mass, has none.
+    """
+    posterior, z = plan.posterior, jnp.asarray(plan.z)
+    parameters, layout = posterior.parameters, posterior.layout
+    if "charge_mass_kg" not in parameters.names:
+        return {}
+    i = parameters.names.index("charge_mass_kg")
+    there = parameters.scene_at(z)
+    start = np.asarray(clock_offsets(there, layout) + there.charge.time_s)
+    value, moved, grown = map(np.asarray, _mass_slopes(posterior, z, i))
+    quantities = [
+        q for q in layout.quantities() if q == "air_arrival_s" or q not in ADDITIVE
+    ]
+    answer = {}
+    for quantity in quantities:
+        rows = np.isin(layout.quantity, quantity)
+        if rows.any():
+            base = value[rows] - (start[rows] if quantity in TIMES else 0.0)
+            exponent = moved[rows] / base / grown
+            answer[quantity] = (float(exponent.min()), float(exponent.max()))
+    return answer
+
+
 @kept
 def _with_each(
     posterior: Posterior, z: Float[Array, " free"], planned: int
@@ -525,7 +525,7 @@ def _with_each(
 
 
 def _ratio(wide: float, narrow: float) -> float:
-    """How many times wider; 1 where neither is known."""
+    """Return how many times wider; 1 where neither is known."""
     if np.isinf(wide):
         return 1.0 if np.isinf(narrow) else np.inf
     return wide / narrow if narrow > 0 else np.inf

@@ -44,7 +44,7 @@ from jblast.sensors.simulate import Noise, written
 class Centred(eqx.Module):
     """A prior moved so that its centre is the number that is taken for true.
 
-    A layout is judged by what it tells on average: the prior and the log then agree,
+    A layout is judged by its information on average: the prior and the log then agree,
     and the prior's width alone counts.
 
     Attributes:
@@ -74,7 +74,7 @@ class Planned(NamedTuple):
     Attributes:
         values: What is taken for true, by name of `scene.PARAMETERS`.
         z: The same in the fitted coordinates.
-        posterior: What the log would say.
+        posterior: That of the log.
         laws: The law of each quantity, and what it was taken by.
         log: Its readings without error.
     """
@@ -89,12 +89,12 @@ class Planned(NamedTuple):
 def planned(
     uncertain: UncertainScene, at: Mapping[str, float], noise: Noise
 ) -> Planned:
-    """Write down what a scene's sensors would read, no errors made.
+    """Return the log that a scene's sensors would write without errors.
 
     What rides along stands where the vehicle hovers.
 
     Args:
-        uncertain: The scene; its sensors say what they record.
+        uncertain: The scene; its sensors have the quantities that they record.
         at: Numbers taken for true; the others are the medians of their priors, and a
             fireball's growth time is that of its law.
         noise: Distribution of the independent errors.
@@ -154,7 +154,7 @@ def _as_seen(uncertain: UncertainScene) -> UncertainScene:
 
 
 def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, float]:
-    """Return the uncertain numbers of a scene: as asked, or their priors' medians.
+    """Return the uncertain numbers of a scene: as given, or their priors' medians.
 
     Raises:
         InputError: As in `planned`.
@@ -194,8 +194,8 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
 def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
     """Return the free numbers that only shift what clocks show, as the scene has them.
 
-    What a layout tells does not depend on them, unless a sensor takes readings at times
-    of its clock.
+    The information of a layout does not depend on them, unless a sensor takes readings
+    at times of its clock.
     """
     scene = uncertain.scene
     taken = {q for sensor in scene.sensors for q, _ in sensor.records}

@@ -1,4 +1,9 @@
-"""Where a next sensor would tell most: the sd of mass and place over the plane."""
+"""The benefit of one more sensor: the sd of mass and position over the plane.
+
+The new sensor records the quantities of the first one, at the same height and with the
+same errors, on a clock that is right. At each position of a grid the Cramer-Rao bound
+of layout and new sensor is computed, at the assumed values of the parameters.
+"""
 
 from dataclasses import dataclass
 
@@ -26,7 +31,7 @@ BATCH = 256
 
 @dataclass(frozen=True)
 class BoundMap:
-    """What is left unknown with one more sensor, over where it stands.
+    """Standard deviations with one more sensor, over its position.
 
     Attributes:
         east: Where, increasing [m].

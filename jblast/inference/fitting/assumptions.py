@@ -53,7 +53,7 @@ WIND = PARAMETERS["wind_east_m_s"].spread.amount
 STEP = 1e-3
 """Of differences: that part of a standard deviation, or of a typical step."""
 WIDER = 1.05
-"""An interval that would be wider by less is not told of."""
+"""An interval that would be wider by less is not reported."""
 SPEEDS = ("air_sound_speed_m_s", "air_temperature_k")
 """Of sound: one that is fitted stands for a wind along ranges."""
 BY_AIR = made_with("air_arrival_s")
@@ -62,7 +62,7 @@ MOST = 3
 EARTH_RADIUS = 6_371_008.8
 """Mean radius [m]. Moritz (2000), Geodetic Reference System 1980, J. Geodesy 74."""
 NOTICED = 0.1
-"""An error of so many sigmas is told."""
+"""An error of so many sigmas is reported."""
 FALL = 1.4
 """Pressures and impulses fall no faster than by this power of the distance, far off."""
 DEEP = 0.05
@@ -240,9 +240,9 @@ def flat_ground(
 def valid_at_depth(
     solution: Solution, draws: Float[np.ndarray, "draw free"]
 ) -> Bool[np.ndarray, " row"]:
-    """Return whether laws that know of depth hold at that which few draws exceed.
+    """Return whether laws that depend on depth hold at a depth that few draws exceed.
 
-    A mass told too large brings a buried charge nearer to the surface, over the cube
+    An overestimated mass brings a buried charge nearer to the surface, over the cube
     root by which depths are scaled; so an answer may lie in a law's range that its own
     90 % interval leaves. Depth and mass alone are put in the place of the answer's; a
     charge that is not buried is not judged, nor a row by a law that asks for no depth.

@@ -1,4 +1,4 @@
-"""What a fit found fault with: readings, sensors, clocks, laws, priors, itself."""
+"""Findings of a fit about readings, sensors, clocks, laws, priors and itself."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class WrongSensor(Finding):
         dof: Degrees of freedom of the others.
         p_value: Chance of a larger chi squared.
         law_valid_rows: Rows of the others within their laws.
-        estimates: What the others say, by parameter.
+        estimates: Estimates from the others, by parameter.
     """
 
     name: str
@@ -168,7 +168,7 @@ class NoScene(Finding):
 
 @dataclass(frozen=True)
 class NothingLearned(Finding):
-    """The log tells nothing of numbers beyond their priors.
+    """The log adds nothing to the priors of some numbers.
 
     Attributes:
         parameters: Which.
@@ -193,7 +193,7 @@ class HeightOfBurst(Finding):
     """By which curves a charge above the ground was taken, and what they miss.
 
     Attributes:
-        note: As the sensors that read the curves say it.
+        note: In the words of the sensors that read the curves.
     """
 
     note: str
@@ -201,7 +201,7 @@ class HeightOfBurst(Finding):
 
 @dataclass(frozen=True)
 class DeepCharge(Finding):
-    """The charge lay deep, of which the laws know nothing but the longer way.
+    """The charge lay deep; of that the laws include the longer path alone.
 
     Attributes:
         charge: Its name, or "".
@@ -232,7 +232,7 @@ class MoreToFree(Finding):
     Attributes:
         parameters: Which.
         p_value: Chance of a larger chi squared with them free.
-        estimates: What the log says then, by parameter.
+        estimates: Estimates from the log then, by parameter.
         clock: The clock among them that is wrong, "" if none alone is.
     """
 

@@ -94,7 +94,7 @@ POINTS = 80
 
 @dataclass(frozen=True)
 class Band:
-    """What the posterior says of one quantity along a line away from the charge.
+    """Predictive band of one quantity along a line away from the charge.
 
     Attributes:
         quantity: A key of `observations.QUANTITIES`.
@@ -118,87 +118,6 @@ class Band:
     valid: Bool[np.ndarray, " point"]
 
 
-def bands(
-    parameters: Parameters,
-    z: Float[np.ndarray, " free"],
-    draws: Float[np.ndarray, "draw free"],
-    observations: Observations,
-    sensors: Layout,
-    distance: Float[np.ndarray, " row"],
-    laws: Mapping[str, str],
-) -> tuple[Band, ...]:
-    """Return the band of every quantity and charge of a log.
-
-    It goes from half to twice the reach of the readings, through still air: along a
-    range alone the wind has no direction. A draw that places the charge elsewhere is
-    nearer to some sensors and further from others; at a sensor's range, from the
-    answer, it is shown by what that sensor would read. Between them it is nearer by a
-    share that runs straight in ln of the range.
-
-    Args:
-        parameters: What was fitted.
-        z: The answer.
-        draws: Coordinates drawn from the posterior.
-        observations: The log.
-        sensors: Its rows.
-        distance: Slant range of each row at the answer [m].
-        laws: Name of the law for each quantity.
-    """
-    answer = []
-    answered = parameters.scene_at(jnp.asarray(z))
-    shot = sensors.shot
-    for quantity, of in dict.fromkeys(zip(observations.quantity, shot, strict=True)):
-        rows = np.isin(observations.quantity, quantity) & (np.array(shot) == of)
-        if quantity in DIRECTIONS:  # do not depend on the range
-            continue
-        is_radius = quantity in TIMED
-        # times count from the explosion, which clocks may show at any time
-        start = float(answered.charges[of].time_s) if is_radius else 0.0
-        reach = (observations.time - start if is_radius else distance)[rows]
-        positive = reach[reach > 0]
-        if positive.size == 0:
-            continue
-        x = start + np.geomspace(positive.min() / 2, positive.max() * 2, POINTS)
-        nothing = np.full(POINTS, np.nan)
-        one = int(np.flatnonzero(rows)[0])
-        first, seen_from = observations.position[one], observations.slant_range[one]
-        layout = Layout(
-            quantity=(quantity,) * POINTS,
-            # of radii: where they are seen from
-            position=jax.device_put(np.tile(np.nan_to_num(first), (POINTS, 1))),
-            slant_range=jax.device_put(np.full(POINTS, seen_from) if is_radius else x),
-            time=jax.device_put(x if is_radius else nothing),
-            group=(0,) * POINTS,
-            shot=(of,) * POINTS,
-            clock=("",) * POINTS,
-        )
-        needed = tuple((name, laws[name]) for name, _ in components(quantity))
-        near, first_at = np.unique(np.where(rows, distance, 0.0), return_index=True)
-        covered = near > 0
-        value, valid = _recordings(
-            parameters,
-            jax.device_put(np.concatenate([z[None, :], draws])),
-            layout,
-            None if is_radius else sensors.only(first_at[covered]),
-            jax.device_put(near[covered]),
-            needed,
-        )
-        q05, q95 = np.quantile(np.asarray(value)[1:], [0.05, 0.95], axis=0)
-        answer.append(
-            Band(
-                quantity=quantity,
-                shot=of,
-                axis="time_s" if is_radius else "range_m",
-                x=x,
-                q05=q05,
-                answer=np.asarray(value)[0],
-                q95=q95,
-                valid=np.asarray(valid)[0],
-            )
-        )
-    return tuple(answer)
-
-
 @dataclass(frozen=True)
 class Fit:
     """The answer to one log.
@@ -210,7 +129,7 @@ class Fit:
         predicted: The law's value at each row, in the row's unit.
         distance: Slant range of each row at the answer [m].
         residual: (measured - predicted - shared effects) / sd of each row; of a lower
-            bound the least error that keeps it: 0 where the law says more.
+            bound the least error that keeps it: 0 where the law predicts more.
         sd: Independent standard deviation of each row: seconds for times, else in ln.
         shared: The shared effects at each row, same unit as `sd`.
         draws: Posterior draws of every parameter that the data determine.
@@ -284,7 +203,7 @@ def fit(
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
 ) -> Fit:
-    """Find out what a log says of a blast.
+    """Fit a blast to a log.
 
     Args:
         observations: The log. The samples of a record that a row names count themselves
@@ -292,19 +211,19 @@ def fit(
         uncertain: The scene and what is not known of it; without one, a surface charge
             of unknown mass at the origin at time 0, in sea-level air; of a log in
             degrees, or with dates, place and time are free (`scenes.for_log`). A
-            fireball's growth time is free unless the scene says otherwise.
+            fireball's growth time is free unless the scene states otherwise.
         noise: Distribution of the independent errors.
         posterior: How intervals are found: "weighted" (draws of a normal approximation,
             weighted by the posterior), "laplace" (that approximation alone), "emcee"
             (walkers), or "auto": walkers where the approximation is found wanting.
         seed: Of the starts of the search and the draws of the posterior.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
-        scaling: Scale of the records that rows name, where files do not tell it.
+        scaling: Scale of the records that rows name, where files do not state it.
         high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
 
     Returns:
         Estimates with their intervals, the law they rest on and where it ends, and
-        what the data cannot tell; `jblast.report.summary` puts it in words.
+        what the data do not identify; `jblast.report.summary` puts it in words.
 
     Raises:
         ValueError: The log and the scene do not go together; the message says how.
@@ -406,9 +325,8 @@ def solve(
 
     Laws left to us are chosen at the likeliest start, and again at the answer until
     they settle (`settle_laws`); so are the curve sets of charges whose `burst` is left
-    to their height. Samples of
-    records, where there are any, count once the log of what was read off them is
-    solved; `begin` tells of each stage.
+    to their height. Samples of records, where there are any, count once the log of what
+    was read off them is solved. `begin` is called with the name of each stage.
     """
     if not parameters_of(uncertain).names:
         raise InputError(
@@ -519,6 +437,87 @@ def fit_each(
         except InputError as error:
             answers[name] = error
     return answers
+
+
+def bands(
+    parameters: Parameters,
+    z: Float[np.ndarray, " free"],
+    draws: Float[np.ndarray, "draw free"],
+    observations: Observations,
+    sensors: Layout,
+    distance: Float[np.ndarray, " row"],
+    laws: Mapping[str, str],
+) -> tuple[Band, ...]:
+    """Return the band of every quantity and charge of a log.
+
+    It goes from half to twice the reach of the readings, through still air: along a
+    range alone the wind has no direction. A draw that places the charge elsewhere is
+    nearer to some sensors and further from others; at a sensor's range, from the
+    answer, it is shown by what that sensor would read. Between them it is nearer by a
+    share that runs straight in ln of the range.
+
+    Args:
+        parameters: What was fitted.
+        z: The answer.
+        draws: Coordinates drawn from the posterior.
+        observations: The log.
+        sensors: Its rows.
+        distance: Slant range of each row at the answer [m].
+        laws: Name of the law for each quantity.
+    """
+    answer = []
+    answered = parameters.scene_at(jnp.asarray(z))
+    shot = sensors.shot
+    for quantity, of in dict.fromkeys(zip(observations.quantity, shot, strict=True)):
+        rows = np.isin(observations.quantity, quantity) & (np.array(shot) == of)
+        if quantity in DIRECTIONS:  # do not depend on the range
+            continue
+        is_radius = quantity in TIMED
+        # times count from the explosion, which clocks may show at any time
+        start = float(answered.charges[of].time_s) if is_radius else 0.0
+        reach = (observations.time - start if is_radius else distance)[rows]
+        positive = reach[reach > 0]
+        if positive.size == 0:
+            continue
+        x = start + np.geomspace(positive.min() / 2, positive.max() * 2, POINTS)
+        nothing = np.full(POINTS, np.nan)
+        one = int(np.flatnonzero(rows)[0])
+        first, seen_from = observations.position[one], observations.slant_range[one]
+        layout = Layout(
+            quantity=(quantity,) * POINTS,
+            # of radii: where they are seen from
+            position=jax.device_put(np.tile(np.nan_to_num(first), (POINTS, 1))),
+            slant_range=jax.device_put(np.full(POINTS, seen_from) if is_radius else x),
+            time=jax.device_put(x if is_radius else nothing),
+            group=(0,) * POINTS,
+            shot=(of,) * POINTS,
+            clock=("",) * POINTS,
+        )
+        needed = tuple((name, laws[name]) for name, _ in components(quantity))
+        near, first_at = np.unique(np.where(rows, distance, 0.0), return_index=True)
+        covered = near > 0
+        value, valid = _recordings(
+            parameters,
+            jax.device_put(np.concatenate([z[None, :], draws])),
+            layout,
+            None if is_radius else sensors.only(first_at[covered]),
+            jax.device_put(near[covered]),
+            needed,
+        )
+        q05, q95 = np.quantile(np.asarray(value)[1:], [0.05, 0.95], axis=0)
+        answer.append(
+            Band(
+                quantity=quantity,
+                shot=of,
+                axis="time_s" if is_radius else "range_m",
+                x=x,
+                q05=q05,
+                answer=np.asarray(value)[0],
+                q95=q95,
+                valid=np.asarray(valid)[0],
+            )
+        )
+    return tuple(answer)
 
 
 @kept

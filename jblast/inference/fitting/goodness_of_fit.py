@@ -164,7 +164,7 @@ def against_priors(solution: Solution) -> dict[str, float]:
     """Return numbers by which a log fits well, but which their priors rule out.
 
     The search is made once more with every number free. Those are named that the log
-    alone tells.
+    alone identifies.
     """
     parameters = solution.posterior.parameters
     believed = [not isinstance(belief, Free) for belief in parameters.beliefs]

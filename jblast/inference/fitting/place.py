@@ -18,7 +18,7 @@ on level ground, has fallen to given values.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -44,7 +44,7 @@ from jblast.sensors.calculator import (
 THIN = 1e-12
 """A variance so small beside the other is rounding: the place is known along it."""
 NEAREST = 60
-"""Draws about a place, of which the last says how dense they are: of normal draws the
+"""Draws about a place, of which the last measures their density: of normal draws the
 area comes out 5 % too large."""
 FILLED = 0.8
 """A 90 % ellipse of which the 90 % region fills less than this misleads."""
@@ -58,7 +58,7 @@ TRIES = 2000
 GRID = 160
 PEAK = "peak_overpressure_pa"
 LEVELS = (1e3, 5e3, 20e3, 100e3)
-"""Where no one says otherwise [Pa]."""
+"""By default [Pa]."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +144,7 @@ def place_draws(
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"]] | None:
     """Return draws of where a charge stood, east and north [m].
 
-    None where nothing was asked of its place, or the log cannot tell it: a coordinate
-    is not identified, or a range was sought.
+    None where its position was not fitted, or a coordinate is not identified.
 
     Args:
         fit: The fit.
@@ -157,9 +156,11 @@ def place_draws(
     free = [name for name in asked if name in fit.summary.free]
     unknown = fit.summary.unidentified
     drawn = [name for name in free if name in fit.draws and name not in unknown]
-    if not drawn or len(drawn) < len(free) or not _finite(fit.draws, drawn):
+    if not drawn or len(drawn) < len(free):
         return None
     count = len(fit.draws[drawn[0]])
+    if not count or not all(np.isfinite(fit.draws[name]).all() for name in drawn):
+        return None
     east, north = (
         fit.draws[name] if name in drawn else np.full(count, float(known))
         for name, known in zip(asked, np.asarray(charge.position_m)[:2], strict=True)
@@ -197,13 +198,9 @@ def rests_on_clocks(fit: Fit, shot: int = 0) -> bool:
     )
 
 
-def _finite(draws: Mapping[str, Float[np.ndarray, " draw"]], names: list[str]) -> bool:
-    return all(len(draws[name]) and np.isfinite(draws[name]).all() for name in names)
-
-
 @dataclass(frozen=True)
 class CredibleRegion:
-    """Where a posterior is densest, so much that it holds a share.
+    """The densest part of a posterior that contains a share of it.
 
     Attributes:
         share: Of the draws inside.
@@ -264,9 +261,10 @@ def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
 
 def _sparseness(x: Float[np.ndarray, "draw 2"]):
     """Return a function of places: the distance to the k-th nearest draw."""
+    # imported here, as is contourpy below: an ellipse does without
     from scipy.spatial import KDTree
 
-    # a draw that was picked again and again says no more than once where it is
+    # a draw that was picked repeatedly counts once
     _, times = np.unique(x, axis=0, return_counts=True)
     nearest = min(max(NEAREST, 3 * int(times.max())), len(x))
     tree = KDTree(x)
@@ -307,7 +305,7 @@ def _area(ring: Float[np.ndarray, "point 2"]) -> float:
 
 @dataclass(frozen=True)
 class PlaceOnEarth:
-    """Where a charge stood, WGS84.
+    """Position of a charge, WGS84.
 
     Attributes:
         lat_deg: Latitude of the most probable place [degree].
@@ -327,14 +325,14 @@ class PlaceOnEarth:
 
 @dataclass(frozen=True)
 class ChargeOnEarth:
-    """What a fit says of a charge in degrees and by the calendar.
+    """Position and time of a charge, in degrees and by the calendar.
 
     Attributes:
         charge: Its name; "" of the only one.
         place: Where it stood; null where the log has no latitudes, its scene no
-            [place], or it cannot tell.
+            [place], or it is not identified.
         origin_time_utc: When it exploded, ISO 8601, on the clock of `origin_clock`;
-            null where the log has no dates, or cannot tell.
+            null where the log has no dates, or it is not identified.
     """
 
     charge: str
@@ -344,7 +342,7 @@ class ChargeOnEarth:
 
 @dataclass(frozen=True)
 class OnEarth:
-    """What a fit says in degrees and by the calendar.
+    """Positions and times of a fit, in degrees and by the calendar.
 
     Attributes:
         place: Where the first charge stood, as `charges_on_earth` has it.
@@ -422,7 +420,7 @@ def _common_clock(fit: Fit) -> str:
 
 @dataclass(frozen=True)
 class ShockRing:
-    """Where a peak overpressure is reached, on level ground at the height 0.
+    """Range at which a peak overpressure is reached, on level ground at the height 0.
 
     Attributes:
         peak_overpressure_pa: The value.

@@ -76,7 +76,7 @@ class Solution(NamedTuple):
         laws: The law of each quantity, and what it was taken by.
         laws_settled: Whether the automatic choice of law at the answer is that used.
         optima: The ends of the searches, the best first.
-        identifiability: What the data tell of the parameters.
+        identifiability: What the data identify of the parameters.
         laplace: The posterior about the best optimum.
         bursts_settled: Whether the curve sets that heights leave at the answer are
             those used.
@@ -98,11 +98,11 @@ class Solution(NamedTuple):
 
 
 class Choices(NamedTuple):
-    """What is left to us before a search, and depends on where the answer lies.
+    """Automatic choices before a search, which depend on where the answer lies.
 
     Attributes:
         scene: Its charges have the curve sets that their heights leave.
-        layout: Says it row by row where a charge has both.
+        layout: It has the curve set of each row where a charge has both.
         laws: The law of each quantity, and what it was taken by.
     """
 
@@ -280,7 +280,7 @@ def densities_of_samples(
 
 
 def _roots(normal: Laplace) -> tuple[np.ndarray, np.ndarray]:
-    """Return a root of the covariance, and what undoes it where it tells anything."""
+    """Return a root of the covariance, and its pseudo-inverse."""
     sds = np.sqrt(np.diag(normal.covariance))
     size = np.where(sds > 0, sds, 1.0)
     values, vectors = np.linalg.eigh(normal.covariance / size / size[:, None])

@@ -1,4 +1,4 @@
-"""What a fit found, as values: numbers, what they leave open, what is doubtful."""
+"""Results of a fit as values: estimates, what they leave open, warnings."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -60,7 +60,7 @@ TNT_MASS_BY = {
 
 @dataclass(frozen=True)
 class Summary:
-    """What a fit found.
+    """Results of a fit, as values.
 
     Attributes:
         law: Name of the law that read each quantity.
@@ -84,7 +84,7 @@ class Summary:
         suspected_outliers: Readings too far off, worst first.
         explained_by: Clocks and sensors without one of which the log fits, and pairs of
             sensors with whose places exchanged it does.
-        warnings: What is to be told beside the numbers, the gravest first.
+        warnings: Warnings, the gravest first.
         n_lower_bounds: Rows of the log that are lower bounds.
         understood: What of the log was converted, skipped or supplied to read it.
         assumptions: What the answer takes for granted, and what it would be without.
@@ -237,10 +237,10 @@ def summary_of(
 def _derived(
     estimates: Mapping[str, Estimate], solution: Solution
 ) -> dict[str, Estimate]:
-    """What follows from each mass: as TNT by pressure, and as energy by convention.
+    """Return what follows from each mass: TNT mass by pressure, energy by convention.
 
-    The TNT mass by impulse is told where it differs. A log of the front alone tells
-    energy: the TNT mass is that of the energy then.
+    The TNT mass by impulse is reported where it differs. A log of the front alone
+    identifies the energy: the TNT mass is that of the energy then.
     """
     z = solution.laplace.z
     parameters = solution.posterior.parameters

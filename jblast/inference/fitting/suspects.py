@@ -65,7 +65,7 @@ UNHEARD = 1e6
 WIDTH = 10.0
 """A wrong reading may be anything within so many seconds, radians or in ln."""
 AS_LIKELY = 3.0
-"""Who explains a log worse than the best by more in ln-density is let be."""
+"""Explanations worse than the best by more in ln-density are left out."""
 MOST = 8
 """So many are tried at most, those first that a linear law would accuse."""
 MOST_EXCHANGES = 3
@@ -77,12 +77,12 @@ SLOWEST = 300.0
 TIMES_SIGMA = 5.0
 """A difference of arrivals this large is no error of reading or of a law."""
 FEWEST = 4
-"""Arrivals, of which three tell a place and a time."""
+"""Arrivals, at least: three determine a position and a time."""
 Refit = Callable[[Observations, Sequence[str]], Solution]
 
 
 class Suspect(NamedTuple):
-    """Who may be wrong: a clock or a sensor, and its rows."""
+    """A clock or a sensor that may be wrong, and its rows."""
 
     kind: str
     name: str
@@ -182,12 +182,12 @@ def suspects(observations: Observations, solution: Solution) -> list[Suspect]:
 
 
 def _without(observations: Observations, rows: Int[np.ndarray, " out"]) -> Observations:
-    """Return a log some of whose rows tell nothing."""
+    """Return a log some of whose rows have no weight."""
     scale = observations.error_scale()
     sigma = observations.sigma.copy()
     given = np.where(np.isfinite(scale), scale / observations.sigma, 1.0)
     sigma[rows] = UNHEARD / given[rows]
-    # what is not heard shares no errors: of equal shares it would tell that they are 0
+    # rows without weight share no errors: of equal shares they would fix these at 0
     record = np.array(observations.records(), object)
     record[rows] = ""
     return replace(observations, sigma=sigma, record=tuple(record))
@@ -348,7 +348,7 @@ def other_explanations(
 def _judged(
     observations: Observations, rest: Solution, suspect: Suspect, among: int
 ) -> WrongSensor | None:
-    """Return what a log says without a suspect; None if that does not explain it."""
+    """Return the fit without a suspect; None if that does not explain the log."""
     normal, found = rest.laplace, rest.identifiability
     if not (normal.converged and all(found.determined)):
         return None
@@ -405,7 +405,7 @@ def _judged(
 def _missed(
     posterior: Posterior, rest: Solution, rows: Int[np.ndarray, " out"]
 ) -> tuple[Float[np.ndarray, " out"], Float[np.ndarray, "out out"]]:
-    """Return by how much rows miss what the rest says of them, and its covariance."""
+    """Return by how much rows miss the prediction by the rest, and its covariance."""
     z = rest.laplace.z
     values, vectors = np.linalg.eigh(rest.laplace.covariance)
     axes = (vectors * np.sqrt(np.maximum(values, 0.0))).T
@@ -466,7 +466,7 @@ def more_to_free(
 def _refits(
     sets: Iterable[tuple[str, ...]], observations: Observations, refit: Refit
 ) -> Iterator[tuple[Solution, tuple[str, ...]]]:
-    """Go through what a log says with each set of numbers free, and the set."""
+    """Yield the solution of a log with each set of numbers free, and the set."""
     for names in sets:
         try:
             freed = refit(observations, names)
@@ -504,7 +504,7 @@ def _not_free(
 def _candidates(
     observations: Observations, uncertain: UncertainScene
 ) -> list[tuple[str, ...]]:
-    """Return what might be freed, the least first, as far as rows can tell it."""
+    """Return what might be freed, the least first, as far as rows can identify it."""
     timed = bool(set(CLOCK_TIMES) & set(observations.quantity))
     origin = ("origin_time_s",) if timed else ()
     placed = bool(np.isnan(observations.slant_range).all())
@@ -532,7 +532,7 @@ def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
 
     Args:
         observations: The log.
-        uncertain: The scene; with a place that is free, or wind, nothing is said.
+        uncertain: The scene; with a free position, or wind, the result is False.
     """
     scene = uncertain.scene
     still = not (float(scene.air.wind_east) or float(scene.air.wind_north))
@@ -556,7 +556,7 @@ def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
 
 
 def _as_more_to_free(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:
-    """Return what is to be told of a solution, None if it is no answer."""
+    """Return the finding of a solution; None if it is no answer."""
     normal = freed.laplace
     if not (normal.converged and all(freed.identifiability.determined)):
         return None

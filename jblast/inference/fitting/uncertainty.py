@@ -1,4 +1,12 @@
-"""How sure the answer is: by the normal approximation, or by walkers where it fails."""
+"""Uncertainty of an answer: normal approximation, weighted draws, or walkers.
+
+By default draws of the normal approximation are weighted by the posterior (see
+`importance`). Where the weights are unreliable or the effective sample size is below
+`FEW`, intervals are those of the normal approximation, with a finding. Walkers run if
+they are requested, or with "auto" if the approximation fails its check. For a charge
+beside a small array draws follow its range (see `mode.range_profile`). Along null
+directions nothing is drawn: the normal approximation of the rest is all there is.
+"""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -48,7 +56,7 @@ FEW = 100
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is known of every number, and by which method.
+    """Marginals and draws of a posterior, and the method that gave them.
 
     Attributes:
         method: "laplace" or "emcee".
@@ -111,11 +119,9 @@ def uncertainty(
 
 def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertainty:
     """Draw along the range; give the bearing where the place is not identified."""
-    parameters, normal = solution.posterior.parameters, solution.laplace
+    parameters = solution.posterior.parameters
     z = sight.draws(DRAWS, np.random.default_rng(seed))
-    by_name = marginals_of_draws(parameters, z)
-    best = parameters.values(jnp.asarray(normal.z))
-    by_name = {n: replace(by_name[n], value=float(best[n])) for n in by_name}
+    by_name = _at_best(solution, marginals_of_draws(parameters, z))
     place = CHARGE_POSITION[:2]
     judged = identified_estimates(solution, by_name)
     bearing = None
@@ -204,12 +210,11 @@ def _by_method(
     )
     parameters = solution.posterior.parameters
     by_name = marginals_of_draws(parameters, walkers.draws())
-    best = parameters.values(jnp.asarray(normal.z))
     return Uncertainty(
         method="emcee",
         reason=reason,
         z=walkers.draws(DRAWS),
-        marginals={n: replace(by_name[n], value=float(best[n])) for n in by_name},
+        marginals=_at_best(solution, by_name),
         converged=walkers.converged,
         findings=(reason, *walkers.findings) if method == "auto" else walkers.findings,
         ensemble=walkers,
@@ -217,7 +222,7 @@ def _by_method(
 
 
 def _weighted(solution: Solution, seed: int) -> Uncertainty:
-    """Weight draws of the normal approximation; without them where they cannot tell."""
+    """Weight draws of the normal approximation; without weights where these fail."""
     normal, parameters = solution.laplace, solution.posterior.parameters
     if not normal.converged:
         return _by_normal(solution, NotAtOptimum(), seed)
@@ -235,26 +240,31 @@ def _weighted(solution: Solution, seed: int) -> Uncertainty:
     by_name = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)
     alone = marginals_of_draws(parameters, drawn.straight, drawn.of_normal)
     exact = marginals(parameters, normal)
-    for (
-        name,
-        number,
-    ) in by_name.items():  # what chance did to both, it did to one alike
+    # what chance did to both, it did to one alike
+    for name, number in by_name.items():
         one, other = alone[name], exact[name]
         by_name[name] = replace(
             number,
             sd=_less_chance(number.sd, one.sd, other.sd),
             log_sd=_less_chance(number.log_sd, one.log_sd, other.log_sd),
         )
-    best = parameters.values(jnp.asarray(normal.z))
     picked = np.random.default_rng(seed).choice(len(drawn.z), DRAWS, p=drawn.weights)
     return Uncertainty(
         method="laplace",
         reason=DrawsWeighted(found.k_hat, effective),
         z=drawn.z[picked],
-        marginals={n: replace(by_name[n], value=float(best[n])) for n in by_name},
+        marginals=_at_best(solution, by_name),
         converged=True,
         weighted=True,
     )
+
+
+def _at_best(
+    solution: Solution, by_name: Mapping[str, Estimate]
+) -> dict[str, Estimate]:
+    """Return estimates whose values are the most probable ones, not the medians."""
+    best = solution.posterior.parameters.values(jnp.asarray(solution.laplace.z))
+    return {n: replace(one, value=float(best[n])) for n, one in by_name.items()}
 
 
 def _less_chance(sd: float, by_draws: float, exact: float) -> float:

@@ -1,4 +1,4 @@
-"""What data do not identify, of a log that was fitted or of one planned.
+"""Numbers that a log does not identify, fitted or planned.
 
 A number in a null direction has no estimate. One whose 90 % interval is wider than
 `widest` has an interval and no value, and so has a number of the charge that its prior
@@ -56,7 +56,7 @@ OF_CHARGE = (
     *("charge_mass_kg", "charge_range_m", "charge_east_m", "charge_north_m"),
     "origin_time_s",
 )
-"""What a fit is asked for. Other numbers (height, air, ground, clocks) are conditions:
+"""The requested numbers of a fit. Others (height, air, ground, clocks) are conditions:
 a prior on one of them stands as given where the data add nothing to it."""
 
 

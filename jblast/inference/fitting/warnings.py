@@ -1,4 +1,8 @@
-"""What is to be told beside the numbers of an answer."""
+"""Warnings and assumptions of an answer.
+
+They concern fit, priors, laws, clocks, and the height, shape and surroundings of the
+charge. The gravest warning stands first; each is a `Finding`, without words.
+"""
 
 import inspect
 from collections.abc import Collection, Mapping
@@ -38,9 +42,9 @@ from jblast.sensors.layout import components
 from jblast.waves.height_of_burst import scaled_height
 
 FAR = 4.0
-"""A shared effect larger than this many standard deviations is told of."""
+"""A shared effect larger than this many standard deviations is reported."""
 ROUGH = 0.2
-"""A density of samples that is known no better in ln is told of: draws have weights
+"""A density of samples that is known no better in ln is reported: draws have weights
 that are off by a fifth."""
 
 POINT_SOURCES = ("sedov_taylor", "point_source")
@@ -148,7 +152,9 @@ def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding
     """Return by which curves a charge off the ground is read, and what they miss."""
     laws = [law_for(quantity, law.name) for quantity, law in solution.laws.items()]
     asks = any("burst" in law.arguments() for law in laws)
-    if not charge.by_height:  # one law, of one set, holds or not as the user said
+    if (
+        not charge.by_height
+    ):  # one law, of one set, holds or not for the burst that the user stated
         asks |= any("burst" in inspect.signature(law.valid).parameters for law in laws)
     if not asks:
         return []

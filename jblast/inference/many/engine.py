@@ -222,10 +222,10 @@ class Loop:
     def _end(
         self, y, info: Expansion, measured, sigma, floor
     ) -> tuple[Expansion, Float[Array, " lane"], Triangle]:
-        """Return the true cost about an end, the misfit, and what the data tell."""
+        """Return the true cost about an end, the misfit, and the information."""
         rows, loss = self.rows, self.rows.loss
         if self.solver.loss is half_square:
-            # what the solver knows of the end is all there is to know
+            # the last expansion of the solver is exact here
             return info, info.f, info.hessian
         miss = rows.miss(y, measured, sigma)
         true = expansion(loss.true, y, *miss, floor)

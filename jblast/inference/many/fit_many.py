@@ -104,8 +104,8 @@ def fit_many(
 
     Raises:
         InputError: The batch as a whole cannot be fitted: a shape is another, which is
-            named, or an error is no share. A bad log does not raise: its
-            lane alone fails, and `faults` says why.
+            named, or an error is no share. A bad log does not raise: its lane alone
+            fails, for the reason in `faults`.
 
     Example:
         `jblast.fit_many(uncertain, *jblast.inference.batch_of(logs, uncertain))`
@@ -270,8 +270,8 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
 
     Raises:
         InputError: There is no log, one has other rows than the first, a lower bound
-            or covariances; one and the
-            scene do not go together, or the choice of a law is left open.
+            or covariances; one and the scene do not go together, or the choice of a law
+            is left open.
     """
     if not logs:
         raise InputError("logs: expected at least one, got none")

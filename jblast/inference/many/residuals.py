@@ -168,7 +168,7 @@ class LaneRows:
 
     @property
     def unknowns(self) -> int:
-        """How many numbers are sought in each lane."""
+        """Number of unknowns in each lane."""
         return len(self.parameters.names) + self.effects
 
     @property
@@ -185,12 +185,12 @@ class LaneRows:
 
     @property
     def loss(self) -> TermLoss:
-        """What each term costs."""
+        """Loss of each term."""
         return TermLoss(self.noise, len(self.layout.quantity), self.scored)
 
     @property
     def scored(self) -> int:
-        """How many terms miss something: rows, effects, numbers with a prior."""
+        """Number of terms that are rows, effects or numbers with a prior."""
         return len(self.layout.quantity) + self.effects + len(self.with_prior)
 
     def miss(
@@ -525,7 +525,7 @@ def read(rows: LaneRows, values, sigma) -> Readings:
 def faults_of(
     layout: Layout, values, sigma, bad: Bool[Array, " log"]
 ) -> tuple[tuple[int, str], ...]:
-    """Say what is wrong with the first bad logs, each by its number."""
+    """Return the fault of the first bad logs, each by its number."""
     if not bad.any():  # one number, where the mask would have to come from a device
         return ()
     logs = [int(log) for log in np.flatnonzero(np.asarray(bad))[:NAMED]]
@@ -533,7 +533,7 @@ def faults_of(
 
 
 def _fault(layout: Layout, values, sigma, log: int) -> str:
-    """Say what is wrong with the first bad row of a log."""
+    """Return the fault of the first bad row of a log."""
     value = np.asarray(values[log])
     error = np.asarray(sigma if np.ndim(sigma) == 1 else sigma[log])
     for row, quantity in enumerate(layout.quantity):

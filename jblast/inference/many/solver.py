@@ -80,7 +80,7 @@ class Expansion(optx.FunctionInfo):
 
 
 class SolverState(eqx.Module):
-    """What the solver carries.
+    """State of the solver.
 
     Attributes:
         first_step: Whether nothing has been computed yet.
@@ -167,7 +167,7 @@ class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     `options` may hold, for each lane, `floor`: what rounding adds to the length of the
     vector of residuals, without it 0; and `skip`: whether to leave it where it is. And
     `stragglers`: the share of lanes not to wait for. Which lanes have ended is in the
-    state; whether at an optimum, says `at_optimum`.
+    state; `at_optimum` returns which of them are at an optimum.
 
     Attributes:
         tolerance: Ends where the whitened gradient is this short, or at the floor.
@@ -336,7 +336,7 @@ def newton(
         there = jnp.where(jnp.isfinite(there), there, jnp.inf)
         which = jnp.argmin(there, axis=0)
         lowest = jnp.take_along_axis(there, which[None], axis=0)[0]
-        # where the cost no longer tells, the whole step is as good as any, and ends
+        # below the rounding of the cost the whole step is as good as any, and ends
         level = there[0] <= f + floor
         which = jnp.where(level & (lowest > f - floor), 0, which)
         best = jnp.take_along_axis(places, which[None, None], axis=0)[0]

@@ -134,7 +134,7 @@ def reference_set(
 
 
 class Starts(NamedTuple):
-    """Where tries of logs begin.
+    """Starting points of the tries of logs.
 
     Attributes:
         given: Places by try, if the caller gives them.
@@ -190,7 +190,7 @@ def given_starts(starts, logs: int, free: int) -> Float[Array, "try free log"]:
 
 
 class ClosedForm(NamedTuple):
-    r"""What a layout needs for the solve; see the top of this file.
+    r"""Coefficients of the closed form for a layout; see the top of this file.
 
     Attributes:
         late, early: The rows whose difference is $d$, for each sensor.

@@ -29,7 +29,7 @@ WARM_UP = 5.0
 ALIKE = 1.01
 """R-hat below this: the halves agree."""
 WATCHED = 64
-"""Walkers whose autocorrelation is averaged: more tell no more and cost time."""
+"""Walkers whose autocorrelation is averaged: more would cost time and add nothing."""
 RANKED = 100_000
 TAILS = (0.05, 0.95)
 
@@ -56,13 +56,13 @@ def r_hat(x: Float[np.ndarray, "step walker"]) -> float:
 
 @dataclass(frozen=True)
 class Convergence:
-    """How far an ensemble has come; one number for each coordinate.
+    """Convergence of an ensemble; one number for each coordinate.
 
     Attributes:
         steps: Steps behind the numbers, after the warm-up.
         warm_up: Steps left out before them.
         tau: Autocorrelation time [steps].
-        ess: Effective sample size: independent draws that tell as much of the mean.
+        ess: Effective sample size: independent draws that give as good a mean.
         r_hat: Of ranks, over halves of the walkers and of the steps.
         error: Monte Carlo error of the 5 % or 95 % quantile, the larger, in posterior
             standard deviations.
@@ -134,7 +134,7 @@ def _normal_scores(x: np.ndarray) -> np.ndarray:
     """Replace numbers by the normal scores of their ranks; equal ones share theirs."""
     _, place, count = np.unique(x, return_inverse=True, return_counts=True)
     rank = (np.cumsum(count) - 0.5 * (count - 1))[place].reshape(x.shape)
-    # by scipy: jax.scipy's would be compiled anew for every length of a walk
+    # by scipy: jax.scipy's would be compiled again for every length of a walk
     return ndtri((rank - 0.375) / (x.size + 0.25))
 
 
@@ -165,7 +165,7 @@ def _worst_tail(x: Float[np.ndarray, "step walker"]) -> float:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sampler has come.
+    """Progress of a sampler.
 
     Attributes:
         steps: Done so far.

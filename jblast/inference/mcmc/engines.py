@@ -23,12 +23,12 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jblast.inference.whitening import Density, densities
 
 SHARES = {"near": 0.7, "jump": 0.1, "stretch": 0.1, "independence": 0.1}
-r"""How often a step is of each kind.
+r"""Share of the steps of each kind.
 
 near: along the difference of two other walkers, $2.38/\sqrt{2 d}$ of it long (ter Braak
 2006, Stat. Comput. 16:239). jump: the whole of it, which leads from mode to mode.
 stretch: towards or away from another walker (Goodman & Weare 2010), for long tails.
-independence: to a place drawn from the normals about the known optima (see `mixture`).
+independence: to a place drawn from the normals about the known optima (see `Mixture`).
 Five microphones, four unknowns, 64 walkers: autocorrelation time 11 steps, without that
 17, with the stretch move alone 59; for a normal of 12 unknowns 13, 45 and 184. A charge
 beside a line of microphones and its mirror image: 36, without that some 460.
@@ -42,7 +42,7 @@ BLOCK = 100
 
 
 class WalkState(NamedTuple):
-    """Where the walkers stand.
+    """Positions of the walkers.
 
     Attributes:
         walkers: Their places.
@@ -61,7 +61,7 @@ class Segment(NamedTuple):
     Attributes:
         chain: Places after each step.
         log_density: ln of the density there.
-        random: As of `State`, after the last step.
+        random: As of `WalkState`, after the last step.
         interrupted: Whether Ctrl-C ended it early.
     """
 
@@ -101,7 +101,7 @@ class Mixture(eqx.Module):
 
 @runtime_checkable
 class Engine(Protocol):
-    """What moves the walkers."""
+    """A sampler that moves the walkers."""
 
     @property
     def tick_steps(self) -> int:
@@ -134,6 +134,7 @@ class Engine(Protocol):
 
 def moves(mixture: Mixture) -> list:
     """Return emcee's moves, each with its share."""
+    # imported here: fits without walkers do without it
     from emcee.moves import DEMove, MHMove, StretchMove
 
     def draw_independent(w, random):
@@ -172,7 +173,7 @@ class Emcee:
         tick: Callable[[], None],
     ) -> Segment:
         """Walk on; Ctrl-C ends the stretch after the last whole step."""
-        import emcee
+        import emcee  # see `moves`
 
         walkers, free = state.walkers.shape
         sampler = emcee.EnsembleSampler(

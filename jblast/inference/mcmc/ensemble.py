@@ -54,10 +54,11 @@ from jblast.inference.whitening import (
 )
 from jblast.observations import Observations
 
-UNLIKELY = 1e-3
-"""An optimum with less of the posterior than this beside the best gets no walkers."""
 if TYPE_CHECKING:
     import xarray
+
+UNLIKELY = 1e-3
+"""An optimum with less of the posterior than this beside the best gets no walkers."""
 NEEDED = "expected ArviZ and a writer: pip install arviz h5netcdf h5py"
 MOST_DRAWS = 200_000
 """Steps are thinned so that no more draws than this are kept."""
@@ -127,7 +128,7 @@ def ensemble(
     Args:
         posterior: The posterior.
         normal: Its normal approximation.
-        identifiability: What the log tells.
+        identifiability: Null directions of the log.
         optima: Where searches ended; walkers start at those that count. Without them
             all start from the normal approximation.
         seed: Of all random numbers.
@@ -248,7 +249,7 @@ def _others(density: Whitened, normal, identifiability, optima: Optima) -> list[
 
 
 def _mode_about(center, mode: Mode) -> Mode:
-    """Put a mode where it is."""
+    """Return a mode in the fitted coordinates; it is given relative to a center."""
     return replace(
         mode,
         peak=mode.peak + center,
@@ -415,7 +416,7 @@ def inference_data(
     observations: Observations,
     notes: Sequence[str] = (),
 ) -> "xarray.DataTree":
-    """Return an ensemble as ArviZ knows it, each walker a chain.
+    """Return an ensemble in the schema of ArviZ, each walker a chain.
 
     Groups: `posterior` (every number, in the units of its name), `sample_stats` (`lp`,
     ln of the density per unit of the fitted coordinates), `observed_data`.
@@ -424,7 +425,7 @@ def inference_data(
         ensemble: The walk.
         posterior: What was walked.
         observations: The log.
-        notes: What to say beside the draws.
+        notes: Findings to store with the draws.
 
     Raises:
         InputError: ArviZ is not installed.

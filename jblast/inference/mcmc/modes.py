@@ -19,6 +19,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float
 
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.whitening import Density, densities
 
 VALLEY = 2.0
@@ -35,8 +36,8 @@ STEEP = 1e-6
 LENGTHS = np.array([0.0, 1.0, 0.25, 0.06, 0.015, 0.004])
 """Of a Newton step: the best is taken."""
 LONG = 3.0
-"""A ridge is so many times as long as the normal approximation says."""
-NORMAL_SPREAD = 3.2897072539029444
+"""A ridge is so many times as long as the normal approximation."""
+NORMAL_SPREAD = 2 * NORMAL_Q95
 """From the 5 % to the 95 % quantile of a unit normal."""
 OUTER = 0.05, 0.15
 """The outer twentieth of the draws at an end, and the tenth next to it."""
@@ -66,7 +67,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Ridge:
-    """A direction along which the log tells little.
+    """A direction that the log constrains little.
 
     Attributes:
         longer: How many times as long as the normal approximation.
@@ -91,7 +92,7 @@ def modes(
         density: The posterior in coordinates in which distances mean something.
         draws: Draws from it.
         log_density: ln of the density at each.
-        axes: What is told is $A w$, with this $A$.
+        axes: $A$: the modes are returned as $A w$.
     """
     some = _some(len(draws))
     w, value = draws[some], log_density[some]

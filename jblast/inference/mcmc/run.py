@@ -77,7 +77,7 @@ class Start(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """What was walked.
+    """A chain of an ensemble.
 
     Attributes:
         chain: Every step, from the first on.
@@ -280,7 +280,7 @@ def _judged(done: Sequence[Segment], axes) -> Convergence:
 
 
 def _mixture(starts: Sequence[Start]) -> Mixture:
-    """Return what walkers draw from when they go anew: the normals they start from."""
+    """Return the normals that walkers start from, as independence moves take them."""
     center, root, share = zip(*starts, strict=True)
     return mixture_of(np.array(center), np.array(root), np.array(share))
 

@@ -56,7 +56,7 @@ TIE_BREAK = 1e-6
 """Among ends equally probable the one nearest the middle of the starts is preferred:
 this penalty in ln-density for each squared distance in sd of the starts."""
 LONGEST_STEP = 10.0
-"""Where the data tell little, climb by this many typical steps at first."""
+"""Where the data constrain little, climb by this many typical steps at first."""
 HOPELESS = 10.0
 """An end whose density by some of the rows is so much lower in ln is left out: by all
 rows it is further behind."""
@@ -164,8 +164,8 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
             repeated, lambda: end, lambda: _climb(posterior, scale, end.z, known)
         )
 
-    climbed = lax.map(climb, (finalists, known, repeated))
-    return _in_order(climbed, repeated, preference), first[0]
+    tops = lax.map(climb, (finalists, known, repeated))
+    return _in_order(tops, repeated, preference), first[0]
 
 
 def onward(approach, unknowns, freedoms):
@@ -239,7 +239,7 @@ def _distinct(posterior: Posterior, found: Optima, preference):
 def _climb(posterior: Posterior, scale, z, known):
     """Climb the posterior from one place, in coordinates in which it is round.
 
-    Where the data tell little, a step is bounded by a few typical ones.
+    Where the data constrain little, a step is bounded by a few typical ones.
     """
     import optimistix as optx
 

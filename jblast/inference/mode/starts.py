@@ -32,11 +32,11 @@ without (`tests/cli/verbs/infer/test_fit_clocks.py`)."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 """Multiples of this, modulo 1, are evenly spread however many are taken."""
 AWAY = 100.0
-"""How far a charge is seen from at least, for a start [m]."""
+"""Least distance of a charge from a sensor that sees it, for a start [m]."""
 FARTHER = 3.0
 """Starts along a line are spread by this factor, one standard deviation."""
 BEARINGS = ("bearing_rad", "jolt_bearing_rad")
-"""What says in which direction the charge is, or in which it is not."""
+"""Quantities that point to the charge, or away from it."""
 SHORT = 1e-3
 """A time in which fireballs grow [s]."""
 
@@ -210,7 +210,7 @@ def _along_sight(
 ) -> Float[Array, "start 3"]:
     """Move every other place onto the line of sight of the first bearing, if any.
 
-    The others stay: a second bearing may say better, or a library of places be drawn
+    The others stay: a second bearing may be better, or a library of places be drawn
     for logs that are yet to come.
 
     Args:
@@ -311,7 +311,7 @@ def _met(posterior: Posterior, z, i: int, rows: Bool[np.ndarray, " row"]):
 def _before_radii(origin, times, normal):
     """Return origin times, those that are not before the first radius moved there.
 
-    A radius before the explosion hardly says when that was.
+    A radius before the explosion hardly constrains its time.
     """
     long = jnp.maximum(jnp.ptp(times), SHORT)
     earlier = times.min() - jnp.abs(normal) * long

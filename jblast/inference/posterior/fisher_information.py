@@ -1,10 +1,10 @@
-r"""Fisher information: what the data can tell, before what they say.
+r"""Fisher information of a layout, without the values of its readings.
 
 $F = J^T (\mathrm{diag}(s^2/k) + L L^T)^{-1} J$ with $J$ the slopes of the predictions,
 plus one for each number that has a prior; $k$ is 1 for normal errors and 5/7 for
-Student-t. For a lower bound it is what the answer tells, yes or no, whether a reading
-passes it. What the size of the errors tells about the parameters is left out: it is
-small, and no layout is planned for it.
+Student-t. For a lower bound it is the information of the answer, yes or no, whether a
+reading passes it. The dependence of the size of the errors on the parameters also
+carries information. It is left out: it is small, and no layout is planned for it.
 """
 
 import jax
@@ -49,7 +49,7 @@ def whitened_jacobian(
 ) -> Float[Array, "datum free"]:
     """Return the sensitivity of the data in standard deviations.
 
-    What the log tells comes first (see `whitened_rows`); then one row for each
+    The rows of the log come first (see `whitened_rows`); then one row for each
     parameter, which counts where it has a prior.
     """
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
@@ -108,7 +108,7 @@ def known_covariance(
     has_prior: Float[Array, " free"],
     scale: Float[Array, " free"],
 ) -> tuple[Float[Array, "free free"], Bool[Array, " free"]]:
-    """Return the covariance that information leaves, and of what it tells nothing.
+    """Return the covariance by information, and which numbers are not identified.
 
     Null directions are judged at the place alone, without following them (as
     `identifiability` does), so that this may be batched.

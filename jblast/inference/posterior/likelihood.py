@@ -627,8 +627,8 @@ def survival_slopes(u: Float[Array, "..."], noise: Noise) -> tuple[Array, Array]
 def survival_information(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
     r"""Return the information of a lower bound about its mean: $f^2/(S(1-S))$.
 
-    That of the answer, yes or no, whether the reading passes the bound: what a bound
-    tells on average, positive whatever came.
+    That of the answer, yes or no, whether the reading passes the bound: the average
+    over both answers, which is never negative.
     """
     both = log_survival(u, noise) + log_survival(-u, noise)
     return jnp.exp(2 * log_noise(u, noise) - both)

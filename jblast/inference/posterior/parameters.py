@@ -78,7 +78,7 @@ class Parameters(eqx.Module):
         return jnp.array([0.0 if isinstance(b, Free) else 1.0 for b in self.beliefs])
 
     def space(self) -> tuple[str, ...]:
-        """Return "ln" or "linear" for each number: the space it is told in."""
+        """Return "ln" or "linear" for each number: the space of its errors."""
         return tuple(
             "ln" if parameter_named(n).positive else "linear" for n in self.names
         )
@@ -100,8 +100,8 @@ def as_seen(
 ) -> UncertainScene:
     """Return a scene as a log with a fireball's radii is read; without any, unchanged.
 
-    The growth time is free unless the scene says otherwise: no source tells it better
-    than to a factor of two. It starts at a third of the time the radii span.
+    The growth time is free unless the scene states otherwise: no source gives it to
+    better than a factor of two. It starts at a third of the time the radii span.
 
     Light is taken to be there at once where radii are read off images. Their times have
     no delay either, so the origin time is that of the light at the camera, 3 us late a
@@ -132,7 +132,7 @@ def own_growth(scene: Scene) -> float:
 
 @dataclass(frozen=True)
 class Spread:
-    """How far a number may be off; NaN where nothing is known of it.
+    """Standard deviations of a number; NaN where nothing is known of it.
 
     Attributes:
         sd: Standard deviation, in the number's unit.
@@ -207,7 +207,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to be told beside the numbers: what it is, and its own numbers.
+    """Something to report with the numbers: its kind, and its own numbers.
 
     It has no words: `report.fit.findings` has them.
     """

@@ -76,7 +76,7 @@ PSEUDO_INVERSE_CUTOFF = 1e-12
 
 
 class Misfit(eqx.Module):
-    """How a scene misses the data, row by row: in ln, unless `ADDITIVE`.
+    """Residuals of the data, row by row: in ln, unless `ADDITIVE`.
 
     Attributes:
         residual: Measured minus predicted.
@@ -101,7 +101,7 @@ class Misfit(eqx.Module):
 
 
 class DensityCorrection(eqx.Module):
-    """What is added to a log-density.
+    """A correction that is added to a log-density.
 
     Attributes:
         center: Where the spline's coordinates begin.
@@ -129,7 +129,7 @@ class DensityCorrection(eqx.Module):
 
 
 class Posterior(eqx.Module):
-    """What a log says of a scene.
+    """The posterior of a scene's numbers given a log.
 
     Attributes:
         parameters: What is fitted.
@@ -273,7 +273,7 @@ class Posterior(eqx.Module):
             for rows, columns in self.error_blocks
         )
         if self.shared_error is not None and not of_records:
-            return ()  # nobody knows what it loads
+            return ()  # the rows that each column loads are not known
         of_paths = tuple(
             (tuple(rows), tuple(range(shots + at, of_laws.common, len(groups))))
             for at, rows in enumerate(groups.values())
@@ -346,8 +346,8 @@ def posterior_of(
 
     Raises:
         InputError: A row has no error at all: no sigma, and a law taken as exact. Or a
-            sigma disagrees with the covariance of its record. Or
-            rows times shared effects are more than `HELD`.
+            sigma disagrees with the covariance of its record. Or rows times shared
+            effects are more than `HELD`, or times their square more than `WORK`.
     """
     refuse_exact(observations, parameters.scene.scatter, laws)
     refuse_unresolved(observations)

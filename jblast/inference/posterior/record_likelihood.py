@@ -82,8 +82,8 @@ class SampledRecords(eqx.Module):
         rows: Rows of the log that a pick of each record fills: what is asked for.
         case: What `terms` takes of each record; arrays have a first axis of records.
         picked: What the picks read, on the scale of errors.
-        nuisance: And what they say of the rest.
-        jitter: Errors that samples do not tell of, as of a front between two of them.
+        nuisance: The nuisances of the picks.
+        jitter: Errors that samples do not constrain, as of a front between two of them.
         evidence: ln of the integral of the probability over all that is unknown.
         error_columns: Of the errors that rows share, those that other rows have.
     """
@@ -100,7 +100,7 @@ class SampledRecords(eqx.Module):
 
 
 class ResidualRows(NamedTuple):
-    """What is missed, row by row; see `posterior.Misfit`."""
+    """Residuals, row by row; see `posterior.Misfit`."""
 
     residual: Float[Array, " row"]
     sd: Float[Array, " row"]
@@ -109,12 +109,12 @@ class ResidualRows(NamedTuple):
 
 
 class Given(NamedTuple):
-    """What a scene says: of rows, and of each record.
+    """Predictions of a scene: of rows, and of each record.
 
     Attributes:
         rows: Those that are no samples.
-        away: What laws say of what is asked for, less what was picked.
-        sd: Their scatter, and what samples do not tell.
+        away: Predictions of the laws less the picked values.
+        sd: Their scatter, and `jitter`.
         loading: What one standard deviation of each shared effect adds.
     """
 
@@ -136,7 +136,7 @@ def record_log_likelihood(
 
     Args:
         rows: Those that are none.
-        predicted: What laws say of what is asked for, on the scale of errors.
+        predicted: Predictions of the laws, on the scale of errors.
         scatter: Of the laws, of each record alone.
         loading: What one standard deviation of each effect adds to it.
         records: The samples.
@@ -170,7 +170,7 @@ class EffectValues(NamedTuple):
 def _starts(given: Given, records: SampledRecords, noise: Noise) -> EffectValues:
     """Return where searches begin: each record at the best of its trials.
 
-    Each is tried as picked, if its law scatters, and as the law says.
+    Each is tried as picked, if its law scatters, and as predicted by the law.
     """
     some = given.sd > 0
     picked = jnp.where(some, -given.away / jnp.where(some, given.sd, 1.0), 0.0)

@@ -1,4 +1,4 @@
-"""How sensors and media behave, fitted by gradient to what they recorded."""
+"""Numbers of sensors and media, fitted by gradient to records."""
 
 from jblast.inference.tuning.result import (
     NothingHeardError as NothingHeardError,

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.tuning.search import Problem, Solution, parts_told
 from jblast.inference.tuning.unknowns import Between, Unknown, tuned_value
 from jblast.scene import Scene
@@ -20,10 +21,10 @@ from jblast.scene import Scene
 Kind = Literal["sound", "frames", "events"]
 POOR = 1e-3
 """Probability of what is left, below which a record counts as poorly explained."""
-QUANTILE_90 = 1.6448536269514722
-"""Of the standard normal distribution at 95 %."""
+TO_MEDIAN = 0.6745
+"""Median magnitude of a standard normal number."""
 TAKES_PART = 0.2
-"""Share of a direction from which on a number is said to be in it."""
+"""Share of a direction from which on a number counts as part of it."""
 FAR_OUT = 6.0
 """Logistic coordinate at which a number is at its bound."""
 NEARLY_PRIOR = 0.95
@@ -46,12 +47,12 @@ class TunedNumber:
     """A number that was looked for.
 
     Attributes:
-        value: The most probable one; None where the record does not tell it.
+        value: The most probable one; None where the record does not identify it.
         sd: Its standard deviation, in its unit.
         q05: It is less with 5 %.
         q95: It is less with 95 %.
-        before: What the scene said, or where the search began.
-        fitted: What the tuned scene holds, told or not.
+        before: Its value in the scene, or where the search began.
+        fitted: Its value in the tuned scene, identified or not.
         prior_decides: Whether the record adds next to nothing to what was believed.
         at_bound: Whether it ended where its bounds leave no more room.
     """
@@ -87,7 +88,7 @@ class Explained:
 
     @property
     def is_poor(self) -> bool:
-        """Whether one of the tests says so, or the error is more than allowed."""
+        """Whether one of the tests fails, or the error is more than allowed."""
         too_large = (
             self.error is not None
             and self.error_allowed is not None
@@ -108,7 +109,7 @@ class NullDirection:
 
 
 class Note(NamedTuple):
-    """Something to know.
+    """A remark on the result.
 
     Attributes:
         kind: What it is about.
@@ -126,14 +127,14 @@ class Tuned:
     Attributes:
         kind: Of the record: "sound", "frames" or "events".
         numbers: What was looked for, by name.
-        null_directions: What the record does not tell.
+        null_directions: Directions that the record does not identify.
         explained: How well the record is explained.
         converged: Whether the search ended of itself.
         scene: With what was found.
         before: As it was, or where the search began.
         problem: What was solved.
         z: Coordinates of what was found.
-        notes: What to know.
+        notes: Remarks.
     """
 
     kind: Kind
@@ -149,7 +150,7 @@ class Tuned:
 
     @property
     def is_identifiable(self) -> bool:
-        """Whether the record tells all that was looked for."""
+        """Whether the record identifies all requested numbers."""
         return not self.null_directions
 
 
@@ -161,15 +162,15 @@ def answer(
     notes: Sequence[Note] = (),
     wider: Float[np.ndarray, " unknown"] | None = None,
 ) -> Tuned:
-    """Return the answer: numbers with intervals, and what is not told.
+    """Return the answer: numbers with intervals, and null directions.
 
     Args:
         problem: What was solved.
         found: Where the search ended.
         kind: Of the record.
         explained: How well the record is explained there.
-        notes: What to know.
-        wider: By which standard deviations are wider than independent residuals say.
+        notes: Remarks.
+        wider: Factor of standard deviations over those of independent residuals.
     """
     unknowns, z = problem.unknowns, found.z
     total = found.record_information + found.prior_information
@@ -217,7 +218,7 @@ def _number(
     """Return a number with its interval, in its own unit."""
     value, low, high, one_up, one_down = (
         float(one.belief.constrain(jnp.asarray(z + away * sd)))
-        for away in (0.0, -QUANTILE_90, QUANTILE_90, 1.0, -1.0)
+        for away in (0.0, -NORMAL_Q95, NORMAL_Q95, 1.0, -1.0)
     )
     at_bound = isinstance(one.belief, Between) and abs(z) > FAR_OUT
     return TunedNumber(

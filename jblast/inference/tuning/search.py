@@ -19,7 +19,7 @@ fits. So the residual is evaluated at several points, up to a few large changes 
 and a search begins at the best one, or at the next where that does not lead to a fit.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -32,7 +32,7 @@ from jblast.inference.tuning.unknowns import Unknown, tuned_value, with_tuned
 from jblast.scene import Scene
 
 LEAST_INFORMATION = 0.25
-"""Information on a large change, below which a direction counts as not told."""
+"""Information on a large change, below which a direction counts as a null direction."""
 PULL = 1e-3
 """Of the start: one over how many large changes away one standard deviation is."""
 MOST_ROUNDS = 12
@@ -57,7 +57,7 @@ class Solution(NamedTuple):
 
     Attributes:
         z: Coordinates.
-        record_information: What the record says of them, in large changes.
+        record_information: Information of the record on them, in large changes.
         prior_information: What was believed, likewise.
         rounds: Of weights.
         converged: Whether it ended of itself.
@@ -151,7 +151,7 @@ def _round(problem: Problem, z: Float[Array, " unknown"], share: Float[Array, ""
     Args:
         problem: What is to be solved.
         z: The place.
-        share: Of what tells of noise, all residuals but the first: 1, or 0 for none.
+        share: Of the residuals that constrain noise, all but the first: 1 or 0.
     """
     steps, has_prior = problem.steps(), problem.has_prior()
     weights = problem.evidence.weights(problem.scene_at(z))
@@ -171,7 +171,7 @@ def _round(problem: Problem, z: Float[Array, " unknown"], share: Float[Array, ""
 def information(
     problem: Problem, z: Float[Array, " unknown"]
 ) -> tuple[Float[Array, "unknown unknown"], Float[Array, "unknown unknown"]]:
-    """Return what the record and what priors say of large changes about a place."""
+    """Return the information of record and priors on large changes at a place."""
     steps, has_prior = problem.steps(), problem.has_prior()
     weights = problem.evidence.weights(problem.scene_at(z))
 
@@ -188,12 +188,12 @@ def information(
 def parts_told(
     information: Float[np.ndarray, "unknown unknown"],
 ) -> tuple[Float[np.ndarray, "told unknown"], Float[np.ndarray, "null unknown"], Any]:
-    """Split directions by whether they are told.
+    """Split directions into identified and null ones.
 
     Returns:
-        Those that are, those that are not, and the covariance in large changes; what
-        is not told counts as known to two of them, so that what hangs on it a little
-        is no surer than that.
+        Identified directions, null directions, and the covariance in large changes.
+        Null directions count as known to two large changes, so that numbers with a
+        small part in them are no surer than that.
     """
     values, vectors = np.linalg.eigh(information)
     identified = values >= LEAST_INFORMATION
@@ -201,17 +201,12 @@ def parts_told(
     return vectors[:, identified].T, vectors[:, ~identified].T, covariance
 
 
-def names_of(unknowns: Sequence[Unknown]) -> tuple[str, ...]:
-    """Return the names of what is looked for."""
-    return tuple(one.name for one in unknowns)
-
-
 def widening(problem: Problem, z: Float[np.ndarray, " unknown"]) -> Any:
     """Return by how much standard deviations widen where what is left goes together.
 
     Residuals of one group (`evidence.groups`) need not be independent: rounding of
     what changes little is alike in all of a frame, thresholds are in all events of a
-    pixel. What groups say together is counted, not supposed: $A^{-1} B A^{-1}$ with
+    pixel. The scatter of the groups' scores is used: $A^{-1} B A^{-1}$ with
     $B$ the sum over groups of the square of the score (White 1980; Liang and Zeger
     1986, both from memory), where that is more than $A^{-1}$.
     """
@@ -282,7 +277,7 @@ def _misfits(
 
 
 class Slopes(NamedTuple):
-    """What residuals say about a place: cost, its gradient, and $J^T J$."""
+    """Expansion of residuals about a place: cost, its gradient, and $J^T J$."""
 
     cost: Float[Array, ""]
     gradient: Float[Array, " unknown"]

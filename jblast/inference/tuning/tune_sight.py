@@ -28,7 +28,14 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from jblast.errors import InputError
-from jblast.inference.tuning.result import Explained, Kind, Note, Tuned, answer
+from jblast.inference.tuning.result import (
+    TO_MEDIAN,
+    Explained,
+    Kind,
+    Note,
+    Tuned,
+    answer,
+)
 from jblast.inference.tuning.search import (
     Problem,
     Solution,
@@ -47,7 +54,7 @@ from jblast.waves.fireball import fireball_growth_time
 
 MOST_FRAMES, MOST_VALUES, MOST_EVENTS = 24, 200_000, 10_000
 CHANGED = 2.0
-"""Steps of 8 bits from which on a pixel is said to change."""
+"""Steps of 8 bits from which on a pixel counts as changing."""
 ROUNDED_ALIKE = 6.0
 """Steps of 8 bits: of what has changed by less, neighbours are rounded alike."""
 ROUNDING = 12.0**-0.5
@@ -61,7 +68,6 @@ FREEDOM = 4.0
 """Of the Student-t errors of events."""
 STAMP = 0.5e-6 * 3.0**-0.5
 """Standard deviation of a stamp in whole microseconds [s]."""
-TO_MEDIAN = 0.6745
 Ints = Int[Array, " event"] | Int[np.ndarray, " event"]
 Floats = Float[Array, " event"] | Float[np.ndarray, " event"]
 
@@ -73,7 +79,7 @@ def tune_frames(
     names: Sequence[str],
     background: Float[ArrayLike, "..."] = BACKGROUND,
 ) -> Tuned:
-    """Return what frames tell of a scene.
+    """Tune a scene to frames.
 
     Args:
         uncertain: The scene; what it leaves free, or gives a prior, is looked for, too.
@@ -144,7 +150,7 @@ def tune_events(
     names: Sequence[str],
     background: Float[ArrayLike, "..."] = BACKGROUND,
 ) -> Tuned:
-    """Return what events tell of a scene.
+    """Tune a scene to events.
 
     Args:
         uncertain: As of `tune_frames`.
@@ -360,9 +366,7 @@ class EventsEvidence(eqx.Module):
 
     def left(self, scene: Scene) -> Float[Array, " event"]:
         """Return the change that no threshold explains, in thresholds."""
-        threshold = camera_of(scene).threshold
-        own = jnp.where(self.events.sign > 0, threshold[0], threshold[1])
-        return self._left(scene) / own
+        return self._left(scene) / self._thresholds(scene)
 
     def misfit(self, scene: Scene) -> Float[Array, ""]:
         """Return the typical size of what is left, in thresholds."""
@@ -391,9 +395,14 @@ class EventsEvidence(eqx.Module):
         """
         return (self._left(scene) / weights,)
 
-    def _left(self, scene: Scene) -> Float[Array, " event"]:
+    def _thresholds(self, scene: Scene) -> Float[Array, " event"]:
+        """Return the threshold of each event, by its sign."""
         threshold = camera_of(scene).threshold
-        own = jnp.where(self.events.sign > 0, threshold[0], threshold[1])
+        return jnp.where(self.events.sign > 0, threshold[0], threshold[1])
+
+    def _left(self, scene: Scene) -> Float[Array, " event"]:
+        """Return the change that no threshold explains, in logarithms."""
+        own = self._thresholds(scene)
         sign = jnp.asarray(self.events.sign, own.dtype)
         return self.changes(scene) - sign * own
 

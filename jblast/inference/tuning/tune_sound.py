@@ -23,6 +23,7 @@ from scipy.stats import chi2
 
 from jblast.errors import InputError, argument, nearest
 from jblast.inference.tuning.result import (
+    TO_MEDIAN,
     Explained,
     Note,
     NothingHeardError,
@@ -45,8 +46,6 @@ from jblast.sensors.wave_paths import low_charges_settled
 
 HEARD = 6.0
 """Standard deviations of noise from which on a blast that is looked for is heard."""
-TO_MEDIAN = 0.6745
-"""Median magnitude of a standard normal number."""
 DURATIONS = 8.0
 """Of the positive phase, until a blast has gone by."""
 AIMED_AT = 0.3
@@ -82,7 +81,7 @@ class RecordedSound(NamedTuple):
 def tune_sound(
     uncertain: UncertainScene, recorded: RecordedSound, names: Sequence[str]
 ) -> Tuned:
-    """Return what a sound record tells of a scene.
+    """Tune a scene to a sound record.
 
     Args:
         uncertain: The scene; what it leaves free, or gives a prior, is looked for, too.
@@ -111,7 +110,10 @@ def tune_sound(
     if not unknowns:
         raise InputError(f"{source}: expected something to tune, got nothing free")
     loudness = _loudness(uncertain.scene, recorded)
-    if _is_silent(uncertain.scene, index) and not _tells_noise(names):
+    if _is_silent(uncertain.scene, index) and {
+        "noise_pa",
+        "ambient_level_pa",
+    }.isdisjoint(names):
         names = [*names, "noise_pa"]
         notes.append(Note("noise_added", {}))
         _, extra = unknowns_of(uncertain, ["noise_pa"], "sound", rate)
@@ -158,7 +160,7 @@ def _loudness(scene: Scene, recorded: RecordedSound) -> float:
 def _limit(scene: Scene, recorded: RecordedSound, names: Sequence[str]) -> float:
     """Return from which magnitude on samples are at the recorder's limit.
 
-    Where a record in pascals is to tell the limit, they are what it tells it by.
+    Where a record in pascals is to identify the limit, such samples identify it.
     """
     instrument = scene.sensors[recorded.sensor].instrument
     assert instrument is not None
@@ -173,7 +175,7 @@ def _limit(scene: Scene, recorded: RecordedSound, names: Sequence[str]) -> float
 
 
 def _is_silent(scene: Scene, index: int) -> bool:
-    """Whether a scene has no noise of any kind for a sensor."""
+    """Return whether a scene has no noise of any kind for a sensor."""
     sensor, ambient = scene.sensors[index], scene.ambient
     instrument = sensor.instrument or Instrument()
     own = instrument.noise is not None and float(instrument.noise) > 0
@@ -185,10 +187,6 @@ def _is_silent(scene: Scene, index: int) -> bool:
         and float(ambient.level) > 0
     )
     return not (own or written or around or instrument.wind_noise is not None)
-
-
-def _tells_noise(names: Sequence[str]) -> bool:
-    return any(name in ("noise_pa", "ambient_level_pa") for name in names)
 
 
 def _timed(

@@ -108,7 +108,7 @@ def unknowns_of(
         rate: Samples a second, which bound corners of filters [Hz].
 
     Raises:
-        InputError: A name is none, stands twice, or such a record cannot tell it.
+        InputError: A name is none, stands twice, or such a record cannot identify it.
     """
     known = names_known(uncertain.scene, kind)
     for name in names:
@@ -162,7 +162,7 @@ def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> S
         scene: The scene.
         index: Of the sensor that recorded; -1 where a camera did.
         names: What is looked for.
-        loudness: Where noise begins that the scene says nothing of [Pa].
+        loudness: Start of a noise that the scene does not have [Pa].
     """
     if any(name.startswith("ambient_") for name in names) and scene.ambient is None:
         scene = replace(scene, ambient=Ambient(level=loudness))
@@ -180,7 +180,8 @@ def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> S
             continue
         start = TUNABLES[name].start
         if name == "low_pass_hz":
-            start = 0.2 * _rate(scene, index)
+            instrument = scene.sensors[index].instrument or Instrument()
+            start = 0.2 * instrument.rate
         values[name] = loudness if math.isnan(start) else start
     return with_tuned(scene, index, values)
 
@@ -227,13 +228,13 @@ class Tunable:
         words: What a sentence calls it.
         attribute: Where it lives in a scene; `sensor` is the one that recorded.
         key: Where it stands in a scene file.
-        told_by: Which records can tell it: "sound", "frames", "events".
+        told_by: Which records can identify it: "sound", "frames", "events".
         above: It is larger than this, where it is looked for.
         below: It is smaller; infinite: of any size.
         in_ln: Whether it is looked for by factors.
         step: What is a large change of it: that of its logarithm, where it is looked
-            for by factors. A record that does not feel two of it tells nothing.
-        start: Where a search begins if the scene says nothing; NaN: by the record.
+            for by factors. A record that two of it do not change identifies nothing.
+        start: Start of a search if the scene has no value; NaN: by the record.
     """
 
     name: str
@@ -257,10 +258,6 @@ def _leaf(scene: Any, index: int, row: Tunable) -> Any:
             return None
         held = held.sensors[index] if part == "sensor" else getattr(held, part)
     return held
-
-
-def _rate(scene: Scene, index: int) -> float:
-    return (scene.sensors[index].instrument or Instrument()).rate
 
 
 def _belief(row: Tunable, rate: float | None) -> Belief:

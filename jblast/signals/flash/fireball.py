@@ -63,7 +63,7 @@ FAINTER, BRIGHTER = 0.3, 0.7
 GLOW = 3.0
 """Times what the radius differs between those is an error, too: light on the ground,
 which falls as the distance's cube, is a third wider where it is so much fainter, and
-says nothing of the fireball."""
+is no part of the fireball."""
 PIXEL = 0.3
 """Error of a radius: of where an edge stands in a pixel, and of a glare [px]."""
 SHARE = 0.02
@@ -74,13 +74,13 @@ fire lights as brightly as itself makes all radii of a film too large, and a fit
 take them for so many independent ones."""
 Frames = Float[np.ndarray, "frame height width"]
 BEFORE = 8
-"""Frames that tell the scene without it, at most."""
+"""Most frames from which the scene without it is taken."""
 BRIGHT = 0.5
 """Quantile of the light of what became bright that is the fireball's own."""
 
 
 class Growth(NamedTuple):
-    """What was fitted.
+    """Result of the fit of a fireball's growth.
 
     Attributes:
         time_s: First light [s].
@@ -89,9 +89,9 @@ class Growth(NamedTuple):
         x_sigma_px: Its standard deviation [px].
         y_px: Likewise, down from the top.
         y_sigma_px: Likewise.
-        radius_px: Of the fireball when it has grown; None where it is not told [px].
+        radius_px: Of the fireball when it has grown; None where not identified [px].
         radius_sigma_px: Its standard deviation [px].
-        growth_s: Time constant; None where it is not told [s].
+        growth_s: Time constant; None where not identified [s].
         growth_sigma_s: Its standard deviation [s].
         spread_px: Scatter of the radii about the fit [px].
     """
@@ -151,7 +151,7 @@ def growth(seen: Sequence[Silhouette], earliest_s: float) -> Growth:
         fit = _fitted(time, radius, error, 2.0 * earliest_s - latest, latest)
     if fit is not None:
         (start, last, tau), (sigma, last_sd, tau_sd), spread = fit
-        # the fit knows no more than that it lies between two frames
+        # all that is certain is that it lies between two frames
         sigma = min(max(sigma, 0.03 * (latest - earliest_s)), even)
         grown = (float(last), float(last_sd), float(tau), float(tau_sd))
     else:
@@ -186,6 +186,7 @@ def _fitted(
     latest: float,
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Return first light, last radius and time constant, their sigmas, the scatter."""
+    # imported here, as are images below: films without a flash do without
     from scipy.optimize import least_squares
 
     def misfit(p: np.ndarray) -> np.ndarray:

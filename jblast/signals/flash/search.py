@@ -77,7 +77,7 @@ DECIDED = 60
 """Frames after an alarm with which it is checked: by then growth by the cube root of
 time has 1.5 times the slope of the slowest fireball."""
 LAG_S = 0.5e-3
-"""What the low-pass of an event pixel may delay it by: that of 300 Hz does [s]."""
+"""Delay by the low-pass of an event pixel, that of 300 Hz [s]."""
 LIT = 0.3
 """Sum of the changes of the logarithm, by events, from which on a pixel shines."""
 Image = Float[np.ndarray, "height width"]
@@ -103,7 +103,7 @@ BLOCK = 32
 Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 SENSOR = "camera"
 RADII = 8
-"""Rows of a flash that tell its radius, at most."""
+"""Most rows of a flash with its radius."""
 SMALLEST = 3.0
 """Radius that stands in a row, at least [px]."""
 
@@ -112,8 +112,8 @@ class Flash(NamedTuple):
     """A blast that was seen.
 
     Attributes:
-        statistic: Of the test, when it was told.
-        told_s: When it was told [s].
+        statistic: Of the test, at the alarm.
+        told_s: Time of the alarm [s].
         frame: Number of the first frame that shows it, or for events of the
             millisecond.
         growth: First light, place and growth.
@@ -142,14 +142,14 @@ class Rejected(NamedTuple):
 
 
 class FlashDetections(NamedTuple):
-    """What was seen in a film.
+    """Blasts found in a film.
 
     Attributes:
         flashes: Blasts in order of time.
         times: Of the frames that the test saw [s].
-        statistic: What it said after each.
+        statistic: Of the test, after each.
         threshold: From which on it is a blast.
-        latency_s: From first light to its being told, at least [s].
+        latency_s: From first light to the alarm, at least [s].
         binned: Pixels a side that were averaged.
         rejected: Alarms that were no blasts, in order of time.
     """
@@ -182,8 +182,8 @@ def detect_flashes(
     """Search frames for blasts.
 
     Args:
-        blocks: Times [s] and linear light, full scale 1; or with `changes` what events
-            say of its logarithm.
+        blocks: Times [s] and linear light, full scale 1; or with `changes` the changes
+            of its logarithm by events.
         rate_hz: Frames a second [Hz].
         threshold: Of the statistic.
         changes: Whether they are changes.
@@ -509,7 +509,7 @@ def fitted_tail(
     count = max(round(share * len(ordered)), 8)
     level = float(ordered[-count - 1])
     excess = ordered[-count:] - level
-    if excess.max() > 0.0:  # the rest are as the level is: most say nothing at all
+    if excess.max() > 0.0:  # the rest equal the level: most have no evidence at all
         excess = excess[excess > 0.0]
         count = len(excess)
     mean = float(excess.mean())

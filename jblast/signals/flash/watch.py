@@ -74,7 +74,7 @@ TILE_NOISES = 3.0
 TILE_LEARNT = 100.0
 """Frames over which that mean is learnt."""
 STAYS_S = 6e-3
-"""What was lit has to stay for so long [s]."""
+"""Time for which lit pixels have to stay bright [s]."""
 BOUND = 40.0
 """Largest sum of a tile."""
 SIDE = 17
@@ -87,17 +87,17 @@ FEW = 20
 CLIP = 3.0
 """For the camera's motion changes are clipped at so many times their mean size."""
 EVERY = 2
-"""Of so many rows and columns one is asked for the motion."""
+"""Every so many rows and columns one is used for the motion."""
 DAMPING = 1e-6
 """Of the normal equations, a share of their trace: a scene without texture has none."""
 
 
 class Seen(NamedTuple):
-    """What the test says after a frame.
+    """Result of the test after a frame.
 
     Attributes:
         statistic: The greatest of all tiles.
-        frames: So many frames ago did the evidence for it begin.
+        frames: Number of frames since its evidence began.
         box: Tile it comes from: left, top, right, bottom [px].
     """
 
@@ -107,7 +107,7 @@ class Seen(NamedTuple):
 
 
 class Brightened(NamedTuple):
-    """What a frame changed.
+    """Pixels that a frame changed.
 
     Attributes:
         lit: Pixels that became bright, and had not of late.
@@ -156,7 +156,7 @@ class Watch:
         return self.change(self._ego.rest(before, log))
 
     def change(self, change: Float[np.ndarray, "height width"]) -> Seen:
-        """Take in a change of the logarithm of light, as events tell it."""
+        """Take in a change of the logarithm of light, as from events."""
         self.last = self._pixels.push(own_change(change))
         if self._cusum.idle and not self.last.lit.any():
             self._cusum.rest()
@@ -173,7 +173,7 @@ class Watch:
         return Seen(float(statistic[best]), begun, self._box(best))
 
     def forget(self) -> None:
-        """Begin anew, but for what is known of the scene and its noise."""
+        """Reset the evidence; the estimates of scene and noise stay."""
         self._cusum.forget()
 
     def _box(self, number: int) -> tuple[int, int, int, int]:
@@ -186,7 +186,7 @@ class Watch:
 
 
 class Evidence(NamedTuple):
-    """What a frame says of each tile.
+    """Evidence of a frame in each tile.
 
     Attributes:
         both: Pixels by which it grew to both sides alike.
@@ -351,11 +351,11 @@ class Cusum:
 
     @property
     def idle(self) -> bool:
-        """Whether there is no evidence anywhere, and was none of late."""
+        """Whether there is no evidence anywhere, and was none lately."""
         return not self._kept.any()
 
     def forget(self) -> None:
-        """Begin anew, but for what the noise is."""
+        """Reset the evidence; the estimate of the noise stays."""
         self._sum[:] = 0.0
         self._kept[:] = 0.0
         self.begun[:] = 0
@@ -376,7 +376,7 @@ class Cusum:
 
         Args:
             evidence: Pixels for a blast.
-            lit: Pixels that were lit, whatever they say.
+            lit: All pixels that were lit.
             left: Share of the bright pixels that did not fall.
         """
         usual = LEAST + TILE_NOISES * self._mean

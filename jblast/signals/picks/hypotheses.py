@@ -104,7 +104,7 @@ SUCTION = 0.1
 
 
 class Shown(NamedTuple):
-    """What a record holds besides one pulse.
+    """Optimum of a record with a ring, a further front and so on.
 
     Attributes:
         best: Its optimum.
@@ -159,7 +159,7 @@ def with_what_shows(
     first = jnp.concatenate([one.y, signs.start])
 
     # a slow front makes a sensor ring little, and delays it all the same: what it does
-    # to the rise may tell more than what rings behind
+    # to the rise may show more than the ringing behind it
     slow = natural_of(one.y).rise > RESOLVED
     hidden = lax.cond(
         slow,
@@ -170,7 +170,7 @@ def with_what_shows(
     oscillates = jnp.where(hides & (signs.power > QUIET), 1.0, signs.rings)
     bent = hides.astype(none.dtype)
 
-    # with one that explains all there is, no other is asked for
+    # with one that explains all there is, no other is tried
     many = jnp.sum(case.weight > 0).astype(one.y.dtype)
     enough = 0.5 * many * (1.0 + ODD * jnp.sqrt(2.0 / jnp.maximum(many, 1.0)))
 
@@ -262,7 +262,7 @@ def _with_block(covariance: Float[Array, "unknown unknown"]):
 
 
 class Signs(NamedTuple):
-    """What may be in a record.
+    """Signs of further effects in a record.
 
     Attributes:
         rings: 1: an oscillation; else 0.

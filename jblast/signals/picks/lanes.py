@@ -56,12 +56,12 @@ FRONTS = 8.0, 32.0
 """Shares of the stretch by which the front alone is picked: the inverse. A flaw behind
 a half and behind a seventh of the positive phase is left out."""
 SLIGHT = 1e-3
-"""What of a record the model may leave, of its peak, whatever the misfit: in a record
+"""Residual that is accepted, over the peak, whatever the misfit: in a record
 with hardly any noise a tremor of the ground before the front is a hundred sigma, and
 moves nothing."""
 STAYS, LAST = 0.5, 16
 """A record whose last so many samples lie above this share of its largest holds a step
-that stays, or too little of a decay to be told from one."""
+that stays, or too little of a decay to be distinguished from one."""
 
 
 class LanePicks(NamedTuple):

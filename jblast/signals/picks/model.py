@@ -56,7 +56,7 @@ STILL = 1e-4
 """A step that lowers minus ln posterior by less, as errors are widened, is lost."""
 MOST_LOST = 6
 """Steps in a row: at a kink the next are no better, whatever their damping, and it is
-an optimum, whatever the slopes say."""
+an optimum, whatever the slopes."""
 PATIENT = 10
 """Steps by which a search is to be as good as what stands already."""
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-1, 1e-10, 1e6
@@ -93,7 +93,7 @@ def modelled(
             behind = jnp.clip((stop - natural.arrival) / width, 0.0, 1.0)
             return none._replace(mean=natural.peak * further[6] * behind)
 
-        # one at most is asked for, of most records none
+        # one at most is requested, for most records none
         asked = (zero[0] + 0.5, case.rings, case.follows, case.passed, case.shifted)
         choices = [lambda: none, rings_on, follows, passed, shifted]
         rings = lax.switch(jnp.argmax(jnp.stack(asked)), choices)
@@ -283,8 +283,8 @@ def optimum_of(
         start: Where to begin.
         case: The record.
         most_steps: After which the search ends, at an optimum or not.
-        hopeless: A search that is dearer than this after `PATIENT` steps ends: what it
-            would come to is not asked for.
+        hopeless: A search whose cost is above this after `PATIENT` steps ends; its
+            optimum is not needed.
     """
     still = lax.stop_gradient(case)
     begin = lax.stop_gradient(start)
@@ -294,7 +294,7 @@ def optimum_of(
 
 
 class _State(NamedTuple):
-    """What the search carries."""
+    """State of the search."""
 
     y: Float[Array, " unknown"]
     tried: Float[Array, " unknown"]

@@ -63,7 +63,7 @@ NAMES = (
     "negative_pressure_pa",
     "negative_duration_s",
 )
-"""What is picked, in the order of `Pick.spread`."""
+"""Picked values, in the order of `Pick.spread`."""
 IN_LOG = 4
 """The first ones go into a log with their covariance."""
 QUIET_SHARE = 0.1
@@ -73,7 +73,7 @@ THRESHOLD = 5.0
 class Pick(eqx.Module):
     """The pulse of a record, or of each record of a batch.
 
-    Errors are those of the posterior, with all that is not asked for (rise, suction,
+    Errors are those of the posterior, with all that is not requested (rise, suction,
     drift) free. Where nothing was found, values are NaN.
 
     Attributes:
@@ -182,8 +182,8 @@ def pick(
         time_s: Middle of each sample on one even clock [s], [sample].
         pressure_pa: Overpressure [Pa], [*batch, sample]. Any even scale does: it comes
             back in peak, impulse and suction.
-        full_scale_pa: Largest size of a sample; larger ones are clipped. None: nobody
-            said, and equal samples in a row at the extreme are taken for clipped.
+        full_scale_pa: Largest size of a sample; larger ones are clipped. None: not
+            given, and equal samples in a row at the extreme are taken for clipped.
         high_pass_hz: Corner of the instrument's first-order high-pass [Hz].
 
     Returns:
@@ -304,7 +304,7 @@ def picks_of(
         counts: How many samples each has.
         start: Time of the first sample [s].
         step: From one sample to the next [s].
-        full_scale: Largest size of a sample; None, or NaN: nobody said.
+        full_scale: Largest size of a sample; None, or NaN: not given.
         high_pass: Corner of a first-order high-pass, in cycles a sample; None: there
             is none.
     """
@@ -358,7 +358,7 @@ def pick_of(
     high = lanes.offset + scale * lanes.clipped_level
     low = jnp.abs(lanes.offset - scale * lanes.clipped_level)
     longer = natural.suction_duration > LONG_SUCTION * natural.duration
-    # of one as shallow as noise allows the duration tells nothing
+    # of one as shallow as noise allows the duration is no sign
     deep = natural.suction * natural.suction_duration > DEEP_SUCTION * natural.impulse
     longer &= deep
     return Pick(
@@ -432,7 +432,7 @@ def _filled(x: np.ndarray, chunks: int) -> np.ndarray:
 
 
 class EyePick(NamedTuple):
-    """What an eye takes from a record; NaN where a rule finds nothing.
+    """Values read from a record by eye; NaN where a rule finds nothing.
 
     Attributes:
         air_arrival_s: First sample above the threshold [s].

@@ -57,11 +57,11 @@ Reason = Literal[
 SPREAD_IN_UNIT = ("air_arrival_s", "decay")
 """Their spread is in their own unit; that of the others is of their logarithm."""
 IN_PASCALS = ("peak_overpressure_pa", "positive_impulse_pa_s", "negative_pressure_pa")
-"""What samples that nobody scaled do not tell."""
+"""Values that samples without a scale do not identify."""
 
 
 class Gathered(NamedTuple):
-    """What files of samples hold.
+    """Picks of files of samples.
 
     Attributes:
         picks: Those that were found, in the order of files, channels and time.
@@ -70,7 +70,7 @@ class Gathered(NamedTuple):
         quieter: How many onsets were not looked at, by channel: 20 dB below its
             loudest.
         refused: Why files could not be read, a message each.
-        epoch: UTC of time zero of all picks; None where no file says.
+        epoch: UTC of time zero of all picks; None where no file states it.
         channels: How many channels were read.
     """
 
@@ -101,8 +101,8 @@ def gathered(
 ) -> Gathered:
     """Read files and pick their bangs.
 
-    Files that tell the time of day they began at, or whose stations do, share one
-    clock, that of the first.
+    Files with the time of day of their first sample, or whose stations have it, share
+    one clock, that of the first.
 
     Args:
         files: Records.
@@ -135,7 +135,7 @@ def gathered(
 
 
 class _Reading:
-    """Goes through files, and keeps what is to be told of them."""
+    """Goes through files, and keeps what is to be reported of them."""
 
     def __init__(
         self,
@@ -182,7 +182,7 @@ class _Reading:
         """Return a recording on the clock of the first.
 
         Raises:
-            InputError: It tells the time of day and the first does not, or otherwise.
+            InputError: Of it and the first one alone has a time of day.
         """
         recording = started(recording, self.stations)
         if self._first is None:
@@ -239,7 +239,7 @@ def _orders(names: list[str]) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What of a pick stands in no row.
+    """Quantities of a pick that have no row.
 
     Attributes:
         record: Which pick.
@@ -288,7 +288,7 @@ def log_of(
 
     Picks at several places are of one bang if no more lies between them than sound
     takes from the first place to the last; of several at one place the loudest is.
-    Without places the bangs of a channel are told apart by their order.
+    Without places the bangs of a channel are distinguished by their order.
 
     Args:
         found: Picks.
@@ -327,7 +327,7 @@ def log_of(
 
 
 def untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
-    """Give why a pick does not tell some quantities."""
+    """Yield the reasons why quantities of a pick have no row, and the quantities."""
     if one.quality == "poor":
         yield "poor", TOLD
     if "onset_alone" in one.notes:
@@ -531,7 +531,7 @@ def _on_one_clock(
     """Return picks whose times count from the log's time zero, and when that was.
 
     Raises:
-        InputError: Some files tell the time of day they began at, and others do not.
+        InputError: Some files have a time of day, and others have none.
     """
     epochs = [one.record.epoch for one in picks if one.record.epoch is not None]
     if not epochs:
@@ -627,7 +627,7 @@ class PickEstimate(NamedTuple):
 def pick_estimate(one: RecordPick, name: str) -> PickEstimate | None:
     """Return a value of a pick; None where samples are no pascals and it is in them.
 
-    None, too, where only the onset is told.
+    None, too, where only the onset was picked.
 
     Args:
         one: The pick of one record.

@@ -56,11 +56,11 @@ SHARE = 0.3
 """And as large a share of the largest step."""
 LARGEST_WIDTH = 2048
 FIRST = 64
-"""One of so many parts of a record, the first, tells what it began with."""
+"""One of so many parts of a record, the first, gives the level at its beginning."""
 ORDER = 4
 """Of the autoregression."""
 LEAST_QUIET = 24
-"""Fewer samples before the front tell no colour of the noise."""
+"""Fewer samples before the front do not identify the colour of the noise."""
 SIGNIFICANT = 2.5
 """Standard deviations of a reflection coefficient of white noise."""
 LEAST_SIGMA = 1e-9
@@ -79,18 +79,18 @@ RISES = (0.0, 0.25)
 CONTINUED_DECAYS = (0.2, 0.5, 1.2, 3.0)
 """Of members that continue below zero: the smaller, the more of them is there."""
 BEFORE, BEHIND = 1.5, 4.0
-"""How far a member reaches, in durations."""
+"""Extent of a member before and behind the front, in durations."""
 NEAR = 0.999
 """A sample of this share of the full scale is clipped: codes end a bit below it."""
 IN_A_ROW = 3
 """Without a full scale, as many equal samples that no other exceeds are."""
 LEAST_SUCTION = 0.03
 """A floor is the scale's end only if as deep a share of the record's height: else it is
-the quiet, told in few bits."""
+the quiet, in few bits."""
 
 
 class Noise(NamedTuple):
-    r"""What the noise of a record is.
+    r"""Noise of a record.
 
     Attributes:
         taps: $1, f_1, \ldots$: what makes it white.
@@ -121,7 +121,7 @@ class Case(NamedTuple):
         centre: Where the unknowns are believed to be.
         rings: 1 where the sensor rings, else 0.
         follows: 1 where a further front does, else 0.
-        passed: 1 where an untold high-pass is looked for, else 0.
+        passed: 1 where an unstated high-pass is searched, else 0.
         shifted: 1 where the baseline steps at the front, else 0.
         form: Formulas of the pulse.
         high_pass: Corner of a high-pass [1/sample]; None: there is none.
@@ -719,7 +719,7 @@ def clipped_samples(
         samples: Overpressure.
         count: How many are the record's: the last of those repeats behind it, and is
             not clipped for that.
-        full_scale: Largest size of a sample, of all or [*batch, 1]; None: nobody said.
+        full_scale: Largest size of a sample, of all or [*batch, 1]; None: not given.
     """
     index = jnp.arange(samples.shape[-1])
     inside = jnp.expand_dims(index, range(count.ndim)) < count[..., None]
@@ -747,7 +747,7 @@ def _in_a_row(equal):
     # whether all are, of a stretch that begins at each place
     runs = padded[..., : n + many]
     for k in range(1, IN_A_ROW):
-        runs = runs & padded[..., k : k + n + many] if k < many + 1 else runs
+        runs = runs & padded[..., k : k + n + many]
     found = runs[..., :n]
     for k in range(1, IN_A_ROW):
         found = found | runs[..., k : k + n]

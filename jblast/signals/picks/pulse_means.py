@@ -52,7 +52,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Complex, Float
 
 from jblast.signals.picks.preparation import Bins
 from jblast.signals.picks.unknowns import (
@@ -125,7 +125,7 @@ def _means(bins: Bins, numbers: Float[Array, "7"], form: Form):
     """Return the means of a pulse over bins."""
     kind = numbers.dtype
     start, stop = bins.start.astype(kind), bins.stop.astype(kind)
-    first = _is(form, SMOOTH, CUBIC)
+    first = (form.rise == SMOOTH) & (form.negative == CUBIC)
 
     def plain():
         return pulse_mean(Pulse(*numbers, hold_time=jnp.zeros((), kind)), start, stop)
@@ -143,11 +143,6 @@ def _means(bins: Bins, numbers: Float[Array, "7"], form: Form):
         return positive - suction * fall * bins.means_by(sucked[None, :])[0]
 
     return lax.cond(first, plain, other)
-
-
-def _is(form: Form, rise: int, negative: int) -> Bool[Array, ""]:
-    """Return whether a form is the one of these formulas."""
-    return (form.rise == rise) & (form.negative == negative)
 
 
 def _ramped_means(bins: Bins, numbers, form: Form):
@@ -250,7 +245,7 @@ def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:
 
     Args:
         bins: Contiguous.
-        pulse: With a rise, and nothing held; its peak and suction are not asked for.
+        pulse: With a rise, and nothing held; its peak and suction are not used.
     """
     since = bins.ends.astype(pulse.arrival_time.dtype) - pulse.arrival_time
     rise, length, fall = pulse.rise_time, pulse.decay_duration, pulse.suction_duration
@@ -397,7 +392,7 @@ def _middle(y, k, late):
 
 
 class Ringing(NamedTuple):
-    r"""What resonance adds to the mean pressure over each bin.
+    r"""Contribution of resonance to the mean pressure over each bin.
 
     Attributes:
         mean: All of it.
@@ -445,7 +440,7 @@ def ringing(
 
     @jax.custom_jvp
     def added(numbers):
-        return _added(bins, numbers)
+        return sums_over(bins, numbers, terms_of(numbers))
 
     @added.defjvp
     def _(primals, tangents):
@@ -453,11 +448,6 @@ def ringing(
         return added(primals[0]), tangents[0] @ ringing_slopes(bins, primals[0])
 
     return Ringing(*added(jnp.stack(numbers)))
-
-
-def _added(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 bin"]:
-    """Return what resonance adds, by the numbers of `ringing`."""
-    return sums_over(bins, numbers, terms_of(numbers))
 
 
 def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 9 bin"]:

@@ -63,7 +63,7 @@ NoteKind = Literal[
     "duration_unsure",
     "faint",
 ]
-"""What may be said of a pick."""
+"""Kinds of notes on a pick."""
 POOR = frozenset({"nothing_found", "not_converged"})
 HARMLESS = frozenset({"sharp_front", "drifting", "later_arrival"})
 """These were seen and are within the errors; any other makes a pick doubtful."""
@@ -72,7 +72,7 @@ UNSURE_DURATION = 0.2
 FAINT = 0.1
 """Standard deviation of ln peak from which on a pulse is faint."""
 QUIET = 32
-"""Samples that must come before an onset, to know what quiet is."""
+"""Samples that must come before an onset, to measure the quiet."""
 LOUD = 10.0
 """The largest sample is as many standard deviations of the quiet ones."""
 SUDDEN = 3.0
@@ -82,7 +82,7 @@ becomes large, and no rougher."""
 
 @dataclass(frozen=True)
 class RecordPick:
-    """What was picked of a recording.
+    """The pick of a recording.
 
     Attributes:
         record: The recording.
@@ -102,7 +102,7 @@ def pick_records(
 ) -> list[RecordPick]:
     """Return the pick of each recording.
 
-    Where nobody said what a sample is in pascals, peak and impulse are in the samples'
+    Without a scale in pascals, peak and impulse are in the samples'
     own unit, and only the times mean something. Of a record that is suddenly loud and
     that no pulse fits, the arrival is its onset (`onset_of`) and all else NaN.
 
@@ -161,12 +161,12 @@ def _picked(
     high_passed: bool,
 ) -> dict[int, Pick]:
     """Return the picks of records that are filled up to one length."""
-    begins = [_begin(record, length) for record in records]
+    begins = [stretch_begin(record, length) for record in records]
     cut = [
         record.samples[begin : begin + length]
         for record, begin in zip(records, begins, strict=True)
     ]
-    filled = np.stack([_filled(x, length) for x in cut])
+    filled = np.stack([np.pad(x, (0, length - x.size), mode="edge") for x in cut])
     corners = (
         np.array([(record.high_pass_hz or 0.0) / record.rate_hz for record in records])
         if high_passed
@@ -230,18 +230,18 @@ def _length(record: PressureRecord) -> int:
     return filled_length(min(record.samples.size, LONGEST))
 
 
-def _begin(record: PressureRecord, length: int) -> int:
-    """Return the first sample of the stretch that is picked."""
+def stretch_begin(record: PressureRecord, length: int) -> int:
+    """Return the first sample of the stretch that is picked.
+
+    Args:
+        record: The recording.
+        length: Samples of the stretch; a shorter recording is picked whole.
+    """
     spare = record.samples.size - length
     if spare <= 0:
         return 0
     largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
     return int(np.clip(largest - int(BEFORE * length), 0, spare))
-
-
-def _filled(samples: Float[np.ndarray, " sample"], length: int):
-    """Return samples and then the last one again."""
-    return np.pad(samples, (0, length - samples.size), mode="edge")
 
 
 def _check(record: PressureRecord) -> None:
@@ -261,7 +261,7 @@ def _check(record: PressureRecord) -> None:
 
 
 def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
-    """Return what is to be said of the pick of one record."""
+    """Return the notes on the pick of one record."""
     if not bool(pick.found):
         return ("nothing_found",)
     if np.isnan(pick.peak_overpressure_pa):
@@ -306,7 +306,7 @@ def hopeless(pick: Pick) -> bool:
 
 
 class Onset(NamedTuple):
-    """When a record becomes loud, in samples.
+    """Onset of a record, in samples.
 
     Attributes:
         sample: The first loud one.

@@ -77,7 +77,7 @@ FAR = 2.0
 LONG = 0.05
 """Of ln duration, from which on that is looked at."""
 HOLD = 1e4
-"""How firmly it is held there: as many times its prior."""
+"""Weight of its prior there, over the usual one."""
 FIRST, SHORT, AGAIN, ELSEWHERE, HELD = range(5)
 """The searches, in their order."""
 APART = 1.5
@@ -93,7 +93,7 @@ START_RISES = np.array([0.5, 1.5, 3.0, 5.0, 8.0, 13.0])
 SHIFTS = np.array([-1.5, -0.7, 0.0, 0.7, 1.5])
 """Places of the middle of the rise, from where the front was seen [samples]."""
 TURNS = np.array([0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4])
-"""How much later a ring shows it [radians of the ring]."""
+"""Delays of the front by a ring [radians of the ring]."""
 HIDDEN = np.exp(np.linspace(np.log(0.7), np.log(2.4), 20))
 """Frequencies of rings that a slow front may hide [rad/sample]: it excites a sensor
 little, and its rise is bent all the same."""
@@ -112,7 +112,7 @@ Numbers = TypeVar("Numbers")
 
 
 class Others(NamedTuple):
-    """What else has a share of the posterior.
+    """Other optima with a share of the posterior.
 
     Attributes:
         y: Unknowns of each.
@@ -168,7 +168,7 @@ def _wider(held: Optimum, dearer: Float[Array, ""]) -> Float[Array, ""]:
 
 
 class Elsewhere(NamedTuple):
-    """What other arrivals have of the posterior.
+    """Share of other arrivals in the posterior.
 
     Attributes:
         start: Unknowns of the best of them.
@@ -213,7 +213,7 @@ class Best(NamedTuple):
 
 
 class SoFar(NamedTuple):
-    """What a search knows of those before it.
+    """Results of earlier searches, for the next one.
 
     Attributes:
         sure: Whether the last one's peak is known, and fits.
@@ -229,11 +229,11 @@ class SoFar(NamedTuple):
 
 
 class Searched(NamedTuple):
-    """What a search found.
+    """Result of a search.
 
     Attributes:
-        found: The optimum; zeros, not converged, where none was asked for.
-        cost: Minus its ln posterior; infinite where none was asked for, or it is the
+        found: The optimum; zeros, not converged, where none was needed.
+        cost: Minus its ln posterior; infinite where none was needed, or it is the
             best one again.
         seen: What other arrivals have of the posterior, where that was looked at.
         end: Unknown arrival of the best of those before.
@@ -273,7 +273,7 @@ def _search(
     start: Float[Array, " unknown"],
     kind: Int[Array, ""],
 ) -> tuple[SoFar, Searched]:
-    """Search, if asked for; return what is known then, and what was found."""
+    """Search if needed; return the results so far, and of this search."""
     of = partial(misfit, bins)
     best, none = before.best, _nothing(start)
     held, far = kind == HELD, kind == ELSEWHERE
@@ -315,7 +315,7 @@ def _search(
 
 
 class _Elsewhere(NamedTuple):
-    """Where else a search may begin."""
+    """Another start of a search."""
 
     asked: Bool[Array, ""]
     start: Float[Array, " unknown"]
@@ -595,7 +595,7 @@ class Profiled(NamedTuple):
 def profiled(bins: Bins, trials: Float[Array, "trial unknown"], case: Case) -> Profiled:
     """Return pulses with peak, suction and drift at their best.
 
-    Of clipped bins nothing is asked: what they bound is looked at by the search.
+    Clipped bins are left out: the search accounts for their bounds.
 
     Args:
         bins: Where the record is looked at.

@@ -59,7 +59,7 @@ FURTHER = (
 )
 """Unknown only where a record shows a sign of them: frequency [rad/sample] and damping
 of a sensor that rings; lag [samples], peak and duration, both over the first one's, of
-a further front; corner of a high-pass that nobody told of [1/sample]; step of the
+a further front; corner of an unstated high-pass [1/sample]; step of the
 baseline at the front, over the peak."""
 FURTHER_CENTRE = np.array([0.0, -3.0, 3.0, np.log(0.5), 0.0, -5.0, 0.0])
 FURTHER_SPREAD = np.array([0.3, 1.0, 0.7, 1.0, 0.3, 1.5, 0.1])
