@@ -168,11 +168,9 @@ def place_of(place: Float[ArrayLike, "..."] | Sequence[float]) -> Float[Array, "
     Raises:
         InputError: It has not three numbers.
     """
-    position = np.shape(place)
-    if position != (3,):
-        raise InputError(
-            f"place: expected east, north and up [m], got shape {position}"
-        )
+    shape = np.shape(place)
+    if shape != (3,):
+        raise InputError(f"place: expected east, north and up [m], got shape {shape}")
     return as_float_array(jnp.asarray(place))
 
 

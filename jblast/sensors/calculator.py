@@ -14,7 +14,6 @@ scatter; for a root that scatter is divided by the slope of the law. Valid laws 
 differ by more than their scatter (90 %) are reported as a disagreement.
 """
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -42,6 +41,9 @@ from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.paths import Path
 from jblast.waves.waveform import friedlander_decay
 
+if TYPE_CHECKING:  # the tables of `fidelity` are read only where a law is recommended
+    from jblast.fidelity import Choice
+
 NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
 FEWEST_ROWS = 64
 """Rows are padded to a power of two from here on, so few shapes are compiled."""
@@ -49,12 +51,8 @@ SCALED_DISTANCES = np.geomspace(1e-2, 1e5, 4096)
 """Where roots are looked for [m/kg^(1/3)]."""
 BISECTIONS = 48
 """Of 0.4 %: to 1e-17 in ln, past rounding."""
-if TYPE_CHECKING:  # what is stored of methods is read where one answer is wanted
-    from jblast.fidelity import Choice
 STEP = 1e-3
 """In ln of a range or a mass: differences over it are a law's slope."""
-if TYPE_CHECKING:
-    from jblast.fidelity import Choice
 BEYOND = 1.645
 """Standard deviations of the difference of two laws: 90 % of their scatter lies within.
 """
@@ -141,7 +139,7 @@ def with_rows(
             path.ambient_pressure,
             path.sound_speed,
         )
-    return dataclasses.replace(
+    return replace(
         path,
         slant_range=slant_range,
         ground_range=slant_range,
@@ -168,9 +166,9 @@ def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
     charge = question.scene.charge
     if question.quantity or not float(charge.up) > 0.0:
         return np.zeros(ranges.shape, bool)
-    unsaid = dataclasses.replace(charge, burst=None)
-    scene = dataclasses.replace(question.scene, charge=unsaid)
-    rows = path_of_rows(dataclasses.replace(question, scene=scene))
+    unsaid = replace(charge, burst=None)
+    scene = replace(question.scene, charge=unsaid)
+    rows = path_of_rows(replace(question, scene=scene))
     return np.asarray(rows.free_air)
 
 
@@ -187,9 +185,9 @@ def with_burst(question: Question) -> Question:
     burst = (
         "free-air" if free.size and free.all() else None if free.any() else "surface"
     )
-    charge = dataclasses.replace(charge, burst=burst, by_height=True)
-    scene = dataclasses.replace(question.scene, charge=charge)
-    return dataclasses.replace(question, scene=scene)
+    charge = replace(charge, burst=burst, by_height=True)
+    scene = replace(question.scene, charge=charge)
+    return replace(question, scene=scene)
 
 
 @dataclass(frozen=True)
@@ -271,7 +269,7 @@ def calculate(
         if law is None:
             combination = COMBINATIONS[quantity]
             law = laws[combination.parts[0], name]
-            law = dataclasses.replace(law, range=combination.range)
+            law = replace(law, range=combination.range)
         two_sets = "burst" in law.arguments()
         of_law = Calculated(values[i], valid[i], law.range, two_sets)
         answer.setdefault(quantity, {})[name] = of_law
@@ -283,19 +281,19 @@ def only(answer: Calculation, quantity: str = "", law: str = "") -> Calculation:
 
     Quantities that the law does not give are left out.
     """
-    kept = {
+    selected = {
         name: {of: one for of, one in by_law.items() if law in ("", of)}
         for name, by_law in answer.items()
         if quantity in ("", name)
     }
-    return {name: by_law for name, by_law in kept.items() if by_law}
+    return {name: by_law for name, by_law in selected.items() if by_law}
 
 
 def with_other_burst(scene: Scene) -> Scene:
     """Return the scene with the other of the two curve sets."""
     other: Burst = "surface" if scene.charge.burst == "free-air" else "free-air"
-    charge = dataclasses.replace(scene.charge, burst=other)
-    return dataclasses.replace(scene, charge=charge)
+    charge = replace(scene.charge, burst=other)
+    return replace(scene, charge=charge)
 
 
 def evaluate(
@@ -307,9 +305,7 @@ def evaluate(
     """Return values and validity of some laws, then of what they give together."""
     charge = scene.charge
     if charge.burst is None and not float(charge.up) > 0.0:  # half of the program
-        scene = dataclasses.replace(
-            scene, charge=dataclasses.replace(charge, burst="surface", by_height=True)
-        )
+        scene = replace(scene, charge=replace(charge, burst="surface", by_height=True))
     n = len(slant_range)
     padding = (0, max(FEWEST_ROWS, 1 << (n - 1).bit_length()) - n)
     ranges, masses = (

@@ -91,15 +91,15 @@ def felt(
         for rows in (flight.velocity_m_s, flight.body_rate_rad_s, flight.quaternion)
     )
     turned = jax.vmap(quaternion_matrix)(attitude)
-    lever = jnp.cross(rate, jnp.broadcast_to(offset_m, rate.shape))
-    place_velocity = velocity + jnp.einsum("nij,nj->ni", turned, lever)
+    place_velocity = velocity + jnp.einsum("nij,nj->ni", turned, _cross(rate, offset_m))
     step = jnp.diff(edges_s)[:, None]
     gained = jnp.diff(place_velocity, axis=0) / step
     gained = gained + jnp.array([[0.0, 0.0, FLIGHT_GRAVITY]])
     turn = jax.vmap(rotation_between)(attitude[:-1], attitude[1:])
     # attitude in the middle of a sample: half of its turn on
-    half = jax.vmap(_half_on)(attitude[:-1], turn)
-    to_world = jax.vmap(quaternion_matrix)(half)
+    halves = jax.vmap(rotation_quaternion)(turn / 2)
+    middle = jax.vmap(quaternion_product)(attitude[:-1], halves)
+    to_world = jax.vmap(quaternion_matrix)(middle)
     force = jnp.einsum("nji,nj->ni", to_world, gained)
     to_body = quaternion_matrix(quaternion)
     return Felt(force @ to_body, turn / step @ to_body)
@@ -129,8 +129,10 @@ def rotation_quaternion(vector: Float[Array, "3"]) -> Float[Array, "4"]:
     return jnp.append(scale * vector, cosine)
 
 
-def _half_on(attitude: Float[Array, "4"], turn: Float[Array, "3"]) -> Float[Array, "4"]:
-    return quaternion_product(attitude, rotation_quaternion(turn / 2))
+def _cross(
+    rates: Float[Array, "row 3"], arm: Float[Array, "3"]
+) -> Float[Array, "row 3"]:
+    return jnp.cross(rates, jnp.broadcast_to(arm, rates.shape))
 
 
 def _at(
@@ -428,9 +430,3 @@ def beyond(
         bias = bias + left(bias)[:base].mean(axis=0)
     found = left(bias)
     return found, jnp.einsum("nij,nj->ni", to_world, found)
-
-
-def _cross(
-    rates: Float[Array, "row 3"], arm: Float[Array, "3"]
-) -> Float[Array, "row 3"]:
-    return jnp.cross(rates, jnp.broadcast_to(arm, rates.shape))

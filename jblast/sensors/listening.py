@@ -179,7 +179,7 @@ def _truths(
     scene_of: Callable[[Scene, str], Scene] | None,
 ) -> tuple[Scene, Truth, dict[str, tuple[Scene, Mapping[str, str]]]]:
     """Return the scene settled, what its laws say, and by kind who has another one."""
-    settled, truth = truth_of(scene, sensors, tracks)
+    own_scene, truth = truth_of(scene, sensors, tracks)
     otherwise: dict[str, tuple[Scene, Mapping[str, str]]] = {}
     kinds = dict.fromkeys(sensor.kind for sensor in sensors) if scene_of else ()
     for kind in kinds:
@@ -194,7 +194,7 @@ def _truths(
             valid=_rows_of(own, theirs.valid, truth.valid),
             places=_rows_of(own[..., None], theirs.places, truth.places),
         )
-    return settled, truth, otherwise
+    return own_scene, truth, otherwise
 
 
 def _rows_of(

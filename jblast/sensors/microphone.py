@@ -47,6 +47,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key
 from jblast.errors import InputError, shown
 from jblast.scene import Ambient, Instrument, Scene, Sensor
 from jblast.sensors.arrivals import Track, heard
+from jblast.sensors.gauge import edges_of, rate_of
 from jblast.sensors.instrument import Chain, chain_block, chain_start, instrument_chain
 from jblast.sensors.pressure_history import RecordedSound, counted_from, wave_mean
 from jblast.sensors.samples import (
@@ -70,7 +71,6 @@ from jblast.waves.propagation import (
     absorption_transfer,
     air_density,
     ambient,
-    ambient as ambient_of,
 )
 from jblast.waves.pulse import GroundPulse, Pulse
 
@@ -164,8 +164,7 @@ def record(
     Example:
         `microphone.record(scene, scene.sensors[0], 1.0, jax.random.key(0))`
     """
-    instrument = microphone.instrument or Instrument()
-    n = sample_count(duration_s, instrument.rate)
+    n = sample_count(duration_s, rate_of(microphone))
     sound, state = _start(
         scene, microphone, key, start_s, laws, track, rotors, wave_paths
     )
@@ -208,12 +207,11 @@ def stream(
     Example:
         `for packet in microphone.stream(scene, sensor, key, packets_hz=100.0): ...`
     """
-    rate = (microphone.instrument or Instrument()).rate
     sound, state = _start(
         scene, microphone, key, start_s, laws, track, rotors, wave_paths
     )
     timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
-    return packets(sound_block, sound, state, rate, **timing)
+    return packets(sound_block, sound, state, rate_of(microphone), **timing)
 
 
 class BlastWave(NamedTuple):
@@ -339,10 +337,9 @@ def _start(
     if not isinstance(start, Tracer) and not np.isfinite(np.asarray(start)):
         raise InputError(f"{where}: expected a finite start_s, got {float(start):g} s")
     place = microphone.position_m if track is None else track
-    rate = (microphone.instrument or Instrument()).rate
     # outside jit, where it compiles in parts, leaves out waves that nothing can make,
     # and says what is wrong with the rest
-    waves = blast_waves(scene, place, rate, laws, wave_paths)
+    waves = blast_waves(scene, place, rate_of(microphone), laws, wave_paths)
     return set_up(scene, microphone, key, start, waves, track, rotors)
 
 
@@ -371,19 +368,19 @@ def set_up(
     keys = jax.random.split(key, 4)
     begin = start_s - microphone.clock_offset_s
     place = microphone.position_m if track is None else track
-    ambient = wind = None
+    background = wind = None
     if scene.ambient is not None:
-        ambient = ambient_sound(scene.ambient, instrument.rate, keys[0])
+        background = ambient_sound(scene.ambient, instrument.rate, keys[0])
     if instrument.wind_noise is not None:
         air = scene.air
-        density = air_density(*ambient_of(air), air.relative_humidity)
+        density = air_density(*ambient(air), air.relative_humidity)
         level = density * (air.wind_east**2 + air.wind_north**2)
         level = instrument.wind_noise * level
         wind = coloured_noise(keys[1], instrument.rate, level, WIND_SLOPE)
     sound = Sound(
         waves=tuple(wave.later(begin) for wave in waves),
         ambient=scene.ambient,
-        ambient_sound=ambient,
+        ambient_sound=background,
         place=place,
         begin=begin,
         wind=wind,
@@ -392,7 +389,7 @@ def set_up(
     )
     return sound, (
         tuple(wave_start(wave) for wave in waves),
-        None if ambient is None else ambient_start(ambient),
+        None if background is None else ambient_start(background),
         None if wind is None else noise_start(wind),
         chain_start(sound.chain),
     )
@@ -405,7 +402,7 @@ def sound_block(
     of_waves, of_ambient, of_wind, of_chain = state
     rate = sound.chain.instrument.rate
     shift = block_start(index, rate)
-    edges = jnp.arange(BLOCK + 1, dtype=float) / rate
+    edges = edges_of(rate)
     pressure = jnp.zeros(BLOCK)
     after = []
     for wave, of_wave in zip(sound.waves, of_waves, strict=True):
@@ -414,12 +411,12 @@ def sound_block(
         pressure = pressure + heard
     middle = edges[:-1] + 0.5 / rate
     if sound.ambient is not None and sound.ambient_sound is not None:
-        of_ambient, ambient = ambient_block(sound.ambient_sound, of_ambient, index)
+        of_ambient, background = ambient_block(sound.ambient_sound, of_ambient, index)
         if isinstance(sound.place, Track):
             up = sound.place.at(middle + (shift[0] + sound.begin) + shift[1])[..., 2]
         else:
             up = sound.place[2]
-        pressure = pressure + share_at_height(sound.ambient, up) * ambient
+        pressure = pressure + share_at_height(sound.ambient, up) * background
     if sound.wind is not None:
         of_wind, wind = noise_block(sound.wind, of_wind, index)
         pressure = pressure + wind

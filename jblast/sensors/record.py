@@ -30,6 +30,7 @@ from jblast.quantities import (
     CIRCULAR,
     CLOCK_TIMES,
     TIMES,
+    components,
 )
 from jblast.registry import (
     Law,
@@ -46,7 +47,6 @@ from jblast.sensors.layout import (
     check_laws,
     check_layout,
     check_scene,
-    components,
     joined,
     opaque_constant,
     picked,
@@ -285,7 +285,7 @@ def path_effects(
     for (quantity, shot), row in first.items():
         for name, _ in components(quantity):
             of_path = _path_scatter(law_for(name, laws[name]), scene, layout, row)
-            if not (isinstance(of_path, int | float) and of_path == 0):
+            if not _is_zero(of_path):
                 found.add((name, shot))
     return frozenset(found)
 

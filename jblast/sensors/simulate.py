@@ -275,11 +275,9 @@ def observe(
         # with a key of its own: the draws of all other effects do not depend on them
         fields_key = jax.random.fold_in(shared_key, 1)
         shared += neighbours @ jax.random.normal(fields_key, (neighbours.shape[1],))
-    if own is not None:
-        pass
-    elif noise == "student":
+    if own is None and noise == "student":
         own = jax.random.t(own_key, STUDENT_FREEDOM, sigma.shape)
-    else:
+    elif own is None:
         own = jax.random.normal(own_key, sigma.shape)
     error = shared + own * jnp.hypot(sigma, of_laws.record_sd)
     moved, grown = recording.value + error, recording.value * jnp.exp(error)
