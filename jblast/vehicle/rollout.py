@@ -480,16 +480,13 @@ def parted(arguments: PyTree, batch: tuple[int, ...]) -> tuple[PyTree, PyTree]:
 
     def of_each(keep_each: bool) -> PyTree:
         def part(node: Any) -> Any:
-            if isinstance(node, Each) != keep_each and not isinstance(node, Each):
-                return None
-            value = own(node)
-            if isinstance(node, Each):
-                arrays, rest = eqx.partition(value, eqx.is_array)
-                if not keep_each:
-                    return rest
-                count = len(batch)
-                return jax.tree.map(lambda x: x.reshape(-1, *x.shape[count:]), arrays)
-            return value
+            if not isinstance(node, Each):
+                return None if keep_each else node
+            arrays, rest = eqx.partition(node.value, eqx.is_array)
+            if not keep_each:
+                return rest
+            count = len(batch)
+            return jax.tree.map(lambda x: x.reshape(-1, *x.shape[count:]), arrays)
 
         return jax.tree.map(part, arguments, is_leaf=lambda x: isinstance(x, Each))
 

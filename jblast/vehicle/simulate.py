@@ -338,11 +338,10 @@ def check_step(
     Raises:
         InputError: The step is too large.
     """
-    # whoever holds by gains, as a mission does, says so by the attribute
-    gains = getattr(own(control), "gains", None)
+    # all controllers with gains, missions too, have this attribute
+    # a batch of gains is not looked at: each vehicle that diverges is reported
+    gains = None if isinstance(control, Each) else getattr(control, "gains", None)
     gains = gains if isinstance(gains, Gains) else None
-    if isinstance(control, Each):
-        gains = None  # a batch of gains: each lane that diverges is named
     looked_at = jax.tree.leaves((vehicle.motor_lag_s, gains))
     if any(isinstance(x, Tracer) for x in looked_at):
         return

@@ -325,7 +325,7 @@ def toned(light: Any) -> Any:
     Returns:
         An array of the same kind; light from 0 to 1 is unchanged.
     """
-    xp: Any = np if isinstance(light, np.ndarray) else jnp
+    xp = _namespace(light)
     light = xp.maximum(light, 0.0)
     peak = xp.maximum(light.max(axis=-1, keepdims=True), 1.0)
     part = 1.0 / (DESATURATION * (peak - 1.0) + 1.0)

@@ -93,6 +93,9 @@ OBSERVER_RATE = 4.0
 """Of named vehicles [1/s]: as quick as their holds brake sideways; declared."""
 Flag = Bool[Array, ""]
 DESCENT_M_S = 1.5
+"""Greatest commanded descent: MPC_Z_VEL_MAX_DN of PX4."""
+INTEGRAL_LIMIT_M_S2 = 5.0
+"""Of the integral along each axis, unless the gains have one; declared."""
 THRUST_FLOOR = 0.24
 """Least thrust, of the weight."""
 TILT_SLOPE = math.tan(math.radians(45.0))
@@ -179,7 +182,9 @@ class Gains(eqx.Module):
     integral: Float[Array, "3"] = eqx.field(
         converter=floats, default_factory=lambda: jnp.zeros(3)
     )
-    integral_limit: Float[Array, ""] = eqx.field(converter=floats, default=5.0)
+    integral_limit: Float[Array, ""] = eqx.field(
+        converter=floats, default=INTEGRAL_LIMIT_M_S2
+    )
     motor_lead: Float[Array, ""] | None = eqx.field(
         converter=lambda x: None if x is None else floats(x), default=None
     )
@@ -344,7 +349,9 @@ def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
         integral=numbers(
             parameters.get("ki_pos", [0.0, 0.0, 0.0]), "ki_pos", three, least=0.0
         ),
-        integral_limit=number(parameters, "integral_limit", least=0.0, default=5.0),
+        integral_limit=number(
+            parameters, "integral_limit", least=0.0, default=INTEGRAL_LIMIT_M_S2
+        ),
         motor_lead=lead,
     )
 

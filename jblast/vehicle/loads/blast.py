@@ -151,7 +151,8 @@ class BlastLoad(eqx.Module):
         motion = components(state)
         attitude = rotation(unit(motion.quaternion))
         wind = three(self.wind_m_s)
-        air = add(wind, _minus(motion.velocity))
+        v = motion.velocity
+        air = add(wind, (-v[0], -v[1], -v[2]))
         flies = jnp.stack(
             turned(motion.quaternion, air_wrench(vehicle, motion, wind)[0])
         )
@@ -215,7 +216,7 @@ class BlastLoad(eqx.Module):
         sound = jnp.maximum(self.sound_speed_m_s - 2 * blow, 0.0)
         speed, most = _length(state.velocity_m_s), MOST_ACCELERATION_M_S2
 
-        def until(blast: Blast) -> Float[Array, ""]:
+        def quiet(blast: Blast) -> Float[Array, ""]:
             wave, happens = self.wave_of(blast, state.position_m), ~blast.never
             came = self.front_time_s(blast, state.position_m, start_s)
             crossing = crossing_time(body, wave)  # of which half comes before
@@ -226,7 +227,7 @@ class BlastLoad(eqx.Module):
             return jnp.where(happens, start_s + jnp.where(over, slow, wait), jnp.inf)
 
         never = jnp.asarray(jnp.inf, start_s.dtype)
-        return functools.reduce(jnp.minimum, over_alike(until, self.waves), never)
+        return functools.reduce(jnp.minimum, over_alike(quiet, self.waves), never)
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]
@@ -282,10 +283,6 @@ class BlastLoad(eqx.Module):
     def surroundings(self) -> Surroundings:
         """Return the air that the waves go through."""
         return Surroundings(self.pressure_pa, self.sound_speed_m_s, self.wind_m_s)
-
-
-def _minus(v: Vector) -> Vector:
-    return -v[0], -v[1], -v[2]
 
 
 def _only(happens: Bool[Array, ""], v: Vector) -> Vector:

@@ -202,7 +202,8 @@ def wave_at(
         suction=suction,
         suction_s=16 / 9 * impulse / suction,
         sound_speed_m_s=sound_speed_m_s,
-        afterflow_m_s2=jnp.square(sound_speed_m_s) / (1.4 * distance_m),
+        afterflow_m_s2=jnp.square(sound_speed_m_s)
+        / (AIR_HEAT_CAPACITY_RATIO * distance_m),
     )
 
 

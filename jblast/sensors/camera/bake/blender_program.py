@@ -101,12 +101,8 @@ def run(
         What went wrong, in words; None if nothing did.
     """
     command = [
-        *(
-            str(Path(program).resolve()),
-            _option("background"),
-            _option("python-exit-code"),
-            "3",
-        ),
+        str(Path(program).resolve()),
+        *(_option("background"), _option("python-exit-code"), "3"),
         *([] if blend is None else [str(blend.resolve())]),
         *(_option("factory-startup"), _option("python")),
         *(str(SCRIPTS / f"blender_{script}.py"), "--", str(settings.resolve())),

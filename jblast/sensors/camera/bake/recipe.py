@@ -393,7 +393,11 @@ def best_offset(number: int) -> float:
     """
     if number < 2:
         return PLAIN
-    return float(max(OFFSETS, key=lambda e: _distance(number, float(e))))
+
+    def distance(offset: float) -> float:
+        return packing_distance(fibonacci_lattice(number, float(offset)))
+
+    return float(max(OFFSETS, key=distance))
 
 
 def sphere_bound(number: int) -> float:
@@ -419,7 +423,3 @@ def hemisphere_bound(number: int) -> float:
         fits = number * (1 - math.cos(middle / 2)) <= 1 + math.sin(middle / 2)
         low, high = (middle, high) if fits else (low, middle)
     return high
-
-
-def _distance(number: int, offset: float) -> float:
-    return packing_distance(fibonacci_lattice(number, offset))

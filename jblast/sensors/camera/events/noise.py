@@ -32,7 +32,7 @@ from jblast.sensors.camera.events.ideal import (
     log_intensity,
     reset_events,
 )
-from jblast.sensors.camera.events.stream import Block, stream_events
+from jblast.sensors.camera.events.stream import Block, padded_size, stream_events
 from jblast.types import as_float_arrays
 
 
@@ -186,7 +186,7 @@ def noisy_stream(
         if noise.shot_hz is not None:
             mean = noise.shot_hz * shape[0] * shape[1] * (stop - start)
             # ten standard deviations: none is lost
-            room = _room(int(mean + 10.0 * np.sqrt(mean) + 10.0))
+            room = padded_size(int(mean + 10.0 * np.sqrt(mean) + 10.0))
             here = jax.random.fold_in(shot, i)
             extra = _shot_noise(here, noise.shot_hz, shape, start, stop, capacity=room)
         if extra is None and (held is not None or noise.refractory_s is None):
@@ -328,14 +328,9 @@ def _signal(logs, times, signal, bandwidth_hz, drift, start):
     return logs[1:], last
 
 
-def _room(count: int) -> int:
-    """Return the next power of two, so that few programs are compiled."""
-    return max(256, 1 << (count - 1).bit_length())
-
-
 def _padded(events: Events) -> Events:
     """Return events on the device, with empty places at the end."""
-    room = [(0, _room(len(events.time)) - len(events.time))]
+    room = [(0, padded_size(len(events.time)) - len(events.time))]
     fill = {"x": -1, "y": -1, "time": np.inf, "polarity": 0}
     fields = {
         name: jnp.asarray(np.pad(getattr(events, name), room, constant_values=value))

@@ -13,9 +13,7 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.files import replacing
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.files import evt3
-from jblast.sensors.camera.files.aedat4 import LARGEST, read_aedat4, write_aedat4
-from jblast.sensors.camera.files.evt3 import read_evt3, write_evt3
+from jblast.sensors.camera.files import aedat4, evt3
 from jblast.sensors.camera.files.recorded_events import (
     TYPES,
     Columns,
@@ -32,8 +30,8 @@ READERS = {
     ".h5": read_dsec,
     ".hdf5": read_dsec,
     ".npz": read_arrays,
-    ".raw": read_evt3,
-    ".aedat4": read_aedat4,
+    ".raw": evt3.read_evt3,
+    ".aedat4": aedat4.read_aedat4,
 }
 
 
@@ -78,8 +76,8 @@ WRITERS = {
     ".h5": Format(write_dsec, 1 << 16),
     ".hdf5": Format(write_dsec, 1 << 16),
     ".npz": Format(write_arrays, 1 << 16),
-    ".raw": Format(write_evt3, evt3.LARGEST),
-    ".aedat4": Format(write_aedat4, LARGEST),
+    ".raw": Format(evt3.write_evt3, evt3.LARGEST),
+    ".aedat4": Format(aedat4.write_aedat4, aedat4.LARGEST),
 }
 """By what the file's name ends in."""
 

@@ -30,6 +30,9 @@ from jblast.errors import InputError, needed
 from jblast.files import replacing
 from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
 
+if TYPE_CHECKING:
+    from av.error import FFmpegError
+
 HIGH_DEFINITION = 720
 """Rows from which on a video that does not say is coded by BT.709, and not BT.601."""
 ROUNDED = 0x2 | 0x2000 | 0x40000
@@ -49,8 +52,6 @@ UNEVEN = 0.5
 and a frame that is missing is off by one."""
 UNSPECIFIED, SRGB = 2, 13
 """Their numbers in H.273."""
-if TYPE_CHECKING:
-    from av.error import FFmpegError
 LOCAL = {"protocol_whitelist": "file"}
 """A playlist must not send us to other machines."""
 

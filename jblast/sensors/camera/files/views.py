@@ -87,7 +87,12 @@ EXPLOSION_KEYS = (
     *("reference_temperature_k", "air_temperature_k"),
 )
 VIEW_KEYS = (
-    *("file", "azimuth_deg", "elevation_deg", "direction", "radius_px", "anchor_px"),
+    "file",
+    "azimuth_deg",
+    "elevation_deg",
+    "direction",
+    "radius_px",
+    "anchor_px",
 )
 INDEX = "views.toml"
 
