@@ -47,15 +47,15 @@ FOUND, OVER = 6.0, 4.0
 over `SMOOTH_S`, it is not any more."""
 SMOOTH_S, QUIET_S = 0.005, 0.03
 CLIPPED_SHARE = 0.02
-"""Of the largest, below which a clipped jolt is over: it leaves a velocity that nobody
-knows, and what that gives is no jolt."""
+"""Of the largest, below which a clipped jolt is over: its velocity afterwards is
+unknown, and the drag of an unknown velocity is no jolt."""
 FLOOR_M_S2 = 1e-3
 """Of noise: what straight lines between the rows of a flight leave."""
 MODEL_SHARE = 0.03
-"""What the forward model is off by, of the jolt, one standard deviation:
+"""Error of the forward model over the jolt, one standard deviation:
 `calibration.jolts`."""
 ATTITUDE_RAD = 0.01
-"""How well the vehicle knows its attitude where the stretch begins, likewise."""
+"""Error of the attitude where the samples begin, one standard deviation, likewise."""
 
 
 class Felt(NamedTuple):
@@ -211,13 +211,13 @@ class JoltPick(NamedTuple):
 
     @property
     def speed_m_s(self) -> tuple[float, float]:
-        """Its size and sd, what the forward model leaves out among it."""
+        """Size and sd, including the error of the forward model."""
         size = float(np.linalg.norm(self.velocity_m_s))
         return size, math.hypot(self.sd_m_s, MODEL_SHARE * size)
 
     @property
     def bearing_rad(self) -> tuple[float, float]:
-        """Whereto, clockwise from north, and sd; an infinite one of none."""
+        """Direction, clockwise from north, and sd; infinite if it has no direction."""
         east, north, _ = self.velocity_m_s
         level = math.hypot(east, north)
         sd = math.hypot(self.sd_m_s / level, ATTITUDE_RAD) if level else math.inf
@@ -225,7 +225,7 @@ class JoltPick(NamedTuple):
 
     @property
     def elevation_rad(self) -> tuple[float, float]:
-        """How steeply up, and sd."""
+        """Elevation and sd."""
         east, north, up = self.velocity_m_s
         size = float(np.linalg.norm(self.velocity_m_s))
         own = math.hypot(ATTITUDE_RAD, MODEL_SHARE)
@@ -255,11 +255,11 @@ def pick_jolt(
         samples: The stretch.
         imu: What wrote them.
         vehicle: What it is on.
-        start: Its motion where the stretch begins, as it knows it.
+        start: Estimate of its motion where the stretch begins.
         rotor_speed_rad_s: In the middle of each sample.
         offset_m: Of the instrument, body axes.
         quaternion: Instrument to body (x, y, z, w).
-        wind_m_s: Of the air, as far as it is known; None: still.
+        wind_m_s: Of the air, estimated; None: still.
     """
     count = len(samples.force)
     base = base_of(count)
@@ -302,7 +302,7 @@ def pick_jolt(
 
 
 class _Noise(NamedTuple):
-    """What is left of a sample without a jolt, sd [m/s2].
+    """Noise of a residual without a jolt, sd [m/s2].
 
     Attributes:
         white: Of the accelerometer, and of its bits.
@@ -405,7 +405,7 @@ def beyond(
         return quaternion_product(attitude, whole), quaternion_product(attitude, half)
 
     _, attitude = jax.lax.scan(turn, start.quaternion, (turns, halves))
-    # the instrument's place is thrown as the vehicle turns, and it is not
+    # acceleration of the instrument's place by the vehicle's rotation
     edges = jnp.concatenate([rate[:1], (rate[1:] + rate[:-1]) / 2, rate[-1:]])
     thrown = jnp.diff(_cross(edges, offset_m), axis=0) / step_s
     thrown = thrown + jnp.cross(rate, _cross(rate, offset_m))

@@ -44,7 +44,8 @@ class Layout(eqx.Module):
         time: Clock time of the row [s]; NaN but for `quantities.TIMED`.
         group: Rows with the same number share the effects of their path.
         shot: Which of the scene's charges each row is of.
-        clock: Name of the clock of each row; one the scene does not know is right.
+        clock: Name of the clock of each row; one that is not in the scene has no
+            offset.
         free_air: By row, whether the free-air curves hold where a charge leaves that to
             its height, as settled beforehand; () decides wherever numbers are.
     """
@@ -127,7 +128,7 @@ def layout_of(observations: Observations, scene: Scene) -> Layout:
 
 
 def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence[str]]:
-    """Return the rows a scene's sensors say they record, of each charge that happens.
+    """Return the rows that a scene's sensors record, of each charge that happens.
 
     Returns:
         The layout, the sigma of each row (in its unit for `ADDITIVE`, else relative),

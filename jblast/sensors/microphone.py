@@ -21,9 +21,9 @@ $$p(t) = (\Omega/\Omega_0)^2 \sum_m A_m \sin(m B \varphi(t) + \alpha_m), \quad
   \dot\varphi = \Omega$$
 
 with the amplitude of its thrust. Between knots the speed is linear, so the phase is a
-parabola and is integrated exactly, in turns less whole turns: it is as exact after
-hours. Samples are means over their duration. Harmonics above half the rate, which would
-alias, are left out.
+parabola and is integrated exactly, in turns less whole turns, so that its error does
+not grow over hours. Samples are means over their duration. Harmonics above half the
+rate, which would alias, are left out.
 
 The thesis sends packets of a loop from a ring buffer of fixed size (section 3.3.2):
 a packet at the head of the background's loop is sent, clipped, and appended at the end,
@@ -89,7 +89,8 @@ class WavePaths(NamedTuple):
         reflection: Coefficient of the ground under an elevated place; 0 leaves
             reflections out.
         ground: Whether the wave in the ground is heard.
-        absorption: Whether air absorbs what the laws do not know of (`Heard.absorbed`).
+        absorption: Whether air absorbs where the laws do not include it
+            (`Heard.absorbed`).
         sound: Recorded, in place of the pulses that the laws make.
     """
 
@@ -148,7 +149,7 @@ def record(
         scene: What is there: charges, air, ambient sound.
         microphone: Where it is, its clock and its instrument.
         duration_s: Of the record [s].
-        key: What all noise is drawn from.
+        key: Random key of all noise.
         start_s: When the first sample begins, by the microphone's clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
         track: Where it is over time, on the common clock, instead of its position.
@@ -189,9 +190,9 @@ def stream(
     Sample for sample what `record` returns, whatever the packets.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         microphone: Where it is, its clock and its instrument.
-        key: What all noise is drawn from.
+        key: Random key of all noise.
         packet_s: Duration of a packet [s]; or
         packets_hz: packets a second [Hz].
         start_s: When the first sample begins, by the microphone's clock [s].
@@ -319,7 +320,7 @@ def _start(
     rotors: Rotors | None,
     wave_paths: WavePaths,
 ) -> tuple[Sound, Any]:
-    """Set a microphone up, and refuse what can be seen to be none."""
+    """Set a microphone up; refuse a sensor of another kind or below the ground."""
     where = f"microphone {shown(microphone.name)}"
     if microphone.kind not in ("", "microphone"):
         raise InputError(
@@ -338,7 +339,7 @@ def _start(
         raise InputError(f"{where}: expected a finite start_s, got {float(start):g} s")
     place = microphone.position_m if track is None else track
     # outside jit, where it compiles in parts, leaves out waves that nothing can make,
-    # and says what is wrong with the rest
+    # and reports errors of the rest
     waves = blast_waves(scene, place, rate_of(microphone), laws, wave_paths)
     return set_up(scene, microphone, key, start, waves, track, rotors)
 
@@ -356,9 +357,9 @@ def set_up(
     """Return a microphone that is set up, and the state that it starts with.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         microphone: Where it is, its clock and its instrument.
-        key: What all noise is drawn from.
+        key: Random key of all noise.
         start_s: When the first sample begins, by the microphone's clock [s].
         waves: All that come, on the common clock.
         track: Where it is over time, instead of its position.
@@ -436,7 +437,7 @@ def blast_waves(
     """Set up every wave that comes to a place, on the common clock.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         place: East, north, up [m], or where that is over time.
         rate: Samples a second [Hz].
         laws: By quantity; absent ones as for `heard`.
@@ -639,12 +640,12 @@ class LoopPackets:
 
     @property
     def waiting(self) -> int:
-        """How many samples are there to be sent; never more than three loops."""
+        """Number of samples to be sent; never more than three loops."""
         return self._ring.waiting
 
     @property
     def reach(self) -> int:
-        """How many samples from the head a blast may end."""
+        """Greatest distance of a blast's end from the head, in samples."""
         return self._ring.capacity - self._loop.size
 
     def send(self, size: int) -> Float[np.ndarray, " sample"]:

@@ -16,8 +16,8 @@ a diameter the gaps transmit light as if the depth were
 
 $$\tau_0 = N\,(1 - e^{-\tau_s/N})$$
 
-(Natta and Panagia 1984, from memory). A bright fireball still shows its whole disc,
-where little alpha is much light; black smoke has a soft limb.
+(Natta and Panagia 1984, from memory). A bright fireball still shows its whole disc, as
+at its limb even a small alpha is much light; black smoke has a soft limb.
 
 The light is a black body's, between that of the middle and that of the cooler limb by
 $h^2$: as if the temperature fell with $b^2$. Soot reflects an even sky above and a
@@ -97,7 +97,7 @@ SLACK = 0.1
 
 
 class Appearance(eqx.Module):
-    """How a fireball is exposed, and how its smoke is distributed.
+    """Exposure of a fireball, and distribution of its smoke.
 
     Attributes:
         white: Luminance that is full scale [cd/m2].
@@ -221,7 +221,7 @@ def fireballs_seen(
 
 
 class RayPassage(eqx.Module):
-    """How rays pass a cloud; zero where they miss it.
+    """Passages of rays through a cloud; zero where they miss it.
 
     Attributes:
         column: Optical depth over that along a diameter [-], 0 to 1.

@@ -76,7 +76,7 @@ OPPOSITE = 1e-9
 
 
 class Gathered(eqx.Module):
-    """What a cascade remembers.
+    """Memory of a cascade.
 
     Attributes:
         pull_m_s2: Integral of the velocity's error, as the pull it asks for.

@@ -31,9 +31,9 @@ weaker, and pushing upwards. On the ground both arrive simultaneously and the pr
 is doubled (the rigid wall of acoustics, as for microphones). It is a blast like any
 other, so its impulse within a step is complete. Strong fronts are reflected more
 strongly: at the ground, head on, by $1 + 3x/(7 + x)$ (Rankine and Hugoniot), 1.04 at 10
-kPa, 1.38 at 100. A burst whose reflection arrives within the positive phase, as in the
-region of the Mach stem, has the surface curves and one front. The vehicle does not turn
-the front.
+kPa, 1.37 at 100. A burst whose reflection arrives within the positive phase, as in the
+region of the Mach stem, has the surface curves and one front. The vehicle does not
+deflect the front.
 
 The jolt is the change of velocity by the whole wave,
 
@@ -265,9 +265,9 @@ class BlastLoad(eqx.Module):
         )
 
     def in_range(self, position_m: Float[Array, "... 3"]) -> Bool[Array, "... blast"]:
-        """Return where the waves laws hold: elsewhere the load is finite, no more.
+        """Return where all laws of the waves hold (`RANGE`).
 
-        On the surface Z = 0.178 to 40 m/kg^(1/3), in free air 0.147 to 36.975.
+        Elsewhere the load is finite, but extrapolated.
         """
 
         def holds(blast: Blast) -> Bool[Array, "..."]:
@@ -307,7 +307,7 @@ class RotorForce(NamedTuple):
 
 
 class WindImpulse(NamedTuple):
-    """What the wind gives within a step.
+    """Impulse of the wind within a step.
 
     Attributes:
         body: Impulse of drag and front, world [N s].
@@ -434,7 +434,7 @@ def rotors_in_wind(
     """Return what the rotors feel of a wind: force, world, and moment, body.
 
     Without the frame's drag both are polynomials of second degree in the speed of the
-    wind: three of its values tell it.
+    wind, which three of its values define.
     """
     probe = passage.wave.sound_speed_m_s / 10
     bare = eqx.tree_at(

@@ -313,7 +313,7 @@ def drag_functions(real: type) -> SimpleNamespace:
 
 
 def curve_table() -> np.ndarray:
-    """Return coefficients of all curves: (curve, stretch, 4)."""
+    """Return coefficients of all curves: (curve, interval, 4)."""
     return np.stack(
         [curve.coefficients for burst in BURSTS for curve in wave_curves(burst)]
     )

@@ -37,7 +37,7 @@ from jblast.types import as_float_arrays
 
 
 class NoiseModel(NamedTuple):
-    """What makes an event camera a real one; None leaves an effect out.
+    """Imperfections of a real event camera; None leaves an effect out.
 
     Attributes:
         mismatch: Standard deviation of the logarithm of thresholds, pixel to pixel.
@@ -50,10 +50,11 @@ class NoiseModel(NamedTuple):
         hot_hz: The mean of their rates.
         shot_hz: Events of a pixel from noise, of either sign.
         refractory_s: After an event a pixel sends none for so long.
-        refractory: What a pixel does then. "reset": it is held in reset, and starts
-            anew from the light at the end. "esim": it goes on, and its events are left
-            out, as in ESIM and vid2e. An event from noise begins a period by the rule
-            of ESIM in both: others within it are left out, and it resets nothing.
+        refractory: Behaviour in that period. "reset": the pixel is held in reset, and
+            starts again from the light at the end. "esim": it continues, and its events
+            are left out, as in ESIM and vid2e. An event from noise begins a period by
+            the rule of ESIM in both: others within it are left out, and it resets
+            nothing.
     """
 
     mismatch: float | None = 0.15
@@ -398,7 +399,7 @@ def low_passed(
 
 
 class Leak(NamedTuple):
-    """How the references of pixels sink.
+    """Fall of the references of pixels.
 
     Attributes:
         rate: Leak events of each pixel in still light [Hz].

@@ -42,11 +42,11 @@ def read_events(
 
     Args:
         path: Its suffix is one that `write_events` writes.
-        size: Width and height of a file that does not tell them.
+        size: Width and height, for a file that does not contain them.
 
     Raises:
         InputError: There is no such file, its suffix is another one, what reads its
-            format is not installed, it is empty or not whole, tells no size, or holds
+            format is not installed, it is empty or not whole, has no size, or holds
             what cannot be: times that fall, places outside the image.
     """
     path = Path(path)
@@ -60,7 +60,7 @@ def read_events(
 
 
 class Format(NamedTuple):
-    """How a file of events is written.
+    """Writer and limits of a format of events.
 
     Attributes:
         write: Takes an empty file, columns, width and height, and until which
@@ -83,7 +83,7 @@ WRITERS = {
 
 
 class Written(NamedTuple):
-    """How many events went into a file, and their signs."""
+    """Numbers of events written to a file, by sign."""
 
     events: int
     brighter: int
@@ -98,7 +98,7 @@ def write_events(
     *,
     duration_s: float = 0.0,
 ) -> Written:
-    """Write a stream of events whole or not at all; the suffix says which format.
+    """Write a stream of events whole or not at all, in the format of the suffix.
 
     All take them block by block but npz, which is put together in memory.
 

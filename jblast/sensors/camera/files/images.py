@@ -432,9 +432,9 @@ def read_webp(path: Path) -> UInt8[np.ndarray, "height width 4"]:
 def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height width"]:
     """Return how far away along each pixel's ray the background is [m].
 
-    Files tell the distance along the camera's axis, as depth cameras do (ROS REP 118).
-    A PNG's 0 means that nothing is known there, and is taken for infinitely far; so is
-    an infinite number of an .npy file.
+    Files contain the distance along the camera's axis, as depth cameras do (ROS REP
+    118). A PNG's 0 means that nothing is known there, and is taken for infinitely far;
+    so is an infinite number of an .npy file.
 
     Args:
         path: A grey PNG of 16 bits in millimetres, or an .npy file of floats in metres.

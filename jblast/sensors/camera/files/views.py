@@ -316,7 +316,7 @@ def is_explosion_set(directory: str | Path) -> bool:
 
 
 class ExplosionIndex(NamedTuple):
-    """What the index of a set says.
+    """Content of the index of a set.
 
     Attributes:
         size: Of a frame [px].
@@ -419,7 +419,7 @@ def _height(
 
 
 def explosion_index(directory: Path) -> ExplosionIndex:
-    """Return what the index of a set says.
+    """Return the content of the index of a set.
 
     Raises:
         InputError: There is none, or it is not as above.
