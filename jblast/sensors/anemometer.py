@@ -85,10 +85,10 @@ def record(
     duration alone is static.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         anemometer: Where it is, its clock and its instrument.
         duration_s: Of the record [s].
-        key: What its noise is drawn from.
+        key: Random key of its noise.
         start_s: When the first sample begins, by its clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
 

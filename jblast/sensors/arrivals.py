@@ -51,7 +51,7 @@ the Mach number, to rounding below 0.3. Newton's last step squares it."""
 
 
 class Track(eqx.Module):
-    """Where a place is over time: straight between knots, at rest before and after.
+    """Positions over time: straight between knots, at rest before and after.
 
     Attributes:
         time: Of the knots, on the common clock [s], rising.
@@ -115,13 +115,13 @@ def heard(
     """Return every wave that comes to a place, of each charge in turn.
 
     At a place that moves each wave is that of where they meet, its times as they pass
-    there: shorter for who flies towards the charge.
+    there: shorter if it moves towards the charge.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         place: East, north, up [m], or a `Track`.
-        laws: By quantity, of arrival, peak, duration and impulse; absent ones as
-            `record_laws` says.
+        laws: By quantity, of arrival, peak, duration and impulse; absent ones as in
+            `record_laws`.
         reflection: Coefficient of the ground under an elevated place; 0 leaves its
             reflections out.
         ground: Whether the air above the moving ground is heard, too.
@@ -168,11 +168,9 @@ def place_of(place: Float[ArrayLike, "..."] | Sequence[float]) -> Float[Array, "
     Raises:
         InputError: It has not three numbers.
     """
-    position = np.shape(place)
-    if position != (3,):
-        raise InputError(
-            f"place: expected east, north and up [m], got shape {position}"
-        )
+    shape = np.shape(place)
+    if shape != (3,):
+        raise InputError(f"place: expected east, north and up [m], got shape {shape}")
     return as_float_array(jnp.asarray(place))
 
 
@@ -254,7 +252,7 @@ def phase(
     """Return the time since a wave's arrival where the place is, at each time [s].
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         track: Where the place is.
         laws: By quantity.
         wave: One of `meeting_waves`.
@@ -276,7 +274,7 @@ def meeting_waves(
     """Return the waves that a moving place meets, as they are at the place of meeting.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         track: Where the place is.
         laws: By quantity.
         reflection: Coefficient of the ground.
@@ -297,7 +295,7 @@ def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) ->
     """Return a wave with its times as they pass a moving place.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         track: Where the place is.
         laws: By quantity.
         wave: One of `meeting_waves`.
@@ -323,7 +321,7 @@ def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) ->
 
 
 class PlacesMet(NamedTuple):
-    """Where a place that moves is as a blast comes to it; a row for each charge.
+    """Positions of a moving place as a blast comes to it; a row for each charge.
 
     For one that never happens, where it is at time 0 or meets it as if it did.
 
@@ -349,10 +347,10 @@ def places_met(scene: Scene, track: Track, laws: Mapping[str, str]) -> PlacesMet
     """Return where a place on a track is as the blasts of a scene come to it.
 
     Each wave is met at the root of a(x(t)) = t, with a the law's arrival at a place, so
-    that `sensors.record` at the place returned says the time at which it is there.
+    that `sensors.record` at the place returned gives the time at which it is there.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         track: Where the place is over time.
         laws: Of air_arrival_s and ground_arrival_s.
 

@@ -14,7 +14,6 @@ scatter; for a root that scatter is divided by the slope of the law. Valid laws 
 differ by more than their scatter (90 %) are reported as a disagreement.
 """
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -42,19 +41,18 @@ from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.paths import Path
 from jblast.waves.waveform import friedlander_decay
 
+if TYPE_CHECKING:  # the tables of `fidelity` are read only where a law is recommended
+    from jblast.fidelity import Choice
+
 NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
 FEWEST_ROWS = 64
 """Rows are padded to a power of two from here on, so few shapes are compiled."""
 SCALED_DISTANCES = np.geomspace(1e-2, 1e5, 4096)
-"""Where roots are looked for [m/kg^(1/3)]."""
+"""Scaled distances of the search for roots [m/kg^(1/3)]."""
 BISECTIONS = 48
 """Of 0.4 %: to 1e-17 in ln, past rounding."""
-if TYPE_CHECKING:  # what is stored of methods is read where one answer is wanted
-    from jblast.fidelity import Choice
 STEP = 1e-3
 """In ln of a range or a mass: differences over it are a law's slope."""
-if TYPE_CHECKING:
-    from jblast.fidelity import Choice
 BEYOND = 1.645
 """Standard deviations of the difference of two laws: 90 % of their scatter lies within.
 """
@@ -66,12 +64,12 @@ class Question:
 
     Attributes:
         scene: Charge, air and ground; the mass of its charge is not used.
-        slant_range: Distances from the charge [m]; none where they are asked for.
-        charge_mass: Masses of the explosive [kg]; none where they are asked for.
-        quantity: What was measured instead of the one that is asked for; "" if none.
+        slant_range: Distances from the charge [m]; none where they are to be found.
+        charge_mass: Masses of the explosive [kg]; none where they are to be found.
+        quantity: Measured in place of the one to be found; "" if none.
         target: Its value, in its unit.
-        defaults: What was not said, by field: "air", "burst", "explosive", "ground".
-        units: What the answer is printed in: "si", or "us": feet, pounds, psi.
+        defaults: Fields left to their defaults: "air", "burst", "explosive", "ground".
+        units: Units of the printed answer: "si", or "us": feet, pounds, psi.
     """
 
     scene: Scene
@@ -100,7 +98,7 @@ def charge_radius(charge_mass: Float[ArrayLike, "..."]) -> Float[np.ndarray, "..
 
 @kept
 def scene_path(scene: Scene) -> Path:
-    """Return what lies between the charge of a scene and a sensor 1 m away.
+    """Return the path from the charge of a scene to a sensor 1 m away.
 
     Its ambient air is that of every other sensor.
     """
@@ -141,7 +139,7 @@ def with_rows(
             path.ambient_pressure,
             path.sound_speed,
         )
-    return dataclasses.replace(
+    return replace(
         path,
         slant_range=slant_range,
         ground_range=slant_range,
@@ -168,17 +166,17 @@ def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
     charge = question.scene.charge
     if question.quantity or not float(charge.up) > 0.0:
         return np.zeros(ranges.shape, bool)
-    unsaid = dataclasses.replace(charge, burst=None)
-    scene = dataclasses.replace(question.scene, charge=unsaid)
-    rows = path_of_rows(dataclasses.replace(question, scene=scene))
+    unsaid = replace(charge, burst=None)
+    scene = replace(question.scene, charge=unsaid)
+    rows = path_of_rows(replace(question, scene=scene))
     return np.asarray(rows.free_air)
 
 
 def with_burst(question: Question) -> Question:
-    """Return a question with the curve set that the height leaves, if none is said.
+    """Return a question with the curve set of the charge's height, if it has none.
 
     One set for all rows, or, where the height leaves both, each row its own. Where a
-    range or a mass is asked for it is the surface curves.
+    range or a mass is to be found, the surface curves.
     """
     charge = question.scene.charge
     if charge.burst is not None:
@@ -187,14 +185,14 @@ def with_burst(question: Question) -> Question:
     burst = (
         "free-air" if free.size and free.all() else None if free.any() else "surface"
     )
-    charge = dataclasses.replace(charge, burst=burst, by_height=True)
-    scene = dataclasses.replace(question.scene, charge=charge)
-    return dataclasses.replace(question, scene=scene)
+    charge = replace(charge, burst=burst, by_height=True)
+    scene = replace(question.scene, charge=charge)
+    return replace(question, scene=scene)
 
 
 @dataclass(frozen=True)
 class Calculated:
-    """What one law says of one quantity.
+    """One quantity by one law.
 
     Attributes:
         value: By row, in the unit of the quantity.
@@ -271,7 +269,7 @@ def calculate(
         if law is None:
             combination = COMBINATIONS[quantity]
             law = laws[combination.parts[0], name]
-            law = dataclasses.replace(law, range=combination.range)
+            law = replace(law, range=combination.range)
         two_sets = "burst" in law.arguments()
         of_law = Calculated(values[i], valid[i], law.range, two_sets)
         answer.setdefault(quantity, {})[name] = of_law
@@ -279,23 +277,23 @@ def calculate(
 
 
 def only(answer: Calculation, quantity: str = "", law: str = "") -> Calculation:
-    """Return what was asked for of a calculation alone; "" leaves quantity or law open.
+    """Return one quantity or law of a calculation; "" leaves quantity or law open.
 
     Quantities that the law does not give are left out.
     """
-    kept = {
+    selected = {
         name: {of: one for of, one in by_law.items() if law in ("", of)}
         for name, by_law in answer.items()
         if quantity in ("", name)
     }
-    return {name: by_law for name, by_law in kept.items() if by_law}
+    return {name: by_law for name, by_law in selected.items() if by_law}
 
 
 def with_other_burst(scene: Scene) -> Scene:
     """Return the scene with the other of the two curve sets."""
     other: Burst = "surface" if scene.charge.burst == "free-air" else "free-air"
-    charge = dataclasses.replace(scene.charge, burst=other)
-    return dataclasses.replace(scene, charge=charge)
+    charge = replace(scene.charge, burst=other)
+    return replace(scene, charge=charge)
 
 
 def evaluate(
@@ -307,9 +305,7 @@ def evaluate(
     """Return values and validity of some laws, then of what they give together."""
     charge = scene.charge
     if charge.burst is None and not float(charge.up) > 0.0:  # half of the program
-        scene = dataclasses.replace(
-            scene, charge=dataclasses.replace(charge, burst="surface", by_height=True)
-        )
+        scene = replace(scene, charge=replace(charge, burst="surface", by_height=True))
     n = len(slant_range)
     padding = (0, max(FEWEST_ROWS, 1 << (n - 1).bit_length()) - n)
     ranges, masses = (
@@ -348,7 +344,7 @@ def _evaluate(
 
 @dataclass(frozen=True)
 class Combination:
-    """How a quantity is made of others.
+    """A quantity that is calculated from others.
 
     Attributes:
         parts: The others.
@@ -398,7 +394,7 @@ def combined_of(known: Iterable[tuple[str, str]]) -> tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Roots:
-    """Where one law gives the value.
+    """Ranges or masses at which one law gives the value.
 
     Attributes:
         law: The law.
@@ -484,12 +480,12 @@ class Recommended:
     """One answer to one question.
 
     Attributes:
-        quantity: What was asked for: a quantity, `range_m` or `charge_mass_kg`.
+        quantity: The answer's: a quantity, `range_m` or `charge_mass_kg`.
         law: By which law; "" where none gives it.
         value: In SI.
         valid: Whether the law holds there.
-        scatter: One standard deviation of nature about it, in ln of what was asked for;
-            NaN where it is not known.
+        scatter: One standard deviation of nature about it, in ln of the answer; NaN
+            where it is unknown.
         choice: By which it was taken; None where there is no other law, and where none
             was chosen.
         is_nearest: Whether the chosen law does not give the value: then it is the
@@ -511,7 +507,7 @@ class Recommended:
 def choice_at(question: Question, quantity: str) -> "Choice":
     """Return what `auto` chooses of a quantity at a question's one row.
 
-    The best there is: nothing is said of how near is near enough.
+    The best one, without a tolerance.
     """
     from jblast.fidelity import choose_for
     from jblast.fidelity.errors import jitted_conditions
@@ -530,9 +526,9 @@ def recommended_value(
     """Return the answer to a question of one range, one mass and one quantity.
 
     Args:
-        question: What was asked.
-        quantity: Which.
-        by_law: What the laws say of it.
+        question: One range and one mass.
+        quantity: Of the answer.
+        by_law: Its values by the laws.
     """
     law, choice = _law_for(question, quantity, tuple(by_law))
     found = by_law[law]
@@ -549,8 +545,8 @@ def recommended_value(
 def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recommended:
     """Return the range or mass at which a quantity takes its value.
 
-    The law is chosen where most laws that hold say that it is; one that does not give
-    the value there gives way to the first that does.
+    The law is chosen at the median of the laws that hold. If the chosen law does not
+    give the value within its range, the nearest to the median that does is taken.
 
     Args:
         question: Of a quantity, its target, and one range or one mass.
@@ -640,7 +636,7 @@ class Disagreement:
         range_m: Range there.
         mass_kg: Mass there.
         rows: At how many rows any two laws disagree.
-        choice: What we would take there; None if nothing tells.
+        choice: Recommended law there; None if there is no reference.
     """
 
     quantity: str
@@ -723,7 +719,7 @@ def _sds_apart(
 
 
 def _choice(question: Question, quantity: str, row: int) -> "Choice | None":
-    """Return what `jblast choose` would take at a row for the best there is."""
+    """Return the choice of `jblast choose` at a row, without a tolerance."""
     from jblast.fidelity.errors import REFERENCES  # read only where laws disagree
 
     if quantity not in REFERENCES:

@@ -56,10 +56,11 @@ CALIBRATED = 0.1
 _BIASES = 2**32 - 2
 """Folded into the key of the inertial unit's offsets: past the numbers of turns."""
 _PARTS = (6, 12, 18, 21)
-"""Where the noise of a turn is parted: walk, inertial unit, fix, field, pressure."""
+"""Boundaries between the parts of a turn's noise: walk, inertial unit, fix, field,
+pressure."""
 EXPONENT = HYDROSTATIC_GRADIENT / LAPSE_RATE
 LEAST_PA, MOST_PA = 1_000.0, 120_000.0
-"""What it can tell (MS5611-01BA03 data sheet: 10 to 1200 mbar)."""
+"""Range of the barometer (MS5611-01BA03 data sheet: 10 to 1200 mbar)."""
 MOMENTS = 8
 """Of a period at which a blast's pressure is looked at: fronts come between samples."""
 DIPOLE_GAUSS = (-0.29350, -0.014103, 0.045455)
@@ -67,7 +68,7 @@ DIPOLE_GAUSS = (-0.29350, -0.014103, 0.045455)
 
 
 class Fix(NamedTuple):
-    """Where a receiver was.
+    """Position and velocity from a receiver.
 
     Attributes:
         position_m: East, north, up.
@@ -135,7 +136,7 @@ def fix(
 
 
 class Sample(NamedTuple):
-    """What a vehicle's instruments say at a turn.
+    """Readings of a vehicle's instruments at a turn.
 
     Attributes:
         force_m_s2: Specific force over the period before, body axes.
@@ -161,7 +162,7 @@ class Sample(NamedTuple):
 
 
 class Biases(NamedTuple):
-    """What the instruments are off by.
+    """Biases of accelerometer and gyroscope.
 
     Attributes:
         force: Of the accelerometer [m/s2].
@@ -173,7 +174,7 @@ class Biases(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What the instruments keep from turn to turn.
+    """State of the instruments from turn to turn.
 
     Attributes:
         biases: Of the inertial unit.
@@ -230,14 +231,14 @@ class Suite(eqx.Module):
     """The instruments, and the air and the blasts about them.
 
     Attributes:
-        magnetometer: Which says the field of the place.
+        magnetometer: Includes the field of the place.
         imu: Its rate is that of the turns.
         barometer: Of static pressure.
         gps: The receiver of satellites.
         ground_pressure_pa: Of the air at up = 0.
         ground_temperature_k: Likewise.
         wind_m_s: Of the air: east, north, up.
-        blasts: Whose overpressure the barometer feels; None: it feels none.
+        blasts: Whose overpressure the barometer measures; None: none.
     """
 
     magnetometer: Magnetometer
@@ -270,7 +271,7 @@ class Suite(eqx.Module):
 
     @property
     def turns_late(self) -> int:
-        """How many turns a fix comes late."""
+        """Delay of a fix in turns."""
         return round(self.gps.delay * self.imu.rate)
 
     def start(self, key: PRNGKeyArray, state: State) -> Held:
@@ -296,7 +297,7 @@ class Suite(eqx.Module):
         time_s: Float[Array, ""],
         period_s: Float[Array, ""],
     ) -> tuple[Sample, Held]:
-        """Return what the instruments say at a turn, and what they keep.
+        """Return the readings of the instruments at a turn, and their state.
 
         Args:
             key: Of all draws, the same at every turn.
@@ -369,7 +370,7 @@ def drawn_biases(key: PRNGKeyArray, imu: Imu, share: float = 1.0) -> Biases:
 
     Args:
         key: Of the draw.
-        imu: Says how much.
+        imu: Standard deviations of the biases.
         share: What a calibration on the ground has left of it.
     """
     of_force, of_rate = jax.random.split(key)
@@ -386,7 +387,7 @@ def walked(
 
     Args:
         noise: Standard normal numbers, of force and of rate.
-        imu: Says how fast they walk.
+        imu: Random walk of the biases.
         biases: At its beginning.
         period_s: How long it is.
     """

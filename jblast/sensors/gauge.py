@@ -1,4 +1,4 @@
-"""What all gauges share: kind, position, clock and instrument."""
+"""Kind, position, clock and instrument: common to all gauges."""
 
 from typing import Any, NamedTuple
 
@@ -72,7 +72,7 @@ def mounted(
 
     Args:
         sensor: Its clock and its instrument.
-        key: What its noise is drawn from.
+        key: Random key of its noise.
         start_s: When the first sample begins, by the gauge's clock [s].
     """
     return _mounted(sensor, key, as_float_array(start_s))

@@ -56,12 +56,12 @@ def record(
     Pure: for jit, vmap and grad; the duration alone is static.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         geophone: Where it is, its clock and its instrument.
         duration_s: Of the record [s].
-        key: What its noise is drawn from.
+        key: Random key of its noise.
         start_s: When the first sample begins, by its clock [s].
-        laws: By quantity; absent ones as the scene says, else `DEFAULT_GROUND_LAWS`.
+        laws: By quantity; absent ones the scene's, else `DEFAULT_GROUND_LAWS`.
 
     Raises:
         InputError: The sensor is no geophone, or above the ground.

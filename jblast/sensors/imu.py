@@ -47,15 +47,15 @@ FOUND, OVER = 6.0, 4.0
 over `SMOOTH_S`, it is not any more."""
 SMOOTH_S, QUIET_S = 0.005, 0.03
 CLIPPED_SHARE = 0.02
-"""Of the largest, below which a clipped jolt is over: it leaves a velocity that nobody
-knows, and what that gives is no jolt."""
+"""Of the largest, below which a clipped jolt is over: its velocity afterwards is
+unknown, and the drag of an unknown velocity is no jolt."""
 FLOOR_M_S2 = 1e-3
 """Of noise: what straight lines between the rows of a flight leave."""
 MODEL_SHARE = 0.03
-"""What the forward model is off by, of the jolt, one standard deviation:
+"""Error of the forward model over the jolt, one standard deviation:
 `calibration.jolts`."""
 ATTITUDE_RAD = 0.01
-"""How well the vehicle knows its attitude where the stretch begins, likewise."""
+"""Error of the attitude where the samples begin, one standard deviation, likewise."""
 
 
 class Felt(NamedTuple):
@@ -91,15 +91,15 @@ def felt(
         for rows in (flight.velocity_m_s, flight.body_rate_rad_s, flight.quaternion)
     )
     turned = jax.vmap(quaternion_matrix)(attitude)
-    lever = jnp.cross(rate, jnp.broadcast_to(offset_m, rate.shape))
-    place_velocity = velocity + jnp.einsum("nij,nj->ni", turned, lever)
+    place_velocity = velocity + jnp.einsum("nij,nj->ni", turned, _cross(rate, offset_m))
     step = jnp.diff(edges_s)[:, None]
     gained = jnp.diff(place_velocity, axis=0) / step
     gained = gained + jnp.array([[0.0, 0.0, FLIGHT_GRAVITY]])
     turn = jax.vmap(rotation_between)(attitude[:-1], attitude[1:])
     # attitude in the middle of a sample: half of its turn on
-    half = jax.vmap(_half_on)(attitude[:-1], turn)
-    to_world = jax.vmap(quaternion_matrix)(half)
+    halves = jax.vmap(rotation_quaternion)(turn / 2)
+    middle = jax.vmap(quaternion_product)(attitude[:-1], halves)
+    to_world = jax.vmap(quaternion_matrix)(middle)
     force = jnp.einsum("nji,nj->ni", to_world, gained)
     to_body = quaternion_matrix(quaternion)
     return Felt(force @ to_body, turn / step @ to_body)
@@ -129,8 +129,10 @@ def rotation_quaternion(vector: Float[Array, "3"]) -> Float[Array, "4"]:
     return jnp.append(scale * vector, cosine)
 
 
-def _half_on(attitude: Float[Array, "4"], turn: Float[Array, "3"]) -> Float[Array, "4"]:
-    return quaternion_product(attitude, rotation_quaternion(turn / 2))
+def _cross(
+    rates: Float[Array, "row 3"], arm: Float[Array, "3"]
+) -> Float[Array, "row 3"]:
+    return jnp.cross(rates, jnp.broadcast_to(arm, rates.shape))
 
 
 def _at(
@@ -209,13 +211,13 @@ class JoltPick(NamedTuple):
 
     @property
     def speed_m_s(self) -> tuple[float, float]:
-        """Its size and sd, what the forward model leaves out among it."""
+        """Size and sd, including the error of the forward model."""
         size = float(np.linalg.norm(self.velocity_m_s))
         return size, math.hypot(self.sd_m_s, MODEL_SHARE * size)
 
     @property
     def bearing_rad(self) -> tuple[float, float]:
-        """Whereto, clockwise from north, and sd; an infinite one of none."""
+        """Direction, clockwise from north, and sd; infinite if it has no direction."""
         east, north, _ = self.velocity_m_s
         level = math.hypot(east, north)
         sd = math.hypot(self.sd_m_s / level, ATTITUDE_RAD) if level else math.inf
@@ -223,7 +225,7 @@ class JoltPick(NamedTuple):
 
     @property
     def elevation_rad(self) -> tuple[float, float]:
-        """How steeply up, and sd."""
+        """Elevation and sd."""
         east, north, up = self.velocity_m_s
         size = float(np.linalg.norm(self.velocity_m_s))
         own = math.hypot(ATTITUDE_RAD, MODEL_SHARE)
@@ -253,11 +255,11 @@ def pick_jolt(
         samples: The stretch.
         imu: What wrote them.
         vehicle: What it is on.
-        start: Its motion where the stretch begins, as it knows it.
+        start: Estimate of its motion where the stretch begins.
         rotor_speed_rad_s: In the middle of each sample.
         offset_m: Of the instrument, body axes.
         quaternion: Instrument to body (x, y, z, w).
-        wind_m_s: Of the air, as far as it is known; None: still.
+        wind_m_s: Of the air, estimated; None: still.
     """
     count = len(samples.force)
     base = base_of(count)
@@ -300,7 +302,7 @@ def pick_jolt(
 
 
 class _Noise(NamedTuple):
-    """What is left of a sample without a jolt, sd [m/s2].
+    """Noise of a residual without a jolt, sd [m/s2].
 
     Attributes:
         white: Of the accelerometer, and of its bits.
@@ -403,7 +405,7 @@ def beyond(
         return quaternion_product(attitude, whole), quaternion_product(attitude, half)
 
     _, attitude = jax.lax.scan(turn, start.quaternion, (turns, halves))
-    # the instrument's place is thrown as the vehicle turns, and it is not
+    # acceleration of the instrument's place by the vehicle's rotation
     edges = jnp.concatenate([rate[:1], (rate[1:] + rate[:-1]) / 2, rate[-1:]])
     thrown = jnp.diff(_cross(edges, offset_m), axis=0) / step_s
     thrown = thrown + jnp.cross(rate, _cross(rate, offset_m))
@@ -428,9 +430,3 @@ def beyond(
         bias = bias + left(bias)[:base].mean(axis=0)
     found = left(bias)
     return found, jnp.einsum("nij,nj->ni", to_world, found)
-
-
-def _cross(
-    rates: Float[Array, "row 3"], arm: Float[Array, "3"]
-) -> Float[Array, "row 3"]:
-    return jnp.cross(rates, jnp.broadcast_to(arm, rates.shape))

@@ -88,7 +88,7 @@ class Chain(NamedTuple):
     Attributes:
         instrument: What it does.
         filter: Of its corners, if it has any.
-        key: What its noise is drawn from.
+        key: Random key of its noise.
         noise: That noise, if it has a colour.
     """
 

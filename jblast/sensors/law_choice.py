@@ -29,13 +29,13 @@ from jblast.waves.height_of_burst import burst_notes, scaled_height
 def resolve_laws(
     scene: Scene, layout: Layout, sigma: Float[np.ndarray, " row"] | None = None
 ) -> dict[str, TakenLaw]:
-    """Return the law of every quantity: as the scene says, else chosen.
+    """Return the law of every quantity: the scene's, else chosen.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         layout: Rows of a log.
-        sigma: Of each row; seconds for times, else relative; NaN where it is not told.
-            Without any, the best law there is is chosen.
+        sigma: Of each row; seconds for times, else relative; NaN where it is unknown.
+            Without any, the best law is chosen.
 
     Raises:
         InputError: The scene names a law that does not give a quantity, or no law gives
@@ -148,8 +148,8 @@ def law_names(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
 def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:
     """Return scene and layout with the curve sets that the heights leave.
 
-    A charge of which all rows have one set is given that; else the layout says it row
-    by row. What was settled before is decided anew.
+    A charge of which all rows have one set is given that; else the layout has it row by
+    row. Sets that were settled before are decided again.
     """
     charges, free = [], np.zeros(len(layout.quantity), bool)
     for shot, charge in enumerate(scene.charges):
@@ -186,10 +186,10 @@ def free_rows(scene: Scene, layout: Layout, charge: Charge) -> Bool[np.ndarray, 
 
 
 def height_notes(scene: Scene, layout: Layout, shot: int) -> list[str]:
-    """Say by which curves a charge above the ground was taken, and what they miss.
+    """Return notes on the curves of a charge above the ground, and their limits.
 
     Args:
-        scene: Its numbers settled; a burst that was not said is marked `by_height`.
+        scene: Its numbers settled; a burst that was not given is marked `by_height`.
         layout: The rows.
         shot: Which charge.
     """

@@ -44,7 +44,8 @@ class Layout(eqx.Module):
         time: Clock time of the row [s]; NaN but for `quantities.TIMED`.
         group: Rows with the same number share the effects of their path.
         shot: Which of the scene's charges each row is of.
-        clock: Name of the clock of each row; one the scene does not know is right.
+        clock: Name of the clock of each row; one that is not in the scene has no
+            offset.
         free_air: By row, whether the free-air curves hold where a charge leaves that to
             its height, as settled beforehand; () decides wherever numbers are.
     """
@@ -80,9 +81,9 @@ class Layout(eqx.Module):
         """Return some of the rows."""
         return Layout(
             quantity=tuple(self.quantity[row] for row in rows),
-            position=_picked(self.position, rows),
-            slant_range=_picked(self.slant_range, rows),
-            time=_picked(self.time, rows),
+            position=_column_rows(self.position, rows),
+            slant_range=_column_rows(self.slant_range, rows),
+            time=_column_rows(self.time, rows),
             group=tuple(self.group[row] for row in rows),
             shot=tuple(self.shot[row] for row in rows),
             clock=tuple(self.clock[row] for row in rows),
@@ -107,7 +108,7 @@ class Layout(eqx.Module):
         return np.unique(np.asarray(self.position)[placed], axis=0)
 
 
-def _picked(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
+def _column_rows(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
     """Pick rows of a column; by NumPy where it is at hand, so that nothing compiles."""
     if isinstance(column, Tracer):
         return column[rows]
@@ -132,7 +133,7 @@ def layout_of(observations: Observations, scene: Scene) -> Layout:
 
 
 def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence[str]]:
-    """Return the rows a scene's sensors say they record, of each charge that happens.
+    """Return the rows that a scene's sensors record, of each charge that happens.
 
     Returns:
         The layout, the sigma of each row (in its unit for `ADDITIVE`, else relative),
@@ -151,10 +152,11 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
         for time in _times(charge, sensor, quantity)
     ]
     if not plan:
+        never = all(bool(charge.never) for charge in scene.charges)
         raise InputError(
             "no sensor records anything: expected at least one [[sensor]] with "
             "records = { QUANTITY = SIGMA }"
-            + ("; got charges that never happen" if _all_never(scene) else "")
+            + ("; got charges that never happen" if never else "")
         )
     layout = Layout(
         quantity=tuple(quantity for *_, quantity, _, _ in plan),
@@ -169,10 +171,6 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
     )
     sigma = jnp.asarray([sigma for *_, sigma, _ in plan])
     return layout, sigma, [sensor.name for _, _, sensor, *_ in plan]
-
-
-def _all_never(scene: Scene) -> bool:
-    return all(bool(charge.never) for charge in scene.charges)
 
 
 def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
@@ -229,9 +227,9 @@ def check_scene(scene: Scene) -> None:
         if value is not None:
             label = name.partition(".")[2]
             of = f" of {label}" if label else ""
-            _check(f"scene.{parameter_named(name).attribute}{of}", value, (), VMAP)
+            _check(f"scene.{parameter_named(name).attribute}{of}", value, ())
     for sensor in scene.sensors:
-        _check(f"sensor {sensor.name}: position_m", sensor.position_m, (3,), VMAP)
+        _check(f"sensor {sensor.name}: position_m", sensor.position_m, (3,))
 
 
 def check_layout(layout: Layout) -> None:
@@ -241,9 +239,9 @@ def check_layout(layout: Layout) -> None:
         InputError: One has another shape than the rows' quantities ask for.
     """
     n = len(layout.quantity)
-    _check("layout.position", layout.position, (n, 3), VMAP)
+    _check("layout.position", layout.position, (n, 3))
     for name in ("slant_range", "time"):
-        _check(f"layout.{name}", getattr(layout, name), (n,), VMAP)
+        _check(f"layout.{name}", getattr(layout, name), (n,))
     for name in ("group", "shot", "clock"):
         length = len(getattr(layout, name))
         if length != n:
@@ -264,10 +262,10 @@ def check_laws(laws: Mapping[str, str], layout: Layout) -> None:
             )
 
 
-def _check(name: str, value: Any, expected: tuple[int, ...], hint: str = "") -> None:
+def _check(name: str, value: Any, expected: tuple[int, ...]) -> None:
     shape = np.shape(value)
     if shape != expected:
-        raise InputError(f"{name}: expected shape {expected}, got {shape}{hint}")
+        raise InputError(f"{name}: expected shape {expected}, got {shape}{VMAP}")
 
 
 def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:

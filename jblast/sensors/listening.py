@@ -4,7 +4,7 @@
 them. A record begins at 0 on its sensor's own clock, so that a time in it is the
 reading of `simulate`. The truth of every sensor and blast is calculated by the laws of
 `simulate`. A record is made from the same laws, so that its front, peak, impulse and
-duration are those of an error-free log of the same scene. `packets` returns the samples
+duration are those of an error-free log of the same scene. `packets` yields the samples
 of a sensor of any kind, whole or packet by packet.
 """
 
@@ -34,22 +34,22 @@ from jblast.sensors.record import Recording, record
 from jblast.sensors.wave_paths import record_laws
 
 TAIL_S = 0.25
-"""What is heard after the last blast, at least."""
+"""Least duration of a record after the last arrival [s]."""
 DURATIONS = 10.0
-"""So many positive phases after an arrival, its suction and the ground are still."""
+"""Positive phases after an arrival until suction and ground motion are over."""
 WITHOUT_BLAST_S = 1.0
-"""How long is listened where no blast ever comes."""
+"""Duration of a record where no blast arrives [s]."""
 LONGEST_S = 600.0
-"""What is recorded unasked: past it, somebody should have said how long."""
+"""Longest record without a requested duration [s]."""
 MOST_SAMPLES = 2**30 - 2**14
-"""That a sound file of four bytes each may hold, its sizes being of 32 bits."""
+"""Of a sound file: samples of four bytes, sizes of 32 bits."""
 RECORDERS: dict[str, ModuleType] = {
     "microphone": microphone,
     "pressure": pressure_gauge,
     "anemometer": anemometer,
     "geophone": geophone,
 }
-"""What records the sensors of a kind: each has `record` and `stream`."""
+"""Module for the sensors of a kind: each has `record` and `stream`."""
 QUANTITIES = (
     "air_arrival_s",
     "ground_arrival_s",
@@ -59,11 +59,11 @@ QUANTITIES = (
     "ground_peak_velocity_m_s",
     "ground_displacement_m",
 )
-"""What is told of every sensor and blast, where there is a law for it."""
+"""Quantities of the truth of every sensor and blast, where there is a law."""
 
 
 class Truth(NamedTuple):
-    """What the laws say, by sensor and blast.
+    """Values by the laws, by sensor and blast.
 
     Attributes:
         values: By quantity: a row for each sensor, a column for each charge. Times are
@@ -85,14 +85,14 @@ class Truth(NamedTuple):
 
 
 class Listening(NamedTuple):
-    """What is to be recorded.
+    """Records to be made.
 
     Attributes:
         scene: What is there, its numbers drawn and its curve sets settled.
         sensors: Those that write samples, in the scene's order.
         skipped: Why each of the others writes none, by name.
         seconds: How long each record lasts, from 0 on its sensor's clock.
-        truth: What the laws say of `sensors`.
+        truth: Of `sensors`, by the laws.
         notes: What was drawn of priors, and by which curves charges were taken.
         key: Of all noise.
         tracks: By name, where sensors that move are over time.
@@ -115,7 +115,7 @@ class Listening(NamedTuple):
 
 
 def instrument_of(sensor: Sensor) -> Instrument:
-    """Return a sensor's instrument: one that adds nothing where none is told."""
+    """Return a sensor's instrument: one that adds nothing if it has none."""
     return Instrument() if sensor.instrument is None else sensor.instrument
 
 
@@ -142,8 +142,8 @@ def plan(
 
     Raises:
         InputError: No sensor writes samples, one has no position, a charge has none, a
-            record would be too long, or the last blast comes so late that somebody
-            should say how long.
+            record would be too long, or the last blast comes so late that a duration is
+            required.
     """
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     source = uncertain.source or "scene"
@@ -178,8 +178,8 @@ def _truths(
     tracks: Mapping[str, Track],
     scene_of: Callable[[Scene, str], Scene] | None,
 ) -> tuple[Scene, Truth, dict[str, tuple[Scene, Mapping[str, str]]]]:
-    """Return the scene settled, what its laws say, and by kind who has another one."""
-    settled, truth = truth_of(scene, sensors, tracks)
+    """Return the settled scene, its truth, and other scenes and laws by kind."""
+    own_scene, truth = truth_of(scene, sensors, tracks)
     otherwise: dict[str, tuple[Scene, Mapping[str, str]]] = {}
     kinds = dict.fromkeys(sensor.kind for sensor in sensors) if scene_of else ()
     for kind in kinds:
@@ -194,7 +194,7 @@ def _truths(
             valid=_rows_of(own, theirs.valid, truth.valid),
             places=_rows_of(own[..., None], theirs.places, truth.places),
         )
-    return settled, truth, otherwise
+    return own_scene, truth, otherwise
 
 
 def _rows_of(
@@ -335,11 +335,11 @@ def truth_of(
     tracks: Mapping[str, Track] | None = None,
     asked: Sequence[str] = QUANTITIES,
 ) -> tuple[Scene, Truth]:
-    """Return what the laws say of some of a scene's sensors, and the scene settled.
+    """Return the truth of some of a scene's sensors, and the settled scene.
 
     Args:
         scene: What is there, its numbers drawn.
-        sensors: Those that are asked, each with a position or a track.
+        sensors: For which, each with a position or a track.
         tracks: By name, where those that move are over time.
         asked: Quantities.
 
@@ -413,7 +413,7 @@ def _of_one(
 
 
 def _laws_of_readings(scene: Scene) -> dict[str, str]:
-    """Return the laws by which `simulate` writes what the sensors say they record."""
+    """Return the laws by which `simulate` writes the readings of the sensors."""
     try:
         layout, sigma, _ = planned_layout(scene)
     except InputError:  # they record nothing but sound
@@ -425,12 +425,12 @@ def _laws_of_readings(scene: Scene) -> dict[str, str]:
 def with_ambient(
     uncertain: UncertainScene, file: str | None = None
 ) -> tuple[UncertainScene, list[str]]:
-    """Return a scene whose ambient recording has been read, and what to know of it.
+    """Return a scene whose ambient recording has been read, and notes on it.
 
     Args:
         uncertain: The scene. Its [ambient] may name a recording.
-        file: A recording in place of what the scene says is heard; a sample of 1 in it
-            is the scene's `full_scale_pa` of [ambient].
+        file: A recording in place of the scene's; a sample of 1 in it is the scene's
+            `full_scale_pa` of [ambient].
 
     Raises:
         InputError: The file cannot be used, see `read_sound`.

@@ -21,9 +21,9 @@ $$p(t) = (\Omega/\Omega_0)^2 \sum_m A_m \sin(m B \varphi(t) + \alpha_m), \quad
   \dot\varphi = \Omega$$
 
 with the amplitude of its thrust. Between knots the speed is linear, so the phase is a
-parabola and is integrated exactly, in turns less whole turns: it is as exact after
-hours. Samples are means over their duration. Harmonics above half the rate, which would
-alias, are left out.
+parabola and is integrated exactly, in turns less whole turns, so that its error does
+not grow over hours. Samples are means over their duration. Harmonics above half the
+rate, which would alias, are left out.
 
 The thesis sends packets of a loop from a ring buffer of fixed size (section 3.3.2):
 a packet at the head of the background's loop is sent, clipped, and appended at the end,
@@ -47,6 +47,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key
 from jblast.errors import InputError, shown
 from jblast.scene import Ambient, Instrument, Scene, Sensor
 from jblast.sensors.arrivals import Track, heard
+from jblast.sensors.gauge import edges_of, rate_of
 from jblast.sensors.instrument import Chain, chain_block, chain_start, instrument_chain
 from jblast.sensors.pressure_history import RecordedSound, counted_from, wave_mean
 from jblast.sensors.samples import (
@@ -70,7 +71,6 @@ from jblast.waves.propagation import (
     absorption_transfer,
     air_density,
     ambient,
-    ambient as ambient_of,
 )
 from jblast.waves.pulse import GroundPulse, Pulse
 
@@ -89,7 +89,8 @@ class WavePaths(NamedTuple):
         reflection: Coefficient of the ground under an elevated place; 0 leaves
             reflections out.
         ground: Whether the wave in the ground is heard.
-        absorption: Whether air absorbs what the laws do not know of (`Heard.absorbed`).
+        absorption: Whether air absorbs where the laws do not include it
+            (`Heard.absorbed`).
         sound: Recorded, in place of the pulses that the laws make.
     """
 
@@ -148,7 +149,7 @@ def record(
         scene: What is there: charges, air, ambient sound.
         microphone: Where it is, its clock and its instrument.
         duration_s: Of the record [s].
-        key: What all noise is drawn from.
+        key: Random key of all noise.
         start_s: When the first sample begins, by the microphone's clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
         track: Where it is over time, on the common clock, instead of its position.
@@ -164,8 +165,7 @@ def record(
     Example:
         `microphone.record(scene, scene.sensors[0], 1.0, jax.random.key(0))`
     """
-    instrument = microphone.instrument or Instrument()
-    n = sample_count(duration_s, instrument.rate)
+    n = sample_count(duration_s, rate_of(microphone))
     sound, state = _start(
         scene, microphone, key, start_s, laws, track, rotors, wave_paths
     )
@@ -190,9 +190,9 @@ def stream(
     Sample for sample what `record` returns, whatever the packets.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         microphone: Where it is, its clock and its instrument.
-        key: What all noise is drawn from.
+        key: Random key of all noise.
         packet_s: Duration of a packet [s]; or
         packets_hz: packets a second [Hz].
         start_s: When the first sample begins, by the microphone's clock [s].
@@ -208,12 +208,11 @@ def stream(
     Example:
         `for packet in microphone.stream(scene, sensor, key, packets_hz=100.0): ...`
     """
-    rate = (microphone.instrument or Instrument()).rate
     sound, state = _start(
         scene, microphone, key, start_s, laws, track, rotors, wave_paths
     )
     timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
-    return packets(sound_block, sound, state, rate, **timing)
+    return packets(sound_block, sound, state, rate_of(microphone), **timing)
 
 
 class BlastWave(NamedTuple):
@@ -321,7 +320,7 @@ def _start(
     rotors: Rotors | None,
     wave_paths: WavePaths,
 ) -> tuple[Sound, Any]:
-    """Set a microphone up, and refuse what can be seen to be none."""
+    """Set a microphone up; refuse a sensor of another kind or below the ground."""
     where = f"microphone {shown(microphone.name)}"
     if microphone.kind not in ("", "microphone"):
         raise InputError(
@@ -339,10 +338,9 @@ def _start(
     if not isinstance(start, Tracer) and not np.isfinite(np.asarray(start)):
         raise InputError(f"{where}: expected a finite start_s, got {float(start):g} s")
     place = microphone.position_m if track is None else track
-    rate = (microphone.instrument or Instrument()).rate
     # outside jit, where it compiles in parts, leaves out waves that nothing can make,
-    # and says what is wrong with the rest
-    waves = blast_waves(scene, place, rate, laws, wave_paths)
+    # and reports errors of the rest
+    waves = blast_waves(scene, place, rate_of(microphone), laws, wave_paths)
     return set_up(scene, microphone, key, start, waves, track, rotors)
 
 
@@ -359,9 +357,9 @@ def set_up(
     """Return a microphone that is set up, and the state that it starts with.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         microphone: Where it is, its clock and its instrument.
-        key: What all noise is drawn from.
+        key: Random key of all noise.
         start_s: When the first sample begins, by the microphone's clock [s].
         waves: All that come, on the common clock.
         track: Where it is over time, instead of its position.
@@ -371,19 +369,19 @@ def set_up(
     keys = jax.random.split(key, 4)
     begin = start_s - microphone.clock_offset_s
     place = microphone.position_m if track is None else track
-    ambient = wind = None
+    background = wind = None
     if scene.ambient is not None:
-        ambient = ambient_sound(scene.ambient, instrument.rate, keys[0])
+        background = ambient_sound(scene.ambient, instrument.rate, keys[0])
     if instrument.wind_noise is not None:
         air = scene.air
-        density = air_density(*ambient_of(air), air.relative_humidity)
+        density = air_density(*ambient(air), air.relative_humidity)
         level = density * (air.wind_east**2 + air.wind_north**2)
         level = instrument.wind_noise * level
         wind = coloured_noise(keys[1], instrument.rate, level, WIND_SLOPE)
     sound = Sound(
         waves=tuple(wave.later(begin) for wave in waves),
         ambient=scene.ambient,
-        ambient_sound=ambient,
+        ambient_sound=background,
         place=place,
         begin=begin,
         wind=wind,
@@ -392,7 +390,7 @@ def set_up(
     )
     return sound, (
         tuple(wave_start(wave) for wave in waves),
-        None if ambient is None else ambient_start(ambient),
+        None if background is None else ambient_start(background),
         None if wind is None else noise_start(wind),
         chain_start(sound.chain),
     )
@@ -405,7 +403,7 @@ def sound_block(
     of_waves, of_ambient, of_wind, of_chain = state
     rate = sound.chain.instrument.rate
     shift = block_start(index, rate)
-    edges = jnp.arange(BLOCK + 1, dtype=float) / rate
+    edges = edges_of(rate)
     pressure = jnp.zeros(BLOCK)
     after = []
     for wave, of_wave in zip(sound.waves, of_waves, strict=True):
@@ -414,12 +412,12 @@ def sound_block(
         pressure = pressure + heard
     middle = edges[:-1] + 0.5 / rate
     if sound.ambient is not None and sound.ambient_sound is not None:
-        of_ambient, ambient = ambient_block(sound.ambient_sound, of_ambient, index)
+        of_ambient, background = ambient_block(sound.ambient_sound, of_ambient, index)
         if isinstance(sound.place, Track):
             up = sound.place.at(middle + (shift[0] + sound.begin) + shift[1])[..., 2]
         else:
             up = sound.place[2]
-        pressure = pressure + share_at_height(sound.ambient, up) * ambient
+        pressure = pressure + share_at_height(sound.ambient, up) * background
     if sound.wind is not None:
         of_wind, wind = noise_block(sound.wind, of_wind, index)
         pressure = pressure + wind
@@ -439,7 +437,7 @@ def blast_waves(
     """Set up every wave that comes to a place, on the common clock.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         place: East, north, up [m], or where that is over time.
         rate: Samples a second [Hz].
         laws: By quantity; absent ones as for `heard`.
@@ -642,12 +640,12 @@ class LoopPackets:
 
     @property
     def waiting(self) -> int:
-        """How many samples are there to be sent; never more than three loops."""
+        """Number of samples to be sent; never more than three loops."""
         return self._ring.waiting
 
     @property
     def reach(self) -> int:
-        """How many samples from the head a blast may end."""
+        """Greatest distance of a blast's end from the head, in samples."""
         return self._ring.capacity - self._loop.size
 
     def send(self, size: int) -> Float[np.ndarray, " sample"]:

@@ -82,7 +82,7 @@ FEW_NEIGHBOURS = 0.05
 """An anchor whose correlations with all other paths add up to this shares half of its
 variance; one by itself shares nothing, one of a cluster nearly all."""
 NEAR_ZERO = 1e-4
-"""Where the absolute value of a correlation is rounded off, so that it has slopes."""
+"""Correlation below which its absolute value is smoothed, so that it has slopes."""
 TINY = 1e-16
 """Of a squared separation: keeps the slope of its root at zero a number."""
 

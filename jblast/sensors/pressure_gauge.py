@@ -73,10 +73,10 @@ def record(
     Pure: for jit, vmap and grad; duration and mounting alone are static.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         gauge: Where it is, its clock and its instrument.
         duration_s: Of the record [s].
-        key: What its noise is drawn from.
+        key: Random key of its noise.
         start_s: When the first sample begins, by its clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
         mounting: "side-on" or "face-on".

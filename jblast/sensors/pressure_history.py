@@ -33,14 +33,14 @@ AnyPulse = TypeVar("AnyPulse", bound=Pulse | GroundPulse)
 
 
 class RecordedSound(eqx.Module):
-    """What was recorded of a blast at some distance, from its arrival on.
+    """Recorded sound of a blast at some distance, from its arrival on.
 
     Attributes:
         samples: Overpressure [Pa], the first from the arrival on; each a mean over its
             sample.
         rate: Samples a second [Hz].
         distance: From the charge, where it was recorded [m]. Elsewhere it is as much
-            weaker or stronger as the law of the peak says, its shape kept.
+            weaker or stronger as by the law of the peak, its shape kept.
 
     Raises:
         InputError: There is no sample, or one is no number; the rate or the distance is
@@ -95,15 +95,15 @@ def overpressure(
     """Return the mean overpressure over each sample [Pa].
 
     Pure, for jit, vmap and grad: in all numbers of the scene, the place and the edges.
-    Waves add; what absorption takes of them is not in here (`Heard.absorbed` says of
-    which it would).
+    Waves add; absorption by air is not included (`Heard.absorbed` marks the waves on
+    which it would act).
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         place: East, north, up [m], or a `Track`.
         edges: Where samples begin and end, on the common clock [s], rising: one more
             than samples. In single precision count the clock from close by.
-        laws: By quantity; absent ones as `record_laws` says.
+        laws: By quantity; absent ones as in `record_laws`.
         reflection: Coefficient of the ground under an elevated place; 0 leaves its
             reflections out.
         ground: Whether the air above the moving ground is heard, too.
@@ -139,7 +139,7 @@ def even_overpressure(
     """Return the same for even samples at a place at rest, three times as fast [Pa].
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         place: East, north, up [m].
         start: When the first sample begins, on the common clock [s].
         rate: Samples a second [Hz].

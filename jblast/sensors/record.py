@@ -30,6 +30,7 @@ from jblast.quantities import (
     CIRCULAR,
     CLOCK_TIMES,
     TIMES,
+    components,
 )
 from jblast.registry import (
     Law,
@@ -46,7 +47,6 @@ from jblast.sensors.layout import (
     check_laws,
     check_layout,
     check_scene,
-    components,
     joined,
     opaque_constant,
     picked,
@@ -62,7 +62,7 @@ FAR = " far away"
 
 
 class Recording(eqx.Module):
-    """What every row would read, and how the laws scatter about nature there.
+    """Error-free reading of every row, and the scatter of the laws about nature.
 
     Attributes:
         value: The reading without error, in the unit of the row's quantity. Of a charge
@@ -147,7 +147,8 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     """Return what each row of a layout would read of a scene.
 
     Args:
-        scene: What is there. Its `scatter` says whether laws scatter about nature.
+        scene: Charges, air, ground and sensors. Its `scatter` states whether laws
+            scatter about nature.
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
 
@@ -161,9 +162,9 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             a batch, or a quantity has no law.
 
     Example:
-        `layout, sigma, names = jblast.sensors.planned_layout(scene)` says who records
-        what, `jblast.record(scene, layout, {"air_arrival_s": "kingery_bulmash"}).value`
-        what is read.
+        `layout, sigma, names = jblast.sensors.planned_layout(scene)` gives the rows,
+        `jblast.record(scene, layout, {"air_arrival_s": "kingery_bulmash"}).value` their
+        readings.
     """
     check_scene(scene)
     check_layout(layout)
@@ -272,7 +273,7 @@ def path_effects(
     """Return of which quantities, and charges, every path has an effect of its own.
 
     Args:
-        scene: Its `scatter` says whether laws scatter at all.
+        scene: Its `scatter` states whether laws scatter at all.
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
     """
@@ -285,7 +286,7 @@ def path_effects(
     for (quantity, shot), row in first.items():
         for name, _ in components(quantity):
             of_path = _path_scatter(law_for(name, laws[name]), scene, layout, row)
-            if not (isinstance(of_path, int | float) and of_path == 0):
+            if not _is_zero(of_path):
                 found.add((name, shot))
     return frozenset(found)
 
@@ -305,7 +306,7 @@ def count_effects(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> int:
     """Return how many effects rows share, at most.
 
     One for each quantity and charge, one more where the law has a far scatter, and one
-    for each path where `path_effects` says.
+    for each path in `path_effects`.
     """
     if not scene.scatter:
         return 0
@@ -372,7 +373,7 @@ def _jolt(
     burst: Burst,
 ) -> Float[Array, "3"]:
     """Return the jolt of a vehicle at a place, as seen from the charge."""
-    # who fits no jolt imports no vehicle
+    # the vehicle is imported only for quantities of a jolt
     from jblast.vehicle import named
     from jblast.vehicle.control.allocation import hover_in_wind
     from jblast.vehicle.loads.blast import jolt_velocity
@@ -412,7 +413,7 @@ def jolt_speed(
 def jolt_bearing(
     jolt_east: Float[ArrayLike, "..."], jolt_north: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:
-    r"""Return whereto a jolt points, clockwise from north [rad], 0 to $2\pi$.
+    r"""Return the direction of a jolt, clockwise from north [rad], 0 to $2\pi$.
 
     One straight up or down has no bearing: zero is returned, with no slope.
 
@@ -431,7 +432,7 @@ def jolt_elevation(
     jolt_north: Float[ArrayLike, "..."],
     jolt_up: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    """Return how steeply a jolt points up [rad]: rotors lift in a blast wind.
+    """Return the elevation of a jolt [rad]: rotors lift in a blast wind.
 
     Args:
         jolt_east: Change of velocity [m/s].
@@ -470,10 +471,10 @@ SCATTER = {
     "jolt_bearing_rad": (jolt_bearing, 0.0, 0.02),
     "jolt_elevation_rad": (jolt_elevation, 0.05, 0.02),
 }
-"""Each law, and what a shot and a record scatter. Nobody has measured it: an impulse
-goes about as pressure times impulse of the air, 10 % each of a shot and of a record.
-The lift of rotors in a blast wind, by which a jolt rises, is carried far beyond where
-its coefficient was fitted."""
+"""Each law, and its scatter of a shot and of a record. It has not been measured: an
+impulse goes about as pressure times impulse of the air, 10 % each of a shot and of a
+record. The lift of rotors in a blast wind, by which a jolt rises, is carried far beyond
+where its coefficient was fitted."""
 mark_packaged(
     *(
         register(

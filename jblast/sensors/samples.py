@@ -74,8 +74,8 @@ def block_start(
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Return when a block starts, counted from the first [s]: whole seconds, and rest.
 
-    Two numbers, because single precision cannot tell one sample from the next in one
-    that counts minutes: subtract the first from a time, then the second.
+    Two numbers, because single precision does not resolve one sample from the next in
+    one that counts minutes: subtract the first from a time, then the second.
     """
     index = jnp.asarray(index)
     if rate != int(rate) or rate > LARGEST_RATE:
@@ -258,7 +258,7 @@ def noise_block(
 
 
 class Ring:
-    """Samples that wait between who makes them and who takes them.
+    """Samples between their producer and their consumer.
 
     Attributes:
         waiting: How many samples were written and not yet read.
@@ -274,7 +274,7 @@ class Ring:
 
     @property
     def capacity(self) -> int:
-        """How many samples fit in."""
+        """Number of samples that fit in."""
         return self._samples.size
 
     def write(self, samples: Float[np.ndarray, " sample"]) -> None:

@@ -6,7 +6,7 @@ scale is the row's sigma and the law's record scatter in quadrature.
 
 Student's t is drawn as a length and a direction, so that no draw is rejected.
 `jax.random.t` divides by a gamma variate, which is drawn by rejection: in a batch all
-lanes wait for the slowest, at twenty times the cost.
+elements wait for the slowest, at twenty times the cost.
 """
 
 import math
@@ -80,11 +80,11 @@ def readings(
 
     Args:
         key: Of all errors.
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         noise: Distribution of the independent errors.
 
     Returns:
-        A log; its comments say by which laws and curves.
+        A log; its comments state the laws and curves.
 
     Raises:
         InputError: A number of the scene is an array of numbers, or no sensor records
@@ -119,7 +119,7 @@ def written(
     """Return readings of a planned layout as a log.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         layout: Rows planned, see `planned_layout`.
         value: Their readings.
         sigma: Error of each: in its unit for `ADDITIVE`, relative otherwise.
@@ -146,7 +146,7 @@ def _observe(key, scene, layout, laws, sigma, noise):
 
 
 class ErrorModel(NamedTuple):
-    """How the laws' scatter enters the rows of a log.
+    """Scatter of the laws in the rows of a log.
 
     Attributes:
         record_sd: Of the independent error of each row, what is of the law; seconds for
@@ -253,7 +253,7 @@ def observe(
 
     Args:
         key: Random key.
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
         sigma: Instrument error of each row: in its unit for `ADDITIVE`, else relative.
@@ -275,11 +275,9 @@ def observe(
         # with a key of its own: the draws of all other effects do not depend on them
         fields_key = jax.random.fold_in(shared_key, 1)
         shared += neighbours @ jax.random.normal(fields_key, (neighbours.shape[1],))
-    if own is not None:
-        pass
-    elif noise == "student":
+    if own is None and noise == "student":
         own = jax.random.t(own_key, STUDENT_FREEDOM, sigma.shape)
-    else:
+    elif own is None:
         own = jax.random.normal(own_key, sigma.shape)
     error = shared + own * jnp.hypot(sigma, of_laws.record_sd)
     moved, grown = recording.value + error, recording.value * jnp.exp(error)

@@ -14,9 +14,10 @@ This is the regular reflection of sound. Where the direct wave is strong the tru
 reflection is stronger, and past the triple point the two waves are one.
 
 Ground. Arrival, displacement and velocity are those of `sensors.record` for the same
-scene and laws; the path of the arrival is that of `wave_paths`. The motion is that of
-the ground below the place. The ground is a piston to the air above it,
-$p = \rho c\,v$: a plane wave that goes up without attenuation.
+scene and laws. The arrival is that at the place itself, which above the ground follows
+the scene's `ground.path`; the motion is that of the ground below the place. The ground
+is a piston to the air above it, $p = \rho c\,v$: a plane wave that goes up without
+attenuation.
 """
 
 from collections.abc import Mapping
@@ -46,16 +47,15 @@ AIR_QUANTITIES = (
     "positive_duration_s",
     "positive_impulse_pa_s",
 )
-"""What decides a wave in air."""
+"""Quantities that define a wave in air."""
 DEFAULT_RECORD_LAWS: dict[str, str] = dict.fromkeys(AIR_QUANTITIES, "shock_kinematics")
-"""One picture from the charge to Z = 1e4, so that nothing has to be chosen inside jit.
-"""
+"""One model from the charge to Z = 1e4, so that nothing has to be chosen inside jit."""
 DEFAULT_GROUND_LAWS: dict[str, str] = {
     "ground_arrival_s": "wu_hao",
     "ground_displacement_m": "ground_motion",
     "ground_peak_velocity_m_s": "ground_motion",
 }
-"""What decides a wave in the ground, and the laws where nothing is said."""
+"""Quantities that define a wave in the ground, and their default laws."""
 
 
 class Heard(NamedTuple):
@@ -68,9 +68,9 @@ class Heard(NamedTuple):
             integral of the pressure [Pa s]).
         shot: Which of the scene's charges it is of.
         distance: That it came [m].
-        absorbed: Whether the air's absorption acts on it, which its law does not know:
-            where the law of the peak does not hold, or the scene says so. Never on
-            that of the ground.
+        absorbed: Whether the air's absorption acts on it, because its law does not
+            include it: where the law of the peak does not hold, or the scene requests
+            it. Never on that of the ground.
     """
 
     pulse: Any  # Pulse, or GroundPulse: a union would ask every reader which
@@ -93,7 +93,7 @@ def waves_at(
     vmap and grad.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         position: East, north, up [m].
         laws: By quantity, all that the ways need.
         reflection: Coefficient of the ground; a plain 0 leaves reflections out.
@@ -116,7 +116,7 @@ def wave_at(
     """Return one wave at a place; what is not there arrives never.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         position: East, north, up [m].
         laws: By quantity.
         shot: Which of the scene's charges it is of.
@@ -152,7 +152,7 @@ def air_wave(
     """Return one wave at a place; what is not there arrives never.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         position: East, north, up [m].
         laws: By quantity, all of `AIR_QUANTITIES`.
         shot: Which of the scene's charges it is of.
@@ -196,7 +196,7 @@ def peak_at(
 def _suction(
     path: Path, peak: Float[Array, ""]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return greatest underpressure and its impulse, less where a law says less."""
+    """Return greatest underpressure and its impulse, less where a law has less."""
 
     def by_burst(way: Path):
         burst = way.one_burst()
@@ -218,7 +218,7 @@ def ground_waves(
     That of a charge that never happens comes never. Pure: for jit, vmap and grad.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         position: East, north, up [m]; in the ground, or above the ground it is felt by.
         laws: By quantity, all of `DEFAULT_GROUND_LAWS`.
     """
@@ -251,7 +251,7 @@ def ways(
     """Return by which ways waves of which charge may come to a place.
 
     Args:
-        scene: What is there.
+        scene: Charges, air, ground and sensors.
         reflection: Coefficient of the ground; a plain 0 leaves reflections out.
         ground: Whether the moving ground is heard, too.
     """
@@ -311,9 +311,9 @@ def low_charges_settled(scene: Scene) -> Scene:
 
 
 def alone(scene: Scene, shot: int) -> Scene:
-    """Return a scene with one of its charges, and with nobody: one program for all.
+    """Return a scene with one of its charges and no sensors: one program for all.
 
-    A program is compiled anew for another count, name or order of what a scene holds.
+    Another count, name or order of a scene's parts needs another compilation.
     """
     return replace(
         scene,
@@ -375,7 +375,7 @@ def rows_of_place(place: Float[Array, "3"], quantities: tuple[str, ...]) -> Layo
 def record_laws(
     scene: Scene, laws: Mapping[str, str] | None = None, *, ground: bool = False
 ) -> dict[str, str]:
-    """Return the law of each quantity: as told, else as the scene says, else these.
+    """Return the law of each quantity: as given, else the scene's, else the default.
 
     Args:
         scene: Its `law`; "auto" there leaves a quantity to `DEFAULT_RECORD_LAWS`.

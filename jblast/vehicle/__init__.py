@@ -1,4 +1,4 @@
-"""What a blast does to a vehicle: quadrotors in a wind, alone or a batch at once."""
+"""Flights of quadrotors through winds and blasts, one vehicle or a batch."""
 
 from jblast.vehicle.control.allocation import (
     allocation as allocation,

@@ -64,7 +64,7 @@ def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
 
     Args:
         spec: The vehicle; gains it does not name are its model's.
-        integral: Whether the hold has integral action, whatever the scene says.
+        integral: Whether the hold has integral action, whatever gains the scene has.
 
     Raises:
         InputError: A gain cannot be used, or the vehicle flies a mission.
@@ -101,8 +101,8 @@ CONTROLLERS: dict[str, Callable[[VehicleSpec], Holds]] = {
     "cascade": cascade_of,
     "observer": lambda spec: ObservedHold(hold_of(spec, integral=False)),
 }
-"""What may hold a vehicle in its place: the SE(3) hold with its integral or without,
-PX4's cascade, the SE(3) hold with a disturbance observer."""
+"""Controllers that hold a place: the SE(3) hold with its integral or without, PX4's
+cascade, the SE(3) hold with a disturbance observer."""
 
 
 def controller_of(spec: VehicleSpec, name: str) -> Holds:
@@ -134,10 +134,10 @@ def blast_load(
     """Return the loads of a scene's blasts.
 
     Args:
-        scene: Charges and air. Its laws are not asked: the loads have theirs
-            (`loads.blast_wave`). The curve set of a charge that does not say its burst
-            is that which its height leaves where the scene's vehicle starts; the
-            surface curves where the height is no number yet, as under `vmap`.
+        scene: Charges and air. Its laws are not used: the loads have theirs
+            (`loads.blast_wave`). The curve set of a charge without a stated burst is
+            that which its height leaves where the scene's vehicle starts; the surface
+            curves where the height is no number yet, as under `vmap`.
         drag: Whether the blast wind drags the body.
         front: Whether the front pushes it as it crosses.
         rotors: Whether the rotors feel the blast wind.
@@ -145,7 +145,7 @@ def blast_load(
 
     Raises:
         InputError: A charge has a range of its own: then it has no place. Or one above
-            the ground does not say its burst, and the scene has no vehicle.
+            the ground has no stated burst, and the scene has no vehicle.
     """
     air = scene.air
     blasts = tuple(_blast(charge, scene) for charge in scene.charges)
@@ -179,7 +179,7 @@ def images_of(blasts: Sequence[Blast]) -> tuple[Blast, ...]:
 
 
 def _may_be_above(blast: Blast) -> bool:
-    """Return whether a charge is above the ground, or nobody knows yet."""
+    """Return whether a charge is above the ground, or its height is traced."""
     up = blast.position_m[..., 2]
     return isinstance(up, Tracer) or bool(np.any(np.asarray(up) > 0))
 

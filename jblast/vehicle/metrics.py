@@ -37,7 +37,7 @@ from jblast.vehicle.state import Trajectory
 
 
 class FlightMetrics(eqx.Module):
-    """What a blast did to flights; definitions above.
+    """Effects of a blast on flights; definitions above.
 
     Attributes:
         error_before_m: Root mean square.
@@ -84,7 +84,7 @@ def flight_metrics(
     rest_s: float = 0.5,
     ground_up_m: float | None = None,
 ) -> FlightMetrics:
-    """Return what a blast did to flights.
+    """Return the effects of a blast on flights.
 
     Args:
         trajectory: The flights.

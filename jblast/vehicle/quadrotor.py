@@ -136,7 +136,7 @@ def floats(value: Any) -> Float[Array, "..."]:
 
 
 class Body(eqx.Module):
-    """What a blast acts on beside the rotors. Leading axes are a batch's.
+    """Properties that a blast acts on, besides the rotors. Leading axes are a batch's.
 
     Attributes:
         area_m2: Projected along the body's x, y and z axes [m2].
@@ -303,7 +303,7 @@ def _directions(parameters: Mapping[str, Any]) -> Float[Array, "4"]:
 
 
 def read_body(parameters: Mapping[str, Any]) -> Body | None:
-    """Return what a blast acts on, or None if none of it is told."""
+    """Return the properties that a blast acts on, or None if none is given."""
     if not any(key in parameters for key in BODY):
         return None
     area = numbers(parameters.get("body_area"), "body_area", (3,), least=0.0)

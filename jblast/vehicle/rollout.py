@@ -47,7 +47,7 @@ where no pulse comes in all of them nothing looks for one."""
 MOST_APART = 16
 """Numbers of an array that a controller remembers one by one."""
 INWARD = 1e-9
-"""How far the stages at a step's ends stand inside it, as a share of the step."""
+"""Distance of the first and last stage from a step's ends, as a share of the step."""
 T = TypeVar("T")
 CHUNK_BYTES = 512
 """Of one number for every vehicle of a chunk, on a CPU. XLA runs a loop over arrays up
@@ -58,7 +58,7 @@ CHUNK_AXIS = "chunk"
 
 
 class Flight(NamedTuple):
-    """What belongs to one vehicle's flight.
+    """Vehicle, start and actions of one flight.
 
     Attributes:
         vehicle: The vehicle.
@@ -107,7 +107,7 @@ def wind_at(flight: Flight, time: Number, motion: StateComponents) -> Vector:
 
 
 class Now(NamedTuple):
-    """What is carried from step to step.
+    """State of a flight from step to step.
 
     Attributes:
         motion: The state.
@@ -213,7 +213,7 @@ def fly(
 
 @dataclass(frozen=True, eq=False)
 class OneStep:
-    """What a vehicle's steps have in common.
+    """Steps of one vehicle.
 
     Attributes:
         flight: The vehicle, its start and what acts on it; its controller is ready.
@@ -480,16 +480,13 @@ def parted(arguments: PyTree, batch: tuple[int, ...]) -> tuple[PyTree, PyTree]:
 
     def of_each(keep_each: bool) -> PyTree:
         def part(node: Any) -> Any:
-            if isinstance(node, Each) != keep_each and not isinstance(node, Each):
-                return None
-            value = own(node)
-            if isinstance(node, Each):
-                arrays, rest = eqx.partition(value, eqx.is_array)
-                if not keep_each:
-                    return rest
-                count = len(batch)
-                return jax.tree.map(lambda x: x.reshape(-1, *x.shape[count:]), arrays)
-            return value
+            if not isinstance(node, Each):
+                return None if keep_each else node
+            arrays, rest = eqx.partition(node.value, eqx.is_array)
+            if not keep_each:
+                return rest
+            count = len(batch)
+            return jax.tree.map(lambda x: x.reshape(-1, *x.shape[count:]), arrays)
 
         return jax.tree.map(part, arguments, is_leaf=lambda x: isinstance(x, Each))
 

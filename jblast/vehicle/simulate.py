@@ -52,13 +52,13 @@ VECTORS = {
     PositionHold: "target_m",
     BlastLoad: "wind_m_s",
 }
-"""What has three numbers where there is no batch."""
+"""Field of three numbers without a batch, by type."""
 BUILT_IN = {
     "wind": (StepGust, NWaveGust, FriedlanderGust),
     "control": (PositionHold,),
     "loads": (BlastLoad,),
 }
-"""What the kernel knows."""
+"""Types that the kernel supports."""
 
 
 def simulate(
@@ -99,7 +99,7 @@ def simulate(
         control: What commands the rotors, in place of `commands`.
         wind: Velocity of the air, east, north, up [m/s], from time [s] and position.
         loads: Other forces: functions (time_s, state, vehicle) that give force, world
-            [N], and moment, body [N m], or pulses that tell their impulse.
+            [N], and moment, body [N m], or pulses, which return their impulse.
         ground_up_m: Height of level ground, on which a vehicle that falls stays lying
             until its rotors lift it; None: no ground.
         store_every: Steps between two stored rows; start and end are always stored.
@@ -338,11 +338,10 @@ def check_step(
     Raises:
         InputError: The step is too large.
     """
-    # whoever holds by gains, as a mission does, says so by the attribute
-    gains = getattr(own(control), "gains", None)
+    # all controllers with gains, missions too, have this attribute
+    # a batch of gains is not looked at: each vehicle that diverges is reported
+    gains = None if isinstance(control, Each) else getattr(control, "gains", None)
     gains = gains if isinstance(gains, Gains) else None
-    if isinstance(control, Each):
-        gains = None  # a batch of gains: each lane that diverges is named
     looked_at = jax.tree.leaves((vehicle.motor_lag_s, gains))
     if any(isinstance(x, Tracer) for x in looked_at):
         return
@@ -363,7 +362,7 @@ def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> 
     """Refuse what is given for other vehicles than those of the batch.
 
     The kernel takes the last column for every vehicle that has none of its own: without
-    this it would fly an `Each` of too few, and say nothing.
+    this it would fly an `Each` of too few without a message.
 
     Args:
         given: Winds, loads, controllers by their name.

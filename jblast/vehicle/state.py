@@ -46,7 +46,7 @@ class State(eqx.Module):
             values are not looked at inside jit or grad.
     """
 
-    # Shapes are held by __check_init__, which has a message for them.
+    # Shapes are checked by __check_init__, which has a message for them.
     position_m: Float[Array, "..."] = eqx.field(converter=floats)
     velocity_m_s: Float[Array, "..."] = eqx.field(converter=floats)
     quaternion: Float[Array, "..."] = eqx.field(converter=floats)

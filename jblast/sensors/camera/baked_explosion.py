@@ -22,12 +22,12 @@ daylight. One opacity covers both.
 
 A picture stands on a billboard as in `billboards.py`, with the same up. Its foot is at
 the charge, or on the ground below it as long as the charge is not higher than half the
-largest radius, and that much below it if it is higher: it then shows a burst on the
-ground that hovers. Seen from another elevation than its own, the picture is moved up or
-down so that the middle of the cloud keeps its height in the world. The wind carries the
-middle as it carries the law's ball, what is below it less and what is above it more, by
-the height in the picture: the foot does not move. After the last phase the last picture
-remains, and fades within half as long again.
+largest radius, and that much below it if it is higher: the picture is then that of a
+burst on the ground, raised above it. Seen from another elevation than its own, the
+picture is moved up or down so that the middle of the cloud keeps its height in the
+world. The wind carries the middle as it carries the law's ball, what is below it less
+and what is above it more, by the height in the picture: the foot does not move. After
+the last phase the last picture remains, and fades within half as long again.
 
 A direction is shown by the nearest view on the unit sphere; or by the three views at
 the corners of the spherical triangle around it, by barycentric weights
@@ -81,7 +81,7 @@ from jblast.waves.fireball import (
 LOOKED = 24
 """Instants at which it is asked whether a picture is in view."""
 FADING = 0.5
-"""How long the last picture takes to fade, over its phase."""
+"""Time in which the last picture fades, over its phase."""
 CLOSEST = 0.9
 """Radius over distance from which on the outline of a ball is not followed."""
 ON_GROUND = 0.5
@@ -435,7 +435,7 @@ def shown_towards(
 
 
 class Plane(NamedTuple):
-    """Where a picture stands: across the line of sight, through the foot of the cloud.
+    """Plane of a picture: across the line of sight, through the foot of the cloud.
 
     Attributes:
         sight: From the camera to its anchor [m].
@@ -453,7 +453,7 @@ class Plane(NamedTuple):
 
 
 class Laid(NamedTuple):
-    """How one picture of several is laid on the plane.
+    """Scale and position of one picture of several on the plane.
 
     Attributes:
         scale: Texels a metre [1/m].
@@ -473,7 +473,7 @@ class Laid(NamedTuple):
 
 
 class Met(NamedTuple):
-    """Where rays meet the plane.
+    """Intersections of rays with the plane.
 
     Attributes:
         right: Of the foot of the cloud, along the picture's rows [m].

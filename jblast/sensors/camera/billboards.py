@@ -9,10 +9,10 @@ distortion act on it as on any point.
 Each view keeps its own up, a fixed vector $v$ of the world that is up in its pictures.
 The billboard's up is the part of $v - (d \cdot v)^3\,u$ across the line of sight: $v$
 near the view; and away from the view's side as the camera climbs to where $v$ points,
-where $v$ alone would turn with every step. A picture has to turn somewhere (there is no
-field of directions on a sphere without such a point): it does at two, behind the view,
-58 degrees from straight behind, towards $v$ and away from it, where a set should have
-other views.
+where $v$ alone would turn with every step. A picture has to turn somewhere, as no field
+of directions on a sphere is without such a point. It turns at two points behind the
+view, 58 degrees from straight behind, towards $v$ and away from it. A set should have
+other views there.
 
 Another charge than the one in the pictures is shown as the fireball's law scales it:
 lengths by the cube root of the mass, times by `fireball_duration`.
@@ -177,7 +177,7 @@ def upright(direction: np.ndarray) -> np.ndarray:
 
 
 class Billboard(eqx.Module):
-    """Where rays meet a view's picture.
+    """Intersections of rays with a view's picture.
 
     Attributes:
         view: The nearest one.

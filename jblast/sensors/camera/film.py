@@ -11,7 +11,8 @@ leave the middle unchanged, but not the next one.
 
 That bounds the events of an ideal camera, whose levels are fixed. A pixel that is reset
 takes its next reference from the light between two instants, and an error of the light
-in a steep interval moves an event in a slow one: its light is bounded itself.
+in a steep interval moves an event in a slow one. For such a camera the error of the
+light is bounded, too.
 """
 
 import math
@@ -44,13 +45,13 @@ LONGEST = 20
 """Frames of a block: a second at most rates is some whole ones."""
 Frames = Float[np.ndarray, "_ _ _ 3"]
 STAMP_ERROR = 1e-4
-"""How far off the time of an event may be [s]: a fifth of the time that the
+"""Bound of the error of the time of an event [s]: a fifth of the time that the
 photoreceptor of our noisy camera takes, and of its refractory period."""
 LIGHT_ERROR = 5e-4
-"""How far off the logarithm of the light of a camera with resets may be, in thresholds:
+"""Bound of the error of the logarithm of light for a camera with resets, in thresholds:
 found by trial, so that 99 in 100 of its events are within `STAMP_ERROR` too."""
 JUMP = 1 / 16
-"""Where light jumps, when it does is known to so much of the bound of times."""
+"""Time of a jump of the light: found to this share of the bound of times."""
 LEFT = 0.01
 """Share of the events of an interval that may be farther off."""
 PER_LIFE = 32
@@ -67,7 +68,7 @@ Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 
 @dataclass(frozen=True)
 class Film:
-    """What is filmed, and when.
+    """A scene, a camera, and the times of the frames.
 
     Attributes:
         scene: What explodes.
@@ -203,7 +204,7 @@ class Film:
 
     @cached_property
     def _shown(self) -> Appearance:
-        """How it is shown; made once, for it stands on the device."""
+        """Of the film; made once, because its arrays are on the device."""
         return self.appearance or Appearance()
 
     @cached_property
@@ -283,7 +284,7 @@ class Interval(NamedTuple):
 
 
 class _Bounds(NamedTuple):
-    """What decides whether an interval is fine; see `subdivided`."""
+    """Bounds that an interval must satisfy; see `subdivided`."""
 
     threshold: float
     time_s: float

@@ -16,8 +16,8 @@ a diameter the gaps transmit light as if the depth were
 
 $$\tau_0 = N\,(1 - e^{-\tau_s/N})$$
 
-(Natta and Panagia 1984, from memory). A bright fireball still shows its whole disc,
-where little alpha is much light; black smoke has a soft limb.
+(Natta and Panagia 1984, from memory). A bright fireball still shows its whole disc, as
+at its limb even a small alpha is much light; black smoke has a soft limb.
 
 The light is a black body's, between that of the middle and that of the cooler limb by
 $h^2$: as if the temperature fell with $b^2$. Soot reflects an even sky above and a
@@ -56,12 +56,18 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from jblast.errors import InputError, shown
 from jblast.scene import Camera, Charge, Scene
 from jblast.sensors.camera.geometry import Rays, pixel_rays, pixels
-from jblast.sensors.camera.image import blackbody_light, laid_over, luminance, straight
+from jblast.sensors.camera.image import (
+    FULL_SUN,
+    blackbody_light,
+    laid_over,
+    luminance,
+    straight,
+)
 from jblast.types import as_float_array, as_optional_float_array
 from jblast.waves.fireball import HOTTEST, fireball
 from jblast.waves.propagation import ambient
 
-WHITE = 3e4
+WHITE = FULL_SUN
 """Luminance of a white wall in the sun [cd/m2]: 1e5 lux / pi."""
 LUMPS = 20.0
 """Lumps of smoke along a diameter [-]. Declared: it makes the limb a twentieth of the
@@ -91,7 +97,7 @@ SLACK = 0.1
 
 
 class Appearance(eqx.Module):
-    """How a fireball is exposed, and how its smoke is distributed.
+    """Exposure of a fireball, and distribution of its smoke.
 
     Attributes:
         white: Luminance that is full scale [cd/m2].
@@ -215,7 +221,7 @@ def fireballs_seen(
 
 
 class RayPassage(eqx.Module):
-    """How rays pass a cloud; zero where they miss it.
+    """Passages of rays through a cloud; zero where they miss it.
 
     Attributes:
         column: Optical depth over that along a diameter [-], 0 to 1.
@@ -448,7 +454,7 @@ def cells_touched(
     slope = _chord(way[:, 1:, 1:], way[:, :-1, :-1])
     other = _chord(way[:, 1:, :-1], way[:, :-1, 1:])
     size = (0.5 + SLACK) * jnp.maximum(slope, other)
-    unknown = _any(~(corners.farthest > 0.0))
+    unknown = _four(~(corners.farthest > 0.0), jnp.logical_or)
     found = [jnp.zeros_like(unknown)]
     for charge in scene.charges:
         ball = cloud(scene, charge, time)
@@ -474,12 +480,9 @@ def _chord(a: Float[Array, "3 _ _"], b: Float[Array, "3 _ _"]) -> Float[Array, "
 
 
 def _four(values: Array, join: Callable[[Array, Array], Array]) -> Array:
+    """Join the values at the four corners of each cell."""
     across = join(values[:, 1:], values[:, :-1])
     return join(across[1:], across[:-1])
-
-
-def _any(flags: Bool[Array, "_ _"]) -> Bool[Array, "_ _"]:
-    return _four(flags, jnp.logical_or)
 
 
 def corner_rays(rays: Rays) -> Rays:
@@ -546,24 +549,14 @@ def touched(
     """
 
     def spans(places, first, last):
-        low = -_most(jnp.where(met, -places, -jnp.inf))
-        high = _most(jnp.where(met, places, -jnp.inf))
+        low = -_four(jnp.where(met, -places, -jnp.inf), jnp.maximum)
+        high = _four(jnp.where(met, places, -jnp.inf), jnp.maximum)
         slack = SLACK * (high - low)
         return (high + slack >= first) & (low - slack <= last)
 
-    some = ~_all(~met)
+    some = _four(met, jnp.logical_or)
     known = spans(x, box[0], box[1]) & spans(y, box[2], box[3])
-    return some & (known | ~_all(~unknown))
-
-
-def _most(values):
-    across = jnp.maximum(values[:, 1:], values[:, :-1])
-    return jnp.maximum(across[1:], across[:-1])
-
-
-def _all(flags):
-    across = flags[:, 1:] & flags[:, :-1]
-    return across[1:] & across[:-1]
+    return some & (known | _four(unknown, jnp.logical_or))
 
 
 def in_window(

@@ -41,7 +41,7 @@ power and its gradient leave float32."""
 TRIALS = 100
 """Newton's trials at most."""
 ROUNDING = 16
-"""What may be left of a pixel, in roundings of the distortion's largest term."""
+"""Accepted residual of a pixel, in roundings of the distortion's largest term."""
 STEPS = 64
 """Places on the way out at which the fold is looked for; one that opens and closes
 between two of them is overlooked."""
@@ -50,7 +50,7 @@ HALVINGS = 52
 
 
 class Projected(eqx.Module):
-    """Where places of the world appear to a camera.
+    """Pixels at which places of the world appear to a camera.
 
     Attributes:
         pixel: (x, y), pixel centres at whole numbers [px]; inside the image or not.
@@ -211,7 +211,7 @@ def _solve(
 def _rounding(
     point: Float[Array, "... 2"], distortion: Float[Array, "5"]
 ) -> Float[Array, "..."]:
-    """Return what `distort` cannot tell from zero: rounding of its largest terms."""
+    """Return the rounding error of the largest terms of `distort`."""
     terms = _length(distort(jnp.abs(point), jnp.abs(distortion)))
     return ROUNDING * jnp.finfo(point.dtype).eps * terms
 
@@ -223,7 +223,7 @@ def _length(vector: Float[Array, "... 2"]) -> Float[Array, "..."]:
 def distort(
     point: Float[Array, "... 2"], distortion: Float[Array, "5"]
 ) -> Float[Array, "... 2"]:
-    """Where the lens puts a point of the plane at distance 1.
+    """Return the distorted position of a point of the plane at distance 1.
 
     Args:
         point: Without distortion: x/z, y/z [-].
@@ -454,7 +454,7 @@ def _towards_neighbour(
 
 
 class CameraPath(eqx.Module):
-    """Where what carries a camera is, and how it is turned; between rows linear.
+    """Position and attitude of a camera's carrier; linear between rows.
 
     Attributes:
         time: Of the rows, on the common clock, rising [s].

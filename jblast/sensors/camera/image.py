@@ -102,8 +102,8 @@ LINEAR_SRGB = np.array(
 )
 """From X, Y, Z to linear red, green, blue: primaries of BT.709, white D65."""
 SMALLEST = 0.01
-"""How smooth the step is, as a part of the luminance: it lifts a channel that would be
-zero by half of this."""
+"""Width of the smooth step, as a part of the luminance: it lifts a channel that would
+be zero by half of this."""
 DESATURATION = 0.15
 """$K_d$ of the specification: at eight times full scale half of a colour is white."""
 FULL_SUN = 3e4
@@ -325,7 +325,7 @@ def toned(light: Any) -> Any:
     Returns:
         An array of the same kind; light from 0 to 1 is unchanged.
     """
-    xp: Any = np if isinstance(light, np.ndarray) else jnp
+    xp = _namespace(light)
     light = xp.maximum(light, 0.0)
     peak = xp.maximum(light.max(axis=-1, keepdims=True), 1.0)
     part = 1.0 / (DESATURATION * (peak - 1.0) + 1.0)

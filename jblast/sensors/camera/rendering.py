@@ -244,7 +244,12 @@ def check_camera(camera: Camera, *, ground: bool) -> None:
     """
     check_stands(camera)
     if ground and not isinstance(camera.position, Tracer):
-        _check_above_ground(float(np.asarray(camera.position)[2]))
+        up = float(np.asarray(camera.position)[2])
+        if up < 0:
+            raise InputError(
+                "camera position: expected a place not below the ground, up = 0, "
+                f"got up = {up:g} m"
+            )
 
 
 def _check_times(times: Float[Array, "..."]) -> None:
@@ -260,14 +265,6 @@ def _check_times(times: Float[Array, "..."]) -> None:
         before, after = clock[falls[0]], clock[falls[0] + 1]
         raise InputError(
             f"times: expected times in order, got {after:g} s after {before:g} s"
-        )
-
-
-def _check_above_ground(up: float) -> None:
-    if up < 0:
-        raise InputError(
-            "camera position: expected a place not below the ground, up = 0, "
-            f"got up = {up:g} m"
         )
 
 

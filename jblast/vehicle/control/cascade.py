@@ -36,6 +36,7 @@ from jaxtyping import Array, Float
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.control.allocation import allocation, speeds_within
 from jblast.vehicle.control.position_hold import (
+    DESCENT_M_S,
     THRUST_FLOOR,
     Controller,
     Readied,
@@ -65,7 +66,7 @@ ATTITUDE = (6.5, 6.5, 2.8)  # MC_ROLL_P, MC_PITCH_P, MC_YAW_P
 RATE_INTEGRAL = (4 / 3, 4 / 3, 1 / 2)  # MC_ROLLRATE_I / _P, MC_YAWRATE_I / _P
 RATE_MOST = (math.radians(220), math.radians(220), math.radians(200))
 RATE_INTEGRAL_MOST = (2.0, 2.0, 1.5)  # MC_RR_INT_LIM / MC_ROLLRATE_P
-SPEED_MOST, CLIMB_MOST, DESCENT_MOST = 12.0, 3.0, 1.5  # MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_*
+SPEED_MOST, CLIMB_MOST = 12.0, 3.0  # MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_UP
 LOW_PASS = 2 * math.pi * 5.0  # MPC_VELD_LP
 GATHERED_MOST = FLIGHT_GRAVITY  # PX4's, of the integral of velocity
 YAW_WEIGHT = 0.4
@@ -75,7 +76,7 @@ OPPOSITE = 1e-9
 
 
 class Gathered(eqx.Module):
-    """What a cascade remembers.
+    """Memory of a cascade.
 
     Attributes:
         pull_m_s2: Integral of the velocity's error, as the pull it asks for.
@@ -188,7 +189,7 @@ def _pull(
     across = jnp.sum(wanted[:2] ** 2)
     fast = across > SPEED_MOST**2
     share = jnp.where(fast, SPEED_MOST / jnp.sqrt(jnp.where(fast, across, 1.0)), 1.0)
-    climb = jnp.clip(wanted[2], -DESCENT_MOST, CLIMB_MOST)
+    climb = jnp.clip(wanted[2], -DESCENT_M_S, CLIMB_MOST)
     wanted = jnp.stack([share * wanted[0], share * wanted[1], climb])
     missed = wanted - state.velocity_m_s
     rate = (state.velocity_m_s - memory.velocity_m_s) / period_s

@@ -40,7 +40,8 @@ a first-order observer (Chen, Ballance, Gawthrop and O'Reilly 2000, eq. 9, with 
 that does not depend on the state; here exact for a force that is constant over a turn).
 The controller adds $-\hat d$ to its command, within its `integral_limit`. A blast that
 changes the velocity within a turn by $\Delta v$ makes $\hat d = L \Delta v$, whose
-integral over time is $\Delta v$: the observer brakes by just what the blast gave.
+integral over time is $\Delta v$: the observer cancels just the velocity that the blast
+added.
 """
 
 import abc
@@ -93,6 +94,9 @@ OBSERVER_RATE = 4.0
 """Of named vehicles [1/s]: as quick as their holds brake sideways; declared."""
 Flag = Bool[Array, ""]
 DESCENT_M_S = 1.5
+"""Greatest commanded descent: MPC_Z_VEL_MAX_DN of PX4."""
+INTEGRAL_LIMIT_M_S2 = 5.0
+"""Of the integral along each axis, unless the gains have one; declared."""
 THRUST_FLOOR = 0.24
 """Least thrust, of the weight."""
 TILT_SLOPE = math.tan(math.radians(45.0))
@@ -101,7 +105,7 @@ TILT_SLOPE = math.tan(math.radians(45.0))
 
 @runtime_checkable
 class Controller(Protocol):
-    """What commands the rotors: called at fixed times, its answer held in between.
+    """A controller of the rotors: called at fixed times, its answer held in between.
 
     It may also have a method `ready(vehicle)` that returns a controller for a flight of
     that vehicle, with whatever does not change in flight calculated.
@@ -124,15 +128,16 @@ class Controller(Protocol):
 
 
 class Readied(eqx.Module):
-    """A controller that is asked as what it is ready as, be it for one turn.
+    """A controller that a flight calls as prepared by `ready`.
+
+    Called directly it is prepared for this one turn.
 
     Raises:
-        TypeError: A class made of it has a `__call__` of its own, which no flight would
-            ever ask.
+        TypeError: A subclass has a `__call__` of its own, which no flight would call.
     """
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse a call that would not be heard."""
+        """Refuse a `__call__` that no flight would use."""
         super().__init_subclass__(**options)
         if "__call__" in vars(cls):
             message = (
@@ -179,7 +184,9 @@ class Gains(eqx.Module):
     integral: Float[Array, "3"] = eqx.field(
         converter=floats, default_factory=lambda: jnp.zeros(3)
     )
-    integral_limit: Float[Array, ""] = eqx.field(converter=floats, default=5.0)
+    integral_limit: Float[Array, ""] = eqx.field(
+        converter=floats, default=INTEGRAL_LIMIT_M_S2
+    )
     motor_lead: Float[Array, ""] | None = eqx.field(
         converter=lambda x: None if x is None else floats(x), default=None
     )
@@ -195,7 +202,7 @@ class PositionHold(Readied):
 
     Attributes:
         target_m: East, north, up [m].
-        gains: How hard.
+        gains: Controller gains.
         yaw_rad: Heading of body x, from east to north [rad].
     """
 
@@ -344,16 +351,18 @@ def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
         integral=numbers(
             parameters.get("ki_pos", [0.0, 0.0, 0.0]), "ki_pos", three, least=0.0
         ),
-        integral_limit=number(parameters, "integral_limit", least=0.0, default=5.0),
+        integral_limit=number(
+            parameters, "integral_limit", least=0.0, default=INTEGRAL_LIMIT_M_S2
+        ),
         motor_lead=lead,
     )
 
 
 class Seen(eqx.Module):
-    """What the observer remembers.
+    """Memory of the observer.
 
     Attributes:
-        push_m_s2: Estimate of what pushes, world.
+        push_m_s2: Estimate of the disturbance, world.
         velocity_m_s: At the turn before.
         begun: 1 from the first turn on, 0 before.
     """
@@ -364,10 +373,10 @@ class Seen(eqx.Module):
 
 
 class ObservedHold(Readied):
-    """Holds a place, and takes back what pushes.
+    """Holds a place, and compensates the disturbance that it estimates.
 
     Attributes:
-        hold: Where, and how hard; its integral gains are not used.
+        hold: Target and gains; its integral gains are not used.
         observer_rate: $L$ [1/s].
     """
 

@@ -1,8 +1,8 @@
 r"""Stability of the SE(3) position controller near hover: margins and the largest step.
 
-Near hover the controlled vehicle falls apart into three chains of integrals. Each is
-driven by the command, constant over the controller's period, through the motors' lag,
-$\dot a = (a_{cmd} - a)/\tau_m$:
+Near hover the controlled vehicle decouples into chains of integrals. Each is driven by
+the command, constant over the controller's period, through the motors' lag, $\dot a =
+(a_{cmd} - a)/\tau_m$:
 
 - sideways: $\dot x = v$, $\dot v = g\theta$, $\dot\theta = \omega$, $\dot\omega = a$;
 - upward: $\dot x = v$, $\dot v = a$; heading: $\dot\theta = \omega$, $\dot\omega = a$.

@@ -31,9 +31,9 @@ weaker, and pushing upwards. On the ground both arrive simultaneously and the pr
 is doubled (the rigid wall of acoustics, as for microphones). It is a blast like any
 other, so its impulse within a step is complete. Strong fronts are reflected more
 strongly: at the ground, head on, by $1 + 3x/(7 + x)$ (Rankine and Hugoniot), 1.04 at 10
-kPa, 1.38 at 100. A burst whose reflection arrives within the positive phase, as in the
-region of the Mach stem, has the surface curves and one front. The vehicle does not turn
-the front.
+kPa, 1.37 at 100. A burst whose reflection arrives within the positive phase, as in the
+region of the Mach stem, has the surface curves and one front. The vehicle does not
+deflect the front.
 
 The jolt is the change of velocity by the whole wave,
 
@@ -151,7 +151,8 @@ class BlastLoad(eqx.Module):
         motion = components(state)
         attitude = rotation(unit(motion.quaternion))
         wind = three(self.wind_m_s)
-        air = add(wind, _minus(motion.velocity))
+        v = motion.velocity
+        air = add(wind, (-v[0], -v[1], -v[2]))
         flies = jnp.stack(
             turned(motion.quaternion, air_wrench(vehicle, motion, wind)[0])
         )
@@ -215,7 +216,7 @@ class BlastLoad(eqx.Module):
         sound = jnp.maximum(self.sound_speed_m_s - 2 * blow, 0.0)
         speed, most = _length(state.velocity_m_s), MOST_ACCELERATION_M_S2
 
-        def until(blast: Blast) -> Float[Array, ""]:
+        def quiet(blast: Blast) -> Float[Array, ""]:
             wave, happens = self.wave_of(blast, state.position_m), ~blast.never
             came = self.front_time_s(blast, state.position_m, start_s)
             crossing = crossing_time(body, wave)  # of which half comes before
@@ -226,7 +227,7 @@ class BlastLoad(eqx.Module):
             return jnp.where(happens, start_s + jnp.where(over, slow, wait), jnp.inf)
 
         never = jnp.asarray(jnp.inf, start_s.dtype)
-        return functools.reduce(jnp.minimum, over_alike(until, self.waves), never)
+        return functools.reduce(jnp.minimum, over_alike(quiet, self.waves), never)
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]
@@ -264,9 +265,9 @@ class BlastLoad(eqx.Module):
         )
 
     def in_range(self, position_m: Float[Array, "... 3"]) -> Bool[Array, "... blast"]:
-        """Return where the waves laws hold: elsewhere the load is finite, no more.
+        """Return where all laws of the waves hold (`RANGE`).
 
-        On the surface Z = 0.178 to 40 m/kg^(1/3), in free air 0.147 to 36.975.
+        Elsewhere the load is finite, but extrapolated.
         """
 
         def holds(blast: Blast) -> Bool[Array, "..."]:
@@ -282,10 +283,6 @@ class BlastLoad(eqx.Module):
     def surroundings(self) -> Surroundings:
         """Return the air that the waves go through."""
         return Surroundings(self.pressure_pa, self.sound_speed_m_s, self.wind_m_s)
-
-
-def _minus(v: Vector) -> Vector:
-    return -v[0], -v[1], -v[2]
 
 
 def _only(happens: Bool[Array, ""], v: Vector) -> Vector:
@@ -310,7 +307,7 @@ class RotorForce(NamedTuple):
 
 
 class WindImpulse(NamedTuple):
-    """What the wind gives within a step.
+    """Impulse of the wind within a step.
 
     Attributes:
         body: Impulse of drag and front, world [N s].
@@ -437,7 +434,7 @@ def rotors_in_wind(
     """Return what the rotors feel of a wind: force, world, and moment, body.
 
     Without the frame's drag both are polynomials of second degree in the speed of the
-    wind: three of its values tell it.
+    wind, which three of its values define.
     """
     probe = passage.wave.sound_speed_m_s / 10
     bare = eqx.tree_at(

@@ -1,7 +1,7 @@
 r"""The blast wave at a vehicle: overpressure, wind, and its part within a step.
 
 Overpressure: Friedlander's pulse, then the cubic suction of
-`waves.laws.negative_phase`. Arrival, peak, duration, decay and suction are those of
+`waves.negative_phase_pressure`. Arrival, peak, duration, decay and suction are those of
 `waves.waveform.blast_pulse`, which records of gauges use, too; the two differ in one
 thing, the duration of the suction, for the reason below.
 
@@ -69,8 +69,8 @@ FIRST, LAST = 0.07, 1000.0
 """Scaled distances that the curves span [m/kg^(1/3)]."""
 SPACING = 0.02
 RANGE = {"surface": (0.178, 40.0), "free-air": (0.147, 36.975)}
-"""Where all the laws hold: durations start later than pressures, and suctions in free
-air end sooner [m/kg^(1/3)]."""
+"""Scaled distances at which all laws hold: durations start later than pressures, and
+suctions in free air end sooner [m/kg^(1/3)]."""
 NODES = 8
 """Of each phase: they leave below 1e-3 of the drag's impulse where a step holds all."""
 
@@ -125,7 +125,7 @@ def _laws(z: Float[Array, " node"], burst: str) -> tuple[Float[Array, " node"], 
 
 
 class Wave(NamedTuple):
-    r"""What passes a place.
+    r"""Blast wave at a place.
 
     Attributes:
         peak: Overpressure over the ambient pressure [-].
@@ -202,7 +202,8 @@ def wave_at(
         suction=suction,
         suction_s=16 / 9 * impulse / suction,
         sound_speed_m_s=sound_speed_m_s,
-        afterflow_m_s2=jnp.square(sound_speed_m_s) / (1.4 * distance_m),
+        afterflow_m_s2=jnp.square(sound_speed_m_s)
+        / (AIR_HEAT_CAPACITY_RATIO * distance_m),
     )
 
 
@@ -438,7 +439,7 @@ def front_impulse(
 
 
 class NodePlace(NamedTuple):
-    """Where a node stands: a number each, or an array over all nodes.
+    """Position of a node in its phase: a number each, or an array over all nodes.
 
     Attributes:
         share: How far in its phase.
@@ -452,7 +453,7 @@ class NodePlace(NamedTuple):
 
 
 class Node(NamedTuple):
-    """What there is at a node.
+    """Wave at a node.
 
     Attributes:
         since: Time since arrival [s].

@@ -48,7 +48,7 @@ from jblast.vehicle.state import (
 )
 
 SOLE_DIRECTION_RAD = 0.1
-"""How far from its direction a case speaks where there is but one."""
+"""Angle up to which a single case is used for other directions."""
 COLUMNS = (
     "Time Delay (s)",
     "Distance (m)",
@@ -79,7 +79,7 @@ class CustomProfile(eqx.Module):
         turn: $M R^2$, body axes [N m s m2].
         slowness: Delay over distance [s/m].
         reach: Ln of the least and greatest distance of each direction.
-        spacing_rad: How far a case's direction speaks for others.
+        spacing_rad: Angle up to which a case is used for other directions.
         charge_m: Where the charge is: east, north, up.
         time_s: Of its detonation; infinite: it never happens.
         duration_s: Over which the impulse is given.
@@ -153,7 +153,7 @@ class CustomProfile(eqx.Module):
     ) -> Bool[Array, ""]:
         """Return whether cases are near: the nearest in direction, and its distances.
 
-        A case speaks for directions as far from its own as the cases' are apart.
+        A case is used for directions as far from its own as the cases' are apart.
         """
         distance, _, apart = self._seen(position_m, quaternion)
         nearest = jnp.argmin(apart)
@@ -196,10 +196,10 @@ def custom_profile(
         charge_m: Where the charge is: east, north, up [m].
         time_s: When it detonates [s].
         duration_s: Over which the impulse is given [s]; the thesis's is 1 ms.
-        moment_point_m: From the point about which the moments are told to the
+        moment_point_m: From the point about which the moments are given to the
             vehicle's centre of mass, body axes [m]; None: they are about that.
-        vehicle: On which they act. Where no point is told their levers are held against
-            its size; None: they are not.
+        vehicle: On which they act. Without a point their levers are compared with its
+            size; None: they are not.
 
     Raises:
         InputError: The duration is not positive, or a point has not three numbers.
@@ -223,7 +223,7 @@ def custom_profile(
         ],
         axis=1,
     )
-    # directions to a billionth: those of a file are told in degrees
+    # directions to a billionth: those of a file are in degrees
     _, first, way = np.unique(
         np.round(toward, 9), axis=0, return_index=True, return_inverse=True
     )
@@ -345,7 +345,7 @@ def _number(where: str, column: int, texts: list[str]) -> float:
 def _refuse_twice(
     path: str | os.PathLike[str], cases: np.ndarray, lines: list[int]
 ) -> None:
-    """Refuse two cases of one place: nothing says which holds."""
+    """Refuse two cases of one place, which are ambiguous."""
     first: dict[tuple[float, ...], int] = {}
     for case, line in zip(cases, lines, strict=True):
         at = tuple(case[1:4])

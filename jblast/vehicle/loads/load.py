@@ -48,7 +48,7 @@ class Pulse(Protocol):
 
     It may also have a method `quiet_until(start_s, state, vehicle)`: the time until
     which it surely gives nothing to a vehicle that is in a state at a time, the same
-    time if it may give something at once. It is not asked for its impulse before.
+    time if it may give something at once. Its impulse is not evaluated before.
     """
 
     def impulse(

@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 from jblast.constants import FLIGHT_GRAVITY
+from jblast.scene.charge import BURSTS
 from jblast.vehicle.loads.blast_wave import (
     FIRST,
     NODES,
@@ -28,8 +29,6 @@ DRAG, FRONT, ROTORS = 1, 2, 4
 """Parts of a load, as bits."""
 GAUSS = np.column_stack([PLACES, WEIGHTS, SO_FAR])
 """Of `Blasts.gauss`."""
-BURSTS = ("surface", "free-air")
-"""Of each the curves of `WaveCurves`, in this order."""
 COLUMNS = (
     *("east", "north", "up", "time", "nearest", "log_scale", "log_impulse_scale"),
     *("time_scale", "sound_speed", "wind_east", "wind_north", "wind_up", "density"),
@@ -314,7 +313,7 @@ def drag_functions(real: type) -> SimpleNamespace:
 
 
 def curve_table() -> np.ndarray:
-    """Return coefficients of all curves: (curve, stretch, 4)."""
+    """Return coefficients of all curves: (curve, interval, 4)."""
     return np.stack(
         [curve.coefficients for burst in BURSTS for curve in wave_curves(burst)]
     )

@@ -28,7 +28,7 @@ def body_functions(real: type) -> SimpleNamespace:
     gravity = wp.constant(real(FLIGHT_GRAVITY))
 
     class Vehicle:
-        """What `Vehicle` and `Body` tell, and three inverses."""
+        """Numbers of `Vehicle` and `Body`, and three inverses."""
 
         mass: real
         inertia: mat33

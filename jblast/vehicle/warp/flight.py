@@ -10,13 +10,14 @@ from jaxtyping import Array, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO
 from jblast.errors import InputError
+from jblast.scene.charge import BURSTS
 from jblast.vehicle.control.allocation import allocation
 from jblast.vehicle.loads.blast import BlastLoad
 from jblast.vehicle.loads.blast_wave import FIRST, Blast
 from jblast.vehicle.quadrotor import Vehicle, required_body
 from jblast.vehicle.rollout import Each, Flight, Ticks, own
 from jblast.vehicle.state import Trajectory
-from jblast.vehicle.warp.blast import BURSTS, DRAG, FRONT, GAUSS, ROTORS, curve_table
+from jblast.vehicle.warp.blast import DRAG, FRONT, GAUSS, ROTORS, curve_table
 from jblast.vehicle.warp.rollout import COLUMNS, FIELDS, KINDS, rollout_kernel
 from jblast.waves.scaling import sachs_distance_factor, sachs_time_factor
 
@@ -218,7 +219,7 @@ class Sender:
 
 
 def _craft_fields(vehicle: Vehicle, axes: int) -> dict[str, np.ndarray]:
-    """Return the numbers of a kernel's vehicle."""
+    """Return the numbers of a kernel's vehicles, which are the first axis of each."""
     allocated = allocation
     for _ in range(axes):
         allocated = jax.vmap(allocated)
@@ -247,11 +248,6 @@ def _craft_fields(vehicle: Vehicle, axes: int) -> dict[str, np.ndarray]:
             "added_mass": body.added_mass_coefficient,
             "pressure_centre": body.pressure_centre_m,
         }
-    return _flat(fields, axes)
-
-
-def _flat(fields: dict[str, Any], axes: int) -> dict[str, np.ndarray]:
-    """Return arrays whose first axis is that of the vehicles."""
     arrays = {name: np.asarray(value, float) for name, value in fields.items()}
     return {name: x.reshape(-1, *x.shape[axes:]) for name, x in arrays.items()}
 

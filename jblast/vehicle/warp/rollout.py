@@ -23,9 +23,9 @@ moment."""
 OPTIONS = {"enable_backward": False, "max_unroll": 4, "fast_math": True}
 """Fast division and roots in float32 on a GPU: twice as fast, to some 1e-7."""
 KINDS = {type(None): 0, StepGust: 1, NWaveGust: 2, FriedlanderGust: 3}
-"""How a kernel calls them; 0: still air."""
+"""Number of each gust in a kernel; 0: still air."""
 FIELDS = ("start_s", "duration_s", "decay")
-"""What stands in a kernel's rows after the velocity, where a gust has it."""
+"""Rows of a kernel after the velocity; 1 where a gust has no such field."""
 
 
 @cache

@@ -1,9 +1,9 @@
-"""A set of views is made: simulated, rendered view by view, continued if interrupted.
+"""Baking of a set of views: simulation, then rendering; resumed if interrupted.
 
 Unfinished files are in `.bake` within the set's folder, with the recipe. Views are
-written as they are finished, the index at the end, and then `.bake` is removed. Files
-of a folder that were baked may be overwritten; all others are the user's own and are
-not.
+written as they are finished, the index at the end, and then `.bake` is removed. In an
+existing folder only files that were baked are overwritten; all others are the user's
+own.
 """
 
 import json
@@ -51,7 +51,7 @@ from jblast.sensors.camera.files.views import INDEX
 WORK = ".bake"
 """Folder of what is not finished."""
 MAKER = "jblast bake"
-"""What an index says of who made it."""
+"""Maker, as stated in an index."""
 LAYERS = ("glow", "shade")
 """Pictures of a frame: light of the gas itself, and of the sky."""
 QUALITY, ALPHA_QUALITY, EFFORT = 88, 90, 4
@@ -233,7 +233,7 @@ class Baking:
             raise self._failed(wrong)
 
     def _failed(self, wrong: str) -> InputError:
-        """Return an error that says what Blender did, and what is kept."""
+        """Return an error that states what Blender did, and what is kept."""
         kept = len(self.finished())
         hint = ""
         if self.recipe.engine == "eevee":

@@ -26,14 +26,14 @@ from jblast.sensors.camera.bake.recipe import (
 )
 
 SCRIPTS = Path(__file__).parent
-"""Scripts that Blender runs; its Python does not know jblast."""
+"""Scripts that Blender runs, in a Python without jblast."""
 OLDEST = (3, 4)
 """Version that the scripts are written for."""
 LOOK_S = 0.5
-"""How often is looked how far Blender is [s]."""
+"""Interval between two looks at Blender's progress [s]."""
 COLDEST = 0.05
-"""Least heat that is taken for hot: what is left when all has mixed with air glows no
-more [of the simulation's unit]."""
+"""Least heat that counts as hot [unit of the simulation]: gas that has mixed with air
+has less, and does not glow."""
 
 
 def found(program: str | None) -> tuple[str, str]:
@@ -94,19 +94,15 @@ def run(
         blend: File that it opens; None: its own, as it comes.
         script: Name of a script in `SCRIPTS`, without `blender_`.
         settings: File that the script reads.
-        log: What is said is added to this file.
+        log: Blender's output is appended to this file.
         looked: Called twice a second meanwhile, and once when it is over.
 
     Returns:
         What went wrong, in words; None if nothing did.
     """
     command = [
-        *(
-            str(Path(program).resolve()),
-            _option("background"),
-            _option("python-exit-code"),
-            "3",
-        ),
+        str(Path(program).resolve()),
+        *(_option("background"), _option("python-exit-code"), "3"),
         *([] if blend is None else [str(blend.resolve())]),
         *(_option("factory-startup"), _option("python")),
         *(str(SCRIPTS / f"blender_{script}.py"), "--", str(settings.resolve())),

@@ -4,9 +4,9 @@
 
 A picture is rendered twice, into two uncompressed OpenEXR files of single precision:
 0000.glow.exr and 0000.shade.exr in the view's folder. `glow`: the gas emits and
-absorbs, so that light over alpha is how hot it is where it is looked at; nothing in it
-is drawn at random but where a step begins. `shade`: it scatters and absorbs the light
-of sky and sun. What is there already is left alone.
+absorbs, so that light over alpha is a measure of the heat along a ray; only the start
+of the steps along it is random. `shade`: the gas scatters and absorbs the light of sky
+and sun. Pictures that exist already are kept.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ import os
 import sys
 
 AWAY, FARTHEST = 20.0, 100.0
-"""Where the camera stands, and to where it sees [Blender's metre]."""
+"""Distance of the camera, and the farthest that it sees [Blender's metre]."""
 LAYERS = ("glow", "shade")
 TOGETHER = 16
 """Views that are rendered frame by frame: to load a frame takes longer than a picture,
@@ -115,7 +115,7 @@ def aim(camera, view: dict, scale: float) -> None:
 
 
 def set_output(scene, config: dict) -> None:
-    """Say how pictures are rendered and written."""
+    """Set how pictures are rendered and written."""
     cycles, render, image = scene.cycles, scene.render, scene.render.image_settings
     render.engine = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE"}[config["engine"]]
     cycles.device, cycles.use_denoising = "CPU", False

@@ -4,9 +4,9 @@
 
 Balls of burning fuel fly out from the ground and slow down, which makes the lobes of
 the fireball; what is hot rises, draws in air and rolls up. A ring of dust is swept
-outwards below. CONFIG says where the cache goes, how fine the grid is, the seed, and
-which frames will be asked for; of these it is written down how hot they are and how far
-they reach. Nothing here is jblast's: Blender's Python does not know it.
+outwards below. CONFIG specifies the cache, the resolution of the grid, the seed and the
+frames to be rendered. The heat and the extent of these frames are written to a file.
+Nothing is imported from jblast, which Blender's Python does not have.
 """
 
 import contextlib

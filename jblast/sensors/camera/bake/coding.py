@@ -36,7 +36,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from jblast.errors import InputError, read_bytes
-from jblast.sensors.camera.image import srgb_to_linear
+from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
 
 REFERENCE_TEMPERATURE = 2200.0
 """At which heat is coded [K]: the fireball's at its start."""
@@ -48,8 +49,6 @@ LEAST = 1.0 / 255.0
 """Opacity below which nothing is there [-]: what 8 bits round to nothing."""
 SMOOTHED = 1.1
 """Standard deviation of what shade is averaged over [px]: few rays were scattered."""
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear sRGB."""
 MAGIC = b"\x76\x2f\x31\x01"
 TYPES = {1: "<f2", 2: "<f4"}
 """Of a channel: half and single precision."""
@@ -95,8 +94,6 @@ def sheet(frames: list[Layers], columns: int) -> UInt8[np.ndarray, "height width
         frames: All of one size.
         columns: Tiles in a row.
     """
-    from jblast.sensors.camera.files.images import srgb_bytes
-
     heats, shades = [], []
     for heat, shade, alpha in frames:
         grey = np.rint(255.0 * np.where(alpha > LEAST, heat, 0.0)).astype(np.uint8)
@@ -164,7 +161,8 @@ def layers_of(glow: Channels, shade: Channels) -> Layers:
     """
     alpha = np.clip(glow["A"], 0.0, 1.0)
     there = np.maximum(alpha, LEAST)
-    light = sum(w * glow[c] for w, c in zip(LUMINANCE, "RGB", strict=True)) / there
+    weights = np.asarray(LUMINANCE)  # of double precision, and so is the light
+    light = sum(w * glow[c] for w, c in zip(weights, "RGB", strict=True)) / there
     heat = np.where(alpha > LEAST, heat_of_light(np.asarray(light)), 0.0)
     opacity = np.maximum(averaged(shade["A"]), 1e-3)
     colour = np.stack([averaged(shade[c]) / opacity for c in "RGB"], axis=-1)

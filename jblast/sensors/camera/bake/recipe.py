@@ -14,7 +14,7 @@ which is the upper half of Gonzalez' (2010) for the sphere; seen from above at r
 $\sqrt{1 - z}$ it is Vogel's golden spiral. Other $\epsilon$ move the first points away
 from the pole, where the plain one is densest: Hardin, Michaels and Saff (2016) for the
 sphere, with numbers by Roberts (2018), both second-hand. A spiral and a latitude grid
-are there to compare.
+are included for comparison.
 
 The packing distance of a set is the least angle between two of its directions. No $n$
 points on the whole sphere are further apart than Fejes Toth's (1943) bound
@@ -110,11 +110,11 @@ LIGHT: dict[str, Any] = {"sky": 1.1, "sun": 24.0, "towards": [0.5, -0.6, 1.0]}
 SAMPLES = {"glow": 3, "shade": 4}
 """Rays through a pixel in each of the two renderings."""
 PHASES = (0.0004, 0.016, 0.08, 1.0, 3.5)
-"""What these steps stand for: burst, growth over, fire in full, fire out, smoke."""
+"""Phases of these steps: burst, growth over, fire in full, fire out, smoke."""
 FADES = (0.85, 1.5)
 """Phases between which the last embers go out."""
 LOWEST = 0.36
-"""How far below the middle the burst is seen from the side, as part of the side [-]."""
+"""Distance of the burst below the middle, seen from the side, over the side [-]."""
 ROOM = 1.04
 """Side of a picture over the least that holds the cloud [-]."""
 SMALLEST = 0.4
@@ -181,11 +181,11 @@ SAMPLINGS = {
     "hardin": offset_lattice,
     "grid": latitude_grid,
 }
-"""How directions are spread, by name."""
+"""Samplings of directions, by name."""
 
 
 class Recipe(NamedTuple):
-    """What a set of views is made from.
+    """Parameters from which a set of views is made.
 
     Attributes:
         views: How many directions.
@@ -371,7 +371,7 @@ def _directions(
 def packing_distance(direction: Directions) -> float:
     """Return the least angle between two of several directions [rad].
 
-    By the chord, which tells small angles where their cosine rounds.
+    By the chord, which resolves small angles where their cosine is rounded.
 
     Raises:
         InputError: There are fewer than two.
@@ -393,7 +393,11 @@ def best_offset(number: int) -> float:
     """
     if number < 2:
         return PLAIN
-    return float(max(OFFSETS, key=lambda e: _distance(number, float(e))))
+
+    def distance(offset: float) -> float:
+        return packing_distance(fibonacci_lattice(number, float(offset)))
+
+    return float(max(OFFSETS, key=distance))
 
 
 def sphere_bound(number: int) -> float:
@@ -419,7 +423,3 @@ def hemisphere_bound(number: int) -> float:
         fits = number * (1 - math.cos(middle / 2)) <= 1 + math.sin(middle / 2)
         low, high = (middle, high) if fits else (low, middle)
     return high
-
-
-def _distance(number: int, offset: float) -> float:
-    return packing_distance(fibonacci_lattice(number, offset))

@@ -71,9 +71,9 @@ def frameless_events(
     Args:
         log_light: The scene; differentiable in time but at single instants.
         shape: Height and width [px].
-        times: The first and the last bound the search; those between say how close
-            together light is sampled at first [s]. An excursion shorter than half of
-            that may be missed, as may one of under 1 % of a threshold.
+        times: The first and the last bound the search; those between are the first
+            samples of light [s]. An excursion shorter than half of that may be missed,
+            as may one of under 1 % of a threshold.
         thresholds: Positive and negative, as positive numbers; one for all pixels or
             an array (height, width).
         tolerance: Of the times of events [s].

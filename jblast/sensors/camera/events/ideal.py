@@ -27,9 +27,10 @@ pixel sends about $e^{-1/T}$ events a frame: 5e-5 at 0.1.
 
 For comparison, `frame_differences` makes events as Parab's thesis does: one event where
 the grey value of a pixel changes by more than a threshold from one frame to the next,
-at the time of the second, whatever the change. Its polarity 0 for brighter and 1 for
-darker becomes +1 and -1 here. This is not a model of an event camera, which responds to
-the logarithm of light, each pixel in its own time, several times a frame.
+at the time of the second, whatever the change. Its polarity is inverted, 0 for brighter
+and 1 for darker, and becomes -1 and +1 here. This is not a model of an event camera,
+which responds to the logarithm of light, each pixel in its own time, several times a
+frame.
 
 References:
     Rebecq, Gehrig and Scaramuzza (2018), ESIM: an open event camera simulator, eq. 1
@@ -111,7 +112,7 @@ def ideal_events(
         thresholds: Positive and negative, as positive numbers; one for all pixels or
             an array (height, width).
         capacity: Room for so many events. If there are more, those of the earliest
-            intervals are kept and `lost` says how many are not.
+            intervals are kept and `lost` counts the others.
 
     Raises:
         InputError: Outside jit: a threshold is not positive, times do not rise, or
@@ -328,7 +329,7 @@ def first_reference(log_light: Float[Array, "..."]) -> Reference:
 def rounding(log_light, module=jnp):
     """Return how far short of a threshold still counts as having reached it.
 
-    A rise of exactly k thresholds gives k events, whatever the last bits say.
+    A rise of exactly k thresholds gives k events, whatever the rounding.
     """
     eps = float(np.finfo(log_light.dtype).eps)
     return 16.0 * eps * (1.0 + module.abs(log_light))
@@ -383,10 +384,10 @@ def count_events(
 
 
 class Held(eqx.Module):
-    """What a pixel remembers.
+    """State of pixels that are held in reset after an event.
 
     Attributes:
-        level: The reference; it says nothing while the pixel is held.
+        level: The reference; without meaning while the pixel is held.
         until: When it is let go [s]; -inf if it is not held.
     """
 
@@ -420,7 +421,7 @@ def reset_runs(
     refractory_s: Float[Array, ""],
     held: Held,
 ) -> tuple[Runs, Held]:
-    """Return the events of each interval, and what the pixels remember at the end.
+    """Return the events of each interval, and the state of the pixels at the end.
 
     Args:
         log_frames: Logarithm of the light, linear between two frames.
@@ -440,7 +441,7 @@ def reset_runs(
 
 
 def _interval(held: Held, before, after, start, stop, thresholds, refractory_s):
-    """Return what pixels remember after an interval, and their events in it."""
+    """Return the state of pixels after an interval, and their events in it."""
     positive, negative = thresholds
     waits, gone = held.until > start, held.until > stop
     slope = (after - before) / (stop - start)
@@ -552,7 +553,7 @@ def smooth_counts(
 def frame_differences(
     frames: Iterable[tuple[float, Grey]], step: int = STEP
 ) -> Iterator[Events]:
-    """Yield the events of each frame but the first.
+    """Yield the events of each frame but the first; -1 brighter, +1 darker.
 
     Args:
         frames: Time [s] and grey values of each, in order of time.

@@ -32,12 +32,12 @@ from jblast.sensors.camera.events.ideal import (
     log_intensity,
     reset_events,
 )
-from jblast.sensors.camera.events.stream import Block, stream_events
+from jblast.sensors.camera.events.stream import Block, padded_size, stream_events
 from jblast.types import as_float_arrays
 
 
 class NoiseModel(NamedTuple):
-    """What makes an event camera a real one; None leaves an effect out.
+    """Imperfections of a real event camera; None leaves an effect out.
 
     Attributes:
         mismatch: Standard deviation of the logarithm of thresholds, pixel to pixel.
@@ -50,10 +50,11 @@ class NoiseModel(NamedTuple):
         hot_hz: The mean of their rates.
         shot_hz: Events of a pixel from noise, of either sign.
         refractory_s: After an event a pixel sends none for so long.
-        refractory: What a pixel does then. "reset": it is held in reset, and starts
-            anew from the light at the end. "esim": it goes on, and its events are left
-            out, as in ESIM and vid2e. An event from noise begins a period by the rule
-            of ESIM in both: others within it are left out, and it resets nothing.
+        refractory: Behaviour in that period. "reset": the pixel is held in reset, and
+            starts again from the light at the end. "esim": it continues, and its events
+            are left out, as in ESIM and vid2e. An event from noise begins a period by
+            the rule of ESIM in both: others within it are left out, and it resets
+            nothing.
     """
 
     mismatch: float | None = 0.15
@@ -186,7 +187,7 @@ def noisy_stream(
         if noise.shot_hz is not None:
             mean = noise.shot_hz * shape[0] * shape[1] * (stop - start)
             # ten standard deviations: none is lost
-            room = _room(int(mean + 10.0 * np.sqrt(mean) + 10.0))
+            room = padded_size(int(mean + 10.0 * np.sqrt(mean) + 10.0))
             here = jax.random.fold_in(shot, i)
             extra = _shot_noise(here, noise.shot_hz, shape, start, stop, capacity=room)
         if extra is None and (held is not None or noise.refractory_s is None):
@@ -328,14 +329,9 @@ def _signal(logs, times, signal, bandwidth_hz, drift, start):
     return logs[1:], last
 
 
-def _room(count: int) -> int:
-    """Return the next power of two, so that few programs are compiled."""
-    return max(256, 1 << (count - 1).bit_length())
-
-
 def _padded(events: Events) -> Events:
     """Return events on the device, with empty places at the end."""
-    room = [(0, _room(len(events.time)) - len(events.time))]
+    room = [(0, padded_size(len(events.time)) - len(events.time))]
     fill = {"x": -1, "y": -1, "time": np.inf, "polarity": 0}
     fields = {
         name: jnp.asarray(np.pad(getattr(events, name), room, constant_values=value))
@@ -403,7 +399,7 @@ def low_passed(
 
 
 class Leak(NamedTuple):
-    """How the references of pixels sink.
+    """Fall of the references of pixels.
 
     Attributes:
         rate: Leak events of each pixel in still light [Hz].

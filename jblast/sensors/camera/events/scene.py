@@ -61,7 +61,7 @@ def events(
         scene: Charges and air.
         camera: Who looks; its thresholds are the events'.
         times: Of the frames in between [s], rising.
-        capacity: Room for events. If there are more, `lost` says how many.
+        capacity: Room for events. If there are more, `lost` counts the others.
         key: Of mismatch, hot pixels and noise; needed for those alone.
         noise: Which effects, and how large; by default none.
         background: As in `render`, with `depth`, `ground`, `supersample`, `views` and

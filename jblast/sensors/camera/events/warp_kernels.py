@@ -2,10 +2,10 @@
 
 As in `events/stream.py`, the extremes of a pixel's light over a run of frames are
 compared with the bounds within which it stays quiet. The frames of a run are loaded
-together, as a GPU's memory answers late. Where a bound is passed, the same thread takes
-the pixel through the run once more, frame by frame, with logarithms in float64: the
-run's values are in a cache by then. Frames are grey values of 8 bits, or words of RGBA
-that are laid over a background first, as by `grey_composite`.
+together, because of the latency of GPU memory. Where a bound is passed, the same thread
+takes the pixel through the run once more, frame by frame, with logarithms in float64:
+the run's values are in a cache by then. Frames are grey values of 8 bits, or words of
+RGBA that are laid over a background first, as by `grey_composite`.
 
 Pixels that leak or are held in reset are screened likewise, as `reset_events` has them.
 A leak is a signal that rises, so the bounds of a quiet pixel fall with time. A pixel
@@ -86,9 +86,9 @@ def bounds_of(level: wp.float64, rise: wp.float64, fall: wp.float64):
 
 
 class _Pixels:
-    """What pixels remember: see `ideal.Reference`.
+    """State of pixels: see `ideal.Reference`.
 
-    Besides, the bounds of the light at which they stay quiet, and their last value.
+    Also the bounds of the light at which they stay quiet, and their last value.
     """
 
     first: wp.array[wp.float64]
@@ -99,7 +99,7 @@ class _Pixels:
 
 
 class _Camera:
-    """What does not change: thresholds, what is behind, light of each grey value."""
+    """Constants: thresholds, light of the background, light of each grey value."""
 
     positive: wp.array[wp.float64]
     negative: wp.array[wp.float64]
@@ -143,7 +143,7 @@ def span_of(
     top = wp.float32(0.0)
     low = wp.float32(1e30)
     for k in range(start, stop, RUN):
-        for j in range(RUN):  # asked for together, as a GPU's memory answers late
+        for j in range(RUN):  # loaded together: latency of GPU memory
             value = frames[wp.min(k + j, stop - 1), p]
             light = light_of(value, behind, camera.lights)
             top = wp.max(top, light)
@@ -260,7 +260,7 @@ def follow(
 
 
 class _HeldPixels:
-    """What pixels remember: see `ideal.Held`; besides, their last value."""
+    """State of pixels: see `ideal.Held`; also their last value."""
 
     level: wp.array[wp.float64]
     until: wp.array[wp.float64]
@@ -268,7 +268,7 @@ class _HeldPixels:
 
 
 class _Reset:
-    """What does not change.
+    """Constants of pixels that leak or are held.
 
     Way to the first leak at the first frame, leak [1/s], time of the first frame [s],
     refractory period [s].

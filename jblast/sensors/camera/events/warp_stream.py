@@ -102,7 +102,7 @@ class EventKernel:
         self.room, self.time = ROOM, -np.inf
 
     def _set_reset(self, leak: Leak | None, refractory_s: float) -> None:
-        """Say how pixels leak, and how long they are held."""
+        """Set the leaks of pixels, and the time for which they are held."""
         self.reset, self.reset.period = Reset(), refractory_s
         positive = self.camera.positive.numpy()
         for name, part in (("begun", "phase"), ("drift", "rate")):

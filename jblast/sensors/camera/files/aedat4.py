@@ -25,7 +25,7 @@ from jblast.sensors.camera.files.recorded_events import (
 )
 
 NAMES = {"x": "x", "y": "y", "t": "timestamp", "p": "polarity"}
-"""What dv-processing calls the columns."""
+"""Names of the columns in dv-processing."""
 LARGEST = 1 << 15
 """Columns or rows that have a number [px]."""
 EVENT = np.dtype(
@@ -121,7 +121,7 @@ def _reason(error: RuntimeError) -> str:
 
 
 class Packet(NamedTuple):
-    """What the index at the file's end says of a packet.
+    """Entry of a packet in the index at the file's end.
 
     Attributes:
         place: Where its events begin, behind stream and length.
@@ -147,7 +147,7 @@ def write_aedat4(
         path: An empty file.
         blocks: Columns of events, none empty.
         size: Width and height.
-        last_ms: Of no use here.
+        last_ms: Not used by this format.
     """
     del last_ms
     with path.open("wb") as file:

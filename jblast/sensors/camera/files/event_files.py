@@ -13,9 +13,7 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.files import replacing
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.files import evt3
-from jblast.sensors.camera.files.aedat4 import LARGEST, read_aedat4, write_aedat4
-from jblast.sensors.camera.files.evt3 import read_evt3, write_evt3
+from jblast.sensors.camera.files import aedat4, evt3
 from jblast.sensors.camera.files.recorded_events import (
     TYPES,
     Columns,
@@ -32,8 +30,8 @@ READERS = {
     ".h5": read_dsec,
     ".hdf5": read_dsec,
     ".npz": read_arrays,
-    ".raw": read_evt3,
-    ".aedat4": read_aedat4,
+    ".raw": evt3.read_evt3,
+    ".aedat4": aedat4.read_aedat4,
 }
 
 
@@ -44,11 +42,11 @@ def read_events(
 
     Args:
         path: Its suffix is one that `write_events` writes.
-        size: Width and height of a file that does not tell them.
+        size: Width and height, for a file that does not contain them.
 
     Raises:
         InputError: There is no such file, its suffix is another one, what reads its
-            format is not installed, it is empty or not whole, tells no size, or holds
+            format is not installed, it is empty or not whole, has no size, or holds
             what cannot be: times that fall, places outside the image.
     """
     path = Path(path)
@@ -62,7 +60,7 @@ def read_events(
 
 
 class Format(NamedTuple):
-    """How a file of events is written.
+    """Writer and limits of a format of events.
 
     Attributes:
         write: Takes an empty file, columns, width and height, and until which
@@ -78,14 +76,14 @@ WRITERS = {
     ".h5": Format(write_dsec, 1 << 16),
     ".hdf5": Format(write_dsec, 1 << 16),
     ".npz": Format(write_arrays, 1 << 16),
-    ".raw": Format(write_evt3, evt3.LARGEST),
-    ".aedat4": Format(write_aedat4, LARGEST),
+    ".raw": Format(evt3.write_evt3, evt3.LARGEST),
+    ".aedat4": Format(aedat4.write_aedat4, aedat4.LARGEST),
 }
 """By what the file's name ends in."""
 
 
 class Written(NamedTuple):
-    """How many events went into a file, and their signs."""
+    """Numbers of events written to a file, by sign."""
 
     events: int
     brighter: int
@@ -100,7 +98,7 @@ def write_events(
     *,
     duration_s: float = 0.0,
 ) -> Written:
-    """Write a stream of events whole or not at all; the suffix says which format.
+    """Write a stream of events whole or not at all, in the format of the suffix.
 
     All take them block by block but npz, which is put together in memory.
 

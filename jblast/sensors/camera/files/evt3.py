@@ -32,13 +32,13 @@ from jblast.sensors.camera.files.recorded_events import (
 BLOCK = 1 << 20
 """Words that are decoded together."""
 NOWHERE = -1 << 40
-"""Where vectors begin if no word has said it: no number of columns leads there."""
+"""Column of vectors before any word sets it: no number of columns leads there."""
 LONGEST_US = 24 * 3600 * 10**6
 """Without an event [us]: the time is counted up in steps of 4,096 us, as cameras do."""
 LONGEST = 1 << 16
 """Bytes of a header: none is nearly as long."""
 ADDR_Y = 0x0
-"""Row: 11 bits; the twelfth says which of two cameras."""
+"""Row: 11 bits; the twelfth is the number of one of two cameras."""
 ADDR_X = 0x2
 """An event: its column in 11 bits, and its sign in the twelfth."""
 VECT_BASE_X = 0x3
@@ -58,7 +58,7 @@ PERIOD = 1 << 12
 
 
 class DecoderState(NamedTuple):
-    """What the words so far have said; -1 where none has.
+    """State set by the words so far; -1 where none has set it.
 
     Attributes:
         high: Steps of 4,096 us, counted on where 12 bits began again.
@@ -77,7 +77,7 @@ class Decoder:
     """Decodes words, block by block.
 
     Attributes:
-        state: What the words so far have said.
+        state: As set by the words so far.
     """
 
     def __init__(self):
@@ -203,7 +203,7 @@ def _check_length(path: Path, octets: int, words: int | None) -> None:
 
 @dataclass
 class Encoder:
-    """What the words written so far have said.
+    """State set by the words written so far.
 
     Attributes:
         high: Steps of `TIME_HIGH`.
@@ -249,7 +249,7 @@ def write_evt3(
         path: An empty file.
         blocks: Columns of events, none empty.
         size: Width and height.
-        last_ms: Of no use here.
+        last_ms: Not used by this format.
 
     Raises:
         InputError: Longer than `LONGEST_US` nothing happens.
@@ -274,11 +274,11 @@ def write_evt3(
 
 
 class Header(NamedTuple):
-    """What a header says.
+    """Content of a header.
 
     Attributes:
-        size: Width and height; None if it does not tell them.
-        words: How many words follow; None if it does not tell.
+        size: Width and height; None if they are not stated.
+        words: How many words follow; None if it is not stated.
     """
 
     size: tuple[int, int] | None

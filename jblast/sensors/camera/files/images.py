@@ -10,12 +10,11 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8, UInt16
-from numpy import asarray, ndarray
 
 from jblast.errors import InputError
 from jblast.files import replacing
@@ -165,11 +164,7 @@ def frame_and_bits(path: Path, *, srgb: bool = False) -> tuple[np.ndarray, int |
 def _read_array(path: Path) -> Float[np.ndarray, "height width"]:
     """Return the grey light of a file of floats; colours by their luminance."""
     expected = "floats of shape (height, width) or (height, width, 3)"
-    try:
-        light = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or "it is no array of numbers"
-        raise InputError(f"{path}: expected {expected}, but {reason}") from None
+    light = _loaded(path, expected)
     if not isinstance(light, np.ndarray) or light.dtype.kind != "f":
         kind = getattr(light, "dtype", "several arrays")
         raise InputError(f"{path}: expected {expected}, got {kind}")
@@ -177,6 +172,19 @@ def _read_array(path: Path) -> Float[np.ndarray, "height width"]:
         raise InputError(f"{path}: expected {expected}, got shape {light.shape}")
     light = light.astype(float)
     return light if light.ndim == 2 else luminance(light)
+
+
+def _loaded(path: Path, expected: str) -> Any:
+    """Return the content of an .npy file, or of another that NumPy reads.
+
+    Raises:
+        InputError: It cannot be read, or is no array of numbers.
+    """
+    try:
+        return np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        reason = getattr(error, "strerror", None) or "it is no array of numbers"
+        raise InputError(f"{path}: expected {expected}, but {reason}") from None
 
 
 def read_colours(
@@ -290,7 +298,7 @@ def read_png(path: str | Path) -> np.ndarray:
         data = Path(path).read_bytes()
         if _has_deep_channels(data):
             return _deep_channels(data)
-        with Image.open(BytesIO(data), formats=["PNG"]) as image:
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
             if image.mode in ("1", "P", "PA"):
                 image = image.convert("RGBA" if image.has_transparency_data else "RGB")
             pixels = np.asarray(image)
@@ -399,7 +407,7 @@ def check_whole_webp(path: Path) -> None:
         )
 
 
-def read_webp(path: Path) -> UInt8[ndarray, "height width 4"]:
+def read_webp(path: Path) -> UInt8[np.ndarray, "height width 4"]:
     """Return red, green, blue and straight alpha.
 
     Raises:
@@ -409,8 +417,8 @@ def read_webp(path: Path) -> UInt8[ndarray, "height width 4"]:
 
     check_whole_webp(path)
     try:
-        with Image.open(BytesIO(path.read_bytes()), formats=["WEBP"]) as image:
-            mode, pixels = image.mode, asarray(image)
+        with Image.open(io.BytesIO(path.read_bytes()), formats=["WEBP"]) as image:
+            mode, pixels = image.mode, np.asarray(image)
     except (OSError, SyntaxError, ValueError, EOFError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(
@@ -424,9 +432,9 @@ def read_webp(path: Path) -> UInt8[ndarray, "height width 4"]:
 def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height width"]:
     """Return how far away along each pixel's ray the background is [m].
 
-    Files tell the distance along the camera's axis, as depth cameras do (ROS REP 118).
-    A PNG's 0 means that nothing is known there, and is taken for infinitely far; so is
-    an infinite number of an .npy file.
+    Files contain the distance along the camera's axis, as depth cameras do (ROS REP
+    118). A PNG's 0 means that nothing is known there, and is taken for infinitely far;
+    so is an infinite number of an .npy file.
 
     Args:
         path: A grey PNG of 16 bits in millimetres, or an .npy file of floats in metres.
@@ -436,7 +444,7 @@ def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height wi
         InputError: It is none of these, has another size, or a distance that is none.
     """
     path = Path(path)
-    along = _array(path) if path.suffix.lower() == ".npy" else _millimetres(path)
+    along = _array(path) if path.suffix.lower() == ARRAYS else _millimetres(path)
     if along.shape != (camera.height, camera.width):
         rows, columns = along.shape
         raise InputError(
@@ -466,11 +474,7 @@ def _millimetres(path: Path) -> np.ndarray:
 
 
 def _array(path: Path) -> np.ndarray:
-    try:
-        values = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or "it is no array of numbers"
-        raise InputError(f"{path}: expected {EXPECTED}, but {reason}") from None
+    values = _loaded(path, EXPECTED)
     if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
         kind = getattr(values, "dtype", "several arrays")
         raise InputError(f"{path}: expected floats, in metres, got {kind}")

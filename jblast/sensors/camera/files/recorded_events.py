@@ -38,7 +38,7 @@ class RecordedEvents(NamedTuple):
         p: 1 brighter, 0 darker.
         width: Pixels of a row.
         height: Rows.
-        t_offset: What the file says is to be added to its times [us].
+        t_offset: Offset to be added to the times, as stated in the file [us].
     """
 
     x: UInt16[np.ndarray, " event"]
@@ -61,7 +61,7 @@ def recorded(
     Args:
         path: The file, for messages.
         columns: x, y, t and p, of whole numbers; p may be 1 and -1, too.
-        size: Width and height; None if the file tells neither.
+        size: Width and height; None if the file states neither.
         t_offset: As in the answer.
 
     Raises:
@@ -141,7 +141,7 @@ def write_arrays(
         path: An empty file.
         blocks: Columns of events.
         size: Width and height.
-        last_ms: Of no use here.
+        last_ms: Not used by this format.
     """
     del last_ms
     parts = [*blocks]
@@ -225,7 +225,7 @@ def write_dsec(
 
 
 def read_dsec(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
-    """Read such a file; DSEC's own do not tell their size.
+    """Read such a file; DSEC's own do not contain their size.
 
     Raises:
         InputError: It is no HDF5, or not of this layout.

@@ -5,8 +5,9 @@ A video's values become linear light by the curve that its file names.
 $$L = \begin{cases} V / 4.5 & V < 0.081 \\
 ((V + 0.099) / 1.099)^{1/0.45} & \text{else}\end{cases}$$
 
-is BT.709's, which BT.601 and BT.2020 share; it is taken where a file names none, as
-cameras do. A file may name sRGB, as ours do, a power of 2.2 or 2.8, or no curve at all.
+is BT.709's, which BT.601 and BT.2020 share. It is also assumed for files that do not
+specify a curve, as those of many cameras. A file may name sRGB, as ours do, a power of
+2.2 or 2.8, or linear light.
 
 Each frame has the time at which it is shown.
 
@@ -30,13 +31,16 @@ from jblast.errors import InputError, needed
 from jblast.files import replacing
 from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
 
+if TYPE_CHECKING:
+    from av.error import FFmpegError
+
 HIGH_DEFINITION = 720
-"""Rows from which on a video that does not say is coded by BT.709, and not BT.601."""
+"""Rows from which on a video without a stated matrix is taken as BT.709, not BT.601."""
 ROUNDED = 0x2 | 0x2000 | 0x40000
 """SWS_BILINEAR, SWS_FULL_CHR_H_INT and SWS_ACCURATE_RND of libswscale: without them its
 colours are one or two values of 255 too dark."""
 CONTAINERS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
-"""What FFmpeg calls them, by the file's suffix."""
+"""FFmpeg's names of them, by the file's suffix."""
 ENCODERS = "libx264", "libopenh264"
 """Of H.264, the first there is."""
 QUALITY = {"crf": "16", "preset": "fast"}
@@ -49,8 +53,6 @@ UNEVEN = 0.5
 and a frame that is missing is off by one."""
 UNSPECIFIED, SRGB = 2, 13
 """Their numbers in H.273."""
-if TYPE_CHECKING:
-    from av.error import FFmpegError
 LOCAL = {"protocol_whitelist": "file"}
 """A playlist must not send us to other machines."""
 
@@ -362,7 +364,7 @@ def check_even(path: Path, times: Float[np.ndarray, " frame"], other: str = "") 
 
 
 def cut_short(path: Path, why: str) -> InputError:
-    """Return what is said of a video that is not whole."""
+    """Return the error for a video that is not whole."""
     return InputError(
         f"{path}: expected a whole video, but it is cut short or damaged ({why})"
     )
@@ -390,7 +392,7 @@ def _check_end(path: Path, container: Any, stream: Any, stamps: list[int]) -> No
 
 
 def _stated_duration(container: Any, stream: Any) -> float | None:
-    """Return how long the stream is to last [s]; None if nothing tells."""
+    """Return how long the stream is to last [s]; None if it is not specified."""
     if text := stream.metadata.get("DURATION"):  # Matroska's, "00:01:02.500000000"
         try:
             hours, minutes, rest = (float(part) for part in text.split(":"))

@@ -87,7 +87,12 @@ EXPLOSION_KEYS = (
     *("reference_temperature_k", "air_temperature_k"),
 )
 VIEW_KEYS = (
-    *("file", "azimuth_deg", "elevation_deg", "direction", "radius_px", "anchor_px"),
+    "file",
+    "azimuth_deg",
+    "elevation_deg",
+    "direction",
+    "radius_px",
+    "anchor_px",
 )
 INDEX = "views.toml"
 
@@ -311,7 +316,7 @@ def is_explosion_set(directory: str | Path) -> bool:
 
 
 class ExplosionIndex(NamedTuple):
-    """What the index of a set says.
+    """Content of the index of a set.
 
     Attributes:
         size: Of a frame [px].
@@ -414,7 +419,7 @@ def _height(
 
 
 def explosion_index(directory: Path) -> ExplosionIndex:
-    """Return what the index of a set says.
+    """Return the content of the index of a set.
 
     Raises:
         InputError: There is none, or it is not as above.
