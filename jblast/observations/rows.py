@@ -245,7 +245,7 @@ class Rows(Fields):
         zone: str | None = None,
     ):
         self.strict = strict
-        self.skipped = () if strict else _drop_empty(table)
+        self.skipped: tuple[int, ...] = () if strict else _drop_empty(table)
         super().__init__(table, header, faults)
         self.date, self.zone = date, zone
         self.comments, self.found = table.comments, table.understood
