@@ -67,7 +67,7 @@ BEARINGS, MASSES = 360, 33
 SCALED_RANGES = 0.3, 100.0
 WIDE = 5.0
 """A range whose 90 % interval spans a larger factor counts as unknown."""
-ANSWERS = ("answer", "east", "north", "time", "bearing", "exit", "east_width")
+ANSWERS = ("answer", "east", "north", "time", "bearing", "range", "exit", "east_width")
 
 
 def layout(rng: np.random.Generator, *, large: bool):
@@ -178,6 +178,8 @@ def one(number: int) -> dict:
         off = (true - bearing.q50 + 180) % 360 - 180
         row["answer"] = "bearing"
         row["bearing"] = int(bearing.q05 <= bearing.q50 + off <= bearing.q95)
+        distance = summary.derived["range_m"]
+        row["range"] = int(distance.q05 <= math.hypot(*middle) <= distance.q95)
         return row
     if not all(summary.estimates[name].identified for name in names[1:3]):
         return row | {"answer": "none"}
@@ -228,7 +230,7 @@ def table(rows: list[dict]) -> list[str]:
             f"{label:28s} {len(of):4d} layouts; place {len(place):3d}: east "
             f"{share(place, 'east')}, north {share(place, 'north')}, time "
             f"{share(place, 'time')}; bearing alone {len(alone):3d}: "
-            f"{share(alone, 'bearing')}; neither {none}"
+            f"{share(alone, 'bearing')}, range {share(alone, 'range')}; neither {none}"
         )
     return lines
 
