@@ -179,7 +179,8 @@ def one(number: int) -> dict:
         row["answer"] = "bearing"
         row["bearing"] = int(bearing.q05 <= bearing.q50 + off <= bearing.q95)
         distance = summary.derived["range_m"]
-        row["range"] = int(distance.q05 <= math.hypot(*middle) <= distance.q95)
+        farthest = math.inf if math.isnan(distance.q95) else distance.q95
+        row["range"] = int(distance.q05 <= math.hypot(*middle) <= farthest)
         return row
     if not all(summary.estimates[name].identified for name in names[1:3]):
         return row | {"answer": "none"}

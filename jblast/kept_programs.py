@@ -18,6 +18,7 @@ import hashlib
 import importlib
 import json
 import os
+import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -79,7 +80,8 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     """Compile as `equinox.filter_jit` does, and keep the traced program between runs.
 
     Where a program cannot be kept (inside another program, an argument that cannot be
-    spelled out) this is `filter_jit` alone. The key takes a millisecond at each call.
+    spelled out) this is `filter_jit` alone. The key takes a few milliseconds for a
+    module that is new and 0.1 ms for one that was used before.
 
     Args:
         function: What to compile.
@@ -237,6 +239,36 @@ def is_array(value: Any) -> bool:
     return isinstance(value, jax.Array | np.ndarray | np.generic)
 
 
+class _Spellings:
+    """Spellings of modules in use.
+
+    A module is immutable, so that it is spelled out once. A search calls programs with
+    one posterior thousands of times; spelling it out took half of that time.
+    """
+
+    def __init__(self) -> None:
+        self.known: dict[int, tuple[weakref.ref, str]] = {}
+
+    def of(self, module: eqx.Module) -> str:
+        """Return the spelling of a module that is not part of the program."""
+        name = id(module)
+        there = self.known.get(name)
+        if there is not None and there[0]() is module:
+            return there[1]
+        found = _of_fields(module, fixed=False)
+        forget = functools.partial(self._forget, name)
+        self.known[name] = weakref.ref(module, forget), found
+        return found
+
+    def _forget(self, name: int, gone: weakref.ref) -> None:
+        there = self.known.get(name)
+        if there is not None and there[0] is gone:  # the number may be in use again
+            del self.known[name]
+
+
+_SPELLINGS = _Spellings()
+
+
 def spelled(value: Any, fixed: bool = False) -> str:
     """Spell an argument out: the shape of an array, the value of anything else.
 
@@ -266,14 +298,20 @@ def spelled(value: Any, fixed: bool = False) -> str:
         return f"dict{sorted(items)}"
     if isinstance(value, tuple | list):
         return f"{name_of(type(value))}{[spelled(entry, fixed) for entry in value]}"
+    if isinstance(value, eqx.Module) and not fixed:
+        return _SPELLINGS.of(value)
     if is_dataclass(value):
-        whole = fixed or not isinstance(value, eqx.Module)
-        entries = [
-            spelled(getattr(value, f.name), whole or f.metadata.get("static", False))
-            for f in fields(value)
-        ]
-        return f"{name_of(type(value))}{entries}"
+        return _of_fields(value, fixed=True)
     raise Unkept
+
+
+def _of_fields(value: Any, *, fixed: bool) -> str:
+    """Spell a data class out by its fields; see `spelled`."""
+    entries = [
+        spelled(getattr(value, f.name), fixed or f.metadata.get("static", False))
+        for f in fields(value)
+    ]
+    return f"{name_of(type(value))}{entries}"
 
 
 def name_of(value: type | FunctionType) -> str:

@@ -276,8 +276,12 @@ def fit(
             np.asarray(misfit.valid),
             valid_at_depth(solution, draws),
             left,
-            lambda log, names: solve(
-                log, freed(uncertain, names), noise=noise, seed=seed
+            lambda log, names, *, follow_range: solve(
+                log,
+                freed(uncertain, names),
+                noise=noise,
+                seed=seed,
+                follow_range=follow_range,
             ),
             (FlashesSetAside(set_aside),) if set_aside else (),
         ),
@@ -320,6 +324,7 @@ def solve(
     seed: int = 0,
     records: SampledRecords | None = None,
     begin: Callable[[str], None] | None = None,
+    follow_range: bool = True,
 ) -> Solution:
     """Find the posterior's optima, what is identifiable, and its normal approximation.
 
@@ -327,6 +332,7 @@ def solve(
     they settle (`settle_laws`); so are the curve sets of charges whose `burst` is left
     to their height. Samples of records, where there are any, count once the log of what
     was read off them is solved. `begin` is called with the name of each stage.
+    `follow_range` follows the range of a charge beside a small array (`range_profile`).
     """
     if not parameters_of(uncertain).names:
         raise InputError(
@@ -364,7 +370,7 @@ def solve(
         near = first.parameters.scene_at(likeliest_start(key, first))
         choices = choices.as_for(choices_for(near, rows, sigma))
     (posterior, found, there), choices = settle_laws(choices, search)
-    sight = range_profile(posterior, found)
+    sight = range_profile(posterior, found) if follow_range else None
     if sight is not None:
         found = with_best_range(posterior, found, sight)
     found = with_mirror_images(posterior, found)

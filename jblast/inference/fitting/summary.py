@@ -1,6 +1,6 @@
 """Results of a fit as values: estimates, what they leave open, warnings."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -23,6 +23,7 @@ from jblast.inference.fitting.goodness_of_fit import (
 )
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.suspects import (
+    Refit,
     accused_sensors,
     explained_by,
     lies_far,
@@ -140,7 +141,7 @@ def summary_of(
     valid: Bool[np.ndarray, " row"],
     deep: Bool[np.ndarray, " row"],
     left: ResidualSummary,
-    refit: Callable[[Observations, Sequence[str]], Solution],
+    refit: Refit,
     found_before: tuple[Finding, ...] = (),
 ) -> Summary:
     """Put together what a fit found.
@@ -153,7 +154,7 @@ def summary_of(
         valid: Whether each row's laws hold at the answer.
         deep: Whether they do as deep as its interval reaches, too.
         left: Residuals and shared effects at the answer.
-        refit: Solves for a log of the same rows with more numbers free; asked where no
+        refit: Solves for a log of the same rows with more numbers free; used where no
             scene fits this one.
         found_before: Warnings about the log from before the search.
     """
@@ -174,10 +175,12 @@ def summary_of(
     poor = p is not None and p < POOR
     answered = converged and not null and bool(valid.any()) and not poor
     wrong: tuple[WrongSensor, ...] = ()
-    if not answered or lies_far(solution) or (p is not None and p < FITS):
-        wrong = explained_by(
-            observations, solution, answered, lambda log: refit(log, ())
-        )
+    # Rows left out do not identify what all rows leave open: null directions, or a
+    # bearing without a range, are no reason to search for a wrong sensor.
+    is_far = lies_far(solution) and sure.bearing is None
+    is_solved = converged and bool(valid.any())
+    if not is_solved or is_far or (p is not None and p < FITS):
+        wrong = explained_by(observations, solution, answered, refit)
     suspected = suspected_outliers(
         observations, left.residual, solution.posterior.noise
     )

@@ -12,10 +12,10 @@ that fits and is identified is named. That set need not be the cause.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -43,6 +43,7 @@ from jblast.inference.fitting.goodness_of_fit import (
 )
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.mode.laplace import marginals
+from jblast.inference.mode.range_profile import range_profile
 from jblast.inference.mode.search import is_long
 from jblast.inference.mode.starts import layout_size
 from jblast.inference.posterior.fisher_information import (
@@ -78,7 +79,17 @@ TIMES_SIGMA = 5.0
 """A difference of arrivals this large is no error of reading or of a law."""
 FEWEST = 4
 """Arrivals, at least: three determine a position and a time."""
-Refit = Callable[[Observations, Sequence[str]], Solution]
+
+
+@runtime_checkable
+class Refit(Protocol):
+    """Solves for a log of the same rows with more numbers free."""
+
+    def __call__(
+        self, log: Observations, names: Sequence[str], /, *, follow_range: bool
+    ) -> Solution:
+        """Return the solution; with `follow_range` by `range_profile`."""
+        ...
 
 
 class Suspect(NamedTuple):
@@ -93,7 +104,7 @@ def explained_by(
     observations: Observations,
     solution: Solution,
     fits: bool,
-    refit: Callable[[Observations], Solution],
+    refit: Refit,
 ) -> tuple[WrongSensor, ...]:
     """Name each clock or sensor without which a log fits, and from which it is far.
 
@@ -108,7 +119,9 @@ def explained_by(
         observations: The log.
         solution: What was found of all of it.
         fits: Whether that is an answer.
-        refit: Solves for a log of the same rows.
+        refit: Solves for a log of the same rows. The range of a charge beside a small
+            array is followed for explanations alone: it takes most of a fit's time, and
+            the density of the search's best optimum is enough to reject the others.
 
     Returns:
         The most probable first.
@@ -116,32 +129,40 @@ def explained_by(
     posterior = solution.posterior
     if is_long(posterior):
         return ()
+    density_of_all = float(np.max(np.asarray(solution.optima.log_density)))
     known = len(observations) + int(np.sum(posterior.parameters.has_prior()))
     spare = known - solution.laplace.z.size
     possible = [s for s in suspects(observations, solution) if len(s.rows) < spare]
     found = []
     for suspect in each(_likeliest(solution, possible)[:MOST], "sensors left out"):
         try:
-            rest = refit(_without(observations, suspect.rows))
+            log = _without(observations, suspect.rows)
+            rest = refit(log, (), follow_range=False)
         except InputError:  # no scene gives the others a probability
             continue
         density = float(rest.optima.log_density[0])
         left_out = float(log_noise(jnp.zeros(()), posterior.noise)) - math.log(UNHEARD)
         readings = int(np.sum(~observations.bounds()[suspect.rows]))
         density -= readings * (left_out + math.log(WIDTH))  # a bound has no density
-        least = float(solution.optima.log_density[0]) - math.log(POOR / len(possible))
-        if fits and density < least:
+        if fits and density < density_of_all - math.log(POOR / len(possible)):
             continue
+        if not _judged(observations, rest, suspect, len(possible)):
+            continue
+        if range_profile(rest.posterior, rest.optima) is not None:
+            rest = refit(log, (), follow_range=True)
         if wrong := _judged(observations, rest, suspect, len(possible)):
             found.append((density, wrong))
     for exchanged in _exchanges(observations, solution):
         try:
-            rest = refit(exchanged.log)
+            rest = refit(exchanged.log, (), follow_range=False)
         except InputError:
             continue
         density = float(rest.optima.log_density[0])
-        least = float(solution.optima.log_density[0]) - math.log(POOR)
-        if density >= least and (wrong := _exchange(rest, exchanged)):
+        if density < density_of_all - math.log(POOR) or not _exchange(rest, exchanged):
+            continue
+        if range_profile(rest.posterior, rest.optima) is not None:
+            rest = refit(exchanged.log, (), follow_range=True)
+        if wrong := _exchange(rest, exchanged):
             found.append((density, wrong))
     if any(wrong.law_valid_rows for _, wrong in found):
         found = [pair for pair in found if pair[1].law_valid_rows]
@@ -454,7 +475,11 @@ def more_to_free(
     if last is None:
         return None
     freed, names = last
-    wrong = explained_by(observations, freed, False, lambda log: refit(log, names))
+
+    def refit_freed(log, names_too, /, *, follow_range):
+        return refit(log, (*names, *names_too), follow_range=follow_range)
+
+    wrong = explained_by(observations, freed, False, refit_freed)
     if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
         first, both = wrong[0], (*names, wrong[0].parameter)
         return MoreToFree(both, first.p_value, first.estimates, first.name)
@@ -469,7 +494,7 @@ def _refits(
     """Yield the solution of a log with each set of numbers free, and the set."""
     for names in sets:
         try:
-            freed = refit(observations, names)
+            freed = refit(observations, names, follow_range=True)
         except InputError:  # the scene then leaves nothing a probability
             continue
         yield freed, names

@@ -53,9 +53,9 @@ def test_asked_one_by_one_no_sensor_of_an_honest_log_is_accused():
     made = heard("arrivals", np.random.default_rng(4))
     asked = []
 
-    def without_one(log):
+    def without_one(log, names, /, *, follow_range):
         asked.append(log)
-        return solve(log, ASKED)
+        return solve(log, ASKED, follow_range=follow_range)
 
     assert explained_by(made, solve(made, ASKED), True, without_one) == ()
     assert len(asked) == len(NAMES)
@@ -67,8 +67,8 @@ def test_two_sensors_whose_places_are_swapped_are_named():
     place[[1, 4]] = place[[4, 1]]
     swapped = replace(made, position=place)
 
-    def refit(log):
-        return solve(log, ASKED)
+    def refit(log, names, /, *, follow_range):
+        return solve(log, ASKED, follow_range=follow_range)
 
     first, *_ = explained_by(swapped, solve(swapped, ASKED), False, refit)
     assert isinstance(first, ExchangedSensors)
@@ -117,7 +117,7 @@ def test_a_rest_that_has_no_answer_accuses_nobody_and_ends_nothing():
     solution = solve(made, ASKED)
     asked = []
 
-    def refused(log):
+    def refused(log, names, /, *, follow_range):
         asked.append(log)
         raise InputError("no value of charge_mass_kg gives the log a probability")
 
