@@ -2,6 +2,7 @@
 
 import difflib
 import os
+import re
 import warnings
 from collections.abc import Callable, Iterable
 from importlib import import_module
@@ -42,6 +43,15 @@ def shown(value: Any, width: int = 60) -> str:
     except (ValueError, RecursionError):  # integers of thousands of digits; nesting
         text = f"a very long {type(value).__name__}"
     return text if len(text) <= width else text[: width - 4] + " ..."
+
+
+def whole_number(text: str) -> int | None:
+    """Return the number that a text of 1 to 18 digits states; None for other text.
+
+    `str.isdigit` also accepts digits that `int` refuses ("²") or reads as others ("٣"),
+    and `int` refuses thousands of digits. 18 digits fit into 64 bits.
+    """
+    return int(text) if re.fullmatch("[0-9]{1,18}", text) else None
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -20,7 +20,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 # Each may import what stands above it, and its own.
 ORDER = [
     ("types", "constants", "registry", "errors", "progress"),
-    ("files", "json_values"),
+    ("addresses", "files", "json_values"),
     ("parameters", "quantities"),
     ("units",),
     ("kept_programs",),

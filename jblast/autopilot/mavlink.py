@@ -1,7 +1,6 @@
 """MAVLink 2 by pymavlink: frames, and links by TCP and UDP."""
 
 import functools
-import ipaddress
 import select
 import socket
 import struct
@@ -11,6 +10,7 @@ from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from jblast.addresses import host_and_port, is_loopback
 from jblast.errors import InputError, argument, nearest, needed, shown
 
 MAGIC, MAGIC_1 = 0xFD, 0xFE
@@ -359,29 +359,16 @@ def read_address(text: str, name: str, port: int) -> Address:
     """
     where = argument(name)
     kind, _, rest = text.partition(":")
-    host, colon, said = rest.rpartition(":")
-    if not colon:
-        host, said = rest, str(port)
-    bare = host.removeprefix("[").removesuffix("]") or "127.0.0.1"
-    if kind not in ("tcp", "udp") or not (said.isascii() and said.isdigit()):
-        raise InputError(
-            f"{where}: expected tcp:HOST:PORT or udp:HOST:PORT, got {shown(text)}"
-        )
-    if int(said) > 65535:
-        raise InputError(f"{where}: expected a port of 0 to 65535, got {said}")
-    if not _is_loopback(bare):
+    expected = "tcp:HOST:PORT or udp:HOST:PORT"
+    if kind not in ("tcp", "udp"):
+        raise InputError(f"{where}: expected {expected}, got {shown(text)}")
+    whole = rest if ":" in rest else f"{rest}:{port}"
+    whole = f"127.0.0.1{whole}" if whole.startswith(":") else whole
+    host, number = host_and_port(whole, where, expected, got=text)
+    if not is_loopback(host):
         raise InputError(
             f"{where}: expected a loopback address, as {kind}:127.0.0.1:{port}: others "
-            f"could reach {shown(bare)}, and MAVLink has no token to show; a tunnel by "
+            f"could reach {shown(host)}, and MAVLink has no token to show; a tunnel by "
             "ssh takes it to another machine"
         )
-    return Address(kind, "127.0.0.1" if bare == "localhost" else bare, int(said))
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return Address(kind, "127.0.0.1" if host == "localhost" else host, number)

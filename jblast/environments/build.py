@@ -156,10 +156,10 @@ def _most_delay(delay: Float[Array, ""] | Prior, step_s: float) -> int:
         raise InputError(f"delay_s: expected a number or a Uniform, got {delay}")
     else:
         low = high = float(delay)
-    steps = round(high / step_s)
-    if low < 0 or steps > MOST_DELAY:
+    # nan and inf are refused, too: of them there is no number of steps
+    if not (low >= 0 and high / step_s < MOST_DELAY + 0.5):
         raise InputError(
             f"delay_s: expected 0 to {MOST_DELAY * step_s:g} s, {MOST_DELAY} steps, "
             f"got {low:g} to {high:g} s"
         )
-    return steps
+    return round(high / step_s)

@@ -371,7 +371,9 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
         inertia_factor=inertia,
         gain_factor=gain,
         wind_m_s=(east, north, none),
-        delay_steps=jnp.clip(late, 0, params.most_delay),
+        # `most_delay` is rounded in float64: a draw next to the upper bound may round
+        # to one step more in float32, for which the queue of actions has no room
+        delay_steps=jnp.minimum(late, params.most_delay),
         blasts=jax.tree.map(lambda x: x.astype(dtype), blasts),
         force_bias_m_s2=force,
         rate_bias_rad_s=rate,

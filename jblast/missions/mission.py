@@ -380,7 +380,7 @@ def _order(plan: Plan) -> list[int]:
             raise InputError(
                 f"{at}: expected the number of an item, {known}, got {goal:g}"
             )
-        if not (times >= 0 and times == int(times)):
+        if not (times >= 0 and float(times).is_integer()):  # neither nan nor inf is
             raise InputError(
                 f"{at}: expected how many times, 0 or more (-1, for ever, never ends "
                 f"unattended), got {times:g}"

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.errors import whole_number
 from jblast.observations import Observations
 from jblast.observations.grouping import stacked
 from jblast.scene import Scene, Sensor
@@ -152,8 +153,11 @@ def readings_of(
             present += parts
         if not present:
             continue
-        # the number of a random blast is its own in a longer world, too
-        number = int(charge.name) if charge.name.isdigit() else 2**31 + column
+        # the number of a random blast is its own in a longer world, too; a name that
+        # only resembles one ("007", "²") is a name, or two charges would share errors
+        number = whole_number(charge.name)
+        if number is None or number >= 2**31 or str(number) != charge.name:
+            number = 2**31 + column
         key = jax.random.fold_in(world.noise_key, number)
         for which, (own, some) in enumerate(_by_scene(world, present)):
             alone = replace(

@@ -82,6 +82,10 @@ REFUSED = {
     "on the ground": ([UP, (16, (9, 0, 0), {}), LAND], "unreachable, on the ground"),
     "high": ([UP, (16, (9, 0, 5e3), {}), LAND], "item 2.*4000 m.*ceiling"),
     "jump to nowhere": ([UP, (177, None, {"p1": 9, "p2": 1}), LAND], "1 to 3, got 9"),
+    "jumps without end": (
+        [UP, (177, None, {"p1": 1, "p2": math.inf}), LAND],
+        r"expected how many times, 0 or more .*got inf",
+    ),
     "jumps for ever": ([UP, (177, None, {"p1": 1, "p2": -1}), LAND], "never ends"),
     "too many jumps": (
         [UP, (16, (9, 0, 6), {}), (177, None, {"p1": 2, "p2": 10**6}), LAND],

@@ -1,5 +1,7 @@
 """When waves come to who stands and who moves: on one clock, by one law."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -146,3 +148,21 @@ def test_without_a_flight_what_rides_stands_where_the_vehicle_holds(world):
     row = arrivals.entities.index("mic")
     places = arrivals.places_m["air_arrival_s"][row]
     np.testing.assert_allclose(places, [VEHICLE["position_m"]] * len(world.shots))
+
+
+@pytest.mark.parametrize("name", ["²", "007", "4294967296"])
+def test_a_name_that_resembles_a_number_is_a_name(world, met, name):
+    """Errors of a blast with a name depend on its place among the blasts."""
+    arrivals, _ = met
+    first, *others = world.scene.charges
+    logs = []
+    for one in (name, "first"):
+        scene = replace(
+            world.scene,
+            charge=replace(first, name=one),
+            others=tuple(others),
+        )
+        log, _ = readings_of(world._replace(scene=scene), arrivals, 1e3)
+        assert log is not None
+        logs.append(log.value[np.array(log.shot) == one])
+    np.testing.assert_array_equal(*logs)

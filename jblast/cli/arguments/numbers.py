@@ -9,7 +9,7 @@ import re
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, shown, whole_number
 
 MOST_ROWS = 100_000
 EITHER = re.compile(r"\d+,\d+[^\d,:]*")
@@ -188,14 +188,14 @@ def _evenly_in_ln(word: str, one: Callable[[str], float]) -> list[float]:
     import numpy as np  # not for --help
 
     ends = word.split(":")
-    count = ends[2] if len(ends) == 3 else ""
-    if not (count.isascii() and count.isdigit() and 2 <= int(count) <= MOST_ROWS):
+    count = whole_number(ends[2]) if len(ends) == 3 else None
+    if count is None or not 2 <= count <= MOST_ROWS:
         raise ArgumentTypeError(
             f"expected FROM:TO:COUNT with a COUNT of 2 to {MOST_ROWS}, "
             f"got {shown(word)}"
         )
     low, high = (one(end) for end in ends[:2])
-    return np.geomspace(low, high, int(count)).tolist()
+    return np.geomspace(low, high, count).tolist()
 
 
 def _number_or_nan(text: str) -> float:

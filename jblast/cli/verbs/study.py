@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.options import path, writing
-from jblast.errors import InputError
+from jblast.errors import InputError, shown, whole_number
 
 if TYPE_CHECKING:
     from jblast.study.sampling.run import Tiles
@@ -147,9 +147,13 @@ def devices_asked(words: str) -> int | None:
     """
     if words == "all":
         return None
-    if not words.isdigit() or int(words) < 1:
-        raise InputError(f"--devices: expected all, or a whole number, got {words!r}")
-    return int(words)
+    count = whole_number(words)
+    if not count:
+        raise InputError(
+            "--devices: expected all, or a whole number of 1 or more, got "
+            f"{shown(words)}"
+        )
+    return count
 
 
 @contextlib.contextmanager

@@ -5,10 +5,11 @@ store that has it. Studies that differ in their seed alone are placed one after 
 """
 
 import os
-import re
 import shutil
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from jblast.files import replacing
 from jblast.study.engine.store import Store, open_store, places_of
 from jblast.study.engine.summary import PARTS, Anchor, SummaryStore, outcomes_of
 
-SEED = re.compile(r"^\s*seed\s*=.*$", re.MULTILINE)
 LIKE = ("scene_sha256", "design", "block", "cells", "variants", "jblast", "keep")
 
 
@@ -82,15 +82,22 @@ def _opened(path: str | os.PathLike[str]) -> Store:
 def _refuse_other(first: Store, other: Store) -> None:
     """Refuse a store whose samples are not of the same kind."""
     a, b = first.attributes, other.attributes
-    texts = [SEED.sub("", str(said["study"])) for said in (a, b)]
+    studies = [_without_seed(str(said["study"])) for said in (a, b)]
     different = [name for name in LIKE if a[name] != b[name]]
-    if texts[0] != texts[1]:
+    if studies[0] != studies[1]:
         different.insert(0, "study")
     if different or first.tile != other.tile or first.variables != other.variables:
         raise InputError(
             f"{other.path}: expected a store of the study of {first.path}, but for the "
             f"seed; got another {', '.join(different) or 'layout'}"
         )
+
+
+def _without_seed(text: str) -> dict[str, Any]:
+    """Return the tables of a study without its seed; a key of a table stays."""
+    tables = tomllib.loads(text)
+    tables.pop("seed", None)
+    return tables
 
 
 def _begun(first: Store, out: Path, rows: int, more: dict[str, object]) -> Store:

@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, shown, whole_number
 from jblast.files import write_bytes, write_text
 
 NAME = ".lock"
@@ -243,9 +243,9 @@ class Store:
             whole = set()
             with os.scandir(self.path / variable.name) as entries:
                 for entry in entries:
-                    number = entry.name.partition(".")[0]
-                    if number.isdigit() and entry.stat().st_size == size:
-                        whole.add(int(number))
+                    number = whole_number(entry.name.partition(".")[0])
+                    if number is not None and entry.stat().st_size == size:
+                        whole.add(number)
             there = whole if there is None else there & whole
         return {tile for tile in there or () if tile < self.tiles}
 

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jblast.errors import whole_number
 from jblast.files import write_bytes, write_text
 from jblast.study.engine.launch import Reduce
 from jblast.study.engine.store import Variable, as_json, described
@@ -234,9 +235,9 @@ class SummaryStore:
             whole = set()
             folder = self.path / f"{v.name}.{part}"
             for path in folder.iterdir():
-                number = path.name.partition(".")[0]
-                if number.isdigit() and _size(path, part) == size:
-                    whole.add(int(number))
+                number = whole_number(path.name.partition(".")[0])
+                if number is not None and _size(path, part) == size:
+                    whole.add(number)
             there = whole if there is None else there & whole
         return {tile for tile in there or () if tile < self.tiles}
 

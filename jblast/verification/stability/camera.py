@@ -26,6 +26,7 @@ from jblast.verification.simulated_recordings import THRESHOLD, film
 from jblast.verification.stability.failure import (
     FailureMode,
     crossing,
+    first_failure,
     switching_point,
     verified,
 )
@@ -74,7 +75,10 @@ def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " ev
 
 def _sum() -> FailureMode:
     running, counted = summed_errors()
-    begin, ours = (int(np.argmax(off > LOST)) for off in (running, counted))
+    begin = first_failure(running > LOST, "sum of thresholds in float32")
+    lost = np.flatnonzero(counted > LOST)
+    ours = int(lost[0]) if lost.size else LONGEST
+    message = f"{LOST:.0%} after {ours:,} events" if lost.size else "no such error"
     return FailureMode(
         area="events",
         method="reference of a pixel in float32",
@@ -84,8 +88,7 @@ def _sum() -> FailureMode:
         beyond=f"off by {LOST:.0%} of a threshold there, by {running.max():.0%} within "
         f"{LONGEST:,} events",
         response=verified("holds", ours > 10 * begin, "references"),
-        message=f"whole counts: {LOST:.0%} after {ours:,} events in float32; streams "
-        "count in float64",
+        message=f"whole counts: {message} in float32; streams count in float64",
     )
 
 

@@ -46,7 +46,12 @@ from jblast.verification.simulated_recordings import (
     rumble,
     shares_of,
 )
-from jblast.verification.stability.failure import FailureMode, verified
+from jblast.verification.stability.failure import (
+    FailureMode,
+    boundary_at,
+    first_failure,
+    verified,
+)
 
 RECORDS_AREA = "records"
 SHARE = 0.05
@@ -414,12 +419,13 @@ def rotor_misses() -> tuple[list[float], list[float]]:
 
 def _rotor() -> FailureMode:
     plain, ours = rotor_misses()
-    enough = np.interp(-0.5, -np.array(plain), SNRS)  # they fall with the loudness
+    # they fall with the loudness
+    enough = boundary_at(-0.5, -np.array(plain), np.array(SNRS), "plain filter")
     return FailureMode(
         area=AREA,
         method="plain normalised filter, 20 ms, beside wind and a rotor",
         failure="misses more than half",
-        boundary=float(enough),
+        boundary=enough,
         unit="dB, 2E/N0, and less",
         beyond=f"{plain[0]:.0%} at {SNRS[0]:g} dB",
         response=verified("holds", max(ours) < 0.1, "rotor"),
@@ -451,7 +457,7 @@ def gust_alarms(ratio: float) -> tuple[float, float, float]:
 
 def _gusts() -> FailureMode:
     found = np.array([gust_alarms(ratio) for ratio in GUSTS])
-    first = int(np.argmax(found[:, 1] > 2))
+    first = first_failure(found[:, 1] > 2, "threshold for steady noise")
     marked = found[first:, 2] > UNSTEADY
     return FailureMode(
         area=AREA,

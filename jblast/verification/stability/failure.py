@@ -9,7 +9,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Bool, Float
 from scipy.optimize import root_scalar
+
+from jblast.errors import whole_number
 
 Response = Literal["marks", "refuses", "falls back", "holds"]
 """What jblast does where a method fails; "holds" where that is avoided altogether."""
@@ -61,6 +64,49 @@ def switching_point(
     return float(found.root)
 
 
+def first_failure(failed: Bool[np.ndarray, " level"], what: str) -> int:
+    """Return the first level at which a method fails.
+
+    Args:
+        failed: By level, from harmless to hopeless.
+        what: Method, for the message.
+
+    Raises:
+        RuntimeError: It fails at no level, so the levels contain no boundary.
+    """
+    if not failed.any():
+        raise RuntimeError(
+            f"{what}: expected a failure at one of {failed.size} levels, got none: the "
+            "boundary lies beyond them"
+        )
+    return int(np.argmax(failed))
+
+
+def boundary_at(
+    limit: float,
+    measured: Float[np.ndarray, " level"],
+    levels: Float[np.ndarray, " level"],
+    what: str,
+) -> float:
+    """Return the level at which a rising measure passes a limit, linear in between.
+
+    Args:
+        limit: Largest harmless value of the measure.
+        measured: By level, rising.
+        levels: From harmless to hopeless.
+        what: Method, for the message.
+
+    Raises:
+        RuntimeError: The measure does not pass the limit between two of the levels.
+    """
+    if not measured[0] <= limit < measured[-1]:
+        raise RuntimeError(
+            f"{what}: expected {measured[0]:g} to {measured[-1]:g}, measured at "
+            f"{levels[0]:g} and {levels[-1]:g}, to contain {limit:g}"
+        )
+    return float(np.interp(limit, measured, levels))
+
+
 @dataclass(frozen=True)
 class FailureMode:
     """One failure mode of one method, as measured.
@@ -90,7 +136,7 @@ class FailureMode:
     def cases(self) -> int:
         """Of how many cases the boundary is a count; 0 if it is none."""
         of, _, number = self.unit.partition(" ")
-        return int(number) if of == "of" and number.isdigit() else 0
+        return whole_number(number) or 0 if of == "of" else 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return it by the keys of `KEYS`."""

@@ -35,7 +35,12 @@ from jblast.observations import Observations
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_laws, with_values
 from jblast.sensors import simulate
 from jblast.sensors.simulate import Noise
-from jblast.verification.stability.failure import FailureMode, crossing, verified
+from jblast.verification.stability.failure import (
+    FailureMode,
+    boundary_at,
+    crossing,
+    verified,
+)
 
 FAR = 20
 """The size that is reported [standard deviations]."""
@@ -156,7 +161,7 @@ def outlier_failure() -> FailureMode:
     """Measure from which size of one outlier on the interval loses the mass."""
     by = moved()
     size = np.abs(by.normal)
-    boundary = float(np.interp(NORMAL_Q95, size, FINE))
+    boundary = boundary_at(NORMAL_Q95, size, FINE, "least squares, an outlier")
     never = np.flatnonzero(~by.named)
     first = SIZES[never[-1] + 1] if never[-1] + 1 < len(SIZES) else np.inf
     worst = int(np.argmax(np.abs(by.student)))

@@ -41,7 +41,13 @@ from jblast.vehicle import (
 from jblast.vehicle.quadrotor import PARAMETERS
 from jblast.vehicle.rollout import timetable
 from jblast.vehicle.state import unit
-from jblast.verification.stability.failure import FailureMode, crossing, verified
+from jblast.verification.stability.failure import (
+    FailureMode,
+    boundary_at,
+    crossing,
+    first_failure,
+    verified,
+)
 
 DRIFT = 1e-9
 """Of the energy, relative, that a second of free tumble may lose."""
@@ -130,7 +136,8 @@ def tumble_drift(integrator: str) -> Float[np.ndarray, " rate"]:
 
 def _tumble() -> FailureMode:
     euler, ours = tumble_drift("euler"), tumble_drift("rk4")
-    at = float(np.exp(np.interp(np.log(DRIFT), np.log(ours), np.log(RATES))))
+    logs = np.log(DRIFT), np.log(ours), np.log(RATES)
+    at = float(np.exp(boundary_at(*logs, "free tumble, RK4")))
     ten = [float(np.interp(10.0, RATES, drift)) for drift in (euler, ours)]
     return FailureMode(
         area="flights",
@@ -160,7 +167,7 @@ def clock_errors(until_s: float = HOUR) -> tuple[Float[np.ndarray, " step"], flo
 
 def _clock() -> FailureMode:
     summed, ours = clock_errors()
-    begins = STEP * (1 + int(np.argmax(summed > STEP / 2)))
+    begins = STEP * (1 + first_failure(summed > STEP / 2, "clock in float32"))
     coarse = float(2.0 ** np.ceil(np.log2(STEP / np.finfo(np.float32).eps)))
     return FailureMode(
         area="flights",
@@ -182,7 +189,8 @@ def shortest_quaternion(dtype: type = np.float32) -> float:
     lengths = np.array([float(f"1e-{n}") for n in powers]).astype(dtype)
     zero = jnp.zeros(lengths.size, dtype)
     scaled = np.asarray(jax.vmap(unit)((zero, zero, zero, jnp.asarray(lengths)))[3])
-    return float(f"1e-{powers[np.argmax(np.abs(scaled - 1) > 1e-3)]}")
+    first = first_failure(np.abs(scaled - 1) > 1e-3, "quaternion scaled to length 1")
+    return float(f"1e-{powers[first]}")
 
 
 def _quaternion() -> FailureMode:
@@ -241,7 +249,7 @@ def lost_speeds() -> tuple[Bool[np.ndarray, " speed"], bool]:
 
 def _lost() -> FailureMode:
     lost, alike = lost_speeds()
-    first = int(np.argmax(lost))
+    first = first_failure(lost, "a batch of ever faster vehicles")
     seen = alike and lost[first::2].all() and not lost[::2].any()
     return FailureMode(
         area="flights",
@@ -266,7 +274,7 @@ def adjoint_errors() -> Float[np.ndarray, " loop"]:
 def adjoint_failure() -> FailureMode:
     """Measure when an adjoint of a loop in registers is wrong."""
     errors = adjoint_errors()
-    first = int(np.argmax(errors > WRONG))
+    first = first_failure(errors > WRONG, "adjoint of a loop")
     said = _kernel_refusal()
     return FailureMode(
         area="flights",
@@ -348,7 +356,7 @@ def _plain_fall(up: float, step: float) -> float:
 def sum_failure() -> FailureMode:
     """Measure at which step float32 rounds a flight away."""
     plain, ours = falls()
-    first = int(np.argmax(plain > ALLOWED_M))
+    first = first_failure(plain > ALLOWED_M, "fall in float32")
     kept = bool((ours < ALLOWED_M).all())
     return FailureMode(
         area="flights",
@@ -446,7 +454,7 @@ def impulse_errors() -> tuple[
 def pulse_failure() -> FailureMode:
     """Measure at which step a sampled force loses a hundredth of the impulse."""
     ratio, bare, ours = impulse_errors()
-    begins = float(ratio[np.argmax(bare > LOST)])
+    begins = float(ratio[first_failure(bare > LOST, "pulse as a force")])
     ten = int(np.argmin(abs(ratio - 10.0)))
     return FailureMode(
         area="flights",
@@ -652,7 +660,7 @@ def _failures(integrator: str, words: str) -> list[FailureMode]:
     for name, limit, up, late in zip(
         NAMES, found.limit_s, found.up(), found.late, strict=True
     ):
-        first = int(np.argmax(up))
+        first = first_failure(up[:-1], f"{name}, position hold, {words}")
         last = "lost" if np.isinf(late[first + 1]) else f"{late[first + 1]:.1g} rad/s"
         kept = SHARES[first] > 0.99 and up[first:].any()
         kept = kept and _refused(name, integrator, limit)

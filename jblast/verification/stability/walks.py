@@ -33,7 +33,12 @@ from jblast.inference.whitening import (
     root_of,
     whitened_density,
 )
-from jblast.verification.stability.failure import FailureMode, crossing, verified
+from jblast.verification.stability.failure import (
+    FailureMode,
+    boundary_at,
+    crossing,
+    verified,
+)
 from jblast.verification.stability.fits import (
     MIRRORED,
     circle,
@@ -118,7 +123,8 @@ def found_failure() -> FailureMode:
     shares = [share_beyond(from_one(apart).kept(), apart) for apart in APART]
     missed = 1 - np.array(shares) / LESSER
     # the walks are random: what is missed is taken not to shrink with the distance
-    boundary = float(np.interp(0.5, np.maximum.accumulate(missed), APART))
+    missed = np.maximum.accumulate(missed)
+    boundary = boundary_at(0.5, missed, np.array(APART), "stretch move from one mode")
     walk = by_jblast(FAR)
     share = share_beyond(walk.chain[walk.convergence.warm_up :], FAR)
     return FailureMode(

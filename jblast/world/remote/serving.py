@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import ipaddress
 import math
 import threading
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from jblast.addresses import host_and_port, is_loopback
 from jblast.errors import InputError, argument, read_bytes, shown
 from jblast.world.drawn import DrawnWorld
 from jblast.world.remote.messages import MOST_BYTES, grpc
@@ -68,34 +68,20 @@ class Serving:
 
 
 def checked_address(options: Options) -> tuple[str, int]:
-    """Return host and port.
+    """Return host, in brackets if it is of IPv6, and port.
 
     Raises:
         InputError: It is none, or others could reach it without a token or TLS.
     """
-    host, colon, port = options.address.rpartition(":")
     where = argument("address")
-    bare = host.removeprefix("[").removesuffix("]")
-    if not (colon and bare and port.isascii() and port.isdigit()):
-        raise InputError(f"{where}: expected HOST:PORT, got {shown(options.address)}")
-    if int(port) > 65535:
-        raise InputError(f"{where}: expected a port of 0 to 65535, got {port}")
+    host, port = host_and_port(options.address, where, "HOST:PORT")
     secured = bool(options.token) or options.certificate is not None
-    if not secured and not _is_loopback(bare):
+    if not secured and not is_loopback(host):
         raise InputError(
             f"{where}: expected a loopback address, as {ADDRESS}, or a token or TLS "
             f"for one that others can reach; got {shown(options.address)} without"
         )
-    return host, int(port)
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return f"[{host}]" if ":" in host else host, port
 
 
 @contextlib.asynccontextmanager

@@ -1,5 +1,6 @@
 """Stores put together: no sample counts twice."""
 
+import json
 import shutil
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.study import run_into
 from jblast.study.engine.merge import merged
+from jblast.study.engine.store import open_store
 from jblast.study.sampling import work
 from tests.study.example import STUDY, study_in
 
@@ -62,3 +64,24 @@ def test_a_seed_that_is_in_already_is_refused(stores, again):
     with pytest.raises(InputError, match="no sample counts twice"):
         merged([stores / "two", stores / again], stores / "out")
     assert not (stores / "out").exists()
+
+
+def test_a_seed_in_a_table_is_no_seed_of_the_study(stores):
+    for folder, number in (("seed_1", 3), ("seed_2", 4)):
+        group = stores / folder / "zarr.json"
+        content = json.loads(group.read_text())
+        content["attributes"]["study"] += f"[options]\nseed = {number}\n"
+        group.write_text(json.dumps(content))
+    with pytest.raises(InputError, match="got another study"):
+        merged([stores / "seed_1", stores / "seed_2"], stores / "out")
+
+
+@pytest.mark.parametrize("name", ["²", "٠"])
+def test_files_with_digits_of_other_scripts_are_no_chunks(stores, name):
+    folder = stores / "seed_1"
+    store = open_store(folder)
+    before = store.done()
+    for variable in store.variables:
+        chunk = store.chunk_path(variable, 0)
+        chunk.rename(chunk.with_name(chunk.name.replace("0", name, 1)))
+    assert store.done() == before - {0}

@@ -363,6 +363,7 @@ ADDRESSES = {
     "a name": ("example:1234", "token or TLS"),
     "no port": ("127.0.0.1", "HOST:PORT"),
     "no host": (":1234", "HOST:PORT"),
+    "a port of 5000 digits": ("127.0.0.1:" + "9" * 5000, "HOST:PORT"),
     "a large port": ("127.0.0.1:65536", "0 to 65535"),
 }
 

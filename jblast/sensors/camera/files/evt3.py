@@ -21,7 +21,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int64, UInt16
 
-from jblast.errors import InputError
+from jblast.errors import InputError, whole_number
 from jblast.sensors.camera.files.recorded_events import (
     TYPES,
     Columns,
@@ -333,8 +333,6 @@ def read_header(path: Path, file: BinaryIO) -> Header:
     for option in options.split(";"):
         key, _, value = option.partition("=")
         fields[key] = value
-    size = None
-    if fields["width"].isdecimal() and fields["height"].isdecimal():
-        size = int(fields["width"]), int(fields["height"])
-    words = said.get("words", "")
-    return Header(size, int(words) if words.isdecimal() else None)
+    across, down = whole_number(fields["width"]), whole_number(fields["height"])
+    size = None if across is None or down is None else (across, down)
+    return Header(size, whole_number(said.get("words", "")))

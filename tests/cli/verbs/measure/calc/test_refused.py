@@ -62,6 +62,7 @@ BAD = {
     "a decimal comma": ("--mass 15,5 --range 9", ["15.5 with a point, or 15 5"]),
     "a decimal comma and a unit": ("--mass 33,5lb --range 9", ["33.5lb", "33 5lb"]),
     "a value with a comma": ("--mass 5 --overpressure 5,5kPa", ["a decimal point"]),
+    "a count of 5000 digits": (f"--mass 5 --range 1:2:{'9' * 5000}", ["FROM:TO:COUNT"]),
     "a broken list": ("--mass 5 --range 1:2", ["FROM:TO:COUNT", "'1:2'"]),
     "a list of one": ("--mass 5 --range 1:2:1", ["COUNT"]),
     "a list of halves": ("--mass 5 --range 1:2:2.5", ["COUNT"]),

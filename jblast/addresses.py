@@ -1,0 +1,45 @@
+"""Network addresses: host and port in a text, and hosts of the loopback."""
+
+import ipaddress
+
+from jblast.errors import InputError, shown, whole_number
+
+MOST_PORT = 65535
+"""The largest port of TCP and UDP: 16 bits (RFC 9293, RFC 768)."""
+
+
+def host_and_port(
+    text: str, where: str, expected: str, *, got: str = ""
+) -> tuple[str, int]:
+    """Return the host of HOST:PORT, without the brackets of IPv6, and its port.
+
+    Args:
+        text: HOST:PORT or [HOST]:PORT.
+        where: Beginning of a message.
+        expected: The form that a message names.
+        got: The text that a message quotes, where `text` is a part of it.
+
+    Raises:
+        InputError: The text has another form, or its port is larger than `MOST_PORT`.
+    """
+    host, _, digits = text.rpartition(":")
+    port = whole_number(digits)
+    bare = host.removeprefix("[").removesuffix("]")
+    if not bare or port is None:
+        raise InputError(f"{where}: expected {expected}, got {shown(got or text)}")
+    if port > MOST_PORT:
+        raise InputError(f"{where}: expected a port of 0 to {MOST_PORT}, got {port}")
+    return bare, port
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host is this machine alone: `localhost` or a loopback address.
+
+    Other names are not resolved, so they are none.
+    """
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
