@@ -35,8 +35,10 @@ Plain draws of an event of probability 1e-6 need 1e8 samples for a relative erro
 10 %; these need some thousands. The estimate is unbiased, but its interval is only as
 good as the search for regions of the event. The search is therefore checked by draws
 that do not depend on it: from the prior outside the sphere through the nearest design
-point. Their hits far from every design point start further searches. Where the search
-stays incomplete, half of the samples are such draws, and the interval extends to the
+point. Their hits far from every design point start further searches. Such a hit among
+the samples themselves marks the search as incomplete, and the samples stay: a second
+drawing would depend on the outcome of the first. Where the check finds the search to be
+incomplete, half of the samples are such draws, and the interval extends to the
 bound that they alone give.
 """
 
@@ -193,34 +195,27 @@ def rare_probability(
     check = random_scores(
         2**31 + np.arange(max(samples // CHECK, 2 * REPLICATES)), dimensions, seed
     )
-    far = np.zeros((0, dimensions))
-    drawn = 0
-    while True:
-        design, mixture, first = _checked(margin, design, check, far, defensive)
-        if points == "random":
-            index = drawn + np.arange(samples)
-            scores = random_scores(index, dimensions, seed)
-            all_of = [_drawn(margin, scores, index, mixture)]
-        else:
-            each = samples // REPLICATES
-            all_of = [
-                _drawn(
-                    margin,
-                    sobol_scores(
-                        each, dimensions, seed * REPLICATES + n + 2**32 * drawn
-                    ),
-                    np.arange(each),
-                    mixture,
-                )
-                for n in range(REPLICATES)
-            ]
-        far = np.concatenate([one.far for one in all_of])
-        inside = bool(np.any(design.distance < 0.0))
-        if inside or not len(far) or not design.complete:
-            break
-        # a region that search and check missed: these samples become part of the search
-        drawn += samples
-        design = design._replace(evaluations=design.evaluations + samples)
+    design, mixture, first = _checked(margin, design, check, defensive)
+    if points == "random":
+        index = np.arange(samples)
+        scores = random_scores(index, dimensions, seed)
+        all_of = [_drawn(margin, scores, index, mixture)]
+    else:
+        each = samples // REPLICATES
+        all_of = [
+            _drawn(
+                margin,
+                sobol_scores(each, dimensions, seed * REPLICATES + n),
+                np.arange(each),
+                mixture,
+            )
+            for n in range(REPLICATES)
+        ]
+    inside = bool(np.any(design.distance < 0.0))
+    if not inside and any(one.far for one in all_of):
+        # samples drawn again after such a hit would favour low estimates: 0.68 of the
+        # truth by 256 samples, where half of an event has no slope
+        design = design._replace(complete=False)
     if points == "random":
         found, error = all_of[0].mean(), all_of[0].error()
         low, high = _interval(found, error, all_of[0].weights)
@@ -281,7 +276,6 @@ def _checked(
     margin: Margin,
     design: DesignPoints,
     scores: Float[np.ndarray, "sample dimension"],
-    start: Float[np.ndarray, "start dimension"],
     defensive: float,
 ) -> tuple[DesignPoints, Mixture, Bool[np.ndarray, " sample"]]:
     """Return design points, the mixture about them, and which draws of a check hit.
@@ -293,13 +287,9 @@ def _checked(
         margin: Of one sample.
         design: Design points found before.
         scores: Standard normal draws of the check.
-        start: Hits of earlier samples that are far from every design point.
         defensive: Share of the prior.
     """
     inside = bool(np.any(design.distance < 0.0))
-    new = True
-    if len(start):
-        design, new = _grown(margin, design, start)
     while True:
         radius = 0.0 if inside else float(design.distance.min(initial=np.inf))
         if not outside_sphere(radius, scores.shape[1]) > LEAST_OUTSIDE:
@@ -314,7 +304,7 @@ def _checked(
         parts = parts_of(np.arange(len(scores)), usual)
         far = hits & far_from_points(beyond, parts, usual)
         many = searches_needed(len(design.points)) > MOST_STARTS
-        if not np.any(far) or not new or many:
+        if not np.any(far) or many:
             break
         design, new = _grown(margin, design, beyond[far])
         if not new:
@@ -339,13 +329,13 @@ def _grown(
 
 
 class _Drawn(NamedTuple):
-    """Samples of a mixture: weights, parts, hits, and hits far from design points."""
+    """Samples of a mixture: weights, parts, hits, lost ones, hits far from points."""
 
     weights: Float[np.ndarray, " sample"]
     parts: Int[np.ndarray, " sample"]
     hits: Bool[np.ndarray, " sample"]
     lost: int
-    far: Float[np.ndarray, "hit dimension"]
+    far: int
 
     def mean(self) -> float:
         """Return the probability, without bias."""
@@ -372,8 +362,8 @@ def _drawn(
     weights = weights_of(moved, parts, mixture)
     values = _margins_of(margin, moved)
     hits = values > 0
-    far = moved[hits & far_from_points(moved, parts, mixture)]
-    return _Drawn(weights, parts, hits, int(np.isnan(values).sum()), far)
+    far = hits & far_from_points(moved, parts, mixture)
+    return _Drawn(weights, parts, hits, int(np.isnan(values).sum()), int(np.sum(far)))
 
 
 def _margins_of(
