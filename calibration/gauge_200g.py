@@ -14,6 +14,7 @@ from typing import NamedTuple
 import jax
 from scipy.optimize import root_scalar
 
+from jblast.constants import PSI
 from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,
@@ -28,9 +29,6 @@ from jblast.waves.waveform import (
 )
 
 DATA = Path(__file__).parent / "data" / "charge_200g_incident_2m.csv"
-
-PSI = 6894.757293168
-"""Of a pound-force per square inch [Pa]. NIST SP 811."""
 
 BURSTS = ("free-air", "surface")
 LAWS = {

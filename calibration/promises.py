@@ -38,6 +38,7 @@ from jblast.fidelity.errors import (
     value_of,
 )
 from jblast.scene.charge import Burst
+from jblast.study.statistics import wilson_interval
 from jblast.waves.paths import Path
 from jblast.waves.propagation import (
     air_density,
@@ -159,10 +160,7 @@ def wilson_lower(kept: int, of: int) -> float:
     """Return the lower end of Wilson's 95 % interval of a share; NaN of none."""
     if not of:
         return math.nan
-    z, share = 1.959964, kept / of
-    middle = share + z * z / (2 * of)
-    width = z * math.sqrt(share * (1 - share) / of + z * z / (4 * of * of))
-    return (middle - width) / (1 + z * z / of)
+    return float(wilson_interval(kept / of, of, 0.95)[0])
 
 
 def main() -> None:

@@ -11,8 +11,6 @@ in sight. Here are other seeds, and the detector as it is shipped. Written to
 from itertools import pairwise
 from pathlib import Path
 
-from scipy.stats import binomtest
-
 from calibration.flash_trials import (
     BALL,
     PICTURES,
@@ -24,6 +22,7 @@ from calibration.flash_trials import (
 from jblast.files import write_text
 from jblast.report.words import aligned
 from jblast.signals.flash.search import flash_threshold
+from jblast.study.statistics import wilson_interval
 from jblast.verification.flash_films import SECONDS
 
 RESULTS = Path(__file__).parent / "results"
@@ -36,8 +35,8 @@ RANGES_M = (0, 25, 50, 100, 200, 500)
 
 def share(count: int, of: int) -> str:
     """Return a share with its 95 % interval (Wilson)."""
-    interval = binomtest(count, of).proportion_ci(method="wilson")
-    return f"{count / of:.4f} ({interval.low:.4f} to {interval.high:.4f})"
+    low, high = wilson_interval(count / of, of, 0.95)
+    return f"{count / of:.4f} ({low:.4f} to {high:.4f})"
 
 
 def by_range(told: list[Told], threshold: float) -> list[tuple[str, ...]]:

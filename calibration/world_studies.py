@@ -36,6 +36,7 @@ from jblast.report.words import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import microphone
 from jblast.signals import blast_template, matched_filter, threshold_for, white_noise
+from jblast.study.statistics import wilson_interval
 from jblast.vehicle import (
     Each,
     blast_load,
@@ -175,11 +176,8 @@ def wilson(kept: int, of: int) -> tuple[float, float, float]:
     """Return a share and the ends of Wilson's 95 % interval."""
     if not of:
         return np.nan, np.nan, np.nan
-    z = 1.96
-    share, more = kept / of, z**2 / of
-    middle = (share + more / 2) / (1 + more)
-    half = z * np.sqrt(share * (1 - share) / of + more / (4 * of)) / (1 + more)
-    return share, max(middle - half, 0.0), min(middle + half, 1.0)
+    low, high = wilson_interval(kept / of, of, 0.95)
+    return kept / of, float(low), float(high)
 
 
 def outcomes(found: Worlds) -> dict[str, Bool[np.ndarray, " world"]]:

@@ -32,3 +32,10 @@ GRANITE_P_SPEED = 5660.0
 
 FLIGHT_GRAVITY = 9.81
 """Gravity of the vehicles [m/s2]: RotorPy 3.0.0's, so that its flights are repeated."""
+
+FOOT = 0.3048
+"""A foot [m], exact. NIST SP 811 (2008), appendix B."""
+
+PSI = 44482216152605 / 6451600000
+"""A pound-force per square inch [Pa], 4.4482216152605 N over (0.0254 m)^2, exact and
+rounded once. NIST SP 811 (2008), appendix B."""

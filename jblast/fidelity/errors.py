@@ -305,18 +305,24 @@ def reference_uncertainty(
 
 
 def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.ndarray:
-    """Return what absorption takes past the tables, in ln, of a place; else zero."""
+    """Return what absorption takes past the tables, in ln, of a place; else zero.
+
+    Outside the grid's masses and pressures the nearest node stands for a place within
+    one step of it: the last steps change the loss by 2.6 % at most. Past that the loss
+    is not known: NaN.
+    """
     lossy = any(branch.law != branch.lossless for branch in REFERENCES[quantity])
     far = log_z > math.log(KINGERY_BULMASH_END)
     if not (lossy and far.any()):
         return np.zeros_like(log_z)
     table = loss_table(burst)
     axes = (table.log_z, table.log_mass, table.log_pressure)
-    places = [
-        np.clip(x, axis[0], axis[-1])
-        for x, axis in zip((log_z, log_mass, log_pressure), axes, strict=True)
-    ]
+    here = np.broadcast_arrays(log_z, log_mass, log_pressure)
+    places = [np.clip(x, axis[0], axis[-1]) for x, axis in zip(here, axes, strict=True)]
     loss = _trilinear(axes, table.log_loss, places)
+    for x, axis in zip(here[1:], axes[1:], strict=True):
+        known = (x >= 2 * axis[0] - axis[1]) & (x <= 2 * axis[-1] - axis[-2])
+        loss = np.where(known, loss, np.nan)
     return np.where(far & (log_z <= math.log(END)), loss, 0.0)
 
 

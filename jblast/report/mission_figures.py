@@ -20,10 +20,10 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
+from jblast.report.kml import add_text, coordinates, document_text, new_document
 from jblast.report.words import printed_number, unit_for
 from jblast.study.missions import MissionFlight
 
-NAMESPACE = "http://www.opengis.net/kml/2.2"
 PLANNED, FLOWN, BLAST = "ff666666", "ffb27200", "ff005ed5"
 """Colours, which KML has as alpha, blue, green, red."""
 MOST_POINTS = 5000
@@ -36,55 +36,47 @@ def mission_kml(flight: MissionFlight) -> str:
     Heights are those of the plan's home and the scene's place, taken as above the sea.
     """
     frame = flight.mission.frame
-    root = ET.Element("kml", xmlns=NAMESPACE)
-    document = ET.SubElement(root, "Document")
-    _said(document, "name", f"Mission: {flight.mission.plan.source}")
+    root, document = new_document(f"Mission: {flight.mission.plan.source}")
     for name, path, colour in (
         ("planned", planned_path(flight), PLANNED),
         ("flown", flown_path(flight), FLOWN),
     ):
         mark = ET.SubElement(document, "Placemark")
-        _said(mark, "name", name)
+        add_text(mark, "name", name)
         style = ET.SubElement(ET.SubElement(mark, "Style"), "LineStyle")
-        _said(style, "color", colour)
-        _said(style, "width", 3)
+        add_text(style, "color", colour)
+        add_text(style, "width", 3)
         line = ET.SubElement(mark, "LineString")
-        _said(line, "altitudeMode", "absolute")
-        _said(line, "coordinates", _places(geodetic(frame, path)))
+        add_text(line, "altitudeMode", "absolute")
+        add_text(line, "coordinates", _written(geodetic(frame, path)))
     folder = ET.SubElement(document, "Folder")
-    _said(folder, "name", "Waypoints")
+    add_text(folder, "name", "Waypoints")
     for one in flight.waypoints:
         words = "reached" if one.reached else "missed"
         _point(folder, f"{one.item.words}: {words}", geodetic(frame, one.goal_m), "")
     folder = ET.SubElement(document, "Folder")
-    _said(folder, "name", "Blasts")
+    add_text(folder, "name", "Blasts")
     for one, place in zip(flight.disturbances, flight.places_m, strict=True):
         _point(folder, one.charge or "blast", geodetic(frame, place), BLAST)
-    ET.indent(root)
-    text = ET.tostring(root, encoding="unicode")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
+    return document_text(root)
 
 
 def _point(
     parent: ET.Element, name: str, place: Float[np.ndarray, "3"], colour: str
 ) -> None:
     mark = ET.SubElement(parent, "Placemark")
-    _said(mark, "name", name)
+    add_text(mark, "name", name)
     if colour:
         icon = ET.SubElement(ET.SubElement(mark, "Style"), "IconStyle")
-        _said(icon, "color", colour)
+        add_text(icon, "color", colour)
     point = ET.SubElement(mark, "Point")
-    _said(point, "altitudeMode", "absolute")
-    _said(point, "coordinates", _places(place[None]))
+    add_text(point, "altitudeMode", "absolute")
+    add_text(point, "coordinates", _written(place[None]))
 
 
-def _places(places: Float[np.ndarray, "place 3"]) -> str:
-    return " ".join(f"{lon:.9f},{lat:.9f},{alt:.3f}" for lat, lon, alt in places)
-
-
-def _said(parent: ET.Element, name: str, value: object) -> None:
-    text = "".join(c for c in str(value) if c.isprintable())
-    ET.SubElement(parent, name).text = text
+def _written(places: Float[np.ndarray, "place 3"]) -> str:
+    """Return latitude, longitude [degree] and height [m] in the order of KML."""
+    return coordinates(places[:, [1, 0, 2]])
 
 
 def map_figure(flight: MissionFlight) -> Figure:

@@ -19,11 +19,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.stats import binomtest
 
 from jblast.autopilot.estimator import Followed, Thrown
 from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.sensors.camera.fireball import cloud
+from jblast.study.statistics import wilson_interval
 from jblast.vehicle import (
     STEP_S,
     BlastLoad,
@@ -179,12 +179,9 @@ def past_threshold(
 
 
 def share_interval(flags: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
-    """Return the 90 % interval of a chance of which so many flags are known.
-
-    The exact one of a binomial share (Clopper and Pearson 1934).
-    """
-    found = binomtest(int(flags.sum()), flags.size).proportion_ci(0.90, method="exact")
-    return float(found.low), float(found.high)
+    """Return the 90 % interval of the share of flags that are true, as of a study."""
+    low, high = wilson_interval(np.mean(flags), flags.size)
+    return float(low), float(high)
 
 
 class Profile(NamedTuple):

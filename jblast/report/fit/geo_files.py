@@ -18,10 +18,10 @@ from jblast.json_values import plain
 from jblast.observations.places import Frame
 from jblast.report.fit.place import ChargePlace, GroundMap, ground_map, residual_colour
 from jblast.report.fit.rows import Accepted, estimates_of, log_name
+from jblast.report.kml import add_text, coordinates, document_text, new_document
 from jblast.report.words import law_words, printed_number
 
 PLACE_FILES = ("place.geojson", "place.kml")
-NAMESPACE = "http://www.opengis.net/kml/2.2"
 FOLDERS = {
     "sensor": "Sensors",
     "charge": "Charges",
@@ -97,32 +97,28 @@ def kml(features: Sequence[Feature], title: str) -> str:
         features: What it holds, in any order.
         title: What a viewer calls it.
     """
-    root = ET.Element("kml", xmlns=NAMESPACE)
-    document = ET.SubElement(root, "Document")
-    _said(document, "name", title)
+    root, document = new_document(title)
     order = list(FOLDERS)
     by_kind = sorted(features, key=lambda feature: order.index(feature.kind))
     for kind, of_kind in groupby(by_kind, key=lambda feature: feature.kind):
         folder = ET.SubElement(document, "Folder")
-        _said(folder, "name", FOLDERS[kind])
+        add_text(folder, "name", FOLDERS[kind])
         for feature in of_kind:
             _placemark(folder, feature)
-    ET.indent(root)
-    text = ET.tostring(root, encoding="unicode")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
+    return document_text(root)
 
 
 def _placemark(folder: ET.Element, feature: Feature) -> None:
     mark = ET.SubElement(folder, "Placemark")
-    _said(mark, "name", feature.name)
+    add_text(mark, "name", feature.name)
     _style(mark, feature)
     table = ET.SubElement(mark, "ExtendedData")
     for name, value in feature.properties.items():
         entry = ET.SubElement(table, "Data", name=name)
-        _said(entry, "value", json.dumps(plain(value)).strip('"'))
+        add_text(entry, "value", json.dumps(plain(value)).strip('"'))
     if feature.point is not None:
         point = ET.SubElement(mark, "Point")
-        _said(point, "coordinates", _places(np.array([feature.point])))
+        add_text(point, "coordinates", coordinates(np.array([feature.point])))
         return
     areas = ET.SubElement(mark, "MultiGeometry")
     for outer, *holes in feature.polygons:
@@ -138,32 +134,19 @@ def _style(mark: ET.Element, feature: Feature) -> None:
     colour = blue + green + red
     style = ET.SubElement(mark, "Style")
     if feature.point is not None:
-        _said(ET.SubElement(style, "IconStyle"), "color", f"ff{colour}")
+        add_text(ET.SubElement(style, "IconStyle"), "color", f"ff{colour}")
         return
     faint = feature.kind == "shock ring"
     line = ET.SubElement(style, "LineStyle")
-    _said(line, "color", f"ff{colour}")
-    _said(line, "width", 1 if faint else 2)
+    add_text(line, "color", f"ff{colour}")
+    add_text(line, "width", 1 if faint else 2)
     fill = FAINT if faint else FILLED
-    _said(ET.SubElement(style, "PolyStyle"), "color", fill + colour)
+    add_text(ET.SubElement(style, "PolyStyle"), "color", fill + colour)
 
 
 def _boundary(area: ET.Element, side: str, ring: Ring) -> None:
     line = ET.SubElement(ET.SubElement(area, side), "LinearRing")
-    _said(line, "coordinates", _places(np.concatenate([ring, ring[:1]])))
-
-
-def _places(ring: Ring) -> str:
-    return " ".join(f"{lon:.9f},{lat:.9f}" for lon, lat in ring)
-
-
-def _said(parent: ET.Element, name: str, value: object) -> None:
-    ET.SubElement(parent, name).text = _printable(str(value))
-
-
-def _printable(text: str) -> str:
-    """Return a text without signs that XML cannot hold at all."""
-    return "".join(c for c in text if c.isprintable())
+    add_text(line, "coordinates", coordinates(np.concatenate([ring, ring[:1]])))
 
 
 def geojson(features: Sequence[Feature]) -> str:

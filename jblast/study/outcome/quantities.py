@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jblast.constants import PSI
 from jblast.errors import InputError
 from jblast.quantities import BY_CAMERA, BY_VEHICLE, PLACELESS, QUANTITIES, TIMED
 from jblast.scene import Scene, UncertainScene
@@ -89,23 +90,22 @@ class Limit(NamedTuple):
     source: str
 
 
-PSI_PA = 6894.757
 LIMITS = {
     "windows_break": Limit(
         "peak_overpressure_pa",
-        0.15 * PSI_PA,
+        0.15 * PSI,
         "typical glass fails",
         "0.15 psi: Clancey (1972), as quoted in Lees, Loss Prevention; from memory",
     ),
     "eardrum_ruptures": Limit(
         "peak_overpressure_pa",
-        5.0 * PSI_PA,
+        5.0 * PSI,
         "the threshold of eardrum rupture",
         "5 psi: UFC 3-340-02, section 1-6; from memory",
     ),
     "lung_damage": Limit(
         "peak_overpressure_pa",
-        10.0 * PSI_PA,
+        10.0 * PSI,
         "the threshold of lung damage in long blasts, the lowest there is",
         "10 psi: UFC 3-340-02, section 1-6; from memory",
     ),

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from jblast.errors import InputError
 from jblast.progress import Listener, heard_by
@@ -168,9 +168,9 @@ def test_quantiles_may_be_infinite():
 
 def test_the_interval_of_a_share_is_an_interval_about_the_share():
     low, high = share_interval(np.arange(100) >= 20)
-    # Clopper and Pearson: quantiles of beta distributions
-    assert low == pytest.approx(beta(80, 21).ppf(0.05), abs=1e-9)
-    assert high == pytest.approx(beta(81, 20).ppf(0.95), abs=1e-9)
+    # the interval of every share that is reported: Wilson's
+    theirs = binomtest(80, 100).proportion_ci(0.90, method="wilson")
+    assert (low, high) == pytest.approx((theirs.low, theirs.high), abs=1e-9)
 
 
 @pytest.mark.slow  # a program with a profile
