@@ -23,8 +23,14 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.special import stdtrit
 
-from jblast.constants import AIR_HEAT_CAPACITY_RATIO, DRY_AIR_GAS_CONSTANT
+from jblast.constants import (
+    AIR_HEAT_CAPACITY_RATIO,
+    DRY_AIR_GAS_CONSTANT,
+    FOOT,
+    PSI,
+)
 from jblast.inference.consensus import (
     CLOCK_STEP,
     FAR,
@@ -67,13 +73,12 @@ IN_THE_FIREBALL = 1e4
 """Within the fireball of more than this [kg] nobody sets a gauge (declared)."""
 RISES = 2.0
 """A radius this much smaller later is no scatter of records (10 to 20 %)."""
-SCATTER = 0.17
-"""Scatter of one recorded peak about the level of its shot, up to Z = 200 [ln]:
-Student-t with 4 degrees of freedom, scale 0.12 (`calibration/far_pressure.py`)."""
-BEYOND = 3.0
-"""Standard deviations of a difference of two peaks past which it is no scatter."""
-FARTHER = 1.3
-"""Ranges nearer to each other than this ratio are not compared."""
+SCATTER = 0.12
+"""Scale of one recorded peak about the level of its shot, up to Z = 200 [ln]: Student-t
+with 4 degrees of freedom (`calibration/far_pressure.py`)."""
+BY_CHANCE = 0.02
+"""Share of logs without a mistake in which scatter may give a rise that is reported.
+Simulated with 3 to 100 gauges over a decade of range: 1.2 to 4.0 % of logs."""
 COLDEST = 222.15
 """Severe cold [K]: -51 C, climatic category C3 of MIL-STD-810."""
 GALE = 20.7
@@ -86,21 +91,24 @@ SLOWEST_FAR = 180.0
 """Past `FAR`, through the thermosphere [m/s]: the least celerity of infrasound
 (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
 MOST = 1000
-"""Arrivals that are compared, each with each."""
-POUND_FORCE_PER_INCH2 = 6894.757
-"""A psi in pascals: NIST SP 811 (2008), appendix B."""
-FOOT = 0.3048
-"""In metres, exact: NIST SP 811 (2008), appendix B."""
+"""Arrivals that are compared, each with each: a matrix of 8 MB. A mistake beyond them is
+found by the consensus of the rows alone."""
 HALF_HOUR = 1800.0
 """Zones of time differ by whole quarters of an hour, nearly all by halves."""
 LATEST = 26 * 3600.0
 """The largest difference of two zones (UTC-12 and UTC+14) [s]."""
+LEFT_BY_A_ZONE = 60.0
+"""Residual that a difference of zones may leave [s]: sound over `FAR`, 20 km."""
+LEAST_MOVE = 1.0
+"""A corrected place nearer to the written one than this is no correction [m]: sound takes
+3 ms, which the tolerance of an arrival contains from 10 m on (`CLOCK_STEP`, and 7 % of
+the travel time)."""
 _MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
 _PSI = {
-    "psi written as kPa": 1e3 / POUND_FORCE_PER_INCH2,
-    "kPa written as psi": POUND_FORCE_PER_INCH2 / 1e3,
-    "psi written as Pa": 1 / POUND_FORCE_PER_INCH2,
-    "Pa written as psi": POUND_FORCE_PER_INCH2,
+    "psi written as kPa": 1e3 / PSI,
+    "kPa written as psi": PSI / 1e3,
+    "psi written as Pa": 1 / PSI,
+    "Pa written as psi": PSI,
 }
 _PRESSURE = {"mbar written as Pa": 1e-2, "Pa written as mbar": 1e2}
 _BAR = {"bar written as Pa": 1e-5, "Pa written as bar": 1e5}
@@ -180,16 +188,18 @@ def _of_shot(
         if column is not None:
             return [column, *slow_between(readings)]
     doubted = [supposed.doubt] if supposed.doubt else []
+    divided = []
     if found is not None and found.holds():
         doubted += _named(observations, readings, laws, found)
     elif found is not None and not doubted:
-        doubted += _divided(readings, found)
+        divided = _divided(readings, found)
     return [
         *doubted,
         *speeds_doubted(readings, laws, supposed.distance, supposed.origin),
         *magnitudes_doubted(readings, laws, supposed.distance),
         *rising_peaks(readings, supposed.distance),
         *slow_between(readings),
+        *divided,  # only of rows for which nothing above gives the reason
     ]
 
 
@@ -262,13 +272,18 @@ def _divided(readings: Readings, found: Agreement) -> list[Doubt]:
 
 
 def _once(found: list[Doubt]) -> list[Doubt]:
-    """Keep one doubt a row, the first, which names most; none by a doubted row."""
+    """Keep one doubt a row, the first, which names most; none by a doubted row.
+
+    That no blast explains a shot is kept if it concerns one more row.
+    """
     seen: set[int] = set()
     kept = []
     for doubt in found:
+        rows = set(doubt.rows)
+        is_new = bool(rows - seen) if doubt.kind == "of_no_one_blast" else False
         if doubt.kind in OF_ALL:
             kept.append(doubt)
-        elif not seen & set(doubt.rows):
+        elif is_new or not seen & rows:
             kept.append(doubt)
             seen.update(doubt.rows if doubt.kind not in TWO_SIDED else doubt.rows[:1])
     return kept
@@ -329,9 +344,11 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
         spread = value + np.log(np.maximum(far, np.finfo(float).tiny))
         least = np.minimum.accumulate(spread)  # of all that are nearer, and its place
         at = np.maximum.accumulate(np.where(spread == least, np.arange(len(here)), 0))
-        nearer = np.searchsorted(far, far / FARTHER, side="left") - 1
+        nearer = np.searchsorted(far, far, side="left") - 1
         low = at[np.maximum(nearer, 0)]
-        allowed = BEYOND * np.sqrt(2.0) * SCATTER + np.hypot(error, error[low])
+        # of heavy tails one reading makes the rise: each of them may, on either side
+        scatter = -SCATTER * float(stdtrit(4, BY_CHANCE / (2 * len(here))))
+        allowed = scatter + np.hypot(error, error[low])
         rises = (value > value[low]) & (spread - spread[low] > allowed)
         rising = np.flatnonzero((nearer >= 0) & rises)
         if rising.size:
@@ -473,7 +490,7 @@ def slip_of_sensor(
         "sign_of_north": at * [1, -1, 1],
     }
     for kind, place in others.items():
-        if np.linalg.norm(place - at) < 1.0:
+        if np.linalg.norm(place - at) < LEAST_MOVE:
             continue
         its = readings.only(np.array(sensor))
         its = its.but(position=np.broadcast_to(place, its.position.shape))
@@ -492,7 +509,9 @@ def slip_of_clock(readings: Readings, found: Agreement, rows: list[int]) -> floa
     steps = np.round(late / HALF_HOUR)
     same = (steps == steps[0]).all() and 0 < abs(steps[0]) * HALF_HOUR <= LATEST
     travel = np.abs(late - steps * HALF_HOUR)
-    return float(steps[0] * HALF_HOUR) if same and (travel < 60.0).all() else 0.0
+    return (
+        float(steps[0] * HALF_HOUR) if same and (travel < LEFT_BY_A_ZONE).all() else 0.0
+    )
 
 
 def slip_of_value(

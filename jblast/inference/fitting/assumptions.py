@@ -1,4 +1,4 @@
-r"""Checks of the assumptions of an answer: still air, flat ground, ranges of laws.
+r"""Checks of the assumptions of an answer: air, flat ground, speed, ranges of laws.
 
 Still air: with an unknown wind $w$ in addition to the fitted numbers $z$, normal about
 0 with standard deviation $s$ towards east and towards north, the covariance of $z$,
@@ -14,13 +14,19 @@ Flat ground: the axes of the frame are straight. A wave along the ground follows
 arc, longer than the chord $d$ by $d^3 / 24 R^2$ (8 mm at 20 km), and a charge fixed at
 up = 0 at a distance $s$ from the origin is $s^2 / 2R$ above the ground (31 m at 20 km).
 
+Speed: a shock runs at the speed of sound or faster. The excess of each air arrival over
+the travel time of sound $\tau$ is fitted by $b + \epsilon\tau$, weighted by the
+covariance of the arrivals, with a constant $b$ for each time of detonation and each
+clock that is fitted. The log is slower than sound if $\epsilon$ is positive and so many
+standard deviations from zero that chance explains it less often than a poor fit.
+
 Ranges of laws: a number is extrapolated if rows outside the range of their laws hold
 more than half of its information. Laws of buried charges are checked at the depth that
 few draws exceed, not only at the optimum.
 """
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -28,9 +34,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
+from scipy.special import ndtri
 
-from jblast.constants import STANDARD_SOUND_SPEED
-from jblast.inference.fitting.findings import FlatGround
+from jblast.constants import (
+    AIR_HEAT_CAPACITY_RATIO,
+    DRY_AIR_GAS_CONSTANT,
+    STANDARD_SOUND_SPEED,
+)
+from jblast.inference.consensus import FAR
+from jblast.inference.fitting.findings import FlatGround, SlowerThanSound
+from jblast.inference.fitting.goodness_of_fit import POOR
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.unidentified import requested
 from jblast.inference.mode.starts import typical_step
@@ -42,11 +55,15 @@ from jblast.inference.posterior.fisher_information import (
 )
 from jblast.inference.posterior.parameters import Finding
 from jblast.inference.posterior.posterior import Misfit, Posterior
+from jblast.inference.sanity import COLDEST
 from jblast.observations import Observations
-from jblast.parameters import PARAMETERS
+from jblast.parameters import CLOCK_OFFSET, PARAMETERS
 from jblast.quantities import TIMES, made_with
 from jblast.registry import law_for
-from jblast.sensors.layout import components
+from jblast.scene import Scene
+from jblast.sensors.layout import Layout, components
+from jblast.sensors.record import clock_offsets
+from jblast.waves.propagation import sound_speed_of
 
 WIND = PARAMETERS["wind_east_m_s"].spread.amount
 """Standard deviation of a wind that nobody measured, either way [m/s]."""
@@ -199,6 +216,85 @@ def _weighted(here: Misfit, of_rows, columns: Float[np.ndarray, "row column"]):
     known = np.eye(loading.shape[1]) + loading.T @ (weight * loading)
     shared = np.linalg.solve(known, loading.T @ (weight * columns))
     return weight * (columns - loading @ shared)
+
+
+def slower_than_sound(
+    observations: Observations, solution: Solution
+) -> SlowerThanSound | None:
+    """Return the arrivals that imply a speed below that of sound, if scatter does not.
+
+    If air temperature or sound speed are fitted, sound is that of the coldest air at
+    least. Arrivals from beyond `consensus.FAR` may come through the thermosphere, which
+    is slower, and lower bounds are no arrivals: both are left out.
+    """
+    posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
+    misfit = posterior.misfit(z)
+    distance = np.asarray(misfit.slant_range)
+    quantity = np.array(observations.quantity)
+    used = (quantity == "air_arrival_s") & (distance > 0.0) & (distance <= FAR)
+    if posterior.lower_bound is not None:
+        used &= ~np.asarray(posterior.lower_bound)
+    scene, layout = posterior.parameters.scene_at(z), posterior.layout
+    shot, names = np.array(layout.shot), posterior.parameters.names
+    constants = [
+        shot == n
+        for n, charge in enumerate(scene.charges)
+        if f"origin_time_s{scene.label(charge)}" in names
+    ]
+    clocks = np.array(layout.clock)
+    constants += [
+        clocks == name.removeprefix(f"{CLOCK_OFFSET}.")
+        for name in names
+        if name.startswith(f"{CLOCK_OFFSET}.")
+    ]
+    constants = [used & rows for rows in constants if (used & rows).any()]
+    if used.sum() <= len(constants):
+        return None
+    sound = _sound_speeds(scene, layout, distance, names)
+    origin = np.array([float(charge.time_s) for charge in scene.charges])[shot]
+    took = observations.value - origin - np.asarray(clock_offsets(scene, layout))
+    tau = np.where(used, distance / sound, 0.0)
+    excess = np.where(used, took - tau, 0.0)
+    columns = jnp.asarray(np.stack([*constants, tau, excess], axis=1))
+    *known, late = np.asarray(whitened_rows(posterior, misfit, columns)).T
+    design = np.stack(known, axis=1)
+    found, _, rank, _ = np.linalg.lstsq(design, late)
+    if rank < design.shape[1] or not np.isfinite(found).all():
+        return None
+    sd = float(np.sqrt(np.linalg.inv(design.T @ design)[-1, -1]))
+    if not found[-1] > -ndtri(POOR) * sd:
+        return None
+    own = excess - sum(b * c for b, c in zip(found[:-1], constants, strict=True))
+    scatter = np.hypot(misfit.sd, np.linalg.norm(np.asarray(misfit.loading), axis=1))
+    slowness = np.where(used, 1.0 + own / np.where(used, tau, 1.0), -np.inf)
+    slowest = int(np.argmax(slowness))
+    late_rows = np.flatnonzero(used & (own > np.minimum(scatter, own[slowest] / 2)))
+    order = late_rows[np.argsort(-slowness[late_rows])]
+    sensors = dict.fromkeys([observations.sensor[row] for row in (slowest, *order)])
+    return SlowerThanSound(
+        sensors=tuple(sensors),
+        speed_m_s=float(sound[slowest] / slowness[slowest]),
+        sound_m_s=float(sound[slowest]),
+    )
+
+
+def _sound_speeds(
+    scene: Scene,
+    layout: Layout,
+    distance: Float[np.ndarray, " row"],
+    names: Collection[str],
+) -> Float[np.ndarray, " row"]:
+    """Return the speed of sound from the charge to each row, with the wind [m/s]."""
+    air = scene.air
+    speed = float(sound_speed_of(air))
+    if not {"air_sound_speed_m_s", "air_temperature_k"}.isdisjoint(names):
+        coldest = AIR_HEAT_CAPACITY_RATIO * DRY_AIR_GAS_CONSTANT * COLDEST
+        speed = max(speed, float(np.sqrt(coldest)))
+    charges = np.array([np.asarray(charge.position_m) for charge in scene.charges])
+    away = np.asarray(layout.position) - charges[np.array(layout.shot)]
+    wind = np.array([float(air.wind_east), float(air.wind_north), 0.0])
+    along = np.nan_to_num(away) @ wind / np.where(distance > 0.0, distance, 1.0)
+    return speed + along
 
 
 def flat_ground(

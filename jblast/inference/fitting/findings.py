@@ -114,6 +114,21 @@ class PoorFit(Finding):
 
 
 @dataclass(frozen=True)
+class SlowerThanSound(Finding):
+    """Air arrivals imply a speed below that of sound, by more than scatter explains.
+
+    Attributes:
+        sensors: Sensors with arrivals slower than sound, the slowest first.
+        speed_m_s: Apparent speed of the slowest from the charge [m/s].
+        sound_m_s: Speed of sound there, the wind along the path included [m/s].
+    """
+
+    sensors: tuple[str, ...]
+    speed_m_s: float
+    sound_m_s: float
+
+
+@dataclass(frozen=True)
 class PriorConflict(Finding):
     """Without priors the log fits well, where a prior rules it out.
 

@@ -11,7 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.inference.fitting.assumptions import flat_ground, still_air
+from jblast.inference.fitting.assumptions import (
+    flat_ground,
+    slower_than_sound,
+    still_air,
+)
 from jblast.inference.fitting.findings import (
     BurstsUnsettled,
     ClocksTakenToAgree,
@@ -72,6 +76,9 @@ def warnings_of(
         log = (observations.source or "OBSERVATIONS.csv") if blind else ""
         findings.append(PoorFit(chi2, dof, p, log))
         against = against_priors(solution)
+    slow = slower_than_sound(observations, solution)
+    if slow is not None:
+        findings.append(slow)
     if against:
         findings.append(PriorConflict(against))
     if not valid.all():

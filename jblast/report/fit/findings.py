@@ -19,6 +19,8 @@ from jblast.quantities import QUANTITIES
 from jblast.report.words import finite, joined, parameter_words, printed_number
 
 MARGINAL = 0.01
+MOST_NAMED = 5
+"""Sensors named in one warning: more of them are a line of their own."""
 RANGING = "its range is the sound speed times what it comes after the flash"
 WHERE = {
     "sensor": "at a sensor of the log",
@@ -215,6 +217,19 @@ def _(finding: fitting.NoScene) -> str:
         return f"no scene was given: a surface charge of TNT {place} {air}"
     free = joined([parameter_words(name) for name in finding.freed])
     return f"no scene was given: a surface charge of TNT in {air}; free with it: {free}"
+
+
+@words.register
+def _(finding: fitting.SlowerThanSound) -> str:
+    shown = finding.sensors[:MOST_NAMED]
+    more = len(finding.sensors) - len(shown)
+    names = joined([*shown, f"{more} more sensors"] if more else shown)
+    return (
+        f"slower than sound: the arrivals at {names} imply speeds from the charge down "
+        f"to {finding.speed_m_s:.0f} m/s, where sound has {finding.sound_m_s:.0f} m/s, "
+        "by more than scatter explains; check clocks, distances, and temperature and "
+        "wind of the scene"
+    )
 
 
 @words.register

@@ -48,7 +48,8 @@ LISTS = {
 }
 """Keys that hold a list of numbers, and how it is written."""
 CLEAR_OF_ZERO = 3.0
-"""A normal prior of a positive number keeps this many sds clear of zero."""
+"""A normal prior of a positive number keeps this many sds clear of zero: 0.13 % of the
+probability is below zero at most."""
 INSTRUMENT_KEYS = (
     "rate_hz",
     "full_scale_pa",
