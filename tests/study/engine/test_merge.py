@@ -80,6 +80,7 @@ def test_a_seed_in_a_table_is_no_seed_of_the_study(stores):
 def test_files_with_digits_of_other_scripts_are_no_chunks(stores, name):
     folder = stores / "seed_1"
     store = open_store(folder)
+    assert store is not None
     before = store.done()
     for variable in store.variables:
         chunk = store.chunk_path(variable, 0)
