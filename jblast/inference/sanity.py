@@ -91,8 +91,8 @@ SLOWEST_FAR = 180.0
 """Past `FAR`, through the thermosphere [m/s]: the least celerity of infrasound
 (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
 MOST = 1000
-"""Arrivals that are compared, each with each: a matrix of 8 MB. A mistake beyond them is
-found by the consensus of the rows alone."""
+"""Arrivals that are compared, each with each: a matrix of 8 MB. A mistake beyond them
+is found by the consensus of the rows alone."""
 HALF_HOUR = 1800.0
 """Zones of time differ by whole quarters of an hour, nearly all by halves."""
 LATEST = 26 * 3600.0
@@ -100,9 +100,9 @@ LATEST = 26 * 3600.0
 LEFT_BY_A_ZONE = 60.0
 """Residual that a difference of zones may leave [s]: sound over `FAR`, 20 km."""
 LEAST_MOVE = 1.0
-"""A corrected place nearer to the written one than this is no correction [m]: sound takes
-3 ms, which the tolerance of an arrival contains from 10 m on (`CLOCK_STEP`, and 7 % of
-the travel time)."""
+"""A corrected place nearer to the written one than this is no correction [m]: sound
+takes 3 ms, which the tolerance of an arrival contains from 10 m on (`CLOCK_STEP`, and
+7 % of the travel time)."""
 _MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
 _PSI = {
     "psi written as kPa": 1e3 / PSI,
