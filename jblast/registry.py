@@ -95,12 +95,16 @@ def reserve(law: Law) -> Law:
 
 def mark_packaged(*laws: Law) -> None:
     """Mark laws, or all registered so far, as those of the package itself."""
-    PACKAGED.update({(law.quantity, law.name): law for law in laws or LAWS.values()})
+    marked = laws or (*RESERVED.values(), *LAWS.values())
+    PACKAGED.update({(law.quantity, law.name): law for law in marked})
 
 
-def are_packaged() -> bool:
-    """Return whether all registered laws are those of the package itself."""
-    return all(PACKAGED.get(key) is law for key, law in LAWS.items())
+def others() -> tuple[Law, ...]:
+    """Return the laws that were registered from outside the package."""
+    every = (*LAWS.values(), *RESERVED.values())
+    return tuple(
+        law for law in every if PACKAGED.get((law.quantity, law.name)) is not law
+    )
 
 
 def law_for(quantity: str, name: str) -> Law:
