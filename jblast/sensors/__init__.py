@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         even_overpressure as even_overpressure,
         overpressure as overpressure,
     )
+    from jblast.sensors.sampled import sampled_by as sampled_by
     from jblast.sensors.simulated_readings import (
         observe as observe,
         readings as readings,
@@ -69,6 +70,7 @@ HOMES = {
     "readings": "jblast.sensors.simulated_readings",
     "record_laws": "jblast.sensors.wave_paths",
     "resolve_laws": "jblast.sensors.law_choice",
+    "sampled_by": "jblast.sensors.sampled",
     "simulate": "jblast.sensors.simulated_readings",
 }
 
