@@ -22,7 +22,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import to_error_scale
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 from jblast.verification.sampling_cases import LAWS, TRUTH, scene_with
 
 LOGS = 400

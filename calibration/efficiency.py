@@ -45,7 +45,7 @@ from jblast.inference import fit_many, information_of_layout
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import UncertainScene, freed
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 LOGS = 4000
 SEED = 11

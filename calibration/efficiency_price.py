@@ -13,7 +13,7 @@ Few readings cost less: a residual that the unknowns fit away is in no tail.
 import numpy as np
 from scipy.special import erfcx
 
-from jblast.sensors.simulate import STUDENT_FREEDOM
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM
 
 
 def price(freedom: float = STUDENT_FREEDOM) -> float:

@@ -29,7 +29,7 @@ from jblast.inference.fitting.fit import Fit
 from jblast.observations import Observations, read
 from jblast.observations.places import Frame
 from jblast.scene import Charge, Scene, Sensor, UncertainScene
-from jblast.sensors.simulate import simulate
+from jblast.sensors.simulated_readings import simulate
 
 LOGS = 200
 FRAME = 1 / 30

@@ -41,7 +41,7 @@ from jblast.scene import (
     draw_scene,
 )
 from jblast.sensors import microphone
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 from jblast.signals.arrival_log import log_of
 from jblast.signals.matched_filter import matched_kernel
 from jblast.signals.noise import noise_spectrum

@@ -11,8 +11,9 @@ sensors), `waves` (laws of propagation), `observations` (measurements), `sensors
 (simulated measurements), `inference` (fits) and `report` (printed answers).
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
     from jblast.fidelity import choose as choose
@@ -67,13 +68,7 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import a name at its first use."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOMES[name]), name)
-    globals()[name] = value
-    return value
+__getattr__ = lazy_face(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

@@ -6,8 +6,10 @@ fit`. `kept` stores the lowered program (`jax.export`) under a key made of all i
 depends on: the package's own files, versions, the shapes of arrays and the values of
 all other arguments. Arguments are spelled out as text for the key. The structure of a
 result is described in JSON beside the program, with its arrays by their index, so that
-another run can rebuild it. A program that depends on something without a lasting name
-(a closure, a law from outside the package, an array spread over devices) is not kept.
+another run can rebuild it. A function or class from outside the
+package, as a user's own law, is part of the key by its code and by the values that it
+refers to. A program that depends on something without a lasting description (an open
+file, an array spread over devices) is not kept.
 Nothing is kept before `keep_in` sets a folder, as commands do and the library does not.
 """
 
@@ -18,13 +20,15 @@ import hashlib
 import importlib
 import json
 import os
+import sys
+import sysconfig
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from importlib.metadata import version
 from pathlib import Path
-from types import FunctionType
+from types import CodeType, EllipsisType, FunctionType, MethodType, ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
@@ -34,7 +38,7 @@ from jax import export
 from jax.core import Tracer
 
 from jblast.files import write_bytes
-from jblast.registry import PACKAGED, Law, are_packaged
+from jblast.registry import PACKAGED, Law, others
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -46,6 +50,8 @@ UNSTABLE = tuple(
     for name in LAPACK
 )
 """Calls that another version of JAX may change: the version is part of the key."""
+CHECKERS = ("jaxtyping", "beartype")
+"""Their wrappers check arguments and change nothing: the function inside is keyed."""
 SETTINGS = (
     "jax_enable_x64",
     "jax_default_matmul_precision",
@@ -219,15 +225,14 @@ def _files(root: Path) -> Iterator[str]:
 
 
 def _surroundings() -> str:
-    """Return the settings and versions that tracing depends on.
+    """Return the settings, versions and laws of others that tracing depends on.
 
     Raises:
-        Unkept: A law from outside the package is registered.
+        Unkept: A law from outside the package has no lasting description.
     """
-    if not are_packaged():
-        raise Unkept
     settings = [getattr(jax.config, name) for name in SETTINGS]
-    return f"{_source()} {jax.default_backend()} {settings}"
+    foreign = sorted(f"{law.quantity} {law.name} {source_of(law)}" for law in others())
+    return f"{_source()} {jax.default_backend()} {settings} {foreign}"
 
 
 class Unkept(Exception):
@@ -272,6 +277,9 @@ _SPELLINGS = _Spellings()
 def spelled(value: Any, fixed: bool = False) -> str:
     """Spell an argument out: the shape of an array, the value of anything else.
 
+    Functions and classes from outside the package are spelled by their source
+    (`source_of`).
+
     Args:
         value: The argument, or a part of it.
         fixed: Whether an array in it would be part of the program.
@@ -283,21 +291,19 @@ def spelled(value: Any, fixed: bool = False) -> str:
         raise Unkept
     if is_array(value) and not fixed:
         return f"{value.dtype}{value.shape}{getattr(value, 'weak_type', False)}"
-    if value is None or isinstance(value, bool | int | float | complex | str):
+    if is_plain(value):
         return f"{type(value).__name__}:{value!r}"
     if isinstance(value, Enum):
-        return f"{name_of(type(value))}.{value.name}"
+        return f"{spelled(type(value))}.{value.name}"
     if isinstance(value, Law) and PACKAGED.get((value.quantity, value.name)) is value:
         return f"law {value.quantity} {value.name}"
-    if isinstance(value, type):
-        return name_of(value)
-    if isinstance(value, FunctionType) and value.__closure__ is None:
-        return name_of(value)
+    if isinstance(value, type | FunctionType):
+        return name_of(value) if is_packaged(value) else source_of(value)
     if isinstance(value, dict):
         items = [(spelled(k, True), spelled(v, fixed)) for k, v in value.items()]
         return f"dict{sorted(items)}"
     if isinstance(value, tuple | list):
-        return f"{name_of(type(value))}{[spelled(entry, fixed) for entry in value]}"
+        return f"{spelled(type(value))}{[spelled(entry, fixed) for entry in value]}"
     if isinstance(value, eqx.Module) and not fixed:
         return _SPELLINGS.of(value)
     if is_dataclass(value):
@@ -311,7 +317,21 @@ def _of_fields(value: Any, *, fixed: bool) -> str:
         spelled(getattr(value, f.name), fixed or f.metadata.get("static", False))
         for f in fields(value)
     ]
-    return f"{name_of(type(value))}{entries}"
+    return f"{spelled(type(value))}{entries}"
+
+
+def is_plain(value: Any) -> bool:
+    """Return whether a value is a number, a text or nothing."""
+    plain = bool | int | float | complex | str | bytes | EllipsisType | None
+    return isinstance(value, plain)
+
+
+def is_packaged(value: type | FunctionType) -> bool:
+    """Return whether the key's versions and files fix a class or function by name."""
+    if isinstance(value, FunctionType) and value.__closure__ is not None:
+        return False
+    package = value.__module__.partition(".")[0]
+    return package in ("jblast", "builtins") and "<" not in value.__qualname__
 
 
 def name_of(value: type | FunctionType) -> str:
@@ -320,10 +340,180 @@ def name_of(value: type | FunctionType) -> str:
     Raises:
         Unkept: Neither in this package nor in Python itself, or in a function.
     """
-    package = value.__module__.partition(".")[0]
-    if package not in ("jblast", "builtins") or "<" in value.__qualname__:
+    if not is_packaged(value):
         raise Unkept
     return f"{value.__module__}:{value.__qualname__}"
+
+
+@functools.lru_cache(maxsize=512)  # at each call of a kept function: 0.5 ms for a law
+def source_of(value: Hashable) -> str:
+    """Return a fingerprint of a function or class from outside the package.
+
+    It holds the bytecode with its constants, the defaults, the values of a closure, and
+    likewise every function, class and number that the code refers to by a global name.
+    So a law edited in its own module, or one that is made again with another constant,
+    is another program, and the same law in another process is the same program. Other
+    installed packages are named with their version. Like a compiled program, a function
+    is described once a process: a global that is changed later is not noticed.
+
+    Raises:
+        Unkept: It refers to an object that has no lasting description, as a file.
+    """
+    digest = hashlib.sha256()
+    for part in _Described().parts(value):
+        digest.update(part.encode() + b"\0")
+    return f"source {digest.hexdigest()}"
+
+
+class _Described:
+    """Walk through everything that a function refers to; each object once."""
+
+    def __init__(self) -> None:
+        self.seen: dict[int, int] = {}
+        self.alive: list[Any] = []  # an id is of a living object alone
+
+    def parts(self, value: Any) -> Iterator[str]:
+        """Yield descriptions of a value and of what it refers to.
+
+        Raises:
+            Unkept: A value has no lasting description.
+        """
+        if is_plain(value):
+            yield f"{type(value).__name__}:{value!r}"
+            return
+        if id(value) in self.seen:
+            yield f"again {self.seen[id(value)]}"
+            return
+        self.seen[id(value)] = len(self.seen)
+        self.alive.append(value)
+        if isinstance(value, jax.Array | np.ndarray | np.generic):
+            array = np.asarray(value)
+            yield f"{array.dtype}{array.shape}"
+            yield hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
+        elif isinstance(value, tuple | list):
+            yield f"{type(value).__name__} {len(value)}"
+            for entry in value:
+                yield from self.parts(entry)
+        elif isinstance(value, set | frozenset):
+            yield f"set {sorted(map(repr, value))}"
+        elif isinstance(value, Mapping):
+            yield f"{type(value).__name__} {len(value)}"
+            for key, entry in value.items():
+                yield from self.parts(key)
+                yield from self.parts(entry)
+        elif isinstance(value, CodeType):
+            yield from self._code(value)
+        elif isinstance(value, ModuleType):
+            yield _versioned(value.__name__)
+        elif isinstance(value, FunctionType):
+            yield from self._function(value)
+        elif isinstance(value, type):
+            yield from self._class(value)
+        elif isinstance(value, MethodType):
+            yield from self.parts(value.__func__)
+            yield from self.parts(value.__self__)
+        elif isinstance(value, functools.partial):
+            yield from self.parts((value.func, value.args, value.keywords))
+        elif isinstance(value, property):
+            yield from self.parts(value.fget)
+        elif isinstance(value, staticmethod | classmethod):
+            yield from self.parts(value.__func__)
+        elif isinstance(value, Enum):
+            yield f"{type(value).__qualname__}.{value.name}"
+        elif hasattr(value, "__wrapped__"):  # as jax.jit and jax.custom_jvp return
+            yield type(value).__qualname__
+            yield from self.parts(value.__wrapped__)
+            for rule in ("jvp", "fwd", "bwd"):
+                yield from self.parts(getattr(value, rule, None))
+        elif is_dataclass(value):
+            yield from self.parts(type(value))
+            for one in fields(value):
+                yield from self.parts(getattr(value, one.name, None))
+        elif isinstance(home := getattr(value, "__module__", None), str) and hasattr(
+            value, "__name__"
+        ):  # a ufunc, or a function written in C
+            yield f"{_versioned(home)}:{value.__name__}"
+        else:
+            raise Unkept
+
+    def _code(self, code: CodeType) -> Iterator[str]:
+        yield f"{code.co_code.hex()} {code.co_names} {code.co_varnames}"
+        for constant in code.co_consts:
+            yield from self.parts(constant)
+
+    def _function(self, function: FunctionType) -> Iterator[str]:
+        home = function.__globals__.get("__name__", "")
+        if home.partition(".")[0] in CHECKERS:
+            yield from self.parts(getattr(function, "__wrapped__", None))
+            return
+        code = function.__code__
+        if _is_installed(home):
+            yield f"{_versioned(home)}:{code.co_qualname}:{code.co_firstlineno}"
+        else:
+            yield from self.parts(code)
+            yield from self._names_in(function.__globals__, _names(code))
+        yield from self.parts((function.__defaults__, function.__kwdefaults__))
+        for cell in function.__closure__ or ():
+            try:
+                yield from self.parts(cell.cell_contents)
+            except ValueError:  # not filled yet
+                yield "empty"
+
+    def _names_in(self, known: Mapping[str, Any], names: set[str]) -> Iterator[str]:
+        """Yield the values that code refers to by names of its module.
+
+        Of another module of the user's, the attributes of the same names: more than
+        the code refers to does no harm.
+        """
+        for name in sorted(names & set(known)):
+            value = known[name]
+            again = id(value) in self.seen
+            yield name
+            yield from self.parts(value)
+            if again or not isinstance(value, ModuleType):
+                continue
+            if not _is_installed(value.__name__):
+                yield from self._names_in(vars(value), names)
+
+    def _class(self, cls: type) -> Iterator[str]:
+        yield f"{cls.__module__}:{cls.__qualname__}"
+        if _is_installed(cls.__module__):
+            yield _versioned(cls.__module__)
+            return
+        yield from self.parts(cls.__bases__)
+        for name, value in sorted(vars(cls).items()):
+            value = getattr(value, "method", value)  # equinox wraps those of modules
+            if isinstance(value, FunctionType):
+                # dataclasses write theirs from the fields, whose values are keyed
+                written = value.__code__.co_filename != "<string>"
+            else:
+                written = name[:2] != "__" and not name.startswith("_abc_")
+            if written:
+                yield name
+                yield from self.parts(value)
+
+
+def _names(code: CodeType) -> set[str]:
+    inner = (one for one in code.co_consts if isinstance(one, CodeType))
+    return set(code.co_names).union(*map(_names, inner))
+
+
+@functools.cache
+def _is_installed(module: str) -> bool:
+    """Return whether a version, or the key, fixes the contents of a module."""
+    top = module.partition(".")[0]
+    if top in ("jblast", "builtins") or top in sys.stdlib_module_names:
+        return True
+    file = getattr(sys.modules.get(top), "__file__", None)
+    folders = (sysconfig.get_path(kind) for kind in ("purelib", "platlib"))
+    return file is not None and any(Path(file).is_relative_to(one) for one in folders)
+
+
+@functools.cache
+def _versioned(module: str) -> str:
+    """Return the name of a module, with the version of its package if installed."""
+    top = module.partition(".")[0]
+    return f"{module} {getattr(sys.modules.get(top), '__version__', '')}"
 
 
 def described(value: Any, found: list[Any]) -> Any:

@@ -1,14 +1,78 @@
-"""Table of laws by quantity and name, with range, source and scatter.
+"""Registries by name: of laws, and the form of all others.
 
-Each law registers itself where it is defined. The names of its arguments are the
-attributes of `waves.paths.Path`, so a law is called with the attributes of a path, and
-this file imports no other module of the package.
+`Registry` holds the records of one kind of extension (sensor kinds, controllers,
+formats of files) by their names. A record from outside the package is registered in the
+same call as the package's own.
+
+Laws are found by quantity and name, with range, source and scatter, and register
+themselves where they are defined. The names of a law's arguments are the attributes of
+`waves.paths.Path`, so a law is called with the attributes of a path.
 """
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+
+from jblast.errors import InputError, nearest, shown
+
+
+@runtime_checkable
+class Named(Protocol):
+    """A record of a registry."""
+
+    @property
+    def name(self) -> str:
+        """Its name, as users write it."""
+        ...
+
+
+R = TypeVar("R", bound=Named)
+
+
+class Registry(Mapping[str, R], Generic[R]):
+    """Records of one kind by name, in the order of registration.
+
+    Example:
+        `sensor_kinds.register(SensorKind("thermometer", ...))`
+    """
+
+    def __init__(self, what: str, *records: R):
+        """Make a registry.
+
+        Args:
+            what: The kind of record, for messages: "controller".
+            records: Those of the package itself.
+        """
+        self._what = what
+        self._records = {record.name: record for record in records}
+
+    def register(self, record: R) -> R:
+        """Enter a record and return it; one of the same name is replaced."""
+        self._records[record.name] = record
+        return record
+
+    def named(self, name: str) -> R:
+        """Return a record.
+
+        Raises:
+            InputError: There is none of that name; the message names the nearest.
+        """
+        if name not in self._records:
+            raise InputError(
+                f"{self._what} {shown(name)}: expected one of "
+                f"{', '.join(self._records)}{nearest(name, self._records)}"
+            )
+        return self._records[name]
+
+    def __getitem__(self, name: str) -> R:
+        return self._records[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._records)
+
+    def __len__(self) -> int:
+        return len(self._records)
 
 
 @dataclass(frozen=True)
@@ -95,12 +159,16 @@ def reserve(law: Law) -> Law:
 
 def mark_packaged(*laws: Law) -> None:
     """Mark laws, or all registered so far, as those of the package itself."""
-    PACKAGED.update({(law.quantity, law.name): law for law in laws or LAWS.values()})
+    marked = laws or (*RESERVED.values(), *LAWS.values())
+    PACKAGED.update({(law.quantity, law.name): law for law in marked})
 
 
-def are_packaged() -> bool:
-    """Return whether all registered laws are those of the package itself."""
-    return all(PACKAGED.get(key) is law for key, law in LAWS.items())
+def others() -> tuple[Law, ...]:
+    """Return the laws that were registered from outside the package."""
+    every = (*LAWS.values(), *RESERVED.values())
+    return tuple(
+        law for law in every if PACKAGED.get((law.quantity, law.name)) is not law
+    )
 
 
 def law_for(quantity: str, name: str) -> Law:

@@ -1,10 +1,11 @@
 """A kept program answers as the one it was made of, and never for another."""
 
+import importlib
 import subprocess
 import sys
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -157,25 +158,116 @@ def test_derivatives_and_batches_go_through_the_function_itself(found):
 def test_numbers_within_a_program_have_no_name():
     with pytest.raises(Unkept):
         spelled(Table(np.array([1.0])))
-    with pytest.raises(Unkept):
-        spelled(lambda x: x)
-    with pytest.raises(Unkept):
-        spelled(test_numbers_within_a_program_have_no_name)  # not of the package
 
 
-@pytest.mark.parametrize("name", ["light", "light by another's numbers"])
-def test_beside_a_law_that_is_not_the_packages_nothing_is_kept(store, found, name):
+LAW = """
+import jax
+import jax.numpy as jnp
+from {place}_constants import GAMMA
+import {place}_constants as constants
+
+def helper(z):
+    return {factor} * z
+
+@jax.jit
+def law(z):
+    return helper(z) ** GAMMA + constants.OFFSET + jnp.sum(z[..., 0])
+
+def made(power):
+    return lambda z: z ** power
+"""
+
+
+@pytest.fixture
+def written(tmp_path_factory, monkeypatch):
+    """Return a function that writes a user's module and imports it afresh."""
+    home = tmp_path_factory.mktemp("user")
+    monkeypatch.syspath_prepend(home)
+
+    def write(factor="2.0", gamma="1.4", offset="0.0"):
+        place = f"user_law_{len(list(home.iterdir()))}"
+        text = f"GAMMA, OFFSET = {gamma}, {offset}\n"
+        (home / f"{place}_constants.py").write_text(text)
+        (home / f"{place}.py").write_text(LAW.format(factor=factor, place=place))
+        return importlib.import_module(place)
+
+    return write
+
+
+def test_a_users_function_is_named_by_its_source_and_all_it_refers_to(written):
+    own = written()
+    same = spelled(written().made(2.0)), spelled(own.made(2.0))
+    assert same[0] == same[1]
+    assert spelled(own.made(3.0)) not in same
+    base = fingerprints(own)
+    assert fingerprints(own) == base
+    assert fingerprints(written()) == base
+    assert fingerprints(written(factor="3.0")) != base
+    assert fingerprints(written(gamma="1.5")) != base
+    assert fingerprints(written(offset="1.0")) != base
+
+
+def fingerprints(module):
+    """The fingerprint of a user's law, without the name of its module."""
+    parts = [*kept_programs._Described().parts(module.law)]
+    return [part.replace(module.__name__, "") for part in parts]
+
+
+class Own(eqx.Module):
+    """A module of a user's, given to a program."""
+
+    gain: jax.Array
+
+    def __call__(self, x):
+        return self.gain * x
+
+
+def test_a_users_module_is_named_by_the_code_of_its_methods():
+    other: Any = type(
+        "Own", (eqx.Module,), {**OWN, "__call__": lambda self, x: self.gain}
+    )
+    one = spelled(Own(jnp.asarray(1.0)))
+    assert one == spelled(Own(jnp.asarray(2.0)))
+    assert one != spelled(Own(jnp.ones(2)))
+    assert one.partition("[")[0] != spelled(other(jnp.asarray(1.0))).partition("[")[0]
+
+
+OWN = {"__annotations__": {"gain": jax.Array}, "__module__": __name__}
+
+
+def test_what_refers_to_an_open_file_is_not_kept(tmp_path):
+    with (tmp_path / "open").open("w") as file, pytest.raises(Unkept):
+        spelled(lambda x: file.write(x))
+
+
+def stronger(law):
+    """The law of a user, by another function."""
+    return replace(law, function=lambda time: 2.0 * law.function(time))
+
+
+@pytest.mark.parametrize("change", [lambda law: replace(law, name="own"), stronger])
+def test_with_a_law_of_a_users_programs_are_kept_under_another_key(
+    store, found, change
+):
     program, line = kept(climb), Line(jnp.asarray(2.0), 2)
     law = LAWS["flash_time_s", "light"]
-    register(replace(law, name=name))
+    own = change(law)
+
+    def kept_files():
+        program(line, X)
+        return set(store.glob("traced-*"))
+
     try:
-        assert program(line, X).total == 2.0 * np.sum(X**2)
-        assert not list(store.iterdir())
+        register(own)
+        with_own = kept_files()
+        assert len(with_own) == 1
+        started_again(store)(line, X)
+        assert TRACED[2] == 1
     finally:
-        del LAWS["flash_time_s", name]
+        LAWS.pop((own.quantity, own.name))
         register(law)
-    program(line, X)
-    assert list(store.glob("traced-*"))
+    assert len(kept_files()) == 2
+    assert TRACED[2] == 2
 
 
 def test_without_a_folder_nothing_is_kept(store):

@@ -15,7 +15,8 @@ from jblast.parameters import (
 )
 from jblast.report.words import LADDERS, parameter_words, split_name
 from jblast.scene import Scene, parameter_named, value_of
-from jblast.scene.reader.tables import IMU_KEYS, INSTRUMENT_KEYS, KEYS, LISTS
+from jblast.scene.reader.tables import LISTS, keys_of
+from jblast.scene.sensor_kinds import all_instrument_keys, own_keys
 from jblast.scene.uncertain import names_in
 
 ALL = (*PARAMETERS.values(), CLOCK)
@@ -28,8 +29,8 @@ NO_NUMBERS = {
     "sensor": {
         *("name", "kind", "position_m", "records", "times_s"),
         *("mount", "offset_m", "quaternion_xyzw"),
-        *INSTRUMENT_KEYS,
-        *IMU_KEYS,
+        *all_instrument_keys(),
+        *own_keys(),
     },
 }
 """Keys that hold words, or numbers that cannot be free."""
@@ -38,9 +39,9 @@ NO_NUMBERS = {
 def test_every_key_that_may_hold_an_uncertain_number_is_in_the_table():
     told = {(one.key.table, one.key.name) for one in ALL}
     for table in ("charge", "air", "ground", "sensor"):
-        keys = set(KEYS[table]) - NO_NUMBERS.get(table, set())
+        keys = set(keys_of(table)) - NO_NUMBERS.get(table, set())
         assert keys == {name for of, name in told if of == table}
-    assert {name for of, name in told if of == "law"} < set(KEYS["law"])
+    assert {name for of, name in told if of == "law"} < set(keys_of("law"))
 
 
 def test_a_list_of_the_file_is_told_from_its_first_number_to_its_last():

@@ -50,6 +50,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "scene_keys": scene_tables.keys_of_tables,
     "scene_lists": scene_tables.lists,
     "scene_words": scene_tables.words,
+    "sensor_kinds": scene_tables.sensor_kinds,
     "explosives": scene_tables.explosives,
 }
 

@@ -15,16 +15,15 @@ from jblast.scene.reader.random_blasts import MOST_BLASTS
 from jblast.scene.reader.scene import STEEPEST
 from jblast.scene.reader.tables import (
     GROUND_PATHS,
-    IMU_KEYS,
-    INSTRUMENT_KEYS,
     KEYS,
     LISTS,
     PRIORS,
     SATURATIONS,
-    SENSOR_KINDS,
     VEHICLE_MODELS,
+    keys_of,
 )
 from jblast.scene.sensor import FEWEST_BITS, MOST_BITS
+from jblast.scene.sensor_kinds import SENSOR_KINDS, all_instrument_keys, own_keys
 
 NUMBER = {"type": "number"}
 POSITIVE = {"type": "number", "exclusiveMinimum": 0}
@@ -52,12 +51,12 @@ KNOWN: dict[tuple[str, str], dict[str, Any]] = {
     },
     **{
         ("sensor", key): POSITIVE
-        for key in (*INSTRUMENT_KEYS, *IMU_KEYS)
+        for key in (*all_instrument_keys(), *own_keys())
         if key.startswith(("rate", "full_scale"))
     },
     **{
         ("sensor", key): NOT_NEGATIVE
-        for key in (*INSTRUMENT_KEYS, *IMU_KEYS)
+        for key in (*all_instrument_keys(), *own_keys())
         if key.startswith(("noise", "bias"))
     },
     ("sensor", "bits"): {
@@ -128,7 +127,7 @@ def scene_schema() -> dict[str, Any]:
 
 def _table(name: str) -> dict[str, Any]:
     """Return the schema of a table, or of a list of them where there may be several."""
-    keys = {key: _key(name, key) for key in KEYS[name]}
+    keys = {key: _key(name, key) for key in keys_of(name)}
     one = {"type": "object", "properties": keys, "additionalProperties": False}
     if name not in SEVERAL:
         return one

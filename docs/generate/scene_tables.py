@@ -12,9 +12,10 @@ from jblast.scene.reader.tables import (
     LATER,
     LISTS,
     SATURATIONS,
-    SENSOR_KINDS,
     VEHICLE_MODELS,
+    keys_of,
 )
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.units import SUFFIXES
 
 
@@ -80,7 +81,8 @@ def world_numbers() -> str:
 def keys_of_tables() -> str:
     """Write the keys of every table."""
     rows = []
-    for table, names in KEYS.items():
+    for table in KEYS:
+        names = keys_of(table)
         title = f"`[{table}]`" if table else "the file"
         later = ", ".join(f"`{name}`" for name in LATER.get(table, ()))
         rows.append(f"| {title} | {', '.join(f'`{n}`' for n in names)} | {later} |")
@@ -96,7 +98,7 @@ def lists() -> str:
 def words() -> str:
     """Write the keys that take one of a few words."""
     rows = {
-        "`[[sensor]] kind`": SENSOR_KINDS,
+        "`[[sensor]] kind`": tuple(SENSOR_KINDS),
         "`[[sensor]] saturation`": SATURATIONS,
         "`[ground] path`": GROUND_PATHS,
         "`[vehicle] model`": VEHICLE_MODELS,
@@ -107,6 +109,19 @@ def words() -> str:
         f"| {key} | {', '.join(f'`{w}`' for w in ws)} |" for key, ws in rows.items()
     ]
     return "\n".join(["| key | one of |", "|---|---|", *lines])
+
+
+def sensor_kinds() -> str:
+    """Write what each kind of sensor records, perceives and needs."""
+    rows = []
+    for name, kind in SENSOR_KINDS.items():
+        columns = ", ".join(f"`{column}`" for column in kind.columns)
+        file = f"{kind.file[1:].upper()}: {columns}" if columns else ""
+        senses = ", ".join(sense for _, sense in kind.senses)
+        carried = "no" if kind.unmounted else "yes"
+        rows.append(f"| `{name}` | {kind.words} | {file} | {senses} | {carried} |")
+    head = "| kind | is | samples: file and columns | perceives | on a vehicle |"
+    return "\n".join([head, "|---|---|---|---|---|", *rows])
 
 
 def explosives() -> str:

@@ -1,10 +1,10 @@
 """Vehicles in blasts as environments for reinforcement learning (Gymnasium)."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from jblast.environments import registration
 from jblast.errors import InputError
+from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
     from jblast.environments.build import environment_params as environment_params
@@ -26,22 +26,23 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
-    "COMMANDS": "episode",
-    "EnvironmentParams": "episode",
-    "EnvironmentState": "episode",
-    "Imu": "episode",
-    "QuadrotorBlast": "gymnasium_classes",
-    "QuadrotorEnv": "gymnasium_classes",
-    "Randomisation": "episode",
-    "Step": "core",
-    "environment_params": "build",
-    "reset": "core",
-    "reset_lanes": "lanes",
-    "step": "core",
-    "step_lanes": "lanes",
+    "COMMANDS": "jblast.environments.episode",
+    "EnvironmentParams": "jblast.environments.episode",
+    "EnvironmentState": "jblast.environments.episode",
+    "Imu": "jblast.environments.episode",
+    "QuadrotorBlast": "jblast.environments.gymnasium_classes",
+    "QuadrotorEnv": "jblast.environments.gymnasium_classes",
+    "Randomisation": "jblast.environments.episode",
+    "Step": "jblast.environments.core",
+    "environment_params": "jblast.environments.build",
+    "reset": "jblast.environments.core",
+    "reset_lanes": "jblast.environments.lanes",
+    "step": "jblast.environments.core",
+    "step_lanes": "jblast.environments.lanes",
 }
 
 registration.register_environments()
+_imported = lazy_face(__name__, _HOMES)
 
 
 def __getattr__(name: str) -> Any:
@@ -50,10 +51,8 @@ def __getattr__(name: str) -> Any:
     Raises:
         InputError: It needs Gymnasium, which is not installed.
     """
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
-        value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+        return _imported(name)
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "gymnasium":
             raise
@@ -61,5 +60,3 @@ def __getattr__(name: str) -> Any:
             f"{name}: expected Gymnasium, an extra: pip install "
             "'jblast[environments]'; it is not installed"
         ) from None
-    globals()[name] = value
-    return value

@@ -15,13 +15,8 @@ from jblast.errors import InputError, nearest
 from jblast.missions import Guidance
 from jblast.scene import Air, ByCount, Uniform, WorldSpec
 from jblast.scene.uncertain import Prior
-from jblast.vehicle import (
-    PositionHold,
-    allocation,
-    named,
-    named_gains,
-    step_limit,
-)
+from jblast.vehicle import allocation, named, named_gains, step_limit
+from jblast.vehicle.controllers import gains_controller
 from jblast.vehicle.quadrotor import in_precision
 
 STEP_S = 0.01
@@ -38,6 +33,7 @@ def environment_params(
     air: Air | None = None,
     randomisation: Randomisation | None = None,
     guidance: Guidance | None = None,
+    controller: str = "with_integral",
     imu: Imu | None = None,
     target_m: tuple[float, float, float] | None = None,
     spread_m: float = 0.0,
@@ -59,6 +55,8 @@ def environment_params(
         air: What their waves go through.
         randomisation: What else episodes draw; None: nothing.
         guidance: Of the mission that is flown; for no other task.
+        controller: A name of `vehicle.CONTROLLERS` with the loops of the SE(3) hold; it
+            follows the commands "velocity" and "hold".
         imu: Errors of an IMU that is observed; None: it is not.
         target_m: Where a vehicle hovers: east, north, up; None: as the task has it.
         spread_m: How far off it an episode may start, along each axis.
@@ -121,7 +119,7 @@ def environment_params(
     target = jnp.asarray(kind.target_m if target_m is None else target_m, float)
     found = EnvironmentParams(
         vehicle=flies,
-        hold=PositionHold(target, gains).ready(flies),
+        hold=gains_controller(controller)(target, gains, 0.0).ready(flies),
         inverse=jnp.linalg.inv(allocation(flies)),
         world=world,
         air=Air() if air is None else air,

@@ -1,14 +1,8 @@
 """Logs of observations: one measurement a row, with readers, writers and checks."""
 
-from jblast.observations.grouping import some_rows as some_rows
-from jblast.observations.log_io import (
-    read as read,
-    to_pandas as to_pandas,
-    to_xarray as to_xarray,
-    write as write,
-)
-from jblast.observations.placement import resolve_positions as resolve_positions
-from jblast.observations.scenes import starter_scene as starter_scene
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
 from jblast.observations.table import (
     Observations as Observations,
     observed as observed,
@@ -18,3 +12,26 @@ from jblast.quantities import (
     QUANTITIES as QUANTITIES,
     TIMES as TIMES,
 )
+
+if TYPE_CHECKING:
+    from jblast.observations.grouping import some_rows as some_rows
+    from jblast.observations.log_io import (
+        read as read,
+        to_pandas as to_pandas,
+        to_xarray as to_xarray,
+        write as write,
+    )
+    from jblast.observations.placement import resolve_positions as resolve_positions
+    from jblast.observations.scenes import starter_scene as starter_scene
+
+HOMES = {
+    "read": "jblast.observations.log_io",
+    "resolve_positions": "jblast.observations.placement",
+    "some_rows": "jblast.observations.grouping",
+    "starter_scene": "jblast.observations.scenes",
+    "to_pandas": "jblast.observations.log_io",
+    "to_xarray": "jblast.observations.log_io",
+    "write": "jblast.observations.log_io",
+}
+
+__getattr__ = lazy_face(__name__, HOMES)

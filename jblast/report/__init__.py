@@ -1,7 +1,8 @@
 """Answers in words, their figures, and one page with all of it."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
     from jblast.report.choice import (
@@ -15,16 +16,12 @@ if TYPE_CHECKING:
     from jblast.report.fit.terminal import summary as summary
 
 HOMES = {
-    "law_reason": "choice",
-    "reason_for": "choice",
-    "summary": "fit.terminal",
-    "check_directory": "fit.files",
-    "write_report": "fit.files",
+    "law_reason": "jblast.report.choice",
+    "reason_for": "jblast.report.choice",
+    "summary": "jblast.report.fit.terminal",
+    "check_directory": "jblast.report.fit.files",
+    "write_report": "jblast.report.fit.files",
 }
 
-
-def __getattr__(name: str) -> Any:
-    """Import a name when it is asked for: a calculation needs nothing of a fit."""
-    if name in HOMES:
-        return getattr(import_module(f"{__name__}.{HOMES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# a calculation needs nothing of a fit
+__getattr__ = lazy_face(__name__, HOMES)

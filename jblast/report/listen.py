@@ -25,6 +25,7 @@ from jblast.report.words import (
     printed_number,
 )
 from jblast.scene import Sensor
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import clipping
 from jblast.sensors.listening import Listening, instrument_of, samples_of
 
@@ -32,15 +33,6 @@ MOST_LINES = 20
 """Sensors that are printed one by one; truth.csv has all of them."""
 TOLD = ("ground_arrival_s", "air_arrival_s", "peak_overpressure_pa")
 CLOCK = "times are by each sensor's own clock; its file begins there at 0"
-COLUMNS = {
-    "microphone": ("overpressure_pa",),
-    "pressure": ("overpressure_pa",),
-    "anemometer": ("wind_east_m_s", "wind_north_m_s", "wind_up_m_s"),
-    "geophone": ("ground_velocity_m_s",),
-}
-"""What a kind of sensor writes down, component by component."""
-DRAWN = {"anemometer": "wind_speed_m_s"}
-"""Printed and drawn for several components: their magnitude."""
 BITS = (8, 16, 24, 32)
 """What a whole number in a sound file may have; the least that holds a sensor's own."""
 BEFORE, AFTER = 0.25, 6.0
@@ -63,6 +55,8 @@ class SensorRecord:
 
     Attributes:
         sensor: Whose it is.
+        kind: Its kind.
+        is_sound: Whether its file is a sound file.
         file: Name of its file.
         rate_hz: Samples a second.
         samples: How many it has.
@@ -80,8 +74,10 @@ class SensorRecord:
     def __init__(self, listening: Listening, sensor: Sensor, file: str):
         instrument = instrument_of(sensor)
         self.sensor, self.file = sensor, file
+        self.kind = SENSOR_KINDS[sensor.kind]
+        self.is_sound = self.kind.file == ".wav"
         self.rate_hz, self.samples = instrument.rate, 0
-        self.column: str = DRAWN.get(sensor.kind) or COLUMNS[sensor.kind][0]
+        self.column = self.kind.column
         self.bits = instrument.bits
         self.full_scale = 1.0
         if self.bits is not None and instrument.full_scale is not None:
@@ -106,9 +102,8 @@ class SensorRecord:
     ) -> None:
         """Write the samples as they come; what a stream had that breaks is kept."""
         seen = self._seen(packets)
-        if self.sensor.kind != "microphone":
-            columns = COLUMNS[self.sensor.kind]
-            write_samples(path, seen, self.rate_hz, columns, [*comments])
+        if not self.is_sound:
+            write_samples(path, seen, self.rate_hz, self.kind.columns, [*comments])
             return
         bits: Bits = "float"
         if self.bits is not None:
@@ -214,7 +209,7 @@ def _sensor(listening: Listening, number: int, record: SensorRecord) -> dict[str
         "clipped_samples": record.clipped_samples,
         f"largest_{record.column}": record.largest,
     }
-    if record.sensor.kind == "microphone":
+    if record.is_sound:
         document["full_scale_pa"] = record.full_scale
     if len(truth.shots) > 1:
         document["blasts"] = {
@@ -263,7 +258,6 @@ def truth_csv(
     head += ["law_valid", "clipped", "file", "rate_hz", "samples", "full_scale_pa"]
     rows: list[list[str]] = [head]
     for number, record in enumerate(records):
-        sound = record.sensor.kind == "microphone"
         for n, shot in enumerate(truth.shots):
             values = [f"{column[number, n]:.12g}" for column in truth.values.values()]
             valid = all(held[number, n] for held in truth.valid.values())
@@ -273,7 +267,7 @@ def truth_csv(
             row = [record.sensor.name, record.sensor.kind, shot, *place, *values]
             row += [_word(valid), _word(record.clipped[n]), record.file]
             row += [f"{record.rate_hz:g}", str(record.samples)]
-            rows.append([*row, f"{record.full_scale:.12g}" if sound else ""])
+            rows.append([*row, f"{record.full_scale:.12g}" if record.is_sound else ""])
     return commented(comments) + comma_separated(rows)
 
 

@@ -27,6 +27,7 @@ from jblast.report.figure_style import (
 from jblast.report.listen import CLOCK, Envelope, SensorRecord, truth_csv
 from jblast.report.words import Unit, split_name, unit_for
 from jblast.scene import Sensor
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.listening import Listening, packets
 
 JSON, TRUTH = "listen.json", "truth.csv"
@@ -37,8 +38,8 @@ MOST_DRAWN = 8
 ROW_INCHES = 2.2
 SPAN_DB = 90.0
 """What a spectrogram shows below its loudest tone."""
-REFERENCE = {"_pa": (20e-6, "(20 µPa)²/Hz"), "_m_s": (1.0, "(m/s)²/Hz")}
-"""What power densities are told against, by unit."""
+HEARING_PA = 20e-6
+"""Reference of levels of sound in air (ISO 1683)."""
 ARRIVALS = {"ground_arrival_s": (VERMILLION, "ground"), "air_arrival_s": (INK, "air")}
 
 
@@ -51,7 +52,7 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
         quiet(axes)
         axes.grid(False)
         spectrogram = record.spectrogram
-        reference, words = REFERENCE[split_name(record.column)[1]]
+        reference, words = _reference(record)
         density = spectrogram.density().T
         with np.errstate(divide="ignore"):
             level = 10.0 * np.log10(density / reference**2)
@@ -84,6 +85,13 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
         _arrivals(axes, listening, number, light=True)
     grid[-1].set_xlabel("time by the sensor's clock [s]")
     return figure
+
+
+def _reference(record: SensorRecord) -> tuple[float, str]:
+    """Return the reference of power densities, and its unit in words."""
+    if record.kind.unit == "pa":
+        return HEARING_PA, "(20 µPa)²/Hz"
+    return 1.0, f"({unit_for(record.column, 1.0).symbol})²/Hz"
 
 
 def waveform_figure(listening: Listening, records: Sequence[SensorRecord]) -> Figure:
@@ -197,7 +205,7 @@ def file_names(sensors: Sequence[Sensor]) -> dict[str, str]:
     taken = {name.lower() for name in (JSON, TRUTH, *FIGURES)}
     names: dict[str, str] = {}
     for sensor in sensors:
-        suffix = ".wav" if sensor.kind == "microphone" else ".csv"
+        suffix = SENSOR_KINDS[sensor.kind].file
         stem = re.sub(r"[^\w .+-]", "_", sensor.name)[:LONGEST_NAME].strip(" .") or "_"
         name, number = f"{stem}{suffix}", 2
         while name.lower() in taken:

@@ -39,10 +39,10 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.listen import COLUMNS
 from jblast.report.pages import page
 from jblast.report.words import capitalised, parameter_words, printed_number, unit_for
 from jblast.scene import Scene
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.world import scene_to_fit
 
 ALT_MAP = "Map of blasts, sensors and the vehicle's path."
@@ -513,8 +513,9 @@ def _waveforms(directory: Path, sound: dict[str, Any] | None) -> tuple[Waveform,
 
 
 def _waveform(directory: Path, name: str, entry: dict[str, Any]) -> Waveform:
-    file, names = directory / entry["file"], COLUMNS[entry["kind"]]
-    if entry["kind"] == "microphone":
+    kind = SENSOR_KINDS.named(entry["kind"])
+    file, names = directory / entry["file"], kind.columns
+    if kind.file == ".wav":
         import soundfile
 
         try:

@@ -34,6 +34,12 @@ from jblast.scene.sensor import (
     Instrument as Instrument,
     Sensor as Sensor,
 )
+from jblast.scene.sensor_kinds import (
+    SENSOR_KINDS as SENSOR_KINDS,
+    Recorder as Recorder,
+    SensorKey as SensorKey,
+    SensorKind as SensorKind,
+)
 from jblast.scene.uncertain import (
     Free as Free,
     LogNormal as LogNormal,

@@ -99,8 +99,8 @@ class Imu(eqx.Module):
 class Instrument(eqx.Module):
     """Response and errors of an instrument; the default is an ideal one.
 
-    Full scale and noise are in the unit of the sensor: Pa for a microphone and a
-    pressure gauge, m/s for an anemometer and a geophone.
+    Full scale and noise are in the unit of the sensor's kind: Pa for a microphone, m/s
+    for a geophone (`scene.sensor_kinds`).
 
     Attributes:
         rate: Samples a second [Hz].
@@ -156,7 +156,7 @@ class Sensor(Described):
     Attributes:
         name: As in the observation file.
         position_m: East, north, up [m].
-        kind: pressure, microphone, anemometer, geophone, flash or imu; "" if unknown.
+        kind: A name of `scene.sensor_kinds` (pressure, microphone, ...); "" if unknown.
         clock_offset_s: Sensor clock minus common clock [s].
         records: Pairs of quantity and sigma: seconds for times, radians for directions,
             relative otherwise.
@@ -168,6 +168,7 @@ class Sensor(Described):
         offset_m: From the middle of its mount, in the axes of that body: forward, left,
             up [m].
         quaternion: Sensor to body (x, y, z, w), scalar last.
+        settings: Numbers that sensors of its kind alone have, by key of a scene file.
 
     Raises:
         InputError: A vector has not as many numbers as it needs.
@@ -191,6 +192,10 @@ class Sensor(Described):
     )
     quaternion: Float[Array, "4"] = eqx.field(
         converter=_vector, default_factory=lambda: jax.device_put(np.eye(4)[3])
+    )
+    settings: dict[str, Float[Array, ""]] = eqx.field(
+        converter=lambda numbers: {k: as_float_array(v) for k, v in numbers.items()},
+        default_factory=dict,
     )
 
     def __check_init__(self):

@@ -1,11 +1,8 @@
 """The forward model from a scene to the readings and records of its sensors."""
 
-from jblast.sensors import (
-    anemometer as anemometer,
-    geophone as geophone,
-    pressure_gauge as pressure_gauge,
-)
-from jblast.sensors.arrivals import Track as Track, heard as heard
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
 from jblast.sensors.calculator import (
     Calculated as Calculated,
     Question as Question,
@@ -13,19 +10,10 @@ from jblast.sensors.calculator import (
     calculate as calculate,
     roots as roots,
 )
-from jblast.sensors.law_choice import (
-    choose_laws as choose_laws,
-    resolve_laws as resolve_laws,
-)
 from jblast.sensors.layout import (
     Layout as Layout,
     layout_of as layout_of,
     planned_layout as planned_layout,
-)
-from jblast.sensors.pressure_history import (
-    RecordedSound as RecordedSound,
-    even_overpressure as even_overpressure,
-    overpressure as overpressure,
 )
 from jblast.sensors.record import (
     Recording as Recording,
@@ -34,13 +22,56 @@ from jblast.sensors.record import (
     jolt_speed as jolt_speed,
     record as record,
 )
-from jblast.sensors.simulate import (
-    observe as observe,
-    readings as readings,
-    simulate as simulate,
-)
-from jblast.sensors.wave_paths import (
-    DEFAULT_RECORD_LAWS as DEFAULT_RECORD_LAWS,
-    Heard as Heard,
-    record_laws as record_laws,
-)
+
+if TYPE_CHECKING:
+    from jblast.sensors import (
+        anemometer as anemometer,
+        geophone as geophone,
+        pressure_gauge as pressure_gauge,
+    )
+    from jblast.sensors.arrivals import (
+        Track as Track,
+        heard as heard,
+    )
+    from jblast.sensors.law_choice import (
+        choose_laws as choose_laws,
+        resolve_laws as resolve_laws,
+    )
+    from jblast.sensors.pressure_history import (
+        RecordedSound as RecordedSound,
+        even_overpressure as even_overpressure,
+        overpressure as overpressure,
+    )
+    from jblast.sensors.sampled import sampled_by as sampled_by
+    from jblast.sensors.simulated_readings import (
+        observe as observe,
+        readings as readings,
+        simulate as simulate,
+    )
+    from jblast.sensors.wave_paths import (
+        DEFAULT_RECORD_LAWS as DEFAULT_RECORD_LAWS,
+        Heard as Heard,
+        record_laws as record_laws,
+    )
+
+HOMES = {
+    "DEFAULT_RECORD_LAWS": "jblast.sensors.wave_paths",
+    "Heard": "jblast.sensors.wave_paths",
+    "RecordedSound": "jblast.sensors.pressure_history",
+    "Track": "jblast.sensors.arrivals",
+    "anemometer": "jblast.sensors.anemometer",
+    "choose_laws": "jblast.sensors.law_choice",
+    "even_overpressure": "jblast.sensors.pressure_history",
+    "geophone": "jblast.sensors.geophone",
+    "heard": "jblast.sensors.arrivals",
+    "observe": "jblast.sensors.simulated_readings",
+    "overpressure": "jblast.sensors.pressure_history",
+    "pressure_gauge": "jblast.sensors.pressure_gauge",
+    "readings": "jblast.sensors.simulated_readings",
+    "record_laws": "jblast.sensors.wave_paths",
+    "resolve_laws": "jblast.sensors.law_choice",
+    "sampled_by": "jblast.sensors.sampled",
+    "simulate": "jblast.sensors.simulated_readings",
+}
+
+__getattr__ = lazy_face(__name__, HOMES)

@@ -145,7 +145,7 @@ def _start(
     start_s: Float[ArrayLike, ""],
     laws: Mapping[str, str] | None,
 ) -> tuple[list[Axis], list[Any]]:
-    check_kind(anemometer, "anemometer", above=True)
+    check_kind(anemometer, "anemometer")
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"sensor {shown(anemometer.name)}: expected charges that have a place, for "

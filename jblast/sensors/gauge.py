@@ -10,6 +10,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, Key
 
 from jblast.errors import InputError, shown
 from jblast.scene import Instrument, Sensor
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.arrivals import Track
 from jblast.sensors.instrument import Chain, chain_start, instrument_chain
 from jblast.sensors.pressure_history import AnyPulse, counted_from
@@ -34,15 +35,12 @@ def rate_of(sensor: Sensor) -> float:
     return (sensor.instrument or Instrument()).rate
 
 
-def check_kind(
-    sensor: Sensor, kind: str, *, above: bool, track: Track | None = None
-) -> None:
+def check_kind(sensor: Sensor, kind: str, *, track: Track | None = None) -> None:
     """Refuse a sensor of another kind, or on the wrong side of the ground.
 
     Args:
         sensor: The sensor.
         kind: What it should be.
-        above: Whether it belongs above the ground, not in it.
         track: Where it is over time, instead of its position.
 
     Raises:
@@ -54,14 +52,15 @@ def check_kind(
             f"{where}: expected a sensor of kind {kind}, got {shown(sensor.kind)}"
         )
     places = sensor.position_m if track is None else track.position
-    if isinstance(places, Tracer):
+    site = SENSOR_KINDS[kind].site
+    if not site or isinstance(places, Tracer):
         return
+    above = site == "above"
     heights = np.asarray(places)[..., 2]
     up = float(heights.min() if above else heights.max())
     if not (up >= 0 if above else up <= 0):
-        side = "above" if above else "in"
         raise InputError(
-            f"{where}: expected a {kind} on the ground or {side} it, got {up:g} m up"
+            f"{where}: expected a {kind} on the ground or {site} it, got {up:g} m up"
         )
 
 

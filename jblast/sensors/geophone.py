@@ -104,7 +104,7 @@ def _start(
     start_s: Float[ArrayLike, ""],
     laws: Mapping[str, str] | None,
 ) -> tuple[Geophone, Any]:
-    check_kind(geophone, "geophone", above=False)
+    check_kind(geophone, "geophone")
     gauge, state = mounted(geophone, key, start_s)
     waves = _waves(scene, geophone.position_m, ground_laws(scene, laws))
     return Geophone(gauge, waves), state

@@ -11,7 +11,6 @@ of a sensor of any kind, whole or packet by packet.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import jax
@@ -24,9 +23,8 @@ from jblast.kept_programs import kept
 from jblast.observations.records.sound import read_sound
 from jblast.registry import names_for
 from jblast.scene import Ambient, Instrument, Scene, Sensor, UncertainScene, draw_scene
-from jblast.scene.reader.tables import INSTRUMENT_KINDS
+from jblast.scene.sensor_kinds import SENSOR_KINDS, sampling_kinds
 from jblast.scene.uncertain import value_of
-from jblast.sensors import anemometer, geophone, microphone, pressure_gauge
 from jblast.sensors.arrivals import Track, places_met
 from jblast.sensors.law_choice import height_notes, law_names, resolve_laws, settled
 from jblast.sensors.layout import Layout, planned_layout
@@ -43,13 +41,6 @@ LONGEST_S = 600.0
 """Longest record without a requested duration [s]."""
 MOST_SAMPLES = 2**30 - 2**14
 """Of a sound file: samples of four bytes, sizes of 32 bits."""
-RECORDERS: dict[str, ModuleType] = {
-    "microphone": microphone,
-    "pressure": pressure_gauge,
-    "anemometer": anemometer,
-    "geophone": geophone,
-}
-"""Module for the sensors of a kind: each has `record` and `stream`."""
 QUANTITIES = (
     "air_arrival_s",
     "ground_arrival_s",
@@ -208,7 +199,8 @@ def _heard(
     scene: Scene, source: str, tracks: Mapping[str, Track]
 ) -> tuple[list[Sensor], dict[str, str]]:
     """Return the sensors that write samples, and why others do not."""
-    expected = f"[[sensor]] of kind {', '.join(INSTRUMENT_KINDS)}"
+    sampling = sampling_kinds()
+    expected = f"[[sensor]] of kind {', '.join(sampling)}"
     if not scene.sensors:
         raise InputError(f"{source}: expected at least one {expected}; got no sensor")
     skipped = {
@@ -216,7 +208,7 @@ def _heard(
         if sensor.kind
         else "its kind is not said"
         for sensor in scene.sensors
-        if sensor.kind not in INSTRUMENT_KINDS
+        if sensor.kind not in sampling
     }
     heard = [sensor for sensor in scene.sensors if sensor.name not in skipped]
     if not heard:
@@ -245,7 +237,8 @@ def _check_rates(sensors: tuple[Sensor, ...], seconds: float, source: str) -> No
     for sensor in sensors:
         rate = instrument_of(sensor).rate
         where = f"{source}: [[sensor]] {sensor.name!r}"
-        if sensor.kind == "microphone" and rate != round(rate):
+        is_sound = SENSOR_KINDS[sensor.kind].file == ".wav"
+        if is_sound and rate != round(rate):
             raise InputError(
                 f"{where} rate_hz: expected a whole number, which a sound file holds, "
                 f"got {rate:g}"
@@ -278,7 +271,7 @@ def _until_gone_by(truth: Truth, source: str) -> float:
 def packets(
     listening: Listening, sensor: Sensor, packets_hz: float | None = None
 ) -> Iterator[Float[np.ndarray, "sample component"]]:
-    """Yield a sensor's samples, in Pa or m/s, as many as its record has.
+    """Yield a sensor's samples, in the unit of its kind, as many as its record has.
 
     Args:
         listening: What is to be recorded.
@@ -294,7 +287,7 @@ def packets(
             f"{argument('packets')}: expected at most {rate_hz:g} packets a second, "
             f"the samples of sensor {sensor.name!r}, got {packets_hz:g}"
         )
-    recorder = RECORDERS[sensor.kind]
+    recorder = SENSOR_KINDS[sensor.kind].samples()
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
     scene, laws = listening.heard_by(sensor)

@@ -131,7 +131,7 @@ def _start(
     drift: Float[ArrayLike, ""],
     track: Track | None,
 ) -> tuple[PressureGauge, Any]:
-    check_kind(sensor, "pressure", above=True, track=track)
+    check_kind(sensor, "pressure", track=track)
     if mounting not in ("side-on", "face-on"):
         raise ValueError(f"mounting must be 'side-on' or 'face-on', got {mounting!r}")
     gauge, state = mounted(sensor, key, start_s)

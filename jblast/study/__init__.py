@@ -5,8 +5,9 @@ makes a data set of `read_study`'s study, `outcomes` is one sample as a pure fun
 Names are imported on first use.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
     from jblast.study.file import Axis as Axis, Study as Study, read_study as read_study
@@ -26,13 +27,7 @@ HOMES = {
 __all__ = ["Axis", "Study", "draw", "outcomes", "read_study", "run", "run_into"]
 
 
-def __getattr__(name: str) -> Any:
-    """Import a name when it is first asked for."""
-    if name not in HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(HOMES[name]), name)
-    globals()[name] = value
-    return value
+__getattr__ = lazy_face(__name__, HOMES)
 
 
 def __dir__() -> list[str]:

@@ -25,6 +25,7 @@ from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.sensors.camera.fireball import cloud
 from jblast.study.statistics import wilson_interval
 from jblast.vehicle import (
+    CONTROLLERS,
     STEP_S,
     BlastLoad,
     CodedLoad,
@@ -59,12 +60,6 @@ METRICS = (
 )
 """Numbers of a flight: those of `vehicle.FlightMetrics`, and one of `Flown`."""
 QUANTILES = (0.05, 0.5, 0.95)
-HOLD_WORDS = {
-    "with_integral": "with integral action",
-    "without_integral": "without integral action",
-    "cascade": "by a cascade as PX4's",
-    "observer": "with an observer",
-}
 TOLERANCE_M = 0.05
 WINDOW_S = 5e-5
 """An acceleration is a mean over so long: a tenth of what a front takes to cross."""
@@ -312,7 +307,7 @@ def trajectory_of(flights: Flights, name: str) -> Trajectory:
 
 def hold_words(name: str) -> str:
     """Return a controller in words."""
-    return HOLD_WORDS[name]
+    return CONTROLLERS[name].words
 
 
 def with_bursts_at_start(

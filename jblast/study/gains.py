@@ -53,13 +53,12 @@ from jblast.vehicle import (
     STEP_S,
     Each,
     FlightMetrics,
-    PositionHold,
     State,
     StepGust,
     Trajectory,
     Vehicle,
+    controller_of,
     flight_metrics,
-    hold_of,
     path_error,
     simulate,
     start_of,
@@ -67,6 +66,7 @@ from jblast.vehicle import (
 )
 from jblast.vehicle.control.position_hold import Gains
 from jblast.vehicle.control.stability import Margins, hold_margins, is_stable
+from jblast.vehicle.controllers import gains_controller
 
 MOST_STEPS, LARGEST = 60, np.log(30.0)
 """Of the search, and of a factor in ln."""
@@ -156,6 +156,8 @@ class Wish:
         seed: Of the blasts.
         motor_lead: Most by which the motors' lag may be shortened; 1: the scene's lead
             stays.
+        controller: A name of `vehicle.CONTROLLERS` whose loops are those of the SE(3)
+            hold; None: the scene's own hold.
     """
 
     margin_db: float = 6.0
@@ -165,6 +167,7 @@ class Wish:
     unseen: int = 200
     seed: int = 0
     motor_lead: float = 1.0
+    controller: str | None = None
 
 
 @dataclass(frozen=True)
@@ -214,12 +217,17 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     """
     wish = Wish() if wish is None else wish
     spec = _checked(uncertain, wish)
-    gains = hold_of(spec, integral=spec.integral is not False).gains
+    own = "without_integral" if spec.integral is False else "with_integral"
+    controller = own if wish.controller is None else wish.controller
+    gains_controller(controller)  # refuses one with other loops
+    gains = controller_of(spec, controller).gains
     vehicle = vehicle_of(spec)
     lag, dead = float(vehicle.motor_lag_s), STEP_S / 2 + wish.delay_s
     now = in_words()
     now("drawing blasts, flown with the scene's gains")
-    flights = tuning_flights(uncertain, spec, gains, wish.vehicles, wish.seed, lag)
+    flights = tuning_flights(
+        uncertain, spec, gains, wish.vehicles, wish.seed, lag, controller
+    )
     bounds = [(-LARGEST, LARGEST)] * (FACTORS - 1) + [_lead_bounds(gains, wish)]
     led = gains
     if wish.motor_lead > 1 and gains.motor_lead is None:
@@ -276,7 +284,9 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
     best = _rounded(scaled(led, jnp.asarray(best)))
     now(f"flying {wish.unseen} unseen blasts")
     seed = wish.seed + UNSEEN_SEEDS
-    unseen, notes = drawn_flights(uncertain, spec, wish.unseen, seed, Options())
+    unseen, notes = drawn_flights(
+        uncertain, spec, wish.unseen, seed, Options(), controller
+    )
     before, after = (
         Tried(one, hold_margins(one, lag, dead), outcomes_of(one, unseen))
         for one in (gains, best)
@@ -322,6 +332,7 @@ class DrawnFlights(eqx.Module):
         yaw_rad: The heading held.
         seconds: How long each flight is.
         options: How they are flown.
+        controller: A name of `vehicle.CONTROLLERS`.
     """
 
     load: FlightLoad
@@ -333,6 +344,7 @@ class DrawnFlights(eqx.Module):
     yaw_rad: Float[Array, ""]
     seconds: float = eqx.field(static=True)
     options: Options = eqx.field(static=True)
+    controller: str = eqx.field(static=True, default="with_integral")
 
     @property
     def count(self) -> int:
@@ -465,6 +477,7 @@ def tuning_flights(
     count: int,
     seed: int,
     motor_lag_s: float,
+    controller: str = "with_integral",
 ) -> TuningFlights:
     """Draw flights and choose those to tune by.
 
@@ -475,13 +488,14 @@ def tuning_flights(
         count: How many to tune by.
         seed: Of the draws.
         motor_lag_s: Of the motors [s].
+        controller: A name of `vehicle.CONTROLLERS`.
 
     Raises:
         InputError: All crash.
     """
     step = min(TUNING_STEP_S, motor_lag_s / 5)
     options = Options(step_s=step, integrator="euler")
-    drawn, _ = drawn_flights(uncertain, spec, DRAWN * count, seed, options)
+    drawn, _ = drawn_flights(uncertain, spec, DRAWN * count, seed, options, controller)
     drawn = replace(drawn, seconds=drawn.seconds + AFTER_S)
     none = jnp.zeros(drawn.count)
     _, (peaks, crashed) = FLOWN(jnp.zeros(FACTORS), gains, drawn, none)
@@ -558,6 +572,7 @@ def drawn_flights(
     vehicles: int,
     seed: int,
     options: Options,
+    controller: str = "with_integral",
 ) -> tuple[DrawnFlights, tuple[str, ...]]:
     """Draw scenes and make their flights ready.
 
@@ -567,6 +582,7 @@ def drawn_flights(
         vehicles: How many are drawn, two and more.
         seed: Of the draws.
         options: How they are flown.
+        controller: A name of `vehicle.CONTROLLERS`.
 
     Returns:
         The flights, and remarks on charges above the ground.
@@ -592,6 +608,7 @@ def drawn_flights(
             yaw_rad=spec.yaw,
             seconds=seconds,
             options=options,
+            controller=controller,
         ),
         notes,
     )
@@ -603,14 +620,14 @@ def flown_with(gains: Gains, flights: DrawnFlights) -> Trajectory:
     start = jax.tree.map(
         lambda x: jnp.broadcast_to(x, (count, *x.shape)), flights.start
     )
-    options = flights.options
+    options, controlled = flights.options, gains_controller(flights.controller)
     return simulate(
         flights.vehicle,
         start,
         duration_s=flights.seconds,
         step_s=options.step_s,
         integrator=options.integrator,
-        control=PositionHold(flights.target_m, gains, flights.yaw_rad),
+        control=controlled(flights.target_m, gains, flights.yaw_rad),
         wind=Each(StepGust(flights.wind, 0 * flights.arrival_s)),
         loads=(Each(flights.load),),
         ground_up_m=GROUND_UP_M,

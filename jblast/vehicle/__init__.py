@@ -14,11 +14,15 @@ from jblast.vehicle.control.position_hold import (
     named_gains as named_gains,
 )
 from jblast.vehicle.control.stability import step_limit as step_limit
-from jblast.vehicle.from_scene import (
+from jblast.vehicle.controllers import (
     CONTROLLERS as CONTROLLERS,
-    blast_load as blast_load,
+    ControllerKernel as ControllerKernel,
+    ControllerKind as ControllerKind,
     controller_of as controller_of,
     hold_of as hold_of,
+)
+from jblast.vehicle.from_scene import (
+    blast_load as blast_load,
     start_of as start_of,
     vehicle_of as vehicle_of,
 )

@@ -1,10 +1,10 @@
-"""Vehicle, start, controller and blast loads of a scene.
+"""Vehicle, start and blast loads of a scene.
 
-A controller is found by name (`CONTROLLERS`). Every charge of the scene gives one
-blast; a burst in free air gives a second one, the reflection from the ground.
+Every charge of the scene gives one blast; a burst in free air gives a second one, the
+reflection from the ground.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import jax.numpy as jnp
@@ -13,25 +13,16 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.errors import InputError, nearest
+from jblast.errors import InputError
 from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.scene.charge import Burst
 from jblast.vehicle.control.allocation import rotor_speeds
-from jblast.vehicle.control.cascade import Cascade
-from jblast.vehicle.control.position_hold import (
-    NAMED,
-    ObservedHold,
-    PositionHold,
-    gains_from_parameters,
-)
 from jblast.vehicle.loads.blast import BlastLoad
 from jblast.vehicle.loads.blast_wave import Blast
 from jblast.vehicle.quadrotor import Vehicle, named
 from jblast.vehicle.state import State
 from jblast.waves.paths import path_between
 from jblast.waves.propagation import ambient, sound_speed_of
-
-Holds = PositionHold | ObservedHold | Cascade
 
 
 def vehicle_of(spec: VehicleSpec) -> Vehicle:
@@ -57,70 +48,6 @@ def start_of(spec: VehicleSpec) -> State:
         body_rate_rad_s=jnp.zeros(3),
         rotor_speed_rad_s=rotor_speeds(vehicle, (weight, zero, zero, zero)),
     )
-
-
-def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
-    """Return the hold of its target and yaw.
-
-    Args:
-        spec: The vehicle; gains it does not name are its model's.
-        integral: Whether the hold has integral action, whatever gains the scene has.
-
-    Raises:
-        InputError: A gain cannot be used, or the vehicle flies a mission.
-    """
-    if spec.mission is not None:
-        raise InputError(
-            f"[vehicle] mission: {spec.mission}: expected a vehicle that holds its "
-            "place, got one with a mission, which jblast fly flies and nothing else "
-            "does yet"
-        )
-    gains = NAMED[spec.model] | spec.gains
-    if not integral:
-        gains = {name: value for name, value in gains.items() if name != "ki_pos"}
-    return PositionHold(
-        target_m=spec.held,
-        gains=gains_from_parameters(gains),
-        yaw_rad=spec.yaw,
-    )
-
-
-def cascade_of(spec: VehicleSpec) -> Cascade:
-    """Return PX4's cascade for its target and yaw, with the hold's gain of body rates.
-
-    Raises:
-        InputError: As `hold_of`.
-    """
-    hold = hold_of(spec, integral=False)
-    return Cascade(hold.target_m, hold.gains.body_rate, hold.yaw_rad)
-
-
-CONTROLLERS: dict[str, Callable[[VehicleSpec], Holds]] = {
-    "with_integral": lambda spec: hold_of(spec, integral=True),
-    "without_integral": lambda spec: hold_of(spec, integral=False),
-    "cascade": cascade_of,
-    "observer": lambda spec: ObservedHold(hold_of(spec, integral=False)),
-}
-"""Controllers that hold a place: the SE(3) hold with its integral or without, PX4's
-cascade, the SE(3) hold with a disturbance observer."""
-
-
-def controller_of(spec: VehicleSpec, name: str) -> Holds:
-    """Return a controller for its target and yaw.
-
-    Args:
-        spec: The vehicle.
-        name: Of `CONTROLLERS`.
-
-    Raises:
-        InputError: There is none of that name, or as `hold_of`.
-    """
-    if name not in CONTROLLERS:
-        raise InputError(
-            f"controller {name!r}: expected one of {', '.join(CONTROLLERS)}"
-            f"{nearest(name, CONTROLLERS)}"
-        )
-    return CONTROLLERS[name](spec)
 
 
 def blast_load(

@@ -23,6 +23,7 @@ from jblast.errors import InputError, shown
 from jblast.kept_programs import WIDE, kept
 from jblast.vehicle.control.position_hold import Controller, Gains, PositionHold
 from jblast.vehicle.control.stability import step_limit
+from jblast.vehicle.controllers import kernel_of
 from jblast.vehicle.dynamics import INTEGRATORS
 from jblast.vehicle.loads.blast import BlastLoad
 from jblast.vehicle.loads.load import FriedlanderGust, Load, NWaveGust, Pulse, StepGust
@@ -55,10 +56,9 @@ VECTORS = {
 """Field of three numbers without a batch, by type."""
 BUILT_IN = {
     "wind": (StepGust, NWaveGust, FriedlanderGust),
-    "control": (PositionHold,),
     "loads": (BlastLoad,),
 }
-"""Types that the kernel supports."""
+"""Types that the kernel supports; a controller's record has its Warp functions."""
 
 
 def simulate(
@@ -433,11 +433,15 @@ def flies_on_warp(backend: str, flight: Flight, dtype: np.dtype) -> bool:
 
 def _unknown(flight: Flight) -> str:
     """Return what the kernel cannot fly, in words; "" if nothing."""
-    given = {"wind": [flight.wind], "control": [flight.control], "loads": flight.loads}
+    given = {"wind": [flight.wind], "loads": flight.loads}
     for name, values in given.items():
         for value in map(own, values):
             if value is not None and not isinstance(value, BUILT_IN[name]):
                 return f"{name} of the type {type(value).__name__}"
-            if isinstance(value, PositionHold) and value.gains.motor_lead is not None:
-                return "control with a motor_lead"
-    return ""
+    control = own(flight.control)
+    if control is None:
+        return ""
+    kernel = kernel_of(control)
+    if kernel is None:
+        return f"control of the type {type(control).__name__}"
+    return kernel.refused(control)

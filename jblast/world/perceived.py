@@ -19,6 +19,7 @@ from jblast.errors import whole_number
 from jblast.observations import Observations
 from jblast.observations.grouping import stacked
 from jblast.scene import Scene, Sensor
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors import Track, readings
 from jblast.sensors.camera.geometry import CameraPath, carried_camera
 from jblast.sensors.camera.rendering import in_view
@@ -27,15 +28,6 @@ from jblast.vehicle import Trajectory
 from jblast.world.drawn import CAMERA, VEHICLE, DrawnWorld
 
 AIR = "air_arrival_s"
-BY_KIND = {
-    "microphone": (("ground_arrival_s", "ground sound"), ("air_arrival_s", "sound")),
-    "pressure": (("air_arrival_s", "pressure"),),
-    "anemometer": (("air_arrival_s", "wind"),),
-    "geophone": (("ground_arrival_s", "ground motion"),),
-    "flash": (("flash_time_s", "flash"),),
-    "imu": (("air_arrival_s", "jolt"),),
-}
-"""What a sensor of a kind perceives, and which wave brings it."""
 BY_WAVE = {
     "flash_time_s": "flash",
     "ground_arrival_s": "ground motion",
@@ -262,7 +254,7 @@ def _order(one: Perceived) -> tuple[float, str, str]:
 
 def _senses(sensor: Sensor) -> tuple[tuple[str, str], ...]:
     """Return which waves a sensor perceives, and as what: by its kind and records."""
-    by_kind = BY_KIND.get(sensor.kind, ())
+    by_kind = SENSOR_KINDS[sensor.kind].senses if sensor.kind else ()
     waves = dict.fromkeys(waves_of(sensor).values())
     known = {wave for wave, _ in by_kind}
     return (*by_kind, *((wave, BY_WAVE[wave]) for wave in waves if wave not in known))

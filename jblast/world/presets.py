@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jblast.errors import InputError, nearest, shown
 from jblast.scene import Scene, UncertainScene, WorldSpec, read_world
 from jblast.scene.reader.scene import document_of, world_from_document
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 
 SOUND = (
     "peak_overpressure_pa",
@@ -30,8 +31,6 @@ AIR = {"sound_speed_m_s": 340.0, "absorption": False}
 """Called the speed of sound in dry air at 20 C; Stokes' absorption is in the laws."""
 TICKS = {"probability": 0.15, "tick_s": 0.5, "gap_s": 0.5}
 """The plugin's: algorithm 4 has no numbers."""
-PRESSURE_SENSES = ("pressure", "anemometer", "imu", "vehicle")
-"""Kinds of those whom a blast's pressure reaches rather than its sound."""
 OCCURRENCES = ("count", "rate_hz", "probability")
 TOGETHER = (("region_m", "about"), (*OCCURRENCES, "tick_s"))
 """Keys of [world] for one choice: a scene with one of them makes the choice."""
@@ -67,7 +66,10 @@ class Preset:
             scene: What is there, by `physics`.
             kind: Of a sensor; "vehicle" or "camera".
         """
-        if self.pressure_speed_m_s is None or kind not in PRESSURE_SENSES:
+        by_pressure = kind == "vehicle" or (
+            kind in SENSOR_KINDS and SENSOR_KINDS[kind].by_pressure
+        )
+        if self.pressure_speed_m_s is None or not by_pressure:
             return scene
         speed = jnp.full_like(scene.air.wind_east, self.pressure_speed_m_s)
         laws = dict(scene.law) | {"air_arrival_s": "acoustic"}

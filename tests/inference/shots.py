@@ -17,7 +17,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import to_error_scale
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 from tests.catalogue import AROUND, BOTH, TRUTH
 
 

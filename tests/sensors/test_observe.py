@@ -8,7 +8,7 @@ import numpy as np
 
 from jblast.scene import Scene, Sensor
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.simulate import written
+from jblast.sensors.simulated_readings import written
 
 SD = 0.05
 SCENE = dataclasses.replace(

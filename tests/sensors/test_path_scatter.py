@@ -16,7 +16,7 @@ from jblast.sensors.path_scatter import (
     split,
 )
 from jblast.sensors.record import record
-from jblast.sensors.simulate import error_model, observe
+from jblast.sensors.simulated_readings import error_model, observe
 
 LAWS = {"air_arrival_s": "kingery_bulmash"}
 

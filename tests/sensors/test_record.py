@@ -10,7 +10,7 @@ from jblast.registry import LAWS
 from jblast.scene import Air, Charge, Ground, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.simulate import loadings
+from jblast.sensors.simulated_readings import loadings
 from jblast.waves import (
     acoustic_arrival_time,
     dual_path_ground_arrival_time,

@@ -11,7 +11,7 @@ from jblast.errors import InputError
 from jblast.observations.placement import resolve_positions
 from jblast.scene import Charge, Scene, Sensor, UncertainScene
 from jblast.sensors import planned_layout, record, simulate
-from jblast.sensors.simulate import loadings, observe, written
+from jblast.sensors.simulated_readings import loadings, observe, written
 
 QUANTITIES = {
     "air_arrival_s": ("kingery_bulmash", np.inf),

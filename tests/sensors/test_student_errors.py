@@ -2,7 +2,7 @@ import jax
 import numpy as np
 from scipy.stats import kstest, t
 
-from jblast.sensors.simulate import student_errors
+from jblast.sensors.simulated_readings import student_errors
 
 
 def test_they_have_students_distribution():

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FIGURES = (".png", ".svg", ".pdf")
 """What a name of a figure may end in."""
 EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
-"""Suffixes of `sensors.camera.files.event_files.READERS`, here without its imports."""
+"""Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
 OTHERWISE = {
     "freed": "--free",
     "states": "--state",

@@ -39,7 +39,7 @@ from jblast.report.provenance import provenance_of
 from jblast.report.words import comma_separated, commented
 from jblast.report.world import WorldRun, blasts_csv, perceived_csv, preset_words
 from jblast.scene import Sensor, UncertainScene
-from jblast.scene.reader.tables import INSTRUMENT_KINDS
+from jblast.scene.sensor_kinds import SENSOR_KINDS, sampling_kinds
 from jblast.sensors import Track
 from jblast.sensors.camera import landscape
 from jblast.sensors.camera.film import Film
@@ -74,7 +74,6 @@ BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
 FLIGHT, RUN, SOUND, CAMERA = "flight.csv", "run.json", "sound", "camera"
 AFTER_S, AFTER_FLIGHT_S = 0.5, 5.0
 """What lasts a world after its last wave, and one that is flown through."""
-KINDS = ("microphone", "pressure")
 AIR, PEAK = TAKEN = ("air_arrival_s", "peak_overpressure_pa")
 """What is taken of a pick."""
 BEFORE = 2
@@ -234,7 +233,9 @@ def sampled(world: DrawnWorld) -> tuple[Sensor, ...]:
     return tuple(
         sensor
         for sensor in world.scene.sensors
-        if sensor.kind in KINDS and sensor.instrument is not None
+        if sensor.instrument is not None
+        and sensor.kind
+        and SENSOR_KINDS[sensor.kind].is_picked
     )
 
 
@@ -350,7 +351,7 @@ def listened(
 ) -> dict[str, Any] | None:
     """Write what every sensor that samples hears and feels; None where none does."""
     kinds = {sensor.kind for sensor in world.scene.sensors}
-    if not kinds & set(INSTRUMENT_KINDS):
+    if not kinds & set(sampling_kinds()):
         return None
     uncertain = UncertainScene(world.scene, source=world.source)
     scene_of = None if world.preset is None else world.preset.scene_of

@@ -24,7 +24,7 @@ from jblast.inference.posterior.parameters import Parameters, Spread
 from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.sensors import Layout
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 
 @kept

@@ -58,7 +58,7 @@ from jblast.sensors import Layout
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.layout import check_scene
 from jblast.sensors.record import clock_offsets
-from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
 
 STAGES = {
     "what the layout tells": 2.0,

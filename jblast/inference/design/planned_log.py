@@ -38,7 +38,7 @@ from jblast.scene import (
 from jblast.scene.uncertain import Belief, names_in, value_of
 from jblast.sensors import layout_of, planned_layout, resolve_laws
 from jblast.sensors.law_choice import law_names, settled
-from jblast.sensors.simulate import Noise, written
+from jblast.sensors.simulated_readings import Noise, written
 
 
 class Centred(eqx.Module):

@@ -74,7 +74,7 @@ from jblast.sensors import Layout, layout_of, record
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.layout import components
 from jblast.sensors.record import path_to
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 DRAWS_IN_BANDS = 200
 STAGES = {

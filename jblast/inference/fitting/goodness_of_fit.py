@@ -24,7 +24,7 @@ from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import Observations
 from jblast.scene import Free, parameter_named
-from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
 
 WILD = 0.05
 """Readings are suspected that so small a share of honest logs would hold."""

@@ -65,7 +65,7 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
 from jblast.sensors.law_choice import settled
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 KEPT = 16
 """Layouts whose compiled programs are kept."""

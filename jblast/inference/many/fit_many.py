@@ -29,7 +29,7 @@ from jblast.scene import Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import Layout, layout_of, resolve_laws
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 PIECE = {"cpu": 1 << 14, "gpu": 1 << 20}
 """Logs of a piece, by platform."""

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jblast.inference.many.residuals import LaneRows
 from jblast.parameters import CHARGE_POSITION
 from jblast.sensors import Layout
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 LEAST = 16
 """Fewer lanes are filled up to so many."""

@@ -31,7 +31,7 @@ from jblast.quantities import ADDITIVE, TIMES
 from jblast.scene import Free, with_values
 from jblast.sensors import Layout
 from jblast.sensors.record import clock_offsets, record, residuals_of, to_error_scale
-from jblast.sensors.simulate import Noise, loadings
+from jblast.sensors.simulated_readings import Noise, loadings
 
 NAMED = 20
 """So many bad logs are named."""

@@ -42,7 +42,7 @@ from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.scene import Free
 from jblast.sensors import Layout
 from jblast.sensors.record import path_effects
-from jblast.sensors.simulate import STUDENT_FREEDOM
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM
 
 STARTS = 64
 FINALISTS = 8

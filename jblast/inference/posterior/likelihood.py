@@ -47,7 +47,7 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.sensors.layout import picked
 from jblast.sensors.path_scatter import solve_system
-from jblast.sensors.simulate import STUDENT_FREEDOM, Noise
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
 
 ROUNDS = 100
 """Steps of one search at most."""

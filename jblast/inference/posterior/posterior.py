@@ -59,7 +59,7 @@ from jblast.sensors import Layout, record
 from jblast.sensors.layout import components
 from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights
 from jblast.sensors.record import Recording, count_effects, residuals_of, to_error_scale
-from jblast.sensors.simulate import ErrorModel, Noise, error_model, paths_of
+from jblast.sensors.simulated_readings import ErrorModel, Noise, error_model, paths_of
 
 HELD = 30_000_000
 """Rows times shared effects, of which a few times as many numbers (0.24 GB each) are

@@ -36,7 +36,7 @@ from jblast.inference.posterior.likelihood import (
     reweighted,
     row_slopes,
 )
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 Terms = Callable[[Float[Array, " asked"], Float[Array, " nuisance"], Any], Array]
 Trials = Callable[

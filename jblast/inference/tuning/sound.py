@@ -52,7 +52,7 @@ from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from jblast.scene import Instrument, Scene, Sensor
-from jblast.sensors import microphone, pressure_gauge
+from jblast.scene.sensor_kinds import SENSOR_KINDS, hears_ambient
 from jblast.sensors.microphone import WIND_SLOPE, share_at_height
 from jblast.sensors.samples import BLOCK, coloured_noise
 from jblast.waves.propagation import air_density, ambient as ambient_of
@@ -62,7 +62,6 @@ DEEPEST = 1e-9
 what leaked from elsewhere, and is not looked at."""
 FLOAT_STEP = 2.0**-24
 """Rounding of what floats of 32 bits hold."""
-RECORDERS = {"microphone": microphone.record, "pressure": pressure_gauge.record}
 MOST = 2048
 """Samples that are filled so; of more the matrix takes too long."""
 TOGETHER = 64
@@ -137,7 +136,7 @@ class SoundEvidence(eqx.Module):
         if ambient is not None and ambient.loop is None:
             ambient = None
         still = replace(scene, ambient=ambient)
-        record = RECORDERS[sensor.kind]
+        record = SENSOR_KINDS[sensor.kind].samples().record
         seconds = self.samples.size / instrument.rate
         pressure = record(
             still,
@@ -266,7 +265,7 @@ def noise_spectrum(scene: Scene, sensor: Sensor) -> Float[Array, " frequency"]:
     instrument = sensor.instrument or Instrument()
     rate = instrument.rate
     heard = jnp.zeros(BLOCK + 1)
-    if sensor.kind != "pressure":
+    if hears_ambient(sensor.kind):
         heard = _around(scene, sensor, instrument)
     high_pass, low_pass = instrument.high_pass, instrument.low_pass
     if high_pass is not None or low_pass is not None:

@@ -41,6 +41,7 @@ from jblast.inference.tuning.unknowns import (
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.parameters import CLOCK_OFFSET
 from jblast.scene import Instrument, Scene, UncertainScene
+from jblast.scene.sensor_kinds import SENSOR_KINDS, hears_ambient
 from jblast.sensors.listening import Truth, truth_of
 from jblast.sensors.wave_paths import low_charges_settled
 
@@ -52,7 +53,6 @@ AIMED_AT = 0.3
 """Part of a record where a blast is put first whose time is not known."""
 HEARD_BY = ("air_arrival_s", "peak_overpressure_pa", "positive_duration_s")
 """What a record of sound is made from."""
-SOUND_KINDS = ("microphone", "pressure")
 FEWEST_SAMPLES = 512
 MOST_SAMPLES = 2**23
 """Three minutes at 48 kHz: half a gigabyte for each unknown."""
@@ -181,7 +181,7 @@ def _is_silent(scene: Scene, index: int) -> bool:
     own = instrument.noise is not None and float(instrument.noise) > 0
     written = instrument.bits is not None
     around = (
-        sensor.kind != "pressure"
+        hears_ambient(sensor.kind)
         and ambient is not None
         and ambient.loop is None
         and float(ambient.level) > 0
@@ -297,10 +297,9 @@ def recorded_sound(
 
 def _index(path: Path, scene: Scene, source: str, sensor: str | None) -> int:
     """Return which sensor of a scene recorded a file."""
-    kinds = " or ".join(SOUND_KINDS)
-    heard = [
-        index for index, one in enumerate(scene.sensors) if one.kind in SOUND_KINDS
-    ]
+    tuned = [name for name, kind in SENSOR_KINDS.items() if kind.is_tuned]
+    kinds = " or ".join(tuned)
+    heard = [index for index, one in enumerate(scene.sensors) if one.kind in tuned]
     names = [scene.sensors[index].name for index in heard]
     if not heard:
         raise InputError(f"{source}: expected a [[sensor]] of kind {kinds}, got none")

@@ -2,47 +2,99 @@
 
 The extension of a file selects its reader, and its first bytes must not be those of
 another format. A reader is imported when it is used, since most need a library of their
-own. A format is added by a module with a function `open_NAME` and an entry in
-`FORMATS`. Text, miniSEED, SAC and MATLAB files are read whole and limited to 2 GB; the
-other formats are read in segments, at any length.
+own. A format is one record of `RECORD_FORMATS`. Text, miniSEED, SAC and MATLAB files
+are read whole and limited to 2 GB; the other formats are read in segments, at any
+length.
 """
 
 import os
-from collections.abc import Callable, Sequence
-from importlib import import_module
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 from jblast.errors import InputError, closest
+from jblast.lazy import resolved
 from jblast.observations.records.csv import is_stations
 from jblast.observations.records.recording import Recording, Scaling
+from jblast.registry import Registry
 
 Opener = Callable[[Path, Scaling], tuple[Recording, ...]]
-FORMATS = {
-    "sound": (".wav", ".flac"),
-    "csv": (".csv", ".txt", ".tsv", ".dat", ".asc"),
-    "seismic": (".mseed", ".miniseed", ".msd", ".sac"),
-    "tdms": (".tdms",),
-    "netcdf": (".nc", ".nc4", ".h5", ".hdf5", ".hdf", ".cdf"),
-    "matlab": (".mat",),
-}
-"""Modules of this folder, each with its function `open_NAME`, by extension."""
-EXTENSIONS = {ending: kind for kind, endings in FORMATS.items() for ending in endings}
-BEGINNINGS = {
-    b"RIFF": ("sound", ".wav"),
-    b"RF64": ("sound", ".wav"),
-    b"fLaC": ("sound", ".flac"),
-    b"\x89HDF": ("netcdf", ".h5"),
-    b"CDF": ("netcdf", ".nc"),
-    b"TDSm": ("tdms", ".tdms"),
-    b"MATLAB": ("matlab", ".mat"),
-}
-"""What files of a format begin with, and what their names should end in."""
-LIKE = {("netcdf", "matlab")}
-"""Formats that others are written in: .mat of version 7.3 is HDF5."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordFormat:
+    """A format of files of samples.
+
+    Attributes:
+        name: Of the format.
+        suffixes: Of its files: (".wav", ".flac").
+        open: From a path and a scaling to recordings, or the place of that function.
+        beginnings: First bytes of its files, and the suffix that they stand for: a file
+            of another suffix that begins so is refused.
+        inside: Formats that its files may be written in.
+        is_whole: Whether a file is read whole, which limits its size.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    open: Opener | str
+    beginnings: Mapping[bytes, str] = field(default_factory=dict)
+    inside: tuple[str, ...] = ()
+    is_whole: bool = False
+
+
+_FOLDER = "jblast.observations.records"
+RECORD_FORMATS = Registry[RecordFormat](
+    "format of records",
+    RecordFormat(
+        name="sound",
+        suffixes=(".wav", ".flac"),
+        open=f"{_FOLDER}.sound:open_sound",
+        beginnings={b"RIFF": ".wav", b"RF64": ".wav", b"fLaC": ".flac"},
+    ),
+    RecordFormat(
+        name="csv",
+        suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc"),
+        open=f"{_FOLDER}.csv:open_csv",
+        is_whole=True,
+    ),
+    RecordFormat(
+        name="seismic",
+        suffixes=(".mseed", ".miniseed", ".msd", ".sac"),
+        open=f"{_FOLDER}.seismic:open_seismic",
+        is_whole=True,
+    ),
+    RecordFormat(
+        name="tdms",
+        suffixes=(".tdms",),
+        open=f"{_FOLDER}.tdms:open_tdms",
+        beginnings={b"TDSm": ".tdms"},
+    ),
+    RecordFormat(
+        name="netcdf",
+        suffixes=(".nc", ".nc4", ".h5", ".hdf5", ".hdf", ".cdf"),
+        open=f"{_FOLDER}.netcdf:open_netcdf",
+        beginnings={b"\x89HDF": ".h5", b"CDF": ".nc"},
+    ),
+    RecordFormat(
+        name="matlab",
+        suffixes=(".mat",),
+        open=f"{_FOLDER}.matlab:open_matlab",
+        beginnings={b"MATLAB": ".mat"},
+        inside=("netcdf",),  # version 7.3 is HDF5
+        is_whole=True,
+    ),
+)
+"""By name; `register` adds one from any module."""
+register = RECORD_FORMATS.register
 MOST_WHOLE = 2 * 10**9
 """Bytes of a file that is read whole; sound, HDF5, NetCDF and TDMS are not."""
-WHOLE = ("csv", "seismic", "matlab")
+
+
+def suffixes() -> dict[str, RecordFormat]:
+    """Return the format of each suffix."""
+    return {end: one for one in RECORD_FORMATS.values() for end in one.suffixes}
 
 
 def open_record(
@@ -51,7 +103,7 @@ def open_record(
     """Return what a file of samples holds: a recording for each clock in it.
 
     Args:
-        path: Of a format in `FORMATS`.
+        path: Of a format in `RECORD_FORMATS`.
         scaling: What the user says of the recorder's scale.
 
     Raises:
@@ -64,9 +116,7 @@ def open_record(
         raise InputError(f"{path}: no such file; expected a record of samples")
     kind = _kind(path)
     _check(path, kind)
-    module = import_module(f"jblast.observations.records.{kind}")
-    opener: Opener = getattr(module, f"open_{kind}")
-    recordings = opener(path, scaling or Scaling())
+    recordings = resolved(kind.open)(path, scaling or Scaling())
     if not any(recording.length for recording in recordings):
         raise InputError(f"{path}: expected samples, got none")
     return recordings
@@ -74,16 +124,16 @@ def open_record(
 
 def is_record(path: Path) -> bool:
     """Return whether a file's name ends as those of samples do."""
-    return path.suffix.lower() in EXTENSIONS
+    return path.suffix.lower() in suffixes()
 
 
-def _kind(path: Path) -> str:
+def _kind(path: Path) -> RecordFormat:
     """Return the format that a name asks for."""
-    ending = path.suffix.lower()
-    if ending in EXTENSIONS:
-        return EXTENSIONS[ending]
-    known = ", ".join(EXTENSIONS)
-    close = closest(ending, EXTENSIONS) if ending else None
+    ending, formats = path.suffix.lower(), suffixes()
+    if ending in formats:
+        return formats[ending]
+    known = ", ".join(formats)
+    close = closest(ending, formats) if ending else None
     hint = f"; did you mean {close}?" if close else ""
     raise InputError(
         f"{path}: expected a record of samples, its name ending in {known}, got "
@@ -91,7 +141,7 @@ def _kind(path: Path) -> str:
     )
 
 
-def _check(path: Path, kind: str) -> None:
+def _check(path: Path, kind: RecordFormat) -> None:
     """Refuse what is a folder, empty, too large, or of another format."""
     if path.is_dir():
         raise InputError(f"{path}: is a directory; expected a record of samples")
@@ -105,13 +155,16 @@ def _check(path: Path, kind: str) -> None:
     size = path.stat().st_size
     if not start:
         raise InputError(f"{path}: is empty; expected a record of samples")
-    for mark, (held, ending) in BEGINNINGS.items():
-        if start.startswith(mark) and held != kind and (held, kind) not in LIKE:
-            raise InputError(
-                f"{path}: expected what a name in {path.suffix} promises, got a file "
-                f"that begins as {ending} does; rename it"
-            )
-    if kind in WHOLE and size > MOST_WHOLE:
+    for other in RECORD_FORMATS.values():
+        if other.name in (kind.name, *kind.inside):
+            continue
+        for mark, ending in other.beginnings.items():
+            if start.startswith(mark):
+                raise InputError(
+                    f"{path}: expected what a name in {path.suffix} promises, got a "
+                    f"file that begins as {ending} does; rename it"
+                )
+    if kind.is_whole and size > MOST_WHOLE:
         raise InputError(
             f"{path}: expected at most {MOST_WHOLE / 1e9:g} GB of {path.suffix}, which "
             f"is read whole, got {size / 1e9:.3g} GB; cut it, or write it as WAV or "

@@ -23,13 +23,8 @@ from jblast.quantities import (
 )
 from jblast.scene.camera import MOUNTS
 from jblast.scene.reader.tables import (
-    IMU_KEYS,
-    INSTRUMENT_KEYS,
-    INSTRUMENT_KINDS,
     LISTS,
     SATURATIONS,
-    SENSOR_KINDS,
-    VELOCITY_KINDS,
     Uncertain,
     choice,
     finite,
@@ -50,6 +45,16 @@ from jblast.scene.sensor import (
     Imu,
     Instrument,
     Sensor,
+)
+from jblast.scene.sensor_kinds import (
+    IMU_KEYS,
+    SENSOR_KINDS,
+    SensorKind,
+    all_instrument_keys,
+    has_key,
+    kind_of,
+    own_keys,
+    sampling_kinds,
 )
 
 QUATERNION = "quaternion_xyzw"
@@ -104,7 +109,7 @@ def _sensor(
     """Read one sensor; a position that is not there is NaN until a log gives it."""
     kind = ""
     if "kind" in entry:
-        kind = choice(entry["kind"], SENSOR_KINDS, f"{where} kind")
+        kind = choice(entry["kind"], tuple(SENSOR_KINDS), f"{where} kind")
     records = read_records(entry.get("records", {}), f"{where} records")
     times = _times(entry["times_s"], f"{where} times_s") if "times_s" in entry else ()
     if times and not any(quantity in TIMED for quantity, _ in records):
@@ -115,7 +120,7 @@ def _sensor(
     mount = _mount(entry, document, where)
     carried = {}
     if mount:
-        _refuse_unmountable(kind, records, where)
+        _refuse_unmountable(kind_of(kind), records, where)
         carried = {"offset_m": np.zeros(3)} | {
             name: fixed_list(entry[key], f"{where} {key}", LISTS[key])
             for name, key in (("offset_m", "offset_m"), ("quaternion", QUATERNION))
@@ -135,6 +140,7 @@ def _sensor(
         times_s=times,
         instrument=read_instrument(entry, kind, position, where),
         imu=read_imu(entry, kind, mount, where),
+        settings=read_settings(entry, kind, where),
         mount=mount,
         **carried,
     )
@@ -190,25 +196,23 @@ def _mount(entry: dict[str, Any], document: dict[str, Any], where: str) -> str:
 
 
 def _refuse_unmountable(
-    kind: str, records: Sequence[tuple[str, float]], where: str
+    kind: SensorKind | None, records: Sequence[tuple[str, float]], where: str
 ) -> None:
     """Refuse a sensor that cannot ride along.
 
     Args:
-        kind: Of sensor; "" if unsaid.
+        kind: Of sensor; None without one.
         records: What it records, and the sigma of each.
         where: File, table and sensor, for the messages.
 
     Raises:
         InputError: It stands in the ground, or nothing is built for it.
     """
-    if kind == "geophone":
+    if kind is not None and kind.unmounted:
         raise InputError(
-            f"{where} mount: expected a sensor that can ride along, got a geophone, "
-            "which stands on the ground"
+            f"{where} mount: expected a sensor that can ride along, got "
+            f"{kind.unmounted}"
         )
-    if kind == "anemometer":
-        raise not_yet(f"{where} mount", "an anemometer that rides along")
     for quantity, _ in records:
         of_ground = quantity.startswith("ground_") and quantity != "ground_arrival_s"
         apart = len(components(quantity)) > 1 or quantity in (*TIMED, *BY_CAMERA)
@@ -235,22 +239,23 @@ def read_instrument(
             f"{where} position_m[2]: expected a microphone on the ground or above it, "
             f"got {position[2]:g} m"
         )
-    given = [key for key in INSTRUMENT_KEYS if key in entry]
+    given = [key for key in all_instrument_keys() if key in entry]
     if not given:
         return None
     if kind == "imu":  # has a reader of its own
         return None
-    if kind and kind not in INSTRUMENT_KINDS:
+    known = kind_of(kind)
+    if known is not None and not known.has_samples:
         raise InputError(
             f"{where} {given[0]}: expected a sensor that writes samples "
-            f"({', '.join(INSTRUMENT_KINDS)}), got kind {shown(kind)}"
+            f"({', '.join(sampling_kinds())}), got kind {shown(kind)}"
         )
-    unit = "m_s" if kind in VELOCITY_KINDS else "pa"
-    other = "pa" if unit == "m_s" else "m_s"
-    for key in (f"full_scale_{other}", f"noise_{other}"):
-        if key in entry:
+    unit = "pa" if known is None else known.unit
+    for key in given:
+        stem = next((s for s in ("full_scale", "noise") if key.startswith(s)), None)
+        if stem is not None and key != f"{stem}_{unit}":
             raise InputError(
-                f"{where} {key}: expected {key.removesuffix(other)}{unit}, the unit "
+                f"{where} {key}: expected {stem}_{unit}, the unit "
                 f"that a sensor of kind {shown(kind)} measures in, got {key}"
             )
     rate = RATE_HZ
@@ -299,19 +304,14 @@ def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | 
     Raises:
         InputError: As in `read_scene`.
     """
-    own = [key for key in IMU_KEYS if key in entry]
+    keys = tuple(key.name for key in IMU_KEYS)
+    own = [key for key in keys if key in entry]
     if kind != "imu":
-        for key in own:
-            if key not in INSTRUMENT_KEYS:
-                raise InputError(
-                    f'{where} {key}: expected kind = "imu" with it, got '
-                    f"{shown(kind) if kind else 'no kind'}"
-                )
         return None
-    for key in INSTRUMENT_KEYS:
-        if key in entry and key not in IMU_KEYS:
+    for key in all_instrument_keys():
+        if key in entry and key not in keys:
             raise InputError(
-                f"{where} {key}: expected one of {', '.join(IMU_KEYS)}, which an imu "
+                f"{where} {key}: expected one of {', '.join(keys)}, which an imu "
                 f"has, got {key}"
             )
     if not own:
@@ -335,6 +335,43 @@ def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | 
     if "bits" in entry:
         found["bits"] = _bits(entry["bits"], f"{where} bits")
     return Imu(**found)
+
+
+def read_settings(entry: dict[str, Any], kind: str, where: str) -> dict[str, float]:
+    """Read the numbers that the sensors of a kind alone have; defaults are filled in.
+
+    Args:
+        entry: The sensor's keys and values.
+        kind: Kind of the sensor, "" if unsaid.
+        where: File, table and sensor, for the messages.
+
+    Raises:
+        InputError: A key belongs to another kind, or its number is out of bounds.
+    """
+    known = kind_of(kind)
+    keys = () if known is None else known.keys
+    shared = (*all_instrument_keys(), *(key.name for key in keys))
+    for key in own_keys():
+        if key in entry and key not in shared:
+            whose = (name for name, one in SENSOR_KINDS.items() if has_key(one, key))
+            raise InputError(
+                f'{where} {key}: expected kind = "{next(whose)}" with it, got '
+                f"{shown(kind) if kind else 'no kind'}"
+            )
+    if kind == "imu":  # `read_imu`
+        return {}
+    found = {}
+    for key in keys:
+        if key.name not in entry and key.default is None:
+            continue
+        value = fixed_number(entry.get(key.name, key.default), f"{where} {key.name}")
+        if not key.bounds.allows(value):
+            raise InputError(
+                f"{where} {key.name}: expected a number that is {key.bounds.words()}, "
+                f"got {shown(value)}"
+            )
+        found[key.name] = value
+    return found
 
 
 def _number(value: Any, positive: bool, where: str) -> float:

@@ -1,6 +1,7 @@
 """Keys, tables and numbers of a scene file.
 
-One table lists every key a scene file may have (`KEYS`). A number of a file is fixed,
+One table lists every key a scene file may have (`KEYS`; `keys_of` adds those of kinds
+of sensors). A number of a file is fixed,
 free, or has a prior (`PRIORS`). A key accepts one unit only, so that the value read is
 the value written; a key in another unit is refused with the conversion factor. Logs, in
 contrast, are written by instruments and are converted.
@@ -16,6 +17,7 @@ from jaxtyping import Float
 from jblast.errors import InputError, nearest, shown
 from jblast.parameters import PARAMETERS, Parameter
 from jblast.quantities import QUANTITIES
+from jblast.scene.sensor_kinds import all_instrument_keys, own_keys
 from jblast.scene.uncertain import Free, LogNormal, LogUniform, Normal, Prior, Uniform
 
 Uncertain = tuple[float, Prior | Free | None]
@@ -50,30 +52,6 @@ LISTS = {
 CLEAR_OF_ZERO = 3.0
 """A normal prior of a positive number keeps this many sds clear of zero: 0.13 % of the
 probability is below zero at most."""
-INSTRUMENT_KEYS = (
-    "rate_hz",
-    "full_scale_pa",
-    "full_scale_m_s",
-    "noise_pa",
-    "noise_m_s",
-    "bits",
-    "filter_hz",
-    "saturation",
-)
-"""Keys of a sensor that say what its instrument does."""
-IMU_KEYS = (
-    "rate_hz",
-    "full_scale_m_s2",
-    "full_scale_rad_s",
-    "noise_m_s2_sqrt_hz",
-    "noise_rad_s_sqrt_hz",
-    "bias_m_s2",
-    "bias_rad_s",
-    "bias_walk_m_s2_sqrt_s",
-    "bias_walk_rad_s_sqrt_s",
-    "bits",
-)
-"""Those of an imu."""
 KEYS: dict[str, tuple[str, ...]] = {
     "": (
         "schema",
@@ -120,7 +98,6 @@ KEYS: dict[str, tuple[str, ...]] = {
         "mount",
         "offset_m",
         "quaternion_xyzw",
-        *dict.fromkeys((*INSTRUMENT_KEYS, *IMU_KEYS)),
     ),
     "clock": ("name", "offset_s"),
     "place": ("lat_deg", "lon_deg", "alt_m"),
@@ -169,14 +146,9 @@ KEYS: dict[str, tuple[str, ...]] = {
     "law": (*QUANTITIES, "scatter", "sedov_gamma", "fireball_growth_s"),
 }
 """Keys by table; "" is the file itself, "control" stands in [vehicle], "region" in
-[world]."""
+[world]. A sensor has those of its kind besides: `keys_of`."""
 LATER: dict[str, tuple[str, ...]] = {}
 """Keys of the contract that nothing uses yet."""
-SENSOR_KINDS = ("pressure", "microphone", "anemometer", "geophone", "flash", "imu")
-INSTRUMENT_KINDS = ("pressure", "microphone", "anemometer", "geophone")
-"""Sensors that write samples, one after another."""
-VELOCITY_KINDS = ("anemometer", "geophone")
-"""Those that measure m/s; the others measure Pa."""
 SATURATIONS = ("clip", "compress")
 VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
 GROUND_PATHS = ("head", "thesis")
@@ -192,6 +164,13 @@ TEMPERATURES = {
 PER_CENT = ("percent", "pct")
 LONGEST = 3
 """Words of the longest ending: km_per_h."""
+
+
+def keys_of(table: str) -> tuple[str, ...]:
+    """Return the keys of a table; of a sensor with those of all registered kinds."""
+    if table != "sensor":
+        return KEYS[table]
+    return tuple(dict.fromkeys((*KEYS[table], *all_instrument_keys(), *own_keys())))
 
 
 def finite(value: Any, where: str, expected: str = "a finite number") -> float:
@@ -370,7 +349,7 @@ def tables(document: dict[str, Any], name: str, where: str) -> list[dict[str, An
 
 def known_keys(entry: dict[str, Any], name: str, where: str) -> None:
     """Refuse a key that the table does not have, and one that waits to be built."""
-    known, later = KEYS[name], LATER.get(name, ())
+    known, later = keys_of(name), LATER.get(name, ())
     for key in entry:
         if key in later:
             raise not_yet(f"{where} {key}" if name else f"{where}: [{key}]", "this")

@@ -25,7 +25,7 @@ from jblast.scene import UncertainScene, freed, parameter_named
 from jblast.scene.uncertain import Prior, names_in, value_of, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names, settled
-from jblast.sensors.simulate import STUDENT_FREEDOM, observe, student_errors
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM, observe, student_errors
 from jblast.study.outcome.family import (
     Answers,
     Family,

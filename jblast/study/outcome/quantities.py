@@ -20,7 +20,7 @@ from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
 from jblast.sensors import Layout, planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names, settled
-from jblast.sensors.simulate import STUDENT_FREEDOM, observe, student_errors
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM, observe, student_errors
 from jblast.study.outcome.family import (
     Answers,
     Family,

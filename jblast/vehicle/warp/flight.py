@@ -12,12 +12,14 @@ from jblast.constants import AIR_HEAT_CAPACITY_RATIO
 from jblast.errors import InputError
 from jblast.scene.charge import BURSTS
 from jblast.vehicle.control.allocation import allocation
+from jblast.vehicle.controllers import kernel_of
 from jblast.vehicle.loads.blast import BlastLoad
 from jblast.vehicle.loads.blast_wave import FIRST, Blast
 from jblast.vehicle.quadrotor import Vehicle, required_body
 from jblast.vehicle.rollout import Each, Flight, Ticks, own
 from jblast.vehicle.state import Trajectory
 from jblast.vehicle.warp.blast import DRAG, FRONT, GAUSS, ROTORS, curve_table
+from jblast.vehicle.warp.position_hold import hold_functions
 from jblast.vehicle.warp.rollout import COLUMNS, FIELDS, KINDS, rollout_kernel
 from jblast.waves.scaling import sachs_distance_factor, sachs_time_factor
 
@@ -58,7 +60,10 @@ class KernelFlight:
         place = device_named(device)
         dtype = np.dtype(time_s.dtype)
         real: Any = {"float32": wp.float32, "float64": wp.float64}[dtype.name]
-        kernel = rollout_kernel(real, integrator)
+        control = own(flight.control)
+        warp_control = None if control is None else kernel_of(control)
+        functions = hold_functions if warp_control is None else warp_control.functions
+        kernel = rollout_kernel(real, integrator, functions)
         send, count = Sender(place, real, batch), int(np.prod(batch))
         try:
             rows = wp.empty((time_s.size, COLUMNS, count), dtype=real, device=place)
@@ -181,12 +186,10 @@ class Sender:
             pilot.table = self.array(jnp.moveaxis(lanes, 0, -1))
         if flight.control is not None:
             pilot.kind = 2
-            hold = own(flight.control)
-            yaw, k = hold.yaw_rad[..., None], hold.gains
-            order = [hold.target_m, jnp.cos(yaw), jnp.sin(yaw), 0 * yaw]
-            order += [k.position, k.velocity, k.integral]
-            order += [x[..., None] for x in (k.attitude, k.body_rate, k.integral_limit)]
-            pilot.orders = self.columns(jnp.concatenate(order, axis=-1))
+            control = own(flight.control)
+            kernel = kernel_of(control)
+            assert kernel is not None, "JAX flies the others (`simulate.flies_on_warp`)"
+            pilot.orders = self.columns(kernel.orders(control))
         return pilot
 
     def air(self, Air: Any, flight: Flight) -> Any:

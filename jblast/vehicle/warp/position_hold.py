@@ -4,11 +4,19 @@ from functools import cache
 from types import SimpleNamespace
 from typing import no_type_check
 
+import jax.numpy as jnp
 import warp as wp
+from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.control.allocation import SLOWEST
-from jblast.vehicle.control.position_hold import DESCENT_M_S, THRUST_FLOOR, TILT_SLOPE
+from jblast.vehicle.control.position_hold import (
+    DESCENT_M_S,
+    THRUST_FLOOR,
+    TILT_SLOPE,
+    PositionHold,
+)
+from jblast.vehicle.controllers import ControllerKernel
 from jblast.vehicle.warp.dynamics import body_functions
 
 
@@ -179,3 +187,20 @@ def hold_functions(real: type) -> SimpleNamespace:
         return answer
 
     return SimpleNamespace(order_of=order_of, hold=hold)
+
+
+def orders(hold: PositionHold) -> Float[Array, "*batch row"]:
+    """Return the numbers of a hold in the rows that `order_of` reads."""
+    yaw, k = hold.yaw_rad[..., None], hold.gains
+    order = [hold.target_m, jnp.cos(yaw), jnp.sin(yaw), 0 * yaw]
+    order += [k.position, k.velocity, k.integral]
+    order += [x[..., None] for x in (k.attitude, k.body_rate, k.integral_limit)]
+    return jnp.concatenate(order, axis=-1)
+
+
+def refused(hold: PositionHold) -> str:
+    """Return the option of a hold that the functions do not have."""
+    return "control with a motor_lead" if hold.gains.motor_lead is not None else ""
+
+
+KERNEL = ControllerKernel(hold_functions, orders, refused)

@@ -6,6 +6,7 @@ derivative: an adjoint of a loop that overwrites its state in registers would be
 without a warning. JAX has derivatives.
 """
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import no_type_check
@@ -30,14 +31,17 @@ FIELDS = ("start_s", "duration_s", "decay")
 
 @cache
 @no_type_check
-def rollout_kernel(real: type, integrator: str) -> SimpleNamespace:
+def rollout_kernel(
+    real: type, integrator: str, controller: Callable = hold_functions
+) -> SimpleNamespace:
     """Return the kernel, and the types of what it takes.
 
     Args:
         real: `wp.float32` or `wp.float64`.
         integrator: "rk4" or "euler".
+        controller: Functions of the controller (`vehicle.ControllerKernel`).
     """
-    body, hold, steps = body_functions(real), hold_functions(real), step_functions(real)
+    body, hold, steps = body_functions(real), controller(real), step_functions(real)
     gust, blast, sums = gust_functions(real), blast_functions(real), sum_functions(real)
     vec3, Vehicle, StateComponents, Wrench = (
         body.vec3,
@@ -214,7 +218,7 @@ def step_functions(real: type) -> SimpleNamespace:
         store_every: int
 
     class Pilot:
-        """What commands the rotors: 0 nothing, 1 a table, 2 the position hold."""
+        """What commands the rotors: 0 nothing, 1 a table, 2 the controller."""
 
         kind: int
         table: wp.array3d[real]

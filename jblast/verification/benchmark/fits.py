@@ -35,7 +35,7 @@ from jblast.inference.mode.search import optima
 from jblast.inference.whitening import Whitened, whitened_density
 from jblast.progress import in_words
 from jblast.sensors import planned_layout
-from jblast.sensors.simulate import written
+from jblast.sensors.simulated_readings import written
 from jblast.study.rare import (
     Margin,
     Points,

@@ -34,7 +34,7 @@ from jblast.inference.mode.search import SAME
 from jblast.observations import Observations
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_laws, with_values
 from jblast.sensors import simulate
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 from jblast.verification.stability.failure import (
     FailureMode,
     boundary_at,

@@ -26,7 +26,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
-from types import ModuleType
 from typing import NamedTuple
 
 import equinox as eqx
@@ -39,7 +38,8 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
-from jblast.sensors import Heard, Track, heard, microphone, pressure_gauge, record_laws
+from jblast.scene.sensor_kinds import SENSOR_KINDS
+from jblast.sensors import Heard, Track, heard, record_laws
 from jblast.sensors.samples import BLOCK
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
@@ -68,7 +68,6 @@ SILENCE_PA = 1e-9
 """What is quieter at either end of a stretch is left out: 86 dB below what is heard."""
 GROUND_LASTS = 50.0
 """Time constants of a pulse in the ground until it is over, u^2 exp(-u) = 5e-19."""
-RECORDERS: dict[str, ModuleType] = {"pressure": pressure_gauge, "sound": microphone}
 KINDS = {"pressure": "pressure", "sound": "microphone"}
 STEPS_HZ = 2000.0
 """Steps a second: the default of a flight."""
@@ -703,10 +702,11 @@ def records_of(
     )
     waves = heard(scene, place, laws, ground=sense == "sound")
     tail = TAIL_S if sense == "sound" else 0.0
+    recorder = SENSOR_KINDS[KINDS[sense]].samples()
     found = []
     for first, last in _stretches(waves, rate_hz, tail):
         size = BLOCK * 2 ** math.ceil(math.log2(max((last - first) / BLOCK, 1.0)))
-        samples = RECORDERS[sense].record(
+        samples = recorder.record(
             scene,
             sensor,
             size / rate_hz,

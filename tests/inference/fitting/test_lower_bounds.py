@@ -24,7 +24,7 @@ from jblast.report.fit.figures import recordings_figure, residuals_figure
 from jblast.report.fit.rows import residual_rows
 from jblast.scene import Scene, UncertainScene, freed, with_laws
 from jblast.sensors import layout_of, record
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 from tests.inference.logs import log
 
 TRUTH = 15.0

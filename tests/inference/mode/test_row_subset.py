@@ -23,7 +23,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Air, Scene, UncertainScene, freed, with_values
 from jblast.sensors import layout_of, observe
 from jblast.sensors.record import count_effects, path_effects, record
-from jblast.sensors.simulate import loadings
+from jblast.sensors.simulated_readings import loadings
 from tests.inference.logs import log
 
 ARRIVAL = {"air_arrival_s": "kingery_bulmash"}

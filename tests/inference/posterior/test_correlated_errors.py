@@ -21,7 +21,7 @@ from jblast.inference.posterior.posterior import own_and_shared_errors, posterio
 from jblast.observations.table import RecordCovariance
 from jblast.scene import with_laws
 from jblast.sensors import layout_of
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 from tests.catalogue import MASS_FREE
 from tests.inference.logs import log
 

@@ -12,7 +12,7 @@ from jblast.inference.posterior.record_likelihood import (
     record_log_likelihood,
 )
 from jblast.inference.sampled_records import ASKED, sampled_records
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 from jblast.signals.picks import pick_records
 from jblast.verification.simulated_recordings import (
     LAWS,

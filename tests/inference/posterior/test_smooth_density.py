@@ -17,7 +17,7 @@ from jblast.observations.grouping import located
 from jblast.observations.scenes import for_log
 from jblast.scene import UncertainScene, default_scene, read_scene, with_laws
 from jblast.sensors import layout_of
-from jblast.sensors.simulate import Noise
+from jblast.sensors.simulated_readings import Noise
 
 DATA = Path(calibration.__path__[0]) / "data"
 LOGS = ("hta_1", "hri_2", "trinity", "five_microphones", "camera_and_bang", "six_clips")

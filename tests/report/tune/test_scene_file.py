@@ -9,7 +9,7 @@ from jblast.inference.tuning.unknowns import TUNABLES
 from jblast.report.tune import key_words
 from jblast.report.tune_files import moved, scene_text, tuned_document
 from jblast.scene.reader.scene import scene_from_document
-from jblast.scene.reader.tables import KEYS
+from jblast.scene.reader.tables import keys_of
 
 SCENES = [
     path
@@ -62,5 +62,5 @@ def test_a_recording_of_the_scene_is_named_from_where_the_new_one_stands(tmp_pat
 
 @pytest.mark.parametrize("row", TUNABLES.values(), ids=lambda row: row.name)
 def test_what_can_be_tuned_stands_in_a_scene_file(row):
-    assert row.key.name in KEYS[row.key.table]
+    assert row.key.name in keys_of(row.key.table)
     assert row.key.name in key_words(row.name, "mic")

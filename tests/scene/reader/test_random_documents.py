@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from jblast.errors import InputError
 from jblast.scene import UncertainScene, WorldSpec
 from jblast.scene.reader.scene import scene_from_document, world_from_document
-from jblast.scene.reader.tables import KEYS, LATER
+from jblast.scene.reader.tables import LATER, keys_of
 from jblast.scene.uncertain import value_of
 from tests.scene.reader.alone import ALONE
 
@@ -32,7 +32,7 @@ VALUE = st.recursive(
 
 
 def tables(name):
-    keys = st.sampled_from([*KEYS[name], *LATER.get(name, ()), "x"])
+    keys = st.sampled_from([*keys_of(name), *LATER.get(name, ()), "x"])
     some = st.one_of(NUMBER, st.lists(NUMBER, min_size=3, max_size=3), VALUE)
     return st.dictionaries(keys, some, max_size=4)
 

@@ -9,7 +9,7 @@ from jblast.registry import LAWS, call, law_for, total_scatter
 from jblast.scene import Charge, Scene, Sensor
 from jblast.scene.charge import Burst
 from jblast.sensors import planned_layout, record
-from jblast.sensors.simulate import loadings
+from jblast.sensors.simulated_readings import loadings
 from jblast.waves.paths import Path
 from jblast.waves.shock import FAR_END, FarScatter, measured_far_scatter
 

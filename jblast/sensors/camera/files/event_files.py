@@ -12,6 +12,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.files import replacing
+from jblast.registry import Registry
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files import aedat4, evt3
 from jblast.sensors.camera.files.recorded_events import (
@@ -26,13 +27,34 @@ from jblast.sensors.camera.files.recorded_events import (
     write_dsec,
 )
 
-READERS = {
-    ".h5": read_dsec,
-    ".hdf5": read_dsec,
-    ".npz": read_arrays,
-    ".raw": evt3.read_evt3,
-    ".aedat4": aedat4.read_aedat4,
-}
+
+class EventFormat(NamedTuple):
+    """A format of files of camera events.
+
+    Attributes:
+        name: Suffix of its files.
+        read: From a path and a size, which files without one need, to events.
+        write: From an empty file, columns, width and height, and the last millisecond
+            of an index.
+        largest: Columns or rows that have a number in it [px].
+    """
+
+    name: str
+    read: Callable[[Path, tuple[int, int] | None], RecordedEvents]
+    write: Callable[[Path, Iterable[Columns], tuple[int, int], int], None]
+    largest: int = 1 << 16
+
+
+EVENT_FORMATS = Registry[EventFormat](
+    "format of events",
+    EventFormat(".h5", read_dsec, write_dsec),
+    EventFormat(".hdf5", read_dsec, write_dsec),
+    EventFormat(".npz", read_arrays, write_arrays),
+    EventFormat(".raw", evt3.read_evt3, evt3.write_evt3, evt3.LARGEST),
+    EventFormat(".aedat4", aedat4.read_aedat4, aedat4.write_aedat4, aedat4.LARGEST),
+)
+"""By the suffix of its files; `register` adds one from any module."""
+register = EVENT_FORMATS.register
 
 
 def read_events(
@@ -56,30 +78,7 @@ def read_events(
         raise InputError(f"{path}: {what}; expected a file of events")
     if not path.stat().st_size:
         raise InputError(f"{path}: is empty; expected a file of events")
-    return READERS[suffix](path, size)
-
-
-class Format(NamedTuple):
-    """Writer and limits of a format of events.
-
-    Attributes:
-        write: Takes an empty file, columns, width and height, and until which
-            millisecond an index is to go.
-        largest: Columns or rows that have a number in it [px].
-    """
-
-    write: Callable[[Path, Iterable[Columns], tuple[int, int], int], None]
-    largest: int
-
-
-WRITERS = {
-    ".h5": Format(write_dsec, 1 << 16),
-    ".hdf5": Format(write_dsec, 1 << 16),
-    ".npz": Format(write_arrays, 1 << 16),
-    ".raw": Format(evt3.write_evt3, evt3.LARGEST),
-    ".aedat4": Format(aedat4.write_aedat4, aedat4.LARGEST),
-}
-"""By what the file's name ends in."""
+    return EVENT_FORMATS[suffix].read(path, size)
 
 
 class Written(NamedTuple):
@@ -103,7 +102,7 @@ def write_events(
     All take them block by block but npz, which is put together in memory.
 
     Args:
-        path: Ends in one of `WRITERS`; an existing file is replaced.
+        path: Ends in one of `EVENT_FORMATS`; an existing file is replaced.
         blocks: In order of time, which begins at frame 0.
         width: Pixels of a row.
         height: Rows.
@@ -114,7 +113,7 @@ def write_events(
             or an event is outside it, before the one that precedes it, or before 0.
     """
     suffix = check_suffix(path)
-    form = WRITERS[suffix]
+    form = EVENT_FORMATS[suffix]
     if max(width, height) > form.largest:
         raise InputError(
             f"{path}: expected images of at most {form.largest:,} pixels a side, "
@@ -136,8 +135,8 @@ def check_suffix(path: str | Path) -> str:
         InputError: It is none that we write.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in WRITERS:
-        *some, last = WRITERS
+    if suffix not in EVENT_FORMATS:
+        *some, last = EVENT_FORMATS
         raise InputError(
             f"{path}: expected a name that ends in {', '.join(some)} or {last}"
         )

@@ -1,11 +1,12 @@
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import soundfile
 
-from jblast.sensors import listening
+from jblast.scene import SENSOR_KINDS
 
 SCENE = """
 [charge]
@@ -114,8 +115,13 @@ def test_packets_make_the_same_files(jblast):
 
 
 def test_a_stream_that_breaks_keeps_what_it_had(jblast, monkeypatch):
+    kind = SENSOR_KINDS["microphone"]
+    studio = kind.samples()
+
     class Broken:
         """Breaks after three packets."""
+
+        record = studio.record
 
         @staticmethod
         def stream(*given, **more):
@@ -124,8 +130,8 @@ def test_a_stream_that_breaks_keeps_what_it_had(jblast, monkeypatch):
                 yield next(stream)
             raise OSError(28, "No space left on device")
 
-    studio = listening.RECORDERS["microphone"]
-    monkeypatch.setitem(listening.RECORDERS, "microphone", Broken)
+    broken = replace(kind, recorder=Broken)
+    monkeypatch.setitem(SENSOR_KINDS._records, "microphone", broken)
     scene = jblast.file("scene.toml", SCENE)
     told = jblast.refused("listen", scene, "--out", jblast.path("o"), "--packets", "10")
     assert "No space left on device" in told

@@ -9,7 +9,11 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.files.event_files import WRITERS, read_events, write_events
+from jblast.sensors.camera.files.event_files import (
+    EVENT_FORMATS,
+    read_events,
+    write_events,
+)
 
 COLUMNS = {"x": [3, 0, 1], "y": [2, 2, 0], "t": [0, 40, 999], "p": [1, 0, 1]}
 
@@ -42,7 +46,7 @@ def streams(draw):
     return [np.asarray(column, np.int64) for column in columns], cuts
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", EVENT_FORMATS)
 @given(stream=streams())
 @settings(max_examples=40, deadline=None)
 def test_any_events_come_back_as_they_were(tmp_path_factory, suffix, stream):
@@ -60,7 +64,7 @@ def test_any_events_come_back_as_they_were(tmp_path_factory, suffix, stream):
         np.testing.assert_array_equal(getattr(found, name), expected)
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", EVENT_FORMATS)
 def test_what_cannot_be_is_not_written(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     for columns, said in (
@@ -77,7 +81,7 @@ def test_what_cannot_be_is_not_written(tmp_path, suffix):
     assert [*tmp_path.iterdir()] == []
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", EVENT_FORMATS)
 def test_what_is_no_file_of_events_is_refused(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     with pytest.raises(InputError, match=rf"a{suffix}: no such file"):
@@ -90,7 +94,7 @@ def test_what_is_no_file_of_events_is_refused(tmp_path, suffix):
         read_events(path)
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", EVENT_FORMATS)
 @pytest.mark.parametrize("share", [0.3, 0.6])
 def test_a_file_that_breaks_off_is_refused(tmp_path, suffix, share):
     path = tmp_path / f"a{suffix}"

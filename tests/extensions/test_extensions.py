@@ -1,0 +1,269 @@
+"""A law, a kind of sensor and a controller, each of one file, from outside the package.
+
+The files are the examples of CONTRIBUTING. They are registered for a test alone.
+"""
+
+import csv
+import json
+import sys
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jblast
+from jblast.cli.main import main
+from jblast.environments import environment_params
+from jblast.errors import InputError
+from jblast.kept_programs import keep_in
+from jblast.registry import LAWS
+from jblast.report.flights import flights_text
+from jblast.scene import SENSOR_KINDS, Charge, Scene, Sensor, read_scene
+from jblast.sensors.listening import packets, plan
+from jblast.study.flight_results import trajectory_of
+from jblast.study.flights import Options, fly
+from jblast.study.gains import Wish, tune_gains
+from jblast.vehicle import CONTROLLERS, controller_of, simulate, start_of, vehicle_of
+from jblast.waves.propagation import ambient
+from jblast.world.perceived import arrivals_of, perceived
+from jblast.world.presets import PRESETS
+from tests.study.flights.scenes import SHORT, SPEC, scene
+
+HERE = Path(__file__).parent
+SCENE = """
+[charge]
+mass_kg = 2.0
+position_m = [0.0, 0.0, 1.0]
+[[sensor]]
+name = "probe"
+kind = "thermometer"
+position_m = [30.0, 0.0, 1.0]
+rate_hz = 4096
+offset_k = 0.5
+"""
+
+
+@pytest.fixture
+def extension():
+    """Return a function that imports an extension; what it registers is taken back."""
+    tables: list[dict[Any, Any]] = [LAWS, SENSOR_KINDS._records, CONTROLLERS._records]
+    before = [dict(table) for table in tables]
+
+    def registered(name):
+        sys.modules.pop(f"tests.extensions.{name}", None)
+        return import_module(f"tests.extensions.{name}")
+
+    yield registered
+    for table, records in zip(tables, before, strict=True):
+        table.clear()
+        table.update(records)
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Return a function that writes a scene file."""
+
+    def write(text):
+        path = tmp_path / "scene.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["straight_sound", "thermometer", "brake"])
+def test_contributing_shows_the_whole_example(name):
+    page = (HERE.parents[1] / "CONTRIBUTING.md").read_text()
+    _, _, code = (HERE / f"{name}.py").read_text().partition('"""\n\n')
+    assert code in page
+
+
+def test_a_law_is_calculated_and_keeps_programs_under_a_key_of_its_own(
+    extension, tmp_path
+):
+    def values():
+        return jblast.calculate(Scene(), [20.0], [15.0])["air_arrival_s"]
+
+    keep_in(tmp_path)
+    try:
+        values()
+        packaged = set(tmp_path.glob("traced-*"))
+        own = extension("straight_sound")
+        speed = float(Scene().air.sound_speed or 340.0)
+        value = float(np.ravel(values()["straight_sound"].value)[0])
+        assert value == pytest.approx((20.0 - own.LEAD_M) / speed, rel=0.02)
+        assert set(tmp_path.glob("traced-*")) > packaged
+    finally:
+        keep_in(None)
+
+
+def test_a_scene_file_has_a_kind_and_its_keys_once_it_is_registered(extension, written):
+    path = written(SCENE)
+    with pytest.raises(
+        InputError, match=r"unknown key.*offset_k|offset_k: unknown key"
+    ):
+        read_scene(path)
+    extension("thermometer")
+    (sensor,) = read_scene(path).scene.sensors
+    assert {k: float(v) for k, v in sensor.settings.items()} == {"offset_k": 0.5}
+    path = written(SCENE.replace("offset_k = 0.5\n", ""))
+    (sensor,) = read_scene(path).scene.sensors
+    assert float(sensor.settings["offset_k"]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("offset_k = 0.5", "offset_k = 9.0", "between -5 and 5, got 9.0"),
+        ("offset_k = 0.5", "noise_pa = 1.0", "expected noise_k, the unit"),
+        ('"thermometer"', '"thermomter"', "geophone, flash, imu, thermometer, got"),
+        ('"thermometer"', '"pressure"', 'offset_k: expected kind = "thermometer"'),
+        (
+            "position_m = [30.0, 0.0, 1.0]",
+            'mount = "vehicle"\n[vehicle]\nmodel = "iris"\n[[sensor]]\nname = "b"',
+            "whose cable ends on the ground",
+        ),
+    ],
+)
+def test_messages_are_those_of_all_kinds(extension, written, old, new, message):
+    extension("thermometer")
+    with pytest.raises(InputError, match=message):
+        read_scene(written(SCENE.replace(old, new)))
+
+
+def test_listen_writes_the_file_of_a_kind(extension, written, tmp_path, capsys):
+    extension("thermometer")
+    out = tmp_path / "out"
+    words = ["listen", str(written(SCENE)), "--out", str(out), "--seconds", "0.25"]
+    assert main([*words, "--json"], progress=False) == 0
+    answer = json.loads(capsys.readouterr().out)["sensors"]["probe"]
+    lines = (out / "probe.csv").read_text().splitlines()
+    rows = list(csv.DictReader(line for line in lines if line[0] != "#"))
+    kelvin = np.array([float(row["air_temperature_k"]) for row in rows])
+    assert kelvin.size == answer["samples"] == 1024
+    assert answer["file"] == "probe.csv"
+    still = float(ambient(Scene().air)[0]) + 0.5
+    arrival = round(answer["air_arrival_s"] * 4096)
+    np.testing.assert_allclose(kelvin[: arrival - 1], still, rtol=1e-6)
+    # at the peak, within the samples' mean of a falling front
+    rise = 1.0 + answer["peak_overpressure_pa"] / float(ambient(Scene().air)[1])
+    peak = (still - 0.5) * rise ** (2 / 7) + 0.5
+    assert peak - 1.0 < answer["largest_air_temperature_k"] <= peak
+    assert (out / "waveforms.png").exists()
+
+
+def test_a_stream_is_the_record_and_goes_through_the_instrument(extension, written):
+    extension("thermometer")
+    more = "full_scale_k = 512.0\nnoise_k = 0.1\nbits = 16\n"
+    listening = plan(read_scene(written(SCENE + more)), seconds=0.25)
+    (sensor,) = listening.sensors
+    (whole,) = packets(listening, sensor)
+    parts = np.concatenate([*packets(listening, sensor, 100.0)])
+    np.testing.assert_array_equal(parts, whole)
+    steps = whole / (512.0 / 2**15)
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+    # 100 samples before the blast: the sd of their sd is 7 %
+    assert np.std(whole[:100]) == pytest.approx(0.1, rel=0.3)
+
+
+def test_a_record_is_differentiable_and_batched(extension):
+    extension("thermometer")
+    record = SENSOR_KINDS["thermometer"].samples().record
+    probe = Sensor("probe", (30.0, 0.0, 1.0), "thermometer", settings={"offset_k": 0.0})
+
+    def hottest(mass):
+        made = Scene(charge=Charge(mass_kg=mass), sensors=(probe,))
+        return jnp.max(record(made, probe, 0.1, jax.random.key(0)))
+
+    masses = jnp.asarray([1.0, 2.0, 4.0])
+    many = jax.jit(jax.vmap(hottest))(masses)
+    assert np.all(np.diff(many) > 0)
+    assert float(jax.grad(hottest)(masses[1])) > 0
+
+
+def test_a_world_perceives_by_a_kind(extension):
+    extension("thermometer")
+    probe = Sensor("probe", (30.0, 0.0, 1.0), "thermometer")
+    made = Scene(charge=Charge(mass_kg=2.0, time_s=0.1), sensors=(probe,))
+    ((_, entity, sense, time),), late = perceived(made, arrivals_of(made), 1.0)
+    assert (entity, sense, late) == ("probe", "warmth", 0)
+    assert 0.1 < time < 0.1 + 30.0 / 330.0
+    coded = PRESETS["thesis-as-coded"]
+    assert coded.scene_of(made, "thermometer") is not made
+    assert coded.scene_of(made, "microphone") is made
+
+
+def test_a_controller_is_flown_by_its_name(extension):
+    with pytest.raises(InputError, match="controller 'brake': expected one of"):
+        fly(scene(), SHORT, controllers=("brake",))
+    extension("brake")
+    flights = fly(scene(), SHORT, controllers=("brake", "hold"))
+    assert tuple(flights.holds) == ("brake", "with_integral")
+    assert "by a brake" in flights_text(flights)
+    peaks = [float(one.metrics.peak_deviation_m) for one in flights.holds.values()]
+    assert peaks[0] != peaks[1]
+    assert 0 < min(peaks) < max(peaks) < np.inf
+
+
+def test_flights_by_a_users_controller_are_kept(extension, tmp_path):
+    extension("brake")
+    control = controller_of(SPEC, "brake")
+
+    def flown():
+        return simulate(
+            vehicle_of(SPEC), start_of(SPEC), duration_s=0.01, step_s=2e-3,
+            integrator="euler", control=control,
+        )  # fmt: skip
+
+    try:
+        keep_in(tmp_path)
+        first = flown()
+        kept = set(tmp_path.glob("traced-*"))
+        assert kept
+        keep_in(tmp_path)  # as another process
+        np.testing.assert_array_equal(flown().position_m, first.position_m)
+        assert set(tmp_path.glob("traced-*")) == kept
+    finally:
+        keep_in(None)
+
+
+def test_gains_and_environments_take_controllers_with_the_loops_of_the_hold(extension):
+    extension("brake")
+    message = "expected one with the gains of an SE.3. hold, with_integral, without"
+    with pytest.raises(InputError, match=message):
+        tune_gains(scene(), Wish(controller="brake"))
+    with pytest.raises(InputError, match=message):
+        environment_params(controller="brake")
+    own = replace(CONTROLLERS["without_integral"], name="own")
+    CONTROLLERS.register(own)
+    made = environment_params(controller="own")
+    assert np.all(made.gains.position == environment_params().gains.position)
+
+
+@pytest.mark.slow  # compiles the Warp kernel for a CPU
+def test_a_users_warp_functions_fly_as_jax_does(extension):
+    extension("brake")
+    options = Options(seconds=0.3, step_s=2e-3)
+    by_jax, by_warp = (
+        fly(scene(), replace(options, backend=backend), controllers=("brake",))
+        for backend in ("jax", "warp:cpu")
+    )
+    here, there = (trajectory_of(one, "brake").position_m for one in (by_jax, by_warp))
+    # float32 of the kernel
+    np.testing.assert_allclose(here, there, atol=1e-4)
+
+
+def test_a_controller_without_warp_functions_is_flown_by_jax_with_a_warning(extension):
+    extension("brake")
+    CONTROLLERS.register(replace(CONTROLLERS["brake"], kernel=None))
+    with pytest.warns(UserWarning, match="type Brake: flown by JAX"):
+        simulate(
+            vehicle_of(SPEC), start_of(SPEC), duration_s=0.01, step_s=2e-3,
+            integrator="euler", control=controller_of(SPEC, "brake"),
+            backend="warp:cpu",
+        )  # fmt: skip
