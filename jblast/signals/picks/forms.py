@@ -230,7 +230,7 @@ def _weights(
     cost = jnp.where(good, found.cost, 0.0)
     widened = jnp.maximum(2.0 * jnp.min(jnp.where(good, cost, jnp.inf)) / many, 1.0)
     size = jnp.where(good & jnp.isfinite(still.size), found.size, 0.0)
-    level = 0.5 * size - cost / lax.stop_gradient(widened)
+    level = 0.5 * size - cost / widened
     level = level + jnp.asarray(np.log(prior), level.dtype)
     return jax.nn.softmax(jnp.where(good, level, -jnp.inf))
 
