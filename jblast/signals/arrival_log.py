@@ -6,8 +6,8 @@ and the direction, `bearing_rad` and `elevation_rad`, as far as its layout ident
 them. Most of the scatter of a travel time is common to its microphones; their
 differences have what neighbouring paths do not share (`arrays.direction`), and the row
 of the time has the scatter of its law. The mean and the differences of times share no
-error of the instruments: nothing is counted
-twice. If the times contradict a plane wave, the microphones have separate rows.
+error of the instruments: nothing is counted twice. If the times contradict a plane
+wave, the microphones have separate rows.
 """
 
 from collections.abc import Mapping, Sequence
