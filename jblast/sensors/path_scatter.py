@@ -123,6 +123,24 @@ def correlations(
     return found
 
 
+def decorrelation(
+    separation: Float[np.ndarray, "*shape"],
+    weights: Float[np.ndarray, " kernel"] = TYPICAL,
+) -> Float[np.ndarray, "*shape"]:
+    r"""Return $1 - \rho(d)$, without rounding at small separations.
+
+    Args:
+        separation: Of two paths, $d$; for neighbours their distance over the range.
+        weights: Of the kernels; their sum is 1.
+    """
+    found = np.zeros_like(separation)
+    for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
+        turbulent = -np.expm1(-((separation / rough) ** power))
+        along = -np.expm1(-np.square(separation / smooth))
+        found = found + weight * (f * turbulent + (1 - f) * along)
+    return found
+
+
 def split(
     place: Float[Array, "path 4"],
     placed: Bool[Array, " path"],

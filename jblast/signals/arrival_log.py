@@ -3,10 +3,11 @@
 Separate microphones have one row `air_arrival_s` each. An array, three to eight
 channels of one recorder within `WIDEST` of each other, has one such row at its centre
 and the direction, `bearing_rad` and `elevation_rad`, as far as its layout identifies
-them. The scatter of a travel time about its law is common to its microphones, so the
-differences of their times are known much better than the times, which separate rows
-would ignore. The mean and the differences of times share no error: nothing is counted
-twice. If the times contradict a plane wave, the microphones have separate rows.
+them. Most of the scatter of a travel time is common to its microphones; their
+differences have what neighbouring paths do not share (`arrays.direction`), and the row
+of the time has the scatter of its law. The mean and the differences of times share no
+error of the instruments: nothing is counted twice. If the times contradict a plane
+wave, the microphones have separate rows.
 """
 
 from collections.abc import Mapping, Sequence

@@ -12,6 +12,7 @@ from jblast.sensors.path_scatter import (
     KERNELS,
     TYPICAL,
     correlations,
+    decorrelation,
     embedded,
     split,
 )
@@ -45,6 +46,14 @@ def layout_at(position):
         (0,) * n,
         ("",) * n,
     )
+
+
+def test_what_separates_neighbours_is_what_their_correlation_lacks():
+    apart = np.array([1e-3, 0.02, 0.3, 1.0])
+    place = jnp.zeros((1, 4)), jnp.zeros((4, 4)).at[:, 0].set(apart)
+    for weights in np.eye(len(KERNELS)):
+        rho = np.asarray(correlations(*place, jnp.asarray(weights)))[0]
+        np.testing.assert_allclose(decorrelation(apart, weights), 1 - rho, rtol=1e-6)
 
 
 @pytest.mark.parametrize("kernel", range(len(KERNELS)))
