@@ -8,7 +8,7 @@ over reference, of the shots whose charge stood on the ground (`far_pressure.py`
 the peak of a recording is defined), and the scatter of all shots that grows with Z.
 
 Past Z = 20 the last stretch of Kingery's and Bulmash's pressure bends away from a weak
-shock (`kinematics_tail.py`), so the reference there is also as uncertain as the choice
+shock (`python -m calibration.laws tail`), so the reference there is also as uncertain as the choice
 of where the tail joins: at 20 or at 40.
 
 Arrival and speed: the two statements of one report. A front of their pressure moves by

@@ -1,0 +1,24 @@
+"""Run one part of a script that measures several things of one subject.
+
+No measurement of its own: scripts with parts end with `run_part`.
+"""
+
+import sys
+from collections.abc import Callable, Mapping
+
+
+def run_part(parts: Mapping[str, Callable[[], object]]) -> None:
+    """Run the part named by the first word of the command line.
+
+    The words after it are left in `sys.argv`, for the part's own options.
+
+    Args:
+        parts: By name; the first is the default.
+    """
+    names = list(parts)
+    words = sys.argv[1:]
+    if words[:1] == ["-h"] or words[:1] == ["--help"]:
+        print(sys.modules["__main__"].__doc__)
+        print(f"parts: {', '.join(names)} (default: {names[0]})")
+        return
+    parts[sys.argv.pop(1) if words and words[0] in parts else names[0]]()
