@@ -5,7 +5,7 @@
 Needs CuPy and a GPU, not Warp; one or two minutes, most of them for the compiler. The
 kernels are those of `event_kernel_candidates.cu`, in CUDA C++; each is held to the
 events of the first, time for time. Two films of 640 x 480 pixels of RGBA: the disc that
-grows of `benchmark_event_kernel`, and noise in every pixel of every frame, below the
+grows of `benchmark_events`, and noise in every pixel of every frame, below the
 threshold. Beside the rates stand those of nothing but reading or copying the frames.
 Then the ways to the host in order of time and pixel: as `EventKernel.in_order` had it,
 sorted on the device, through pinned memory, and that while the next frames are

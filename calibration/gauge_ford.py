@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from scipy.stats import rankdata
 
-from calibration.ford_records import QUANTITIES, Records, read_records
+from calibration.ford_2021 import QUANTITIES, Records, read_records
 from jblast.waves.laws.ford_2021 import (
     ford_2021,
     ford_2021_duration,

@@ -1,15 +1,18 @@
 """Do the intervals of `jblast tune` hold the truth? Records of which it is known.
 
+    python -m calibration.tune_round_trip
+    python -m calibration.tune_round_trip figure
+
 Each case is simulated with every seed, what is named put wrong in the scene, and tuned
 back. Counted is how often the truth is within the 90 % interval, how it lies in
 standard deviations (mean and sd of the normal scores; 0 and 1 are wanted), and how
 often the record counts as poorly explained.
 
-    python -m calibration.tune_round_trip [sound|frames|events [SEEDS [CASE ...]]]
-
 writes calibration/results/tune_round_trip.txt of sound (40 seeds),
 tune_round_trip_frames.txt (16) and tune_round_trip_events.txt (16), each whole or not
 at all.
+
+With `figure` a tuning is drawn, of a microphone's record: calibration/results/tune.png.
 """
 
 import copy
@@ -19,45 +22,31 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from scipy.stats import beta
 
+from calibration.parts import run_part
 from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
+from jblast.inference.tuning import Tuned, tune_sound
+from jblast.inference.tuning.tune_sight import look_of, paired, tune_events, tune_frames
+from jblast.inference.tuning.tune_sound import RecordedSound
+from jblast.inference.tuning.unknowns import tuned_value
+from jblast.report.figure_files import write_figure
+from jblast.report.tune_files import tune_figure, tuned_document
+from jblast.report.words import aligned
+from jblast.scene import Scene
+from jblast.scene.reader.scene import scene_from_document
+from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
+from jblast.sensors.camera.events.scene import render_events
+from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
+from jblast.sensors.camera.rendering import render
+from jblast.sensors.listening import packets, plan
 
 start_jax(quick=True)
 
-import jax  # noqa: E402  JAX is started first
-
-from jblast.files import write_text  # noqa: E402
-from jblast.inference.tuning import Tuned, tune_sound  # noqa: E402
-from jblast.inference.tuning.tune_sight import (  # noqa: E402
-    look_of,
-    paired,
-    tune_events,
-    tune_frames,
-)
-from jblast.inference.tuning.tune_sound import RecordedSound  # noqa: E402
-from jblast.inference.tuning.unknowns import tuned_value  # noqa: E402
-from jblast.report.tune_files import tuned_document  # noqa: E402
-from jblast.report.words import aligned  # noqa: E402
-from jblast.scene import Scene  # noqa: E402
-from jblast.scene.reader.scene import scene_from_document  # noqa: E402
-from jblast.sensors.camera.events.noise import (  # noqa: E402
-    NoiseModel,
-    noisy_stream,
-)
-from jblast.sensors.camera.events.scene import render_events  # noqa: E402
-from jblast.sensors.camera.files.images import srgb_bytes  # noqa: E402
-from jblast.sensors.camera.image import (  # noqa: E402
-    linear_to_srgb,
-    luminance,
-    srgb_to_linear,
-)
-from jblast.sensors.camera.rendering import render  # noqa: E402
-from jblast.sensors.listening import (  # noqa: E402
-    packets,
-    plan,
-)
 
 RESULTS = Path(__file__).parent / "results"
 KEPT = {
@@ -118,6 +107,9 @@ class Case(NamedTuple):
     document: dict[str, Any]
     wrong: dict[str, float]
     tuned: "Callable[[Case, int], tuple[Tuned, Scene]]"
+
+
+FIGURE = Path(__file__).parent / "results" / "tune.png"
 
 
 def heard(case: Case, seed: int) -> tuple[Tuned, Scene]:
@@ -332,5 +324,12 @@ def main() -> None:
         kept(group, seeds, asked[2:] or of_group(group))
 
 
+def example_figure() -> None:
+    """Tune, draw, and keep."""
+    case = CASES["air, filter and noise"]
+    tuned, _ = case.tuned(case, 0)
+    write_figure(tune_figure(tuned), FIGURE)
+
+
 if __name__ == "__main__":
-    main()
+    run_part({"table": main, "figure": example_figure})
