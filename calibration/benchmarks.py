@@ -12,7 +12,6 @@ import jax
 BENCHMARKS = (
     "laws",
     "fit_many",
-    "samplers",
     "picks",
     "euler",
     "flights",
