@@ -65,8 +65,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from calibration import benchmark_flights
-from calibration.parts import run_part
+from calibration import benchmark_flights, run_part
 from calibration.six_stations import LAWS, columns_of, draw, scene_of
 from jblast.files import write_text
 from jblast.inference import fit_many

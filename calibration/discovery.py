@@ -47,7 +47,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.discovery.discover import discover, replay
 from jblast.discovery.noise_sweep import (
     CASES,

@@ -164,17 +164,12 @@ class Events:
         return f"{kernel.num_regs}" + (f"+{local} B" if local else "")
 
 
-cupy: Any = importlib.import_module("cupy")
-
-FPS, WIDTH = 1000.0, 640
 BLOCK = 512
 """Frames that are followed while the events of those before are fetched."""
-REPEATS = 5
+ORDER_REPEATS = 5
 
 Fields = tuple[np.ndarray, ...]
 
-
-cupy: Any = importlib.import_module("cupy")
 
 FRAMES, NOISY = 4096, 1024
 BACKGROUND, BRIGHT = 0.16, 200
@@ -372,7 +367,7 @@ def _checked(found: Fields, known: Fields) -> str:
 def _clocked(run: Callable[[], Any]) -> float:
     """Return the median time of a run by the host's clock [s]."""
     took = []
-    for _ in range(REPEATS + 1):
+    for _ in range(ORDER_REPEATS + 1):
         cupy.cuda.Device().synchronize()
         begin = time.perf_counter()
         run()

@@ -27,7 +27,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.optimize import least_squares
 
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_TEMPERATURE
 from jblast.report.words import aligned

@@ -42,9 +42,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 import jblast.fidelity
+from calibration import run_part
 from calibration.far_pressure import SHALLOW, bend, every_record
 from calibration.gauge_200g import as_read, at_front, distance, table
-from calibration.parts import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import errors

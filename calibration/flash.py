@@ -23,7 +23,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.report.figure_style import (
     BLUE,
     COLOURS,

@@ -47,7 +47,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import (
     COLOURS,

@@ -51,8 +51,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jblast.waves
+from calibration import run_part
 from calibration.likelihood import Marginal, likelihood_maximum, marginal, print_forms
-from calibration.parts import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_SOUND_SPEED, STANDARD_TEMPERATURE
 from jblast.files import write_text

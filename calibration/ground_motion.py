@@ -74,6 +74,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jblast.waves
+from calibration import run_part
 from calibration.ford_2021 import CAMPAIGNS, read_records
 from calibration.leave_out import (
     SHALLOWEST_LEFT_ASIDE,
@@ -87,7 +88,6 @@ from calibration.leave_out import (
     summarised,
 )
 from calibration.likelihood import Marginal, likelihood_maximum, marginal, print_forms
-from calibration.parts import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure

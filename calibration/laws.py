@@ -31,7 +31,7 @@ from PIL import Image
 
 import jblast.sensors
 import jblast.waves
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.constants import GRANITE_P_SPEED, STANDARD_SOUND_SPEED
 from jblast.files import write_text

@@ -38,7 +38,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.autopilot.estimator import EstimatedControl
 from jblast.autopilot.lockstep import suite_of
 from jblast.cli.jax_start import start_jax

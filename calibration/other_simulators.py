@@ -39,7 +39,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from calibration.parts import run_part
+from calibration import run_part
 
 # pyright: reportMissingImports=false
 # The other simulators live in environments of their own.

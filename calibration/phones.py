@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.observations.records.stations import read_stations

@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
-from calibration.parts import run_part
+from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.figure_style import (

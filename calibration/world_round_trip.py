@@ -57,7 +57,7 @@ from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 from scipy.stats import kstest
 
-from calibration.parts import run_part
+from calibration import run_part
 from calibration.sbc import WRONG, holm
 from jblast.cli.jax_start import start_jax
 from jblast.inference import Posterior, batch_of, fit_many
