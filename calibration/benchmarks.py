@@ -23,7 +23,7 @@ BENCHMARKS = (
     "environments",
     "study",
 )
-"""Each has a function `NAME_text`, in `calibration.benchmark_NAME` or its subject's."""
+"""Each has a function `NAME_text`, in the module of its name or of its subject."""
 SUBJECTS = {"event_kernel": "events", "flight_kernel": "flights"}
 SPLIT = {"fit_many", "euler", "flights", "world", "environments", "study"}
 """Those that use every core as a device of its own."""
