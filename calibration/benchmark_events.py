@@ -14,7 +14,6 @@ pixel only grows brighter, so that its count is known from its first and last li
 """
 
 import os
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -22,6 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jblast.fidelity.timing import best_of
 from jblast.sensors.camera.events.ideal import (
     count_events,
     first_reference,
@@ -184,13 +184,7 @@ def jitted(times: np.ndarray, grey: np.ndarray) -> tuple[float, int, int]:
 
 def _rate(run: Callable[[], Any], frames: int = FRAMES) -> float:
     """Return pixel-frames a second of a run over so many frames."""
-    run()
-    best = np.inf
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        run()
-        best = min(best, time.perf_counter() - start)
-    return frames * HEIGHT * WIDTH / best
+    return frames * HEIGHT * WIDTH / best_of(run, REPEATS)[0]
 
 
 def event_kernel_text(
@@ -299,10 +293,4 @@ def _grey(film, behind):
 
 def _frame_rate(run: Callable[[], Any], frames: int) -> float:
     """Return frames a second, the best of several runs."""
-    jax.block_until_ready(run())
-    best = np.inf
-    for _ in range(KERNEL_REPEATS):
-        start = time.perf_counter()
-        jax.block_until_ready(run())
-        best = min(best, time.perf_counter() - start)
-    return frames / best
+    return frames / best_of(run, KERNEL_REPEATS)[0]

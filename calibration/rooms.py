@@ -361,6 +361,10 @@ def size_table() -> str:
     lines.append("of a module: lines, median/90 %/largest")
     counts = single_uses()
     lines.append(f"lines of code: {size.code}")
+    scripts = size_of(sorted((PACKAGE.parent / "calibration").glob("*.py")))
+    lines.append(
+        f"calibration: {scripts.modules} modules, {scripts.code} lines of code"
+    )
     lines += [f"{name}: {count}" for name, count in counts.items()]
     return "\n".join(lines)
 
