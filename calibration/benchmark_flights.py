@@ -14,7 +14,7 @@ right-hand sides.
 The gradient: of the mean square distance from the target after 1 s, by the charge and
 two gains, forwards (`jax.jacfwd`), against the flight itself.
 
-Kernel: Crazyflies at rest 4 to 6.5 m from a charge of their own, 0.5 to 2 kg of TNT on
+Kernel: crazyflies at rest 4 to 6.5 m from a charge of their own, 0.5 to 2 kg of TNT on
 the ground, each holding its place with integral action for 2.5 s, asked every 4 ms, the
 ground below. The error is of a thousand of them, the largest distance over the flight
 (rows every 20 ms) from the same kernel in float64 at steps of 0.1 ms.

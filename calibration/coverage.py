@@ -10,7 +10,7 @@ the errors the fit assumes, seed 11. The first line of each pair takes the width
 interval from the expected information, as `jblast fit` does; the second from the
 curvature of the posterior at the optimum.
 
-Default: Do the intervals of `jblast fit`, as it comes, hold the truth in 90 of 100
+Default: do the intervals of `jblast fit`, as it comes, hold the truth in 90 of 100
 logs? Seven microphones about a charge, four unknowns (mass, place in the plane, time),
 no prior, laws that scatter, Student-t errors. 400 logs are simulated with the errors
 the fit assumes, seed 11. "weighted" is the default: draws of the normal approximation,

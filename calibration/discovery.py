@@ -24,7 +24,7 @@ up to two columns, and |x| x): in how many a law is told without a doubt. They a
 noise, a walk of normal steps, noise that remembers 0.8 of the row before, each of 401
 rows with and without an input, and du/dt = -0.2 u - 0.05 u^3 + push, seeds 0 to 19.
 
-Intervals: How many of discovery's 90 % intervals hold the truth, counted in many
+Intervals: how many of discovery's 90 % intervals hold the truth, counted in many
 records?
 
 The equations of `discovery/noise_sweep.py`, normal noise of 1 %, seeds 0 to 199. Of the

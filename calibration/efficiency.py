@@ -21,7 +21,7 @@ the logs. Far off, these are most of the excess of "pressure", where searches fr
 truth come to 1.14 to 1.23. One such log makes the price of 1.10 (else 1.04).
 
 "price" is the RMSE of normal errors fitted as Student-t, over the bound of the normal;
-What it should be is below.
+what it should be is below.
 
 No log is left out. "unconverged" counts those that `fit_many` does not call converged:
 of normal errors none, of Student-t up to 3 of 4,000. "costlier" counts those that end

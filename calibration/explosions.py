@@ -9,7 +9,7 @@ pictures (two standard deviations of the columns of what is more than half opaqu
 off the law's, over charges, views and times; and the charge that the radii of three
 charges at three distances give back.
 
-Views: What does the shipped set of views of an explosion look like? No random numbers:
+Views: what does the shipped set of views of an explosion look like? No random numbers:
 the set that `jblast bake` made and that comes with jblast, in the light of the law's
 temperature at each phase, before a clear sky. Prints of each frame its phase, the
 visible radius over the side of a picture (least and greatest of all views), and the

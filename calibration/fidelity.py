@@ -21,8 +21,15 @@ as the choice of where the tail joins: at 20 or at 40.
 Arrival and speed: the two statements of one report. A front of their pressure moves by
 Rankine and Hugoniot; summed up, that is an arrival, and it differs from theirs.
 
-Promises: Do methods keep what the stored tables promise of them, off every table's
-nodes?
+Promises: do methods keep what the stored tables promise of them, off every table's
+nodes? 10,000 random places: charges of 0.1 g to 1 kt and Z from 0.1 to 1e4, both
+uniform in ln, up to 5 km above the sea, the same for every quantity and burst. A
+promise is one method at one place at one tolerance, where the reference covers the
+place and may not itself be off by more; it is kept if the method really is within the
+tolerance there. A method that is itself the reference does not count. The last columns
+are of what is chosen, whichever of the methods that cost alike: promises met, and the
+largest cost over that of the cheapest method that really would have done, by the stored
+costs.
 """
 
 import argparse

@@ -3,9 +3,7 @@
     python -m calibration.flash --out FIGURE.png > calibration/results/flash.txt
     python -m calibration.flash distances --out FIGURE.png
 
-
-
-Distances: The same blast seen from three distances: frames, events, and how many there
+Distances: the same blast seen from three distances: frames, events, and how many there
 are.
 """
 

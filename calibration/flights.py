@@ -9,23 +9,23 @@
     python -m calibration.flights estimator [VEHICLES]
         > calibration/results/estimator.txt
 
-Blast: What one blast does to quadrotors that hold their place: what moves them, how
+Blast: what one blast does to quadrotors that hold their place: what moves them, how
 far. A kilogram of TNT on the ground, vehicles 2 m above it at some distances, for 12 s;
 and one of them in a steady wind. By the kernel of Warp in float64.
 
-Recovery: From which kicks a position hold comes back: as it is, and as the bare law
+Recovery: from which kicks a position hold comes back: as it is, and as the bare law
 would. Vehicles hover 10 m up and are thrown upwards and sideways, or upwards while they
 turn about a body axis. Each has 12 s to come back. It has recovered if it never touched
 the ground or turned over, body z below the horizon, and ends within 0.25 m of its
 place. Beside the hold stands the law of Lee and others by itself: without limits,
 rotors clipped by the motors. With integral action, steps of 4 ms by RK4, in float64.
 
-Controllers: Which controller flies on through which blast, and how far each lets it be
+Controllers: which controller flies on through which blast, and how far each lets it be
 thrown. Each vehicle, 3 m up, is flown by every controller through the same blasts of 1
 to 10 kg of TNT on the ground, 3 to 30 m off, in a wind of up to 3 m/s either way. The
 figure is of the Iris.
 
-Estimator: How good a vehicle's estimate of its state is, and what blasts do to it. An
+Estimator: how good a vehicle's estimate of its state is, and what blasts do to it. An
 Iris holds its place by the error-state Kalman filter, 8 m from a charge and 10 m up,
 with masses that make fronts of 10 to 100 kPa; beside it flies the same hold by the
 truth. Each row is a mass: medians, and greatest of the vehicles.

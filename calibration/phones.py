@@ -7,7 +7,7 @@
 Known are the charge, its place and time, and where the phones were, two of them 1.6 m
 apart; not their clocks, nor their scale.
 
-Saturation: A charge on the ground, a microphone on the ground, the laws that a record
+Saturation: a charge on the ground, a microphone on the ground, the laws that a record
 has where nothing is said (shock kinematics), 48 kHz. The full scale is declared, not
 measured: its peak over 20 uPa, at three levels that bracket what phones are taken to
 bear. The range is where the record's largest sample comes to the full scale, found by

@@ -1,6 +1,6 @@
 """Do the intervals of `jblast tune` hold the truth? Records of which it is known.
 
-    python -m calibration.tune_round_trip
+    python -m calibration.tune_round_trip [sound|frames|events [SEEDS [CASE ...]]]
     python -m calibration.tune_round_trip figure
     python -m calibration.tune_round_trip gains
         --out calibration/results/tuned_gains.png > calibration/results/tuned_gains.txt
@@ -10,13 +10,13 @@ back. Counted is how often the truth is within the 90 % interval, how it lies in
 standard deviations (mean and sd of the normal scores; 0 and 1 are wanted), and how
 often the record counts as poorly explained.
 
-writes calibration/results/tune_round_trip.txt of sound (40 seeds),
+Writes calibration/results/tune_round_trip.txt of sound (40 seeds),
 tune_round_trip_frames.txt (16) and tune_round_trip_events.txt (16), each whole or not
 at all.
 
 With `figure` a tuning is drawn, of a microphone's record: calibration/results/tune.png.
 
-Gains: What gains are worth that were tuned by gradient through blasts, for three
+Gains: what gains are worth that were tuned by gradient through blasts, for three
 vehicles. Each vehicle holds its place 5 m up in calm air while 0.2 to 2 kg of TNT go
 off on the ground, anywhere within 5 m to the east, west, north and south. Its gains are
 tuned by 32 such blasts, within margins of 6 dB and 35 degrees, and judged by 200
