@@ -19,6 +19,7 @@ from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array
 
 from jblast import waves
+from jblast.fidelity.timing import best_of
 from jblast.waves.laws.swisdak import swisdak_curve
 
 POINTS = 1 << 22
@@ -104,13 +105,7 @@ def rate(law: Law, arguments: int, points: int, dtype) -> float:
             spread = NamedSharding(mesh, PartitionSpec("part"))
             inputs = [jax.device_put(x, spread) for x in inputs]
         compiled = jax.jit(law).lower(*inputs).compile()
-        jax.block_until_ready(compiled(*inputs))
-        best = math.inf
-        for _ in range(REPEATS):
-            start = time.perf_counter()
-            jax.block_until_ready(compiled(*inputs))
-            best = min(best, time.perf_counter() - start)
-    return points / best
+        return points / best_of(lambda: compiled(*inputs), REPEATS)[0]
 
 
 def draws(points: int) -> tuple[np.ndarray, ...]:

@@ -1,6 +1,7 @@
 """Samples a second of studies, and what the engine adds to what it runs.
 
-python -m calibration.benchmark_study [air|flights|fits|host ...] [--seconds N]
+    python -m calibration.benchmark_study [air|flights|fits|host ...] [--seconds N]
+    python -m calibration.benchmark_study scaling
 
 On a GPU by the wall clock; on a CPU by processor time over the number of cores, which
 is the wall clock of an idle machine, and tells alike beside others. The best of a few.
@@ -31,33 +32,111 @@ were filled before.
 
 The table of a CPU goes to calibration/results/benchmark_study.txt, that of a GPU to
 benchmark_study_gpu.txt, as each part is done.
+
+Scaling: what sharing a study among workers costs, and what 1e12 samples would take.
+
+- Start: from the command until the first tile is written, the second time.
+- Workers that calculate: a study of arrivals and pressures at 16 sensors,
+  `keep = "summary"`, in tiles of about a second of a core, by this process alone on one
+  core, by this process on all cores, and by workers that share all cores. Each is run
+  for a quarter of its samples and for all of them: the difference is what the rest
+  takes, so that neither the start nor what each process compiles counts. Dask's loss is
+  held against this process on the same cores.
+- Simulated workers: as many processes, whose tiles are a second of sleep: what is lost
+  is what Dask takes to hand tiles out and to hear of them.
+- Cost model: samples x seconds a sample of one core / (workers x efficiency), the
+  efficiency that of the most simulated workers, whose loss is the largest.
 """
 
 import argparse
 import contextlib
 import os
+import subprocess
+import sys
+import tempfile
 import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
 
-from calibration.study_clock import platform
-from calibration.study_speed_air import air_lines
-from calibration.study_speed_fits import fit_lines, host_lines
-from calibration.study_speed_flights import flight_lines
+from calibration import benchmark_flights, run_part
+from calibration.six_stations import LAWS, columns_of, draw, scene_of
 from jblast.files import write_text
+from jblast.inference import fit_many
+from jblast.inference.many.fit_many import fit_from_host
+from jblast.scene import Charge, Scene
+from jblast.sensors import planned_layout
+from jblast.study import Study, read_study
+from jblast.study.engine.launch import Launcher, mesh_of
+from jblast.study.engine.summary import SummaryStore
+from jblast.study.engine.tiles import calculated
+from jblast.study.flights import BATCH_ROWS
+from jblast.study.outcome.fit import AGAIN_Z
+from jblast.study.sampling.work import Reduced, Work
+from jblast.vehicle import Each, PositionHold, blast_load, named, named_gains, simulate
+
+REPEATS = 2
+
+
+AIR = """
+[charge]
+mass_kg = { lognormal = [10.0, 2.0] }
+position_m = [{ normal = [0.0, 1.0] }, 0.0, 0.0]
+[law]
+scatter = false
+air_arrival_s = "kingery_bulmash"
+peak_overpressure_pa = "kingery_bulmash"
+"""
+HOVER = """
+[charge]
+mass_kg = { lognormal = [1.0, 1.2] }
+position_m = [5.0, 0.0, 0.0]
+time_s = 0.5
+[vehicle]
+model = "crazyflie"
+position_m = [0.0, 0.0, 2.0]
+"""
+PLACES = [(20.0 + 5.0 * n, 3.0 * n, 0.0) for n in range(16)]
+
+
+AIR_TILES = {"cpu": 1 << 21, "gpu": 1 << 29}
+"""Samples of a tile at 16 sensors: about a second."""
+
+
+FITTED = {"cpu": 1 << 16, "gpu": 1 << 22}
+LOGS = {"cpu": 1 << 16, "gpu": 1 << 23}
+PIECES = {"cpu": (1 << 13, 1 << 14), "gpu": (1 << 18, 1 << 19, 1 << 20)}
+
+
+FLOWN = {"cpu": 1 << 7, "gpu": 1 << 16}
+STEP_S = 1e-3
+
 
 RESULTS = Path(__file__).parent / "results"
-PARTS = {
-    "air": air_lines,
-    "flights": flight_lines,
-    "fits": fit_lines,
-    "host": host_lines,
-}
+PARTS = ("air", "flights", "fits", "host")
+"""Each may be named on the command line."""
+
+
+SIMULATED = (1, 2, 4, 8)
+EACH = 5
+"""Tiles of a simulated worker."""
+TILE_S = 1.0
+SAMPLES = 1 << 26
+"""Of each core: a tile that one worker has more, or less, is to be a small part."""
+TILE = 1 << 21
+"""Samples of a tile: about a second of a core."""
+RUN = "import sys; from jblast.cli.main import scaling; sys.exit(scaling())"
+KEPT = Path(__file__).parent / "results" / "study_scaling.txt"
 
 
 def study_text(
-    asked: tuple[str, ...] = tuple(PARTS),
+    asked: tuple[str, ...] = PARTS,
     seconds: float = float("inf"),
     kept: Path | None = None,
 ) -> str:
@@ -71,6 +150,12 @@ def study_text(
     before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", True)
     start = time.perf_counter()
+    measure = {
+        "air": air_lines,
+        "flights": flight_lines,
+        "fits": fit_lines,
+        "host": host_lines,
+    }
     try:
         device = jax.devices()[0]
         name = device.device_kind if platform() == "gpu" else f"{os.cpu_count()} cores"
@@ -83,7 +168,7 @@ def study_text(
             if begun - start > seconds:
                 lines += ["", f"{part}: not measured, {seconds:g} s are over"]
                 continue
-            lines += ["", *PARTS[part]()]
+            lines += ["", *measure[part]()]
             lines.append(f"  ({time.perf_counter() - begun:.0f} s to measure)")
             if kept is not None:
                 write_text(kept, "\n".join(lines) + "\n")
@@ -106,8 +191,402 @@ def main() -> None:
     kept = RESULTS / f"benchmark_study{suffix}.txt"
     if asked.part:
         kept = None
-    print(study_text(tuple(asked.part) or tuple(PARTS), asked.seconds, kept))
+    print(study_text(tuple(asked.part) or PARTS, asked.seconds, kept))
+
+
+def study_of(scene: str, study: str) -> Study:
+    """Return a study from texts."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "scene.toml").write_text(scene)
+        path = Path(folder) / "study.toml"
+        path.write_text(f'scene = "scene.toml"\n{study}')
+        return read_study(path)
+
+
+def sensors(count: int, records: str = "") -> str:
+    """Return the tables of so many sensors."""
+    return "".join(
+        f'[[sensor]]\nname = "s{n}"\nposition_m = {list(PLACES[n])}\n{records}\n'
+        for n in range(count)
+    )
+
+
+def air_study(count: int, samples: int) -> Study:
+    """Return the study of arrivals and pressures at so many sensors."""
+    asked = '["air_arrival_s", "peak_overpressure_pa"]'
+    head = f'samples = {samples}\nkeep = "summary"\noutcomes = {asked}\n'
+    return study_of(AIR + sensors(count), head)
+
+
+def platform() -> str:
+    """Return "cpu" or "gpu"."""
+    return "cpu" if jax.default_backend() == "cpu" else "gpu"
+
+
+def clock() -> float:
+    """Return seconds: see the top of this file."""
+    if platform() == "gpu":
+        return time.perf_counter()
+    return time.process_time() / (os.cpu_count() or 1)
+
+
+def timed(call: Callable[[], Any]) -> float:
+    """Return the seconds of a call and of what it leaves running."""
+    begun = clock()
+    jax.block_until_ready(call())
+    return clock() - begun
+
+
+def best(*calls: Callable[[], Any]) -> list[float]:
+    """Return the least seconds of calls, which take turns; each is called before."""
+    for call in calls:
+        jax.block_until_ready(call())
+    turns = [[timed(call) for call in calls] for _ in range(REPEATS)]
+    return [min(one) for one in zip(*turns, strict=True)]
+
+
+@contextlib.contextmanager
+def watched() -> Iterator[list[tuple[Any, tuple[Any, ...]]]]:
+    """Give the programs that launchers run meanwhile, and what each was given."""
+    found: list[tuple[Any, tuple[Any, ...]]] = []
+    program = Launcher._program
+
+    def watching(self: Launcher, capacity: int) -> Any:
+        compiled = program(self, capacity)
+
+        def run(*given: Any) -> Any:
+            found.append((compiled, given))
+            return compiled(*given)
+
+        return run
+
+    Launcher._program = watching  # pyright: ignore[reportAttributeAccessIssue]  for the time of the block
+    try:
+        yield found
+    finally:
+        Launcher._program = program
+
+
+def programs_of(call: Callable[[], Any]) -> Callable[[], Any]:
+    """Return what runs the programs of a call alone, on what they were given.
+
+    Each device has a thread of its own: a loop of a GPU asks the host whether to go on.
+    """
+    with watched() as found:
+        call()
+    by_device: dict[Any, list[tuple[Any, tuple[Any, ...]]]] = {}
+    for program, given in found:
+        (device,) = jax.tree.leaves(given)[0].devices()
+        by_device.setdefault(device, []).append((program, given))
+
+    def in_turn(programs: list[tuple[Any, tuple[Any, ...]]]) -> Any:
+        last = None
+        for program, given in programs:
+            last = program(*given)
+        return last
+
+    def alone() -> Any:
+        with ThreadPoolExecutor(len(by_device)) as pool:
+            return list(pool.map(in_turn, by_device.values()))
+
+    return alone
+
+
+def air(count: int, samples: int, devices: int | None = None) -> tuple[float, float]:
+    """Return the seconds of a tile of so many samples, and of its programs alone."""
+    study = air_study(count, 256 * samples)  # the most tiles there are
+    reduced = Reduced(Work(study, mesh_of(devices)))
+    assert reduced.tile == samples, (reduced.tile, samples)
+    with tempfile.TemporaryDirectory() as folder:
+        store = SummaryStore(folder, reduced.work.variables, 1, reduced.tiles)
+        store.create(reduced.anchors, reduced.tile)
+
+        def tile() -> None:
+            store.write(0, reduced.states(0))
+
+        whole, alone = best(tile, programs_of(tile))
+    return whole, alone
+
+
+def air_lines() -> list[str]:
+    """Measure arrivals and pressures."""
+    lines = ["arrival + pressure, draws and statistics included"]
+    samples = AIR_TILES[platform()]
+    for count in (16, 1):
+        each = samples if count == 16 else 8 * samples
+        whole, alone = air(count, each)
+        lines.append(
+            f"  {count:2} sensors, evaluations/s           {count * each / whole:14.3g}"
+            f"   a tile {whole:.2g} s, {1 - alone / whole:.1%} of it the engine's"
+        )
+    if platform() == "gpu" and len(jax.devices()) > 1:
+        one = samples / air(16, samples, 1)[0]
+        two = 2 * samples / air(16, 2 * samples, 2)[0]
+        lines.append(
+            f"  16 sensors, 1 and 2 devices          {16 * one:14.3g}{16 * two:12.3g}"
+            f"   weak scaling {two / one / 2:.1%}"
+        )
+    return lines
+
+
+def fit_lines() -> list[str]:
+    """Measure fits, and `fit_many` of the same logs."""
+    count = FITTED[platform()]
+    records = 'records = { air_arrival_s = 2e-4, peak_overpressure_pa = "20%" }'
+    scene = AIR.replace("[{ normal = [0.0, 1.0] }, 0.0, 0.0]", "[0.0, 0.0, 0.0]")
+    study = study_of(
+        scene + sensors(6, records), f'samples = {count}\noutcomes = ["fit_error"]\n'
+    )
+    work = Work(study)
+    believed = study.believed[0]
+    layout, sigma, _ = planned_layout(believed.scene)
+    quantities: tuple[str, ...] = ("air_arrival_s", "peak_overpressure_pa")
+    laws: dict[str, str] = dict.fromkeys(quantities, "kingery_bulmash")
+    blocks = np.arange(count // work.numbering.block)
+    drawn = work.launcher(0)(*work.given(blocks))["_readings"]
+    readings = np.ascontiguousarray(drawn.reshape(count, -1))
+    batch = max(work.at_once * work.numbering.tile, 1 << 16)
+
+    def tiles() -> None:
+        for _ in calculated(work, range(work.numbering.tiles)):
+            pass
+
+    def fit(**how: Any) -> None:
+        for begin in range(0, count, batch):
+            some = readings[begin : begin + batch]
+            fits = fit_many(believed, layout, some, np.asarray(sigma), laws, **how)
+            jax.device_get(jax.tree.leaves(fits))
+
+    def alike() -> None:
+        fit(again_z=AGAIN_Z)
+
+    ours, draws, alone, same = best(tiles, programs_of(tiles), fit, alike)
+    return [
+        f"fits of a mass to 12 readings: {count:,}, float64",
+        f"  fits/s, draws and outcomes included  {count / ours:14,.0f}",
+        f"  by fit_many, host to host            {count / alone:14,.0f}"
+        f"   (the study's share of it: {alone / ours:.1%})",
+        f"  by fit_many, begun again as there    {count / same:14,.0f}"
+        f"   (the study's share of it: {same / ours:.1%})",
+        f"  draws of the readings alone          {count / draws:14,.0f}"
+        f"   (its share of draws and fit_many: {(same + draws) / ours:.1%})",
+    ]
+
+
+def host_lines() -> list[str]:
+    """Measure fits from host to host."""
+    problem = draw(LOGS[platform()])
+    uncertain = scene_of(problem)
+    layout, sigma, _ = planned_layout(uncertain.scene)
+    readings = np.ascontiguousarray(problem.readings[:, columns_of(layout)])
+    given = (uncertain, layout, readings, np.asarray(sigma), LAWS)
+    count = len(readings)
+    names: list[str] = []
+    calls: list[Callable[[], Any]] = []
+
+    def whole() -> None:
+        jax.device_get(jax.tree.leaves(fit_many(*given, noise="gaussian")))
+
+    names.append("fit_many, the whole answer")
+    calls.append(whole)
+    here = jax.device_put(readings[: PIECES[platform()][-1]])
+
+    def there() -> Any:
+        fits = fit_many(uncertain, layout, here, given[3], LAWS, noise="gaussian")
+        return fits.z, fits.covariance
+
+    def add(name: str, **how: Any) -> None:
+        names.append(name)
+        calls.append(lambda: fit_from_host(*given, noise="gaussian", **how))
+
+    for piece in PIECES[platform()]:
+        add(f"z, sd, converged, {piece:,}", piece=piece)
+    for piece in PIECES[platform()]:
+        add(f"likewise in float32, {piece:,}", piece=piece, dtype=np.float32)
+    for piece in PIECES[platform()]:
+        for dtype in (None, np.float32):
+            out = fit_from_host(*given, noise="gaussian", piece=piece, dtype=dtype)
+            word = " float32," if dtype else ""
+            add(f"into old arrays,{word} {piece:,}", piece=piece, dtype=dtype, out=out)
+    add("z alone", keep=("z",))
+    took = best(*calls)
+    (on_device,) = best(there)
+    lines = [
+        f"fits from host to host, 12 readings, 4 unknowns: {count:,} logs",
+        f"  {'fit_many, from device to device':38s}{len(here) / on_device:14,.0f}",
+    ]
+    rates = zip(names, took, strict=True)
+    return [*lines, *(f"  {name:38s}{count / one:14,.0f}" for name, one in rates)]
+
+
+def flight_lines() -> list[str]:
+    """Measure flights, and the same by `simulate`."""
+    count = FLOWN[platform()]
+    asked = f'samples = {count}\noutcomes = ["flies_on"]\n'
+    work = Work(study_of(HOVER, f"{asked}[options]\nflight_step_s = {STEP_S}\n"))
+    said = next(n for n in work.notes if "flights of" in n)
+    seconds = float(said.split("flights of ")[1].split()[0])
+    masses = jnp.asarray(np.random.default_rng(0).lognormal(0.0, np.log(1.2), count))
+    precision = np.float64 if platform() == "cpu" else np.float32
+
+    def blast(mass: Any) -> Any:
+        return blast_load(Scene(charge=Charge(mass_kg=mass, time_s=0.5)))
+
+    state = benchmark_flights.starts(count, precision)
+    hold = PositionHold(
+        benchmark_flights.TARGET, named_gains("crazyflie", integral=True)
+    )
+    steps = round(seconds / STEP_S)
+
+    def simulated(**more: Any) -> Callable[[], Any]:
+        load = Each(eqx.filter_vmap(blast)(masses))
+        return lambda: simulate(
+            named("crazyflie"),
+            state,
+            duration_s=seconds,
+            step_s=STEP_S,
+            control=hold,
+            loads=(load,),
+            backend="jax",
+            **more,
+        )
+
+    def tiles() -> Any:
+        return work.several(range(work.numbering.tiles))
+
+    every = {"store_every": -(-steps // BATCH_ROWS)}
+    one, seldom = {"store_every": steps}, {"command_step_s": benchmark_flights.HELD_S}
+    ways = {
+        "the same flights by simulate": {**every, "ground_up_m": 0.0},
+        "without ground": every,
+        "without ground, one row": one,
+        "without ground, hold every 4 ms": {**every, **seldom},
+        "hold asked every 4 ms, one row": {**one, **seldom},
+    }
+    took = best(
+        tiles, programs_of(tiles), *(simulated(**more) for more in ways.values())
+    )
+    rates = [count * seconds / one for one in took]
+    lines = [
+        f"flights: {count:,} of {seconds:g} s at {1e3 * STEP_S:g} ms, "
+        f"{np.dtype(precision).name}",
+        f"  vehicle-s/s                          {rates[0]:14.4g}"
+        f"   ({1 - took[1] / took[0]:.1%} of the time the engine's)",
+    ]
+    for way, rate in zip(ways, rates[2:], strict=True):
+        share = f"(the study's share of it: {rates[0] / rate:.1%})"
+        lines.append(f"  {way:37}{rate:14.4g}   {share}")
+    return lines
+
+
+def asleep(store: str, tile: int) -> str:
+    """Take as long as a tile does; return a version."""
+    del store, tile
+    time.sleep(TILE_S)
+    return "simulated"
+
+
+def simulated(workers: int) -> float:
+    """Return how long tiles of sleep take in all, against the least they could."""
+    from jblast.study.sampling.cluster import shared, workers_here
+
+    with workers_here(workers) as client:
+        list(shared(client, asleep, "", list(range(workers)), "simulated"))
+        begun = time.perf_counter()
+        tiles = list(range(EACH * workers))
+        done = list(shared(client, asleep, "", tiles, "simulated"))
+        assert sorted(done) == tiles
+        return EACH * TILE_S / (time.perf_counter() - begun)
+
+
+def command(folder: Path, out: str, *more: str, on: tuple[str, ...] = ()) -> float:
+    """Run a study by its command, begun by another or not; return the seconds."""
+    begun = time.perf_counter()
+    words = [*on, sys.executable, "-c", RUN, "study", str(folder / "study.toml")]
+    subprocess.run(
+        [*words, "--out", str(folder / out), *more],
+        check=True,
+        capture_output=True,
+    )
+    return time.perf_counter() - begun
+
+
+def written(folder: Path, samples: int) -> None:
+    """Write the study of arrivals and pressures."""
+    from calibration.benchmark_study import AIR, sensors
+
+    (folder / "scene.toml").write_text(AIR + sensors(16))
+    (folder / "study.toml").write_text(
+        f'scene = "scene.toml"\nsamples = {samples}\nkeep = "summary"\n'
+        'outcomes = ["air_arrival_s", "peak_overpressure_pa"]\n'
+    )
+
+
+def workers_lines() -> tuple[list[str], float]:
+    """Measure workers that calculate; return seconds a sample of one core, too."""
+    from jblast.study.sampling.work import MOST_TILES
+
+    cores = os.cpu_count() or 1
+    counts = [n for n in (1, 2, 4, 8, 16) if n <= cores]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        written(folder, MOST_TILES * TILE)
+        command(folder, "first", "--limit", "1")
+        start = command(folder, "second", "--limit", "1")
+
+        def rate(
+            name: str, samples: int, *more: str, on: tuple[str, ...] = ()
+        ) -> float:
+            """Return samples a second of all but the first quarter."""
+            quarter, whole = (
+                command(folder, f"{name} {limit}", *more, "--limit", str(limit), on=on)
+                for limit in (samples // 4, samples)
+            )
+            return 0.75 * samples / (whole - quarter)
+
+        # held to it: XLA has threads on all cores, however few its devices are
+        one = rate("one core", SAMPLES, "--devices", "1", on=("taskset", "-c", "0"))
+        here = rate("all cores", cores * SAMPLES)
+        shared = {
+            n: rate(f"{n} workers", cores * SAMPLES, "--workers", str(n))
+            for n in counts
+        }
+    lines = [
+        f"start to first tile, warm: {start:.1f} s",
+        "",
+        "workers that calculate, samples a second of all but a study's first quarter",
+        f"  this process, one core          {one:12,.0f}",
+        f"  this process, {cores:2} cores          {here:12,.0f}"
+        f"   ({here / one / cores:.0%} of {cores} times one core)",
+    ]
+    for n, each in shared.items():
+        said = f"{n} workers of {cores // n} cores"
+        lines.append(f"  {said:32}{each:12,.0f}   (Dask's loss {1 - each / here:6.1%})")
+    return lines, 1 / one
+
+
+def scaling() -> None:
+    """Measure; print and keep."""
+    from jblast.files import write_text
+
+    lines = [
+        f"Sharing a study: {os.cpu_count()} cores, load average "
+        f"{os.getloadavg()[0]:.1f} before",
+    ]
+    measured, each = workers_lines()
+    lines += measured
+    lines += ["", f"simulated workers, tiles of {TILE_S:g} s, {EACH} for each"]
+    efficiency = {n: simulated(n) for n in SIMULATED}
+    lines += [f"  {n:2} workers: efficiency {e:.1%}" for n, e in efficiency.items()]
+    worst = efficiency[SIMULATED[-1]]
+    lines += ["", f"cost model: {each:.3g} s a sample of 16 sensors on one core"]
+    for cores in (2, 64, 1024):
+        hours = 1e12 * each / (cores * worst) / 3600
+        lines.append(f"  1e12 samples on {cores:5,} cores: {hours:12,.1f} h")
+    text = "\n".join(lines) + "\n"
+    print(text)
+    write_text(KEPT, text)
 
 
 if __name__ == "__main__":
-    main()
+    run_part({"speed": main, "scaling": scaling})

@@ -12,7 +12,6 @@ import jax
 BENCHMARKS = (
     "laws",
     "fit_many",
-    "samplers",
     "picks",
     "euler",
     "flights",
@@ -24,7 +23,8 @@ BENCHMARKS = (
     "environments",
     "study",
 )
-"""Each `calibration.benchmark_NAME` has a function `NAME_text`."""
+"""Each has a function `NAME_text`, in the module of its name or of its subject."""
+SUBJECTS = {"event_kernel": "events", "flight_kernel": "flights"}
 SPLIT = {"fit_many", "euler", "flights", "world", "environments", "study"}
 """Those that use every core as a device of its own."""
 
@@ -40,7 +40,9 @@ def main() -> None:
     if split and "device_count" not in os.environ.get("XLA_FLAGS", ""):
         jax.config.update("jax_num_cpu_devices", os.cpu_count())
     for name in asked:
-        module = importlib.import_module(f"calibration.benchmark_{name}")
+        module = importlib.import_module(
+            f"calibration.benchmark_{SUBJECTS.get(name, name)}"
+        )
         print(getattr(module, f"{name}_text")())
 
 

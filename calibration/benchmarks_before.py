@@ -6,10 +6,10 @@ TREE is a checkout of an earlier commit (`git worktree add TREE COMMIT`); both r
 this Python and its packages. A benchmark runs in two processes at once, one a tree, and
 each stretch that it times runs while the other process waits: first a call of the one,
 then the same call of the other. Their clock is the processor's, all cores together
-(`benchmark_in_turns.py`): rates are those of a second of one core. Of each row the best
-round counts; beside the ratio stands what the rounds of the earlier tree alone leave
-open: their best over their second best. Rounds that have ended are kept in a file and
-not run again.
+(`calibration.benchmark_in_turns`): rates are those of a second of one core. Of each row
+the best round counts; beside the ratio stands what the rounds of the earlier tree alone
+leave open: their best over their second best. Rounds that have ended are kept in a file
+and not run again.
 """
 
 import argparse

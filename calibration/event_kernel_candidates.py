@@ -2,10 +2,12 @@
 
     JAX_PLATFORMS=cpu python -m calibration.event_kernel_candidates [--out TABLE.txt]
 
+    JAX_PLATFORMS=cpu python -m calibration.event_kernel_candidates [--out TABLE.txt]
+
 Needs CuPy and a GPU, not Warp; one or two minutes, most of them for the compiler. The
 kernels are those of `event_kernel_candidates.cu`, in CUDA C++; each is held to the
 events of the first, time for time. Two films of 640 x 480 pixels of RGBA: the disc that
-grows of `benchmark_event_kernel`, and noise in every pixel of every frame, below the
+grows of `benchmark_events`, and noise in every pixel of every frame, below the
 threshold. Beside the rates stand those of nothing but reading or copying the frames.
 Then the ways to the host in order of time and pixel: as `EventKernel.in_order` had it,
 sorted on the device, through pinned memory, and that while the next frames are
@@ -15,16 +17,159 @@ followed.
 import argparse
 import importlib
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.event_candidates import FPS, HEIGHT, PIXELS, WIDTH, Candidate, Events
-from calibration.event_order_candidates import ordered
+from jblast.sensors.camera.events.stream import Found, gathered
 
 cupy: Any = importlib.import_module("cupy")
+
+HEIGHT, WIDTH, FPS, THRESHOLD = 480, 640, 1000.0, 0.2
+PIXELS = HEIGHT * WIDTH
+ROOM = 1 << 20
+SOURCE = Path(__file__).with_name("event_kernel_candidates.cu")
+
+
+class Candidate(NamedTuple):
+    """A kernel as it is compiled and launched.
+
+    Attributes:
+        kind: `two` (screen, then follow), `fused` or `staged` (shared memory).
+        run: Frames asked for together.
+        pixels: Of a thread.
+        mode: Light by which pixels are screened: 0 conversions, 1 `dp4a`, 2 permuted
+            bytes, 3 only where a word changed at all.
+        together: Frames of a launch.
+        ahead: Frames that `follow` asks for together.
+        threads: Of a block.
+        grey: Whether frames are grey and not RGBA.
+    """
+
+    kind: str
+    run: int = 16
+    pixels: int = 1
+    mode: int = 0
+    together: int = 128
+    ahead: int = 16
+    threads: int = 128
+    grey: bool = False
+
+
+class Events:
+    """A candidate, compiled, with the state of its pixels and room for events."""
+
+    def __init__(self, how: Candidate, behind: Any):
+        """Compile it.
+
+        Args:
+            how: The candidate.
+            behind: Grey light behind RGBA frames.
+        """
+        self.how = how
+        named = {
+            "RUN": how.run,
+            "PX": how.pixels,
+            "MODE": how.mode,
+            "AHEAD": how.ahead,
+            "THREADS": how.threads,
+        }
+        defined = "".join(f"#define {k} {v}\n" for k, v in named.items())
+        defined += "#define GREY 1\n" if how.grey else ""
+        module = cupy.RawModule(
+            code=defined + SOURCE.read_text(), options=("-std=c++17",)
+        )
+        kinds = ("screen", "follow") if how.kind == "two" else (how.kind,)
+        names = "begin", "finish", *kinds
+        self.kernels = {name: module.get_function(name) for name in names}
+        if how.kind == "staged":
+            self.shared = 2 * how.run * how.threads * 16
+            self.kernels["staged"].max_dynamic_shared_size_bytes = self.shared
+        self.first = cupy.zeros(PIXELS, np.float64)
+        self.counts = cupy.zeros((2, PIXELS), np.int32)
+        self.quiet = cupy.zeros((PIXELS, 2), np.float32)
+        self.value = cupy.zeros(PIXELS, np.uint32)
+        self.behind = behind
+        self.listed = cupy.zeros(PIXELS, np.int32)
+        self.fresh()
+
+    def fresh(self) -> None:
+        """Make new room for events."""
+        self.found = cupy.zeros(1, np.int32)
+        self.pixel, self.sign = (cupy.zeros(ROOM, np.int32) for _ in range(2))
+        self.time = cupy.zeros(ROOM, np.float64)
+
+    def _launch(self, name: str, pixels: int, *given: Any) -> None:
+        threads = self.how.threads
+        blocks = -(-PIXELS // (pixels * threads))
+        state = (
+            self.behind,
+            np.float64(THRESHOLD),
+            np.float64(THRESHOLD),
+            np.int32(PIXELS),
+            self.first,
+            self.counts[0],
+            self.counts[1],
+            self.quiet,
+            self.value,
+            self.found,
+            self.pixel,
+            self.time,
+            self.sign,
+            np.int32(ROOM),
+        )
+        shared = {"shared_mem": self.shared} if name == "staged" else {}
+        self.kernels[name]((blocks,), (threads,), (*given, *state), **shared)
+
+    def run(self, frames: Any, times: Any, first: int = 0) -> None:
+        """Take frames; the events lie on the device.
+
+        Args:
+            frames: Words or bytes (frame, pixel).
+            times: Of them [s], on the device.
+            first: Number of the first of them in the film; of 0 all begins anew.
+        """
+        how, count = self.how, len(frames)
+        if first == 0:
+            self._launch("begin", 1, frames)
+        self.found.fill(0)
+        listed = cupy.zeros(-(-count // how.together), np.int32)
+        for part, start in enumerate(range(0, count, how.together)):
+            some = np.int32(start), np.int32(min(start + how.together, count))
+            last = np.float64(max(first + start - 1, 0) / FPS)
+            if how.kind == "two":
+                which = listed[part : part + 1], self.listed
+                self._launch("screen", 1, frames, *some, *which)
+                self._launch("follow", 1, frames, times, *some, last, *which)
+            else:
+                self._launch(how.kind, how.pixels, frames, times, *some, last)
+        self._launch("finish", 1, frames, np.int32(count))
+
+    def sorted(self) -> tuple[np.ndarray, ...]:
+        """Return time, pixel and sign in order of pixel and time, on the host."""
+        count = int(self.found[0])
+        time, pixel, sign = (
+            a[:count].get() for a in (self.time, self.pixel, self.sign)
+        )
+        order = np.lexsort((time, pixel))
+        return time[order], pixel[order], sign[order]
+
+    def registers(self) -> str:
+        """Return registers of a thread, and bytes in local memory if any."""
+        kernel = self.kernels["screen" if self.how.kind == "two" else self.how.kind]
+        local = kernel.local_size_bytes
+        return f"{kernel.num_regs}" + (f"+{local} B" if local else "")
+
+
+BLOCK = 512
+"""Frames that are followed while the events of those before are fetched."""
+ORDER_REPEATS = 5
+
+Fields = tuple[np.ndarray, ...]
+
 
 FRAMES, NOISY = 4096, 1024
 BACKGROUND, BRIGHT = 0.16, 200
@@ -164,6 +309,164 @@ def main() -> None:
         say(f"{label:56}{len(disc) / took:10.3g} frames/s")
     if out:
         Path(out).write_text("\n".join(lines) + "\n")
+
+
+def ordered(
+    events: Any, film: Any, seconds: Callable[[Callable[[], Any]], float]
+) -> Iterator[tuple[str, float]]:
+    """Measure each way.
+
+    Args:
+        events: A candidate that keeps its events on the device.
+        film: Frames, on the device.
+        seconds: Measures a run on the device [s].
+
+    Yields:
+        What was measured, and how long it took [s].
+    """
+    times = cupy.arange(len(film)) / FPS
+
+    def followed() -> None:
+        events.run(film, times)
+
+    yield "followed alone", seconds(followed)
+    known = _by_host(events)
+    ways: dict[str, Callable[[], Fields]] = {
+        "three copies, sorted by NumPy (as EventKernel)": lambda: _by_host(events),
+        "sorted on the device, three copies": lambda: _by_device(events, pinned=False),
+        "sorted on the device, pinned memory": lambda: _by_device(events, pinned=True),
+    }
+    for label, way in ways.items():
+        yield (
+            label + _checked(way(), known),
+            _clocked(lambda w=way: (followed(), w())),
+        )
+    label = f"the same, while the next {BLOCK} frames are followed"
+    blocks = Blocks(events, film, times)
+    yield label + _checked(blocks.run(), known), _clocked(blocks.run)
+    yield (
+        "   of which the sort alone",
+        _clocked(lambda: _order(events, count_of(events))),
+    )
+
+
+def count_of(events: Any) -> int:
+    """Return how many events lie on the device."""
+    return int(events.found[0])
+
+
+def _checked(found: Fields, known: Fields) -> str:
+    """Return a word where the events are others."""
+    alike = all(
+        len(a) == len(b) and np.allclose(a, b, rtol=0, atol=1e-9)
+        for a, b in zip(found, known, strict=True)
+    )
+    return "" if alike else " (OTHER EVENTS)"
+
+
+def _clocked(run: Callable[[], Any]) -> float:
+    """Return the median time of a run by the host's clock [s]."""
+    took = []
+    for _ in range(ORDER_REPEATS + 1):
+        cupy.cuda.Device().synchronize()
+        begin = time.perf_counter()
+        run()
+        cupy.cuda.Device().synchronize()
+        took.append(time.perf_counter() - begin)
+    return float(np.median(took[1:]))
+
+
+def _by_host(events: Any) -> Fields:
+    """Return pixel, time and sign as `EventKernel.in_order` gets them."""
+    count = count_of(events)
+    fields = (a[:count].get() for a in (events.pixel, events.time, events.sign))
+    found = gathered([Found(*fields)], WIDTH)
+    return (
+        np.asarray(found.y) * WIDTH + np.asarray(found.x),
+        np.asarray(found.time),
+        np.asarray(found.polarity),
+    )
+
+
+def _order(events: Any, count: int) -> Any:
+    """Return the order of events by time, then pixel: two stable sorts by radix."""
+    by_pixel = cupy.argsort(events.pixel[:count], kind="stable")
+    time_bits = events.time[:count][by_pixel].view(np.int64)
+    return by_pixel[cupy.argsort(time_bits, kind="stable")]
+
+
+def _by_device(events: Any, *, pinned: bool) -> Fields:
+    count = count_of(events)
+    order = _order(events, count)
+    fields = [a[:count][order] for a in (events.pixel, events.time, events.sign)]
+    if not pinned:
+        return tuple(field.get() for field in fields)
+    return _fetched(fields, _PINNED, 0)
+
+
+def _fetched(fields: list[Any], kept: dict, half: int) -> Fields:
+    """Return fields in pinned memory, which is kept for the next time."""
+    out = []
+    for number, field in enumerate(fields):
+        key = number, half
+        if key not in kept or kept[key][0].nbytes < field.nbytes:
+            size = max(1 << 20, 1 << (field.nbytes - 1).bit_length())
+            memory = cupy.cuda.alloc_pinned_memory(size)
+            kept[key] = (np.frombuffer(memory, np.uint8, size), memory)
+        host = kept[key][0][: field.nbytes].view(field.dtype)
+        field.get(out=host, blocking=False)
+        out.append(host)
+    cupy.cuda.get_current_stream().synchronize()
+    return tuple(out)
+
+
+_PINNED: dict = {}
+
+
+class Blocks:
+    """Follows a block of frames while the events of the one before come to the host."""
+
+    def __init__(self, events: Any, film: Any, times: Any):
+        """Make room for the events of two blocks."""
+        self.events, self.film, self.times = events, film, times
+        self.follows, self.brings = (
+            cupy.cuda.Stream(non_blocking=True) for _ in range(2)
+        )
+        self.kept: dict = {}
+        self.rooms = []
+        for _ in range(2):
+            events.fresh()
+            self.rooms.append((events.found, events.pixel, events.time, events.sign))
+
+    def run(self) -> Fields:
+        """Return pixel, time and sign of all blocks."""
+        starts = list(range(0, len(self.film), BLOCK))
+        parts: list[Fields] = []
+        done = [self._follow(starts[0], 0)]
+        for number, _ in enumerate(starts):
+            if number + 1 < len(starts):
+                done.append(self._follow(starts[number + 1], (number + 1) % 2))
+            self.brings.wait_event(done[number])
+            parts.append(self._bring(number % 2))
+        return tuple(np.concatenate(f) for f in zip(*parts, strict=True))
+
+    def _follow(self, start: int, half: int) -> Any:
+        events = self.events
+        events.found, events.pixel, events.time, events.sign = self.rooms[half]
+        stop = min(start + BLOCK, len(self.film))
+        with self.follows:
+            events.run(self.film[start:stop], self.times[start:stop], start)
+            return self.follows.record()
+
+    def _bring(self, half: int) -> Fields:
+        found, pixel, at, sign = self.rooms[half]
+        with self.brings:
+            count = int(found[0])
+            by_pixel = cupy.argsort(pixel[:count], kind="stable")
+            bits = at[:count][by_pixel].view(np.int64)
+            order = by_pixel[cupy.argsort(bits, kind="stable")]
+            fields = [a[:count][order] for a in (pixel, at, sign)]
+            return tuple(f.copy() for f in _fetched(fields, self.kept, half))
 
 
 if __name__ == "__main__":

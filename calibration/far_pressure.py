@@ -27,7 +27,7 @@ $$y = \ln(recorded/law) = a_s + (F u_s - B)\,g(Z) + \epsilon, \qquad
 
 $u_s$ is a unit normal shared by the far records of a shot, $\epsilon$ Student-t with 4
 degrees of freedom and scale $\sqrt{r^2 + (R g)^2}$. Levels and $u_s$ are integrated out
-(`random_effects.py`). The package has $B = 0$: then $F$ holds the median loss as well.
+(`likelihood.py`). The package has $B = 0$: then $F$ holds the median loss as well.
 A loss by half in all weathers would be a claim on four campaigns at three sites, and
 downwind peaks are known to rise.
 
@@ -54,7 +54,7 @@ from scipy.special import logsumexp
 from scipy.stats import t as student
 
 import jblast.waves
-from calibration.random_effects import marginal
+from calibration.likelihood import marginal
 from jblast.cli.jax_start import start_jax
 from jblast.constants import (
     STANDARD_PRESSURE,

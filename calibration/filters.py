@@ -14,7 +14,6 @@ best of nine, are those of one second of 48 kHz through a band-pass of second or
 """
 
 import os
-import time
 from pathlib import Path
 
 import jax
@@ -23,6 +22,7 @@ import numpy as np
 from jax import lax
 
 from jblast.cli.jax_start import start_jax
+from jblast.fidelity.timing import best_of
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import COLOURS, new_figure, quiet, titled
 from jblast.sensors import instrument
@@ -108,13 +108,7 @@ def seconds(filtering: CausalFilter, run, microphones: int) -> float:
     single = jax.tree.map(lambda x: x.astype(jnp.float32), filtering)
     samples = jnp.zeros((microphones, int(RATE)), jnp.float32).at[:, 5].set(1.0)
     compiled = jax.jit(jax.vmap(run, in_axes=(None, 0)))
-    compiled(single, samples).block_until_ready()
-    best = np.inf
-    for _ in range(9):
-        start = time.perf_counter()
-        compiled(single, samples).block_until_ready()
-        best = min(best, time.perf_counter() - start)
-    return best
+    return best_of(lambda: compiled(single, samples), 9)[0]
 
 
 def show_seconds() -> None:

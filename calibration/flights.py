@@ -1,21 +1,54 @@
-"""What one blast does to quadrotors that hold their place: what moves them, how far.
+"""Quadrotors that hold their place in blasts: what moves them, how far, what recovers.
 
-python -m calibration.flights --out FIGURE.png
+    python -m calibration.flights --out calibration/results/flights.png
+        > calibration/results/flights.txt
+    python -m calibration.flights recovery --out calibration/results/hold_recovery.png
+        > calibration/results/hold_recovery.txt
+    python -m calibration.flights controllers --out calibration/results/controllers.png
+        > calibration/results/controllers.txt
+    python -m calibration.flights estimator [VEHICLES]
+        > calibration/results/estimator.txt
 
-A kilogram of TNT on the ground, vehicles 2 m above it at some distances, for
-12 s; and one of them in a steady wind. By the kernel of Warp in float64.
+Blast: what one blast does to quadrotors that hold their place: what moves them, how
+far. A kilogram of TNT on the ground, vehicles 2 m above it at some distances, for 12 s;
+and one of them in a steady wind. By the kernel of Warp in float64.
+
+Recovery: from which kicks a position hold comes back: as it is, and as the bare law
+would. Vehicles hover 10 m up and are thrown upwards and sideways, or upwards while they
+turn about a body axis. Each has 12 s to come back. It has recovered if it never touched
+the ground or turned over, body z below the horizon, and ends within 0.25 m of its
+place. Beside the hold stands the law of Lee and others by itself: without limits,
+rotors clipped by the motors. With integral action, steps of 4 ms by RK4, in float64.
+
+Controllers: which controller flies on through which blast, and how far each lets it be
+thrown. Each vehicle, 3 m up, is flown by every controller through the same blasts of 1
+to 10 kg of TNT on the ground, 3 to 30 m off, in a wind of up to 3 m/s either way. The
+figure is of the Iris.
+
+Estimator: how good a vehicle's estimate of its state is, and what blasts do to it. An
+Iris holds its place by the error-state Kalman filter, 8 m from a charge and 10 m up,
+with masses that make fronts of 10 to 100 kPa; beside it flies the same hold by the
+truth. Each row is a mass: medians, and greatest of the vehicles.
 """
 
 import argparse
+import dataclasses
+import sys
+import tempfile
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from calibration import run_part
+from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import (
     COLOURS,
     MUTED,
@@ -24,18 +57,33 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.scene import Air, Charge, Scene
+from jblast.report.flight_figures import controllers_figure
+from jblast.report.words import aligned
+from jblast.scene import Air, Charge, Scene, read_scene
+from jblast.study.flight_results import (
+    Flights,
+    Options,
+    flies_on,
+    hold_words,
+    metric,
+    quantiles,
+)
+from jblast.study.flights import fly
 from jblast.vehicle import (
+    CONTROLLERS,
     Each,
+    Gains,
     PositionHold,
     State,
     StepGust,
     Trajectory,
+    Vehicle,
     blast_load,
     flight_metrics,
     named,
     named_gains,
     path_error,
+    rotor_speeds,
     simulate,
 )
 
@@ -57,6 +105,79 @@ class Row(NamedTuple):
     peak_m: Float[np.ndarray, " distance"]
     recovery_s: Float[np.ndarray, " distance"]
     crashed: np.ndarray
+
+
+NAMES = ("crazyflie", "hummingbird", "iris")
+HOME = np.array([0.0, 0.0, 10.0])
+RECOVERY_SECONDS, RECOVERY_STEP_S, NEAR_M = 12.0, 4e-3, 0.25
+LEVELS = np.linspace(0.0, 10.0, 11)
+"""Of a speed [m/s] or a body rate [rad/s]."""
+WAYS = {
+    "sideways [m/s]": (np.array([1.0, 0.0, 0.0]), np.zeros(3)),
+    "roll rate [rad/s]": (np.zeros(3), np.array([1.0, 0.0, 0.0])),
+    "pitch and yaw rate, each [rad/s]": (np.zeros(3), np.array([0.0, 1.0, 1.0])),
+}
+"""Velocity and body rate of one unit across; the other axis is the speed upwards."""
+CRASHED, OVER, AWAY, BACK = range(4)
+WORDS = ("hit the ground", "turned over, came back", "not back yet", "recovered")
+OUTCOME_COLOURS = ("#b2182b", "#ef8a62", "#fddbc7", "#2166ac")
+
+
+class BareHold(eqx.Module):
+    """Lee, Leok and McClamroch (2010) as printed, of whatever the motors cannot do."""
+
+    target_m: Any
+    gains: Gains
+
+    def start(self) -> Any:
+        """Return the integral at the start."""
+        return jnp.zeros(3)
+
+    def __call__(
+        self, time_s: Any, state: State, vehicle: Vehicle, memory: Any, period_s: Any
+    ) -> Any:
+        """Return rotor speeds, and the integral afterwards."""
+        k, away = self.gains, state.position_m - self.target_m
+        limit = k.integral_limit
+        total = jnp.clip(memory - k.integral * period_s * away, -limit, limit)
+        asked = total - k.position * away - k.velocity * state.velocity_m_s
+        pull = asked + jnp.array([0.0, 0.0, 9.81])
+        q = state.quaternion / jnp.linalg.norm(state.quaternion)
+        v, s = q[:3], q[3]
+        cross = jnp.cross(jnp.eye(3), v)
+        attitude = (2 * s * s - 1) * jnp.eye(3) + 2 * s * cross + 2 * jnp.outer(v, v)
+        b_3 = pull / jnp.linalg.norm(pull)
+        b_2 = jnp.cross(b_3, jnp.array([1.0, 0.0, 0.0]))
+        b_2 = b_2 / jnp.linalg.norm(b_2)
+        wanted = jnp.stack([jnp.cross(b_2, b_3), b_2, b_3], axis=1)
+        skew = (wanted.T @ attitude - attitude.T @ wanted) / 2
+        error = jnp.stack([skew[2, 1], skew[0, 2], skew[1, 0]])
+        w, inertia = state.body_rate_rad_s, vehicle.inertia_kg_m2
+        turn = inertia @ (-k.attitude * error - k.body_rate * w)
+        moment = turn + jnp.cross(w, inertia @ w)
+        thrust = vehicle.mass_kg * jnp.dot(pull, attitude[:, 2])
+        return rotor_speeds(vehicle, (thrust, *moment)), total
+
+
+CONTROLLED, COUNT, CONTROLLER_STEP_S = ("crazyflie", "hummingbird", "iris"), 500, 2e-3
+SCENE = """[charge]
+mass_kg = {{ loguniform = [1.0, 10.0] }}
+position_m = [{{ loguniform = [3.0, 30.0] }}, 0.0, 0.0]
+time_s = 2.0
+
+[air]
+wind_m_s = [{{ uniform = [-3.0, 3.0] }}, {{ uniform = [-3.0, 3.0] }}]
+
+[vehicle]
+model = "{vehicle}"
+position_m = [0.0, 0.0, 3.0]
+"""
+
+
+MASSES_KG = (1.0, 5.0, 20.0, 50.0)
+EACH = 16
+"""Vehicles for each mass."""
+ESTIMATED_BLAST_S, ESTIMATED_SECONDS = 6.0, 14.0
 
 
 def held(
@@ -173,5 +294,215 @@ def main() -> None:
             flights_figure().savefig(out)
 
 
+def outcomes(name: str, *, bare: bool) -> np.ndarray:
+    """Return what becomes of a vehicle: by way, speed upwards, the other axis."""
+    vehicle = dataclasses.replace(named(name), name="", body=None)
+    gains = named_gains(name, integral=True)
+    up, other = (x.ravel() for x in np.meshgrid(LEVELS, LEVELS, indexing="ij"))
+    velocity = [np.outer(other, v) + np.outer(up, [0, 0, 1]) for v, _ in WAYS.values()]
+    rate = [np.outer(other, w) for _, w in WAYS.values()]
+    count = len(WAYS) * up.size
+    hover = float(np.sqrt(vehicle.mass_kg * 9.81 / 4 / vehicle.thrust_coefficient))
+    start = State(
+        np.tile(HOME, (count, 1)),
+        np.concatenate(velocity),
+        np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)),
+        np.concatenate(rate),
+        np.full((count, 4), hover),
+    )
+    hold = (BareHold if bare else PositionHold)(jnp.asarray(HOME), gains)
+    many = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), hold)
+    flown = simulate(
+        vehicle,
+        start,
+        duration_s=RECOVERY_SECONDS,
+        step_s=RECOVERY_STEP_S,
+        control=Each(many),
+        ground_up_m=0.0,
+        store_every=5,
+        backend="jax",
+    )
+    i, j, _, _ = np.moveaxis(np.asarray(flown.quaternion), -1, 0)
+    over = ~(2 * (i**2 + j**2) <= 1).all(axis=1)
+    down = ~(np.asarray(flown.position_m)[..., 2] > 0).all(axis=1)
+    end = np.asarray(flown.position_m)[:, -1] - HOME
+    back = np.linalg.norm(end, axis=-1) < NEAR_M
+    found = np.select([down, over & back, ~back], [CRASHED, OVER, AWAY], BACK)
+    return found.reshape(len(WAYS), LEVELS.size, LEVELS.size)
+
+
+def table(maps: dict[tuple[str, bool], np.ndarray]) -> str:
+    """Return the shares of each outcome."""
+    lines = [
+        f"kicks and turns of 0 to {LEVELS[-1]:g}, {LEVELS.size} x {LEVELS.size} of "
+        f"each; shares of them [%], {RECOVERY_SECONDS:g} s later",
+        f"{'vehicle':13}{'upwards and':34}{'hold':10}"
+        + "".join(f"{word:>24}" for word in WORDS),
+    ]
+    for (name, bare), found in maps.items():
+        for way, each in zip((*WAYS, "all of these"), (*found, found), strict=True):
+            shares = [100 * np.mean(each == n) for n in range(len(WORDS))]
+            cells = "".join(f"{share:24.1f}" for share in shares)
+            law = "bare law" if bare else "ours"
+            lines.append(f"{name:13}{way:34}{law:10}{cells}")
+    return "\n".join(lines)
+
+
+def figure_of(maps: dict[tuple[str, bool], np.ndarray]) -> Figure:
+    """Return the maps: a row a vehicle, the bare law beside ours."""
+    figure = new_figure(13.0, 7.4)
+    columns = 2 * len(WAYS)
+    panels = figure.subplots(len(NAMES), columns, sharex="col", sharey=True)
+    colours = ListedColormap(OUTCOME_COLOURS)
+    for row, name in enumerate(NAMES):
+        for column, way in enumerate(way for way in WAYS for _ in range(2)):
+            axes, bare = panels[row, column], column % 2 == 0
+            each = maps[name, bare][column // 2]
+            axes.pcolormesh(
+                LEVELS, LEVELS, each, cmap=colours, vmin=-0.5, vmax=3.5, linewidth=0
+            )
+            quiet(axes)
+            axes.grid(False)
+            axes.set_aspect("equal")
+            axes.set_xticks([0, 5, 10])
+            axes.set_yticks([0, 5, 10])
+            if row == 0:
+                axes.set_title("bare law" if bare else "ours", loc="left", fontsize=10)
+            if row == len(NAMES) - 1:
+                axes.set_xlabel(way.replace(", each", ""), fontsize=9)
+        panels[row, 0].set_ylabel(f"{name.capitalize()}\nupwards [m/s]")
+    marks = [
+        figure.axes[0].plot([], [], "s", color=colour, markersize=9, label=word)[0]
+        for colour, word in zip(OUTCOME_COLOURS, WORDS, strict=True)
+    ]
+    figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def recovery() -> None:
+    """Print the table; draw the figure where a file is named."""
+    parser = argparse.ArgumentParser(description="From which kicks a hold comes back.")
+    parser.add_argument("--out", metavar="FIGURE.png")
+    out = parser.parse_args().out
+    start_jax(all_cores=False)
+    maps = {
+        (name, bare): outcomes(name, bare=bare)
+        for name in NAMES
+        for bare in (True, False)
+    }
+    print(table(maps))
+    if out:
+        figure_of(maps).savefig(out)
+
+
+def flown(vehicle: str, count: int) -> Flights:
+    """Fly a vehicle by every controller."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scene.toml"
+        file.write_text(SCENE.format(vehicle=vehicle), encoding="utf-8")
+        scene = read_scene(str(file))
+    options = Options(seconds=8.0, step_s=CONTROLLER_STEP_S, backend="jax")
+    return fly(scene, options, vehicles=count, controllers=tuple(CONTROLLERS))
+
+
+def rows(flights: Flights) -> list[tuple[str, ...]]:
+    """Return a row a controller; the peak deviation is of those that fly on."""
+    found = []
+    for name, held in flights.holds.items():
+        on = flies_on(held)
+        peak = metric(held, "peak_deviation_m")[on]
+        back = metric(held, "recovery_time_s")[on]
+        low, middle, high = quantiles(peak)
+        found.append(
+            (
+                flights.vehicle.model,
+                hold_words(name),
+                f"{100 * on.mean():.1f} %",
+                f"{middle:.3f} ({low:.3f} to {high:.3f})",
+                f"{np.median(back):.2f}",
+                f"{100 * np.isfinite(back).mean():.1f} %",
+            )
+        )
+    return found
+
+
+def controllers() -> None:
+    """Fly, print, draw."""
+    parser = argparse.ArgumentParser(description="Controllers side by side.")
+    parser.add_argument("--out", type=Path, help="the figure")
+    parser.add_argument("--count", type=int, default=COUNT)
+    asked = parser.parse_args()
+    start_jax(all_cores=True)
+    head = (
+        "vehicle",
+        "held",
+        "flies on",
+        "peak deviation [m] (5 to 95 %)",
+        "recovery [s], median",
+        "recovered",
+    )
+    table = [head]
+    every = [flown(vehicle, asked.count) for vehicle in CONTROLLED]
+    for flights in every:
+        table += rows(flights)
+    print(f"{asked.count} blasts a vehicle, 8 s, steps of {CONTROLLER_STEP_S:g} s")
+    print("\n".join(aligned(table)))
+    if asked.out is not None:
+        controllers_figure(every[-1]).savefig(asked.out)
+
+
+def estimator() -> None:
+    """Fly by the estimate and by the truth, and print the table."""
+    vehicles = int(sys.argv[1]) if len(sys.argv) > 1 else EACH
+    start_jax(all_cores=True)
+    from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
+    from jblast.scene.uncertain import Normal
+    from jblast.study.flight_results import Options
+    from jblast.study.flights import fly
+
+    lines = [
+        f"{vehicles} Iris a row, hold with integral action, blast at "
+        f"{ESTIMATED_BLAST_S:g} s; errors of the estimate",
+        "in the second before it and greatest in 8 s after: median (greatest)",
+        "mass [kg]  front [kPa]  place before [m]  after [m]     velocity before "
+        "[m/s]  after [m/s]    attitude before [mrad]  after [mrad]  "
+        "hold off by [m]  by the truth [m]",
+    ]
+    for mass in MASSES_KG:
+        spec = VehicleSpec("iris", position=np.array([8.0, 0.0, 10.0]), integral=True)
+        scene = Scene(Charge(mass, time_s=ESTIMATED_BLAST_S), vehicle=spec)
+        uncertain = UncertainScene(scene, {"charge_mass_kg": Normal(mass, mass / 1e3)})
+        found = [
+            fly(
+                uncertain,
+                Options(seconds=ESTIMATED_SECONDS, step_s=0.004, estimator=flown_by),
+                vehicles=vehicles,
+            ).holds["with_integral"]
+            for flown_by in ("ekf", "")
+        ]
+        thrown = found[0].thrown
+        assert thrown is not None
+        cells = [
+            _both(values[:, 0] * (1e3 if name.endswith("rad") else 1.0))
+            for name, values in thrown._asdict().items()
+        ]
+        off = [_both(each.metrics.peak_deviation_m) for each in found]
+        front = float(np.median(found[0].encounter.overpressure_pa)) / 1e3
+        lines.append("  ".join([f"{mass:<9g}", f"{front:<11.3g}", *cells, *off]))
+    print("\n".join(lines))
+
+
+def _both(values: object) -> str:
+    known = np.asarray(values)
+    return f"{np.median(known):.3g} ({known.max():.3g})"
+
+
 if __name__ == "__main__":
-    main()
+    run_part(
+        {
+            "blast": main,
+            "recovery": recovery,
+            "controllers": controllers,
+            "estimator": estimator,
+        }
+    )

@@ -1,6 +1,7 @@
 """How do impulse and duration in the far field depend on mass, range and burial?
 
     python -m calibration.ford_2021 > calibration/results/ford_2021.txt
+    python -m calibration.ford_2021 logs
 
 Data: calibration/data/acoustic_ford2021.csv (its provenance stands there). No random
 numbers. Writes jblast/waves/data/ford_2021.json.
@@ -8,7 +9,7 @@ numbers. Writes jblast/waves/data/ford_2021.json.
 A record is the curve of `jblast/waves/laws/ford_2021.py` plus what its site, its
 shot and its path add, plus an error of its own, Student-t with 4 degrees of freedom. A
 path is the same in all shots of a site. The effects are Gaussian and integrated out
-(`random_effects.py`). Forms are compared by AIC at the maximum likelihood, printed
+(`likelihood.py`). Forms are compared by AIC at the maximum likelihood, printed
 below. Coefficients, covariance and scatter are then those of the restricted likelihood,
 times a prior on the site and the shot scatter: Gamma of shape 2 and scale 0.1 in ln,
 for three sites (two, when one is left out) say next to nothing against zero.
@@ -31,22 +32,120 @@ Measured on the way, and left out (AIC of the impulse):
 - effects of impulse and duration on a shot are correlated by 0.48, but by 0.21 in
   ranks: HRI-7 and HTP-7, both deep, make the difference; on records by -0.14 in ranks.
   They are taken as independent, as the error model of a fit has it.
+
+With `logs` two shots are written as logs and scenes for `jblast fit`:
+HTA-1 was 4.8 m above soft rock, HRI-2 3 m, in another campaign. The table has no
+instrument errors, so sigma stays empty: the law's own scatter is all there is.
 """
 
+import csv
+import itertools
 import json
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 import jblast.waves
-from calibration.ford_fit import fit
-from calibration.ford_likelihood import COEFFICIENTS, SCATTERS, Form
-from calibration.ford_records import QUANTITIES, Records, read_records
-from calibration.likelihood_maximum import print_forms
+from calibration import run_part
+from calibration.likelihood import Marginal, likelihood_maximum, marginal, print_forms
 from jblast.cli.jax_start import start_jax
+from jblast.constants import STANDARD_SOUND_SPEED, STANDARD_TEMPERATURE
 from jblast.files import write_text
-from jblast.waves.laws.ford_2021 import FordCurve
+from jblast.waves.laws.ford_2021 import FordCurve, log_curve, log_scaled_place
+from jblast.waves.scaling import sachs_impulse_factor, sachs_time_factor
+
+RECORDS = Path(__file__).parent / "data" / "acoustic_ford2021.csv"
+
+QUANTITIES = ("positive_impulse_pa_s", "positive_duration_s")
+CAMPAIGNS = ("HRI", "HRII", "HTA", "HTP")
+
+
+class Records(NamedTuple):
+    """One row a record.
+
+    A path is a pair of places, the same in every shot; the first part of its name is
+    the site, so HRI and HRII are one site. A number stands for each name.
+    """
+
+    shot: np.ndarray
+    campaign: np.ndarray
+    site: np.ndarray
+    path: np.ndarray
+    charge_mass: np.ndarray
+    height_of_burst: np.ndarray
+    slant_range: np.ndarray
+    ambient_pressure: np.ndarray
+    sound_speed: np.ndarray
+    value: dict[str, np.ndarray]
+
+    def where(self, keep: np.ndarray) -> "Records":
+        """Pick rows."""
+        values = {quantity: value[keep] for quantity, value in self.value.items()}
+        return Records(*(column[keep] for column in self[:-1]), value=values)
+
+    def scaled_height(self) -> np.ndarray:
+        """Return h/W^(1/3) [m/kg^(1/3)]."""
+        return self.height_of_burst / self.charge_mass ** (1 / 3)
+
+    def scaled_range(self) -> np.ndarray:
+        """Return R/W^(1/3) [m/kg^(1/3)]."""
+        return self.slant_range / self.charge_mass ** (1 / 3)
+
+
+COEFFICIENTS = ("b1", "b2", "b3", "b4", "b5")
+SCATTERS = ("site", "shot", "burial", "path", "record")
+NAMES = COEFFICIENTS + SCATTERS
+GUARDED = ("site", "shot")
+EXPECTED_SD = 0.1
+"""Mode of the prior on the guarded scatter [ln]: weather, wind and terrain."""
+
+BEND_ABOUT = 100.0
+"""Scaled range about which a bent curve bends [m/kg^(1/3)]: the middle one."""
+
+
+class Form(NamedTuple):
+    """What is held at a value instead of fitted, and how records err."""
+
+    fixed: tuple[tuple[str, float], ...] = ()
+    nu: float = 4.0
+
+
+STARTS = {
+    "positive_impulse_pa_s": (
+        (6.5, -1.15, 12.0, 0.4, 0.0, 0.1, 0.06, 1.0, 0.15, 0.1),
+        (6.8, -1.15, 5.0, 1.0, 0.0, 0.1, 0.15, 0.6, 0.15, 0.1),
+    ),
+    "positive_duration_s": ((-5.3, 0.22, 0.7, 1.0, 0.0, 0.05, 0.12, 0.6, 0.11, 0.1),),
+}
+"""Values of `NAMES` where searches begin; the best end is taken."""
+
+
+class Fit(NamedTuple):
+    """Coefficients, scatter and what they reached; the prior tells the last two apart.
+
+    The covariance of a coefficient that was not fitted is zero.
+    """
+
+    coefficients: np.ndarray
+    covariance: np.ndarray
+    scatter: np.ndarray
+    log_likelihood: float
+    log_posterior: float
+    n_free: int
+
+    @property
+    def curve(self) -> FordCurve:
+        """Return the curve as the package has it: without a bend."""
+        if self.coefficients[-1] != 0:
+            raise ValueError(f"expected b5 = 0, got {self.coefficients[-1]:g}")
+        covariance = self.covariance[:-1, :-1]
+        return FordCurve(self.coefficients[:-1], covariance, *self.scatter)
+
 
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"
 
@@ -66,6 +165,10 @@ FORMS = {
     "  Gaussian records": Form(STRAIGHT, np.inf),
     "printed, no growth, no site": Form((*PRINTED, ("burial", 0.0), ("site", 0.0))),
 }
+
+
+LOGS = Path(__file__).parent / "data"
+SHOTS = ("HTA-1", "HRI-2")
 
 
 def as_json(curves: dict[str, FordCurve], records: Records) -> str:
@@ -111,5 +214,198 @@ def main() -> None:
     print(f"wrote {OUTPUT.name}")
 
 
+def fit(
+    quantity: str,
+    form: Form,
+    *,
+    restricted: bool = True,
+    weight: np.ndarray | None = None,
+) -> Fit:
+    """Fit one quantity from all starts, and return the best.
+
+    Args:
+        quantity: Its name in observation files.
+        form: What is fitted.
+        restricted: Whether to integrate over the coefficients (for estimates), or to
+            maximise over them too (for AIC).
+        weight: 1 for a record that is used, 0 for one left out.
+
+    Raises:
+        RuntimeError: Every search ended away from a maximum.
+    """
+    weights = np.ones(len(read_records().shot)) if weight is None else weight
+    ends, failures = [], []
+    for start in STARTS[quantity]:
+        try:
+            ends.append(search(quantity, form, restricted, weights, start))
+        except RuntimeError as error:
+            failures.append(str(error))
+    if not ends:
+        raise RuntimeError("; ".join(failures))
+    return max(ends, key=lambda end: end.log_posterior)
+
+
+def search(
+    quantity: str,
+    form: Form,
+    restricted: bool,
+    weight: np.ndarray,
+    start: tuple[float, ...],
+) -> Fit:
+    """Fit one quantity from one start; arguments as for `fit`."""
+    held = dict(form.fixed)
+    fitted = SCATTERS if restricted else NAMES
+    found = likelihood_maximum(
+        objective(quantity, form, restricted),
+        weight,
+        np.array([held.get(*pair) for pair in zip(NAMES, start, strict=True)]),
+        np.array([NAMES.index(name) for name in fitted if name not in held]),
+        [i for i, name in enumerate(COEFFICIENTS) if name not in held],
+        len(COEFFICIENTS),
+        restricted=restricted,
+    )
+    return Fit(
+        coefficients=found.values[: len(COEFFICIENTS)],
+        covariance=found.covariance,
+        scatter=found.values[len(COEFFICIENTS) :],
+        log_likelihood=found.log_likelihood,
+        log_posterior=found.log_posterior,
+        n_free=len(NAMES) - len(held),
+    )
+
+
+@cache
+def objective(quantity: str, form: Form, restricted: bool):
+    """Return minus the log-likelihood, the marginal and the gradient, compiled.
+
+    It takes the values of `NAMES` and the weights of the records. Restricted
+    likelihoods integrate the free coefficients too, from those values on.
+    """
+    records = read_records()
+    place = log_scaled_place(
+        records.slant_range,
+        records.charge_mass,
+        records.height_of_burst,
+        records.ambient_pressure,
+    )
+    factor = (sachs_impulse_factor if "impulse" in quantity else sachs_time_factor)(
+        records.charge_mass, records.ambient_pressure, records.sound_speed
+    )
+    value = jnp.log(records.value[quantity]) - jnp.log(factor)
+    depth = jnp.maximum(-place[1], 0.0)
+    bend = (place[0] - np.log(BEND_ABOUT)) ** 2
+    site, shot, path = (
+        np.unique(names, return_inverse=True)[1]
+        for names in (records.site, records.shot, records.path)
+    )
+    held, n = dict(form.fixed), len(COEFFICIENTS)
+    guarded = np.array([NAMES.index(name) for name in GUARDED if name not in held], int)
+    sizes = [int(index.max()) + 1 for index in (site, shot, path)]
+    inner = np.array(
+        [i for i, name in enumerate(COEFFICIENTS) if restricted and name not in held],
+        int,
+    )
+
+    def integrate(theta: jax.Array, weight: jax.Array) -> Marginal:
+        def predict(theta: jax.Array, x: jax.Array) -> jax.Array:
+            site_sd, shot_sd, burial_sd, path_sd, _ = theta[n:]
+            spread = jnp.sqrt(shot_sd**2 + (burial_sd * depth) ** 2)
+            coefficients = theta[:n].at[inner].set(x[: len(inner)])
+            ends = np.cumsum([len(inner), *sizes])
+            of_site, of_shot, of_path = (x[a:b] for a, b in itertools.pairwise(ends))
+            shared = site_sd * of_site[site] + spread * of_shot[shot]
+            curve = log_curve(coefficients[:4], *place) + coefficients[4] * bend
+            return curve + shared + path_sd * of_path[path]
+
+        start = jnp.concatenate([theta[inner], jnp.zeros(sum(sizes))])
+        precision = jnp.concatenate([jnp.zeros(len(inner)), jnp.ones(sum(sizes))])
+        return marginal(predict, theta, precision, start, value, weight, form.nu)
+
+    def cost(theta: jax.Array, weight: jax.Array) -> tuple[jax.Array, Marginal]:
+        integral = integrate(theta, weight)
+        sds = theta[guarded]
+        log_prior = jnp.sum(jnp.log(sds) - sds / EXPECTED_SD) if restricted else 0.0
+        return -integral.log_likelihood - log_prior, integral
+
+    return jax.jit(jax.value_and_grad(cost, has_aux=True))
+
+
+@cache
+def read_records() -> Records:
+    """Read all 189 records; sound speeds are those of dry air at the temperature."""
+    with RECORDS.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+    def column(name: str, convert: Callable[[str], object] = float) -> np.ndarray:
+        return np.array([convert(row[name]) for row in rows])
+
+    warmth = column("T_ambient_K") / STANDARD_TEMPERATURE
+    return Records(
+        shot=column("source", str),
+        campaign=column("source", lambda name: name.split("-")[0]),
+        site=column("path", lambda name: name.split("-")[0]),
+        path=column("path", str),
+        charge_mass=column("yield_kg"),
+        height_of_burst=column("hob_m"),
+        slant_range=column("range_m"),
+        ambient_pressure=1e3 * column("P_ambient_kPa"),
+        sound_speed=STANDARD_SOUND_SPEED * np.sqrt(warmth),
+        value={
+            "positive_impulse_pa_s": column("impulse_Pa_s"),
+            "positive_duration_s": column("duration_s"),
+        },
+    )
+
+
+def rows_of(shot: str) -> list[dict[str, str]]:
+    """Return the records of one shot as the table has them."""
+    with (LOGS / "acoustic_ford2021.csv").open(encoding="utf-8") as lines:
+        table = csv.DictReader(line for line in lines if not line.startswith("#"))
+        return [row for row in table if row["source"] == shot]
+
+
+def shot_log(shot: str) -> str:
+    """Return a shot as an observation file."""
+    lines = [
+        f"# shot {shot} of S.R. Ford et al. 2021 (LLNL), from acoustic_ford2021.csv "
+        "beside this file, where its provenance stands",
+        "sensor,quantity,value,sigma,range_m,path",
+    ]
+    for row in rows_of(shot):
+        for column, quantity in (
+            ("impulse_Pa_s", "positive_impulse_pa_s"),
+            ("duration_s", "positive_duration_s"),
+        ):
+            lines.append(
+                f"{row['station']},{quantity},{row[column]},,{row['range_m']},"
+                f"{row['path']}"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def shot_scene(shot: str) -> str:
+    """Return what is known of a shot beside its mass, as a scene file."""
+    row = rows_of(shot)[0]
+    return (
+        f"# Shot {shot}: what the table says of it, its mass withheld.\n"
+        "[charge]\n"
+        'mass_kg = "free"\n'
+        f"position_m = [0.0, 0.0, {row['hob_m']}] # the height of burst\n\n"
+        "[air]\n"
+        f"temperature_k = {row['T_ambient_K']}\n"
+        f"pressure_pa = {1e3 * float(row['P_ambient_kPa'])!r}\n"
+        "relative_humidity = 0.0 # not recorded; the law was calibrated with dry air\n"
+    )
+
+
+def write_logs() -> None:
+    """Write a log and a scene for each of `SHOTS`."""
+    for shot in SHOTS:
+        name = shot.lower().replace("-", "_")
+        (LOGS / f"{name}.csv").write_text(shot_log(shot), encoding="utf-8")
+        (LOGS / f"{name}.toml").write_text(shot_scene(shot), encoding="utf-8")
+        print(f"wrote {name}.csv and {name}.toml")
+
+
 if __name__ == "__main__":
-    main()
+    run_part({"law": main, "logs": write_logs})

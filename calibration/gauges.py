@@ -3,7 +3,7 @@
     python -m calibration.gauges > calibration/results/gauges.txt
 
 1. A side-on gauge 2 m from 200 g, against Kingery and Bulmash (`gauge_200g.py`;
-   drawn by `python -m calibration.gauge_figure`).
+   drawn by `python -m calibration.gauge_200g`).
 2. Ford's shots inside Z = 40, against Kingery and Bulmash (`gauge_ford.py`).
 3. Infrasound of HRR-5 at hundreds of kilometres, against sound and wind
    (`gauge_hrr5.py`).
@@ -13,9 +13,9 @@ number of the text is computed; which words stand around it was decided on seein
 and `tests/calibration/gauges` fails where they no longer go together.
 """
 
-from calibration.gauge_200g_text import text_200g
-from calibration.gauge_ford_text import ford_text
-from calibration.gauge_hrr5_text import hrr5_text
+from calibration.gauge_200g import text_200g
+from calibration.gauge_ford import ford_text
+from calibration.gauge_hrr5 import hrr5_text
 from jblast.cli.jax_start import start_jax
 
 

@@ -36,7 +36,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
-from calibration.world_fits import Fitted, fits, worlds
+from calibration.world_round_trip import Fitted, fits, worlds
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import BLUE, VERMILLION, new_figure, quiet, titled
 from jblast.report.words import aligned

@@ -7,6 +7,9 @@ five small commands, each in a process of its own with every call of ours record
 runs while modules are imported is left out): "cold" without programs kept from earlier
 runs, "warm" with those of a run before. Prints the tables and draws which package
 imports which. The anchors were counted in the same way from their own files.
+
+`imported` and its neighbours are the one reader of import statements, those inside
+functions too, that the tests of the import order share.
 """
 
 import ast
@@ -18,6 +21,7 @@ import sys
 import tempfile
 import tokenize
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 from types import FrameType
@@ -25,9 +29,29 @@ from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
-from calibration.imports import PACKAGE, ROOMS, imported, module_of, package_of
+import jblast
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import INK, MUTED, new_figure, titled
+
+PACKAGE = Path(jblast.__file__).parent
+ROOMS = (
+    *("scene", "waves", "fidelity", "vehicle", "observations", "sensors"),
+    *(
+        "signals",
+        "world",
+        "missions",
+        "autopilot",
+        "environments",
+        "inference",
+        "discovery",
+        "study",
+        "verification",
+        "report",
+        "cli",
+    ),
+)
+"""In the order of their imports; what stands above all rooms is in none."""
+
 
 FIGURE = Path(__file__).parent / "results" / "rooms.png"
 SCENE = """
@@ -337,6 +361,10 @@ def size_table() -> str:
     lines.append("of a module: lines, median/90 %/largest")
     counts = single_uses()
     lines.append(f"lines of code: {size.code}")
+    scripts = size_of(sorted((PACKAGE.parent / "calibration").glob("*.py")))
+    lines.append(
+        f"calibration: {scripts.modules} modules, {scripts.code} lines of code"
+    )
     lines += [f"{name}: {count}" for name, count in counts.items()]
     return "\n".join(lines)
 
@@ -372,6 +400,34 @@ def draw(between: Counter[tuple[str, str]]) -> None:
     axes.set_xlabel("imports from", color=MUTED)
     titled(axes, "Who imports whom", "import statements; on the diagonal within a room")
     write_figure(figure, FIGURE)
+
+
+def module_of(path: Path, root: Path = PACKAGE.parent) -> str:
+    """Return the dotted name of a source file; a face's is that of its folder."""
+    name = ".".join(path.relative_to(root).with_suffix("").parts)
+    return name.removesuffix(".__init__")
+
+
+def package_of(path: Path, root: Path = PACKAGE.parent) -> str:
+    """Return the dotted name of the folder of a source file."""
+    return ".".join(path.parent.relative_to(root).parts)
+
+
+def imported(source: str, package: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the module of each import by its full name, and what is taken from it.
+
+    Args:
+        source: Python.
+        package: The folder it stands in, which leading dots are counted from.
+    """
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, ()) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")
+            above = parts[: len(parts) - node.level + 1] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            yield base, tuple(alias.name for alias in node.names)
 
 
 if __name__ == "__main__":

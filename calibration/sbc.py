@@ -1,32 +1,97 @@
-"""Is a 90 % interval right for 90 % of blasts? Six cases, 500 logs each.
+r"""Is a 90 % interval right for 90 % of blasts? Six cases, 500 logs each.
 
     python -m calibration.sbc [LOGS] > calibration/results/sbc.txt
 
 Truths are drawn from the priors of each file in `calibration/scenes/`, a log of each is
 simulated with the errors `jblast fit` assumes (Student-t, and what the laws scatter),
-and the truth is ranked among draws of the posterior (`sbc_logs.py` has the theory): of
+and the truth is ranked among draws of the posterior (theory below): of
 emcee for every log, of Laplace's approximation where its diagnostic let it answer.
 Log i has seed i. If intervals are right, ranks are uniform: that is tested by
 chi-squared in 20 bins (10 for few logs), for each unknown of each case, with Holm's
 correction over all. "inside" is the share of truths inside the 90 % interval. Writes
 calibration/results/sbc.png and sbc.csv (every rank).
+
+Simulation-based calibration (Talts, Betancourt, Simpson, Vehtari & Gelman 2018,
+arXiv:1804.06788): a truth $    heta \sim p(    heta)$ and a log $y \sim p(y \mid
+heta)$ are one draw of the joint density, and so is $  heta' \sim p(   heta \mid y)$
+with the same $y$. So among $L$ independent draws of the posterior the truth takes each
+of the $L + 1$ ranks equally often: over all logs, and over those that anything about
+$y$ picks out, such as a diagnostic of the fit.
+
+Drawn is the share of truths that rank below r, less the share expected. Inside the
+grey band lie 95 % of all curves that uniform ranks make, each as a whole (Saeilynoja,
+Buerkner & Vehtari 2022, Stat. Comput. 32:32), found by simulation.
 """
 
 import sys
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
+from typing import NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from matplotlib.figure import Figure
 from scipy.stats import chisquare
 
-from calibration.sbc_figure import figure
-from calibration.sbc_logs import DRAWS, Ranked, rank_truths
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
+from jblast.inference import Posterior
+from jblast.inference.identifiability import identifiability
+from jblast.inference.importance import (
+    importance,
+    laplace_holds,
+    largest_log_sd,
+    largest_quantile_error,
+)
+from jblast.inference.mcmc.ensemble import ensemble
+from jblast.inference.mode.laplace import laplace
+from jblast.inference.mode.search import optima
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
 from jblast.report.words import comma_separated
+from jblast.scene import read_scene
+from jblast.sensors import observe, planned_layout, resolve_laws
+from jblast.sensors.law_choice import law_names
+from jblast.sensors.record import to_error_scale
+
+SCENES = Path(__file__).parent / "scenes"
+DRAWS = 99
+"""So many posterior draws a truth is ranked among: its rank is 0 to 99."""
+
+
+class Ranked(NamedTuple):
+    """What became of the logs of a scene.
+
+    Attributes:
+        names: What was unknown.
+        emcee: Rank of the truth among the walkers' draws.
+        laplace: Rank of the truth among draws of the normal approximation.
+        holds: Whether the approximation's own diagnostic let it answer.
+        converged: Whether the walk reached its precision.
+        steps: Of the walk.
+        tau: Its autocorrelation time, the longest [steps].
+    """
+
+    names: tuple[str, ...]
+    emcee: Int[np.ndarray, "log free"]
+    laplace: Int[np.ndarray, "log free"]
+    holds: Bool[np.ndarray, " log"]
+    converged: Bool[np.ndarray, " log"]
+    steps: Int[np.ndarray, " log"]
+    tau: Float[np.ndarray, " log"]
+
+
+CURVES = 4000
+"""Sets of uniform ranks simulated for the band."""
+FEWEST = 50
+"""Fewer logs that the normal approximation answered are not drawn."""
+
 
 CASES = (
     "arrivals",
@@ -146,6 +211,105 @@ def main(logs: int = LOGS) -> None:
     print(table(ranked))
     keep(ranked)
     figure(ranked).savefig(RESULTS / "sbc.png", dpi=150)
+
+
+def away(ranks: Int[np.ndarray, "*set log"]) -> Float[np.ndarray, "*set rank"]:
+    """Return the share of ranks below each rank less what is expected."""
+    below = np.stack(
+        [np.mean(ranks < r, axis=-1) for r in range(1, DRAWS + 1)], axis=-1
+    )
+    return below - np.arange(1, DRAWS + 1) / (DRAWS + 1)
+
+
+def band(logs: int) -> Float[np.ndarray, " rank"]:
+    """Return how far 95 % of the curves of uniform ranks stay from none."""
+    share = np.arange(1, DRAWS + 1) / (DRAWS + 1)
+    sd = np.sqrt(share * (1 - share) / logs)
+    ranks = np.random.default_rng(0).integers(0, DRAWS + 1, (CURVES, logs))
+    farthest = np.max(np.abs(away(ranks)) / sd, axis=1)
+    return np.quantile(farthest, 0.95) * sd
+
+
+def figure(ranked: Mapping[str, Ranked]) -> Figure:
+    """Return the figure, a panel for each case."""
+    drawn = new_figure(9.0, 5.4)
+    panels = drawn.subplots(2, 3, sharex=True, sharey=True)
+    share = np.arange(1, DRAWS + 1) / (DRAWS + 1)
+    for axes, (case, r) in zip(panels.flat, ranked.items(), strict=True):
+        wide = band(len(r.emcee))
+        axes.fill_between(share, -wide, wide, color=INK, alpha=0.12, linewidth=0)
+        for i in range(len(r.names)):
+            axes.plot(share, away(r.emcee[:, i]), color=BLUE, linewidth=1.0)
+        if r.holds.sum() >= FEWEST:
+            wide = band(int(r.holds.sum()))
+            axes.plot(share, wide, ":", color=VERMILLION, linewidth=0.8)
+            axes.plot(share, -wide, ":", color=VERMILLION, linewidth=0.8)
+            for i in range(len(r.names)):
+                axes.plot(
+                    share, away(r.laplace[r.holds, i]), color=VERMILLION, linewidth=1.0
+                )
+        quiet(axes)
+        titled(axes, case.replace("_", " "))
+    for axes in panels[1]:
+        axes.set_xlabel("rank of the truth")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("share below, less expected")
+    return drawn
+
+
+def rank_truths(scene: str, logs: range) -> Ranked:
+    """Draw truths, simulate a log of each, and rank the truth by the posterior.
+
+    Args:
+        scene: Name of a file in `scenes/`; every uncertain number has a prior.
+        logs: Their numbers; each is the seed of all that is random about its log.
+    """
+    uncertain = read_scene(SCENES / f"{scene}.toml")
+    parameters = parameters_of(uncertain)
+    layout, sigma, _ = planned_layout(uncertain.scene)
+    laws = law_names(resolve_laws(uncertain.scene, layout))
+    free = len(parameters.names)
+    blank = Posterior(
+        parameters, layout, jnp.zeros_like(sigma), sigma, tuple(sorted(laws.items()))
+    )
+
+    @eqx.filter_jit
+    def simulated(key):
+        of_truth, of_errors = jax.random.split(key)
+        z = jax.random.normal(of_truth, (free,))  # every prior is so in its coordinate
+        read = observe(of_errors, parameters.scene_at(z), layout, laws, sigma)
+        return z, to_error_scale(read, layout.quantity)
+
+    rows = []
+    for log in logs:
+        truth, measured = simulated(jax.random.key(log))
+        posterior = eqx.tree_at(lambda p: p.measured, blank, measured)
+        rows.append(_ranks(posterior, np.asarray(truth), log))
+    return Ranked(parameters.names, *map(np.array, zip(*rows, strict=True)))
+
+
+def _ranks(posterior: Posterior, truth: Float[np.ndarray, " free"], seed: int):
+    """Return one row of `Ranked`."""
+    found = optima(jax.random.key(seed), posterior)
+    z = np.asarray(found.z[0])
+    identified = identifiability(posterior, z)
+    normal = laplace(posterior, z, identified.identified_basis)
+    weighted = importance(posterior, normal, seed=seed)
+    holds = laplace_holds(
+        weighted.k_hat,
+        largest_log_sd(posterior, normal),
+        largest_quantile_error(weighted, normal),
+    )
+    walk = ensemble(posterior, normal, identified, found, seed=seed)
+    by_normal = normal.draws(DRAWS, np.random.default_rng(seed))
+    return (
+        np.sum(walk.draws(DRAWS) < truth, axis=0),
+        np.sum(by_normal < truth, axis=0),
+        holds,
+        walk.converged,
+        walk.convergence.steps,
+        float(np.max(walk.convergence.tau)),
+    )
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calibration.imports import (
+from calibration.rooms import (
     PACKAGE,
     ROOMS,
     imported,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calibration.imports import imported
+from calibration.rooms import imported
 
 ROOT = Path(__file__).parents[1]
 FILES = {

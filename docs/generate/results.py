@@ -1,12 +1,13 @@
 """Results: a page for each file that a script of calibration/ wrote and kept."""
 
-import ast
 import posixpath
 import re
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 
 KEPT = "calibration/results"
+INDEX = "calibration/INDEX.md"
 CHARTS = "charts/"
 BENCHMARK = "benchmark_"
 WIDE = "---\nhide: [toc]\n---\n\n"
@@ -22,8 +23,8 @@ class Result:
         source: The file in the repository.
         title: What the navigation calls it.
         script: The script that writes it, "" where it is told on the page.
-        question: The first paragraph of what the script says of itself; without
-            a script, the first sentence of the file.
+        question: That of the index; without a script, the first sentence of the
+            file.
         text: What the file holds.
         pictures: Those of the same name, beside it.
     """
@@ -46,6 +47,24 @@ def all_of_them(root: Path) -> list[Result]:
         *sorted(kept.glob(f"{CHARTS}*.md")),
     ]
     return [_result(root, path) for path in files]
+
+
+def index_rows(root: Path) -> list[tuple[str, str, list[str], list[str], list[str]]]:
+    """Return the rows of the index that keep results.
+
+    Returns:
+        For each: command, question, data, results and pages.
+    """
+    rows = []
+    for line in (root / INDEX).read_text("utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("| `") and len(cells) == 5:
+            lists = [
+                [one.strip(" `") for one in cell.split(",") if one.strip()]
+                for cell in cells[2:]
+            ]
+            rows.append((cells[0].strip("`"), cells[1], *lists))
+    return rows
 
 
 def page(result: Result) -> str:
@@ -94,7 +113,7 @@ def _result(root: Path, path: Path) -> Result:
     text = path.read_text("utf-8")
     pictures = path.with_suffix(".png")
     beside = (pictures.name,) if pictures.exists() else ()
-    module, asked = _script(root, path.stem) if name.endswith(".txt") else ("", "")
+    module, asked = _script(root, name) if name.endswith(".txt") else ("", "")
     question = asked or _first_sentence(text)
     return Result(
         uri, f"{KEPT}/{name}", _title(name, text), module, question, text, beside
@@ -124,17 +143,18 @@ def _subject(title: str) -> str:
     return subject if is_name else subject[0].lower() + subject[1:]
 
 
-def _script(root: Path, stem: str) -> tuple[str, str]:
-    """Return how a table is written again, and the question its script asks."""
-    path = root / "calibration" / f"{stem}.py"
-    if not path.exists():
-        shorter = stem.rpartition("_")[0]
-        return _script(root, shorter) if shorter else ("", "")
-    told = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
-    asked = " ".join(told.partition("\n\n")[0].split())
-    if stem.startswith(BENCHMARK):
-        return f"python -m calibration.benchmarks {stem.removeprefix(BENCHMARK)}", asked
-    return f"python -m calibration.{stem}", asked
+def _script(root: Path, name: str) -> tuple[str, str]:
+    """Return the command that writes a file, and its question, by the index."""
+    for command, question, _, kept, _ in index_rows(root):
+        if any(fnmatch(name, pattern) for pattern in kept):
+            if command.startswith("jblast "):
+                return command, question
+            if name.startswith(BENCHMARK) and command.startswith(BENCHMARK):
+                subject = name.removeprefix(BENCHMARK).partition(".")[0]
+                subject = subject.removesuffix("_gpu")
+                return f"python -m calibration.benchmarks {subject}", question
+            return f"python -m calibration.{command}", question
+    return "", ""
 
 
 def _beside(source: str) -> str:

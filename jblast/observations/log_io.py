@@ -180,7 +180,7 @@ def write(
     Args:
         path: The file, replaced if it exists.
         observations: The log.
-        comments: Provenance, written before what `observations.comments` holds.
+        comments: Provenance, written before what `comments` of the observations holds.
 
     Raises:
         ValueError: There are no rows, or a name or comment would not read back: it has

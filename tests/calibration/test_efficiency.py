@@ -4,9 +4,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from calibration.efficiency import errors_of, verdict
-from calibration.efficiency_cases import CASES
-from calibration.efficiency_price import price
+from calibration.efficiency import CASES, errors_of, price, verdict
 from jblast.inference.posterior.likelihood import log_noise
 
 LOGS = 400

@@ -1,6 +1,6 @@
 import pytest
 
-from calibration.geodesic import geodesic
+from calibration.gauge_hrr5 import geodesic
 
 
 def degrees(whole, minutes, seconds):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jblast.waves
-from calibration.ground_motion_fit import COEFFICIENTS, QUANTITIES, read_records
+from calibration.ground_motion import COEFFICIENTS, QUANTITIES, read_ground
 
 PACKAGED = json.loads(
     (Path(jblast.waves.__path__[0]) / "data" / "ground_motion.json").read_text("utf-8")
@@ -19,7 +19,7 @@ PACKAGED = json.loads(
 def test_coefficients_are_those_of_least_squares_with_the_scatter_they_came_with(
     quantity,
 ):
-    records, curve = read_records(), PACKAGED["curves"][quantity]
+    records, curve = read_ground(), PACKAGED["curves"][quantity]
     b = dict(zip(COEFFICIENTS, curve["coefficients"], strict=True))
     mass = np.cbrt(records.charge_mass)
     height = records.height_of_burst / mass
@@ -47,7 +47,7 @@ def test_coefficients_are_those_of_least_squares_with_the_scatter_they_came_with
 
 
 def test_all_records_are_there_and_their_units_are_said_to_be_inferred():
-    records = read_records()
+    records = read_ground()
     assert records.shot.size == PACKAGED["n_records"] == 200
     assert sorted(set(records.shot)) == PACKAGED["shots"]
     assert "units inferred" in PACKAGED["source"]

@@ -1,10 +1,19 @@
 import numpy as np
 import pytest
 
-from calibration.ford_records import QUANTITIES, read_records
-from calibration.leave_out_table import Judged, compare, inside, resamples, show
-from calibration.mass_by_fit import log_and_scene, log_integral, weigh
-from calibration.mass_posterior import MassEstimate, estimate
+from calibration.ford_2021 import QUANTITIES, read_records
+from calibration.leave_out import (
+    Judged,
+    MassEstimate,
+    compare,
+    estimate,
+    inside,
+    log_and_scene,
+    log_integral,
+    resamples,
+    show,
+    weigh,
+)
 from jblast.inference import fit
 from jblast.registry import law_for
 

@@ -4,7 +4,7 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.stats import norm, t
 
-from calibration.mass_posterior import log_likelihood
+from calibration.leave_out import log_likelihood
 
 RESIDUAL = np.array([0.3, 0.1, -0.2])
 OF_PATH = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.one_drone import DOCUMENT, HOVERS, SENSES, Known, known_of, table
-from calibration.world_fits import Fitted
+from calibration.world_round_trip import Fitted
 from jblast.inference.importance import Importance
 from jblast.inference.posterior.parameters import Parameters, parameters_of
 from jblast.scene.reader.scene import world_from_document

@@ -4,8 +4,14 @@ import sys
 
 import pytest
 
-from calibration.imports import ROOMS
-from calibration.rooms import WALKS, Tracer, imports_between, rooms_table, size_of
+from calibration.rooms import (
+    ROOMS,
+    WALKS,
+    Tracer,
+    imports_between,
+    rooms_table,
+    size_of,
+)
 from jblast.scene import Charge, Scene
 from jblast.sensors import calculate
 

@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from calibration.sbc import chance, holm, inside
-from calibration.sbc_figure import away, band
-from calibration.sbc_logs import DRAWS, rank_truths
+from calibration.sbc import DRAWS, away, band, chance, holm, inside, rank_truths
 
 
 def test_holm_corrects_each_p_by_how_many_are_no_smaller():

@@ -4,8 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.thesis_flight import ROLL, flight
-from calibration.thesis_imagery import NUMBERS
+from calibration.thesis_imagery import NUMBERS, ROLL, flight
 from jblast.scene.camera import quaternion_matrix
 from jblast.sensors.camera.bake.recipe import fibonacci_lattice, packing_distance
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.world_answers import Answer, add, go_on, kept
-from calibration.world_round_trip import by_subset, table
+from calibration.world_round_trip import Answer, add, by_subset, go_on, kept, table
 
 SUBSET = "flash + air"
 

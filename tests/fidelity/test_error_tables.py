@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from calibration.fidelity_references import spans
+from calibration.fidelity import spans
 from jblast.fidelity import errors
 from jblast.fidelity.errors import (
     BURSTS,

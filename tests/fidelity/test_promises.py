@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.promises import promises, random_path, real_errors, wilson_lower
+from calibration.fidelity import promises, random_path, real_errors, wilson_lower
 from jblast.fidelity import choose_for
 from jblast.fidelity.choose import ALIKE
 from jblast.fidelity.errors import (

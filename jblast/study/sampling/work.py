@@ -447,7 +447,7 @@ def draw(
     Args:
         key: Of the sample: `jax.random.fold_in(jax.random.key(study.seed), index)`.
         study: The study.
-        cell: Which of `study.cells` sets the axes.
+        cell: Which of the `cells` of the study sets the axes.
     """
     scores = normal_scores(key[None], len(study.drawn))
     cells = jnp.full((1,), cell)
@@ -470,8 +470,8 @@ def outcomes(
         study: The study; its design is left out: the key draws.
         numbers: In place of what the key would draw, by name of the scene's numbers;
             derivatives by them are those of the outcomes.
-        variant: Which of `study.variants` it is of.
-        cell: Which of `study.cells` sets the axes.
+        variant: Which of the `variants` of the study it is of.
+        cell: Which of the `cells` of the study sets the axes.
 
     Returns:
         A number by outcome, or one for each sensor.

@@ -2,7 +2,7 @@ r"""A shock front from the charge to the acoustic limit, in one consistent pictu
 
 Peak overpressure: Kingery and Bulmash up to $Z = 20$ m/kg^(1/3), from there the
 weak-shock tail that meets it in value and slope. Not from 40, where their table ends:
-its last stretch bends away (`calibration/kinematics_tail.py` prints it).
+its last stretch bends away (`python -m calibration.laws tail` prints it).
 Surface: $A$ = 170256 Pa m/kg^(1/3), $b$ = 2.7953 m/kg^(1/3); free air: 105693, 4.8852.
 
 Shock speed, by Rankine and Hugoniot for air of $\gamma$ = 1.4:

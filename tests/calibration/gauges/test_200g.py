@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from calibration import gauge_200g
-from calibration.gauge_200g_text import text_200g
-from calibration.gauge_figure import figure
+from calibration.gauge_200g import figure, text_200g
 from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.laws.kinney_graham import kinney_graham_duration
 from jblast.waves.waveform import (

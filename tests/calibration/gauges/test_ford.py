@@ -3,7 +3,7 @@
 import pytest
 
 from calibration import gauge_ford
-from calibration.ford_records import QUANTITIES
+from calibration.ford_2021 import QUANTITIES
 
 IMPULSE, DURATION = QUANTITIES
 

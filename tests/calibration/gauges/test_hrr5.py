@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration import gauge_hrr5, gauge_hrr5_text
+from calibration import gauge_hrr5
 from jblast.inference import fit
 from jblast.observations import Observations
 from jblast.scene import Scene, UncertainScene, freed, with_laws, with_values
@@ -15,7 +15,7 @@ from jblast.scene import Scene, UncertainScene, freed, with_laws, with_values
 
 @pytest.fixture(scope="module")
 def fits():
-    return gauge_hrr5_text.fits()
+    return gauge_hrr5.fits()
 
 
 def test_ranges_are_those_of_the_file():
@@ -47,7 +47,7 @@ def test_a_blast_in_wind_is_found_again():
 
 
 def test_each_unknown_fits_better_and_leaves_nothing_along_it(fits):
-    for pick in gauge_hrr5_text.PICKS:
+    for pick in gauge_hrr5.PICKS:
         rms = [fits[pick, free].rms for free in (1, 2, 3)]
         assert rms == sorted(rms, reverse=True)
         for free in (1, 2, 3):
@@ -59,10 +59,10 @@ def test_each_unknown_fits_better_and_leaves_nothing_along_it(fits):
 
 def test_the_pick_explains_more_than_wind(fits, said):
     assert fits["onset", 2].rms < fits["peak", 2].rms / 3
-    for pick in gauge_hrr5_text.PICKS:
+    for pick in gauge_hrr5.PICKS:
         less, more = fits[pick, 2], fits[pick, 3]
         assert gauge_hrr5.chance_of_gain(less, more) > 0.3
-        assert abs(more.value[2]) < 2 * gauge_hrr5_text.ARRIVAL_SD * more.sd[2]
+        assert abs(more.value[2]) < 2 * gauge_hrr5.ARRIVAL_SD * more.sd[2]
     assert "freeing its northern part brings 34.6 to 34.1 s (peaks)" in said
 
 
@@ -79,18 +79,18 @@ def test_a_gain_has_the_chance_of_students_t(fits):
 def test_western_arrays_do_not_tell_east_wind_from_sound_speed(fits):
     heard = gauge_hrr5.arrivals("onset")
     sd = gauge_hrr5.spread(heard, fits["onset", 3].value, 4)
-    assert min(sd[1], sd[3]) * gauge_hrr5_text.ARRIVAL_SD > 340.0
+    assert min(sd[1], sd[3]) * gauge_hrr5.ARRIVAL_SD > 340.0
 
 
 def test_the_fitted_speed_is_nearly_what_the_arrays_measured(fits):
     measured = gauge_hrr5.arrivals("onset").trace_speed
     fitted = fits["onset", 2]
     away = np.median(measured) - fitted.value[1]
-    assert abs(away) < gauge_hrr5_text.ARRIVAL_SD * fitted.sd[1]
+    assert abs(away) < gauge_hrr5.ARRIVAL_SD * fitted.sd[1]
 
 
 def test_no_one_wind_brings_the_northern_arrays_into_line():
-    away, late, wind = gauge_hrr5_text.northern()
+    away, late, wind = gauge_hrr5.northern()
     lead = gauge_hrr5.arrivals("peak").time - gauge_hrr5.arrivals("onset").time
     assert away.array == ("N30", "N34")
     assert late[1] > 2 * lead.max()
@@ -111,7 +111,7 @@ def test_a_fit_by_the_library_finds_the_same_air():
         sensor=heard.array,
         quantity=("air_arrival_s",) * n,
         value=heard.time,
-        sigma=np.full(n, gauge_hrr5_text.ARRIVAL_SD),
+        sigma=np.full(n, gauge_hrr5.ARRIVAL_SD),
         position=np.stack([east, north, np.zeros(n)], axis=1),
         slant_range=nowhere,
         time=nowhere,
@@ -126,7 +126,7 @@ def test_a_fit_by_the_library_finds_the_same_air():
     told = fit(log, scene, noise="gaussian").summary.estimates
     ours = gauge_hrr5.fitted(heard, 3)
     for name, value, sd in zip(names, ours.value[:3], ours.sd, strict=True):
-        sd = sd * gauge_hrr5_text.ARRIVAL_SD
+        sd = sd * gauge_hrr5.ARRIVAL_SD
         # its search ends within a thousandth of a standard deviation or so
         assert told[name].value == pytest.approx(value, abs=0.01 * sd), name
         assert told[name].sd == pytest.approx(sd, rel=0.05), name

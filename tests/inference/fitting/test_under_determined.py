@@ -1,6 +1,6 @@
 import pytest
 
-from calibration.under_determined_logs import KINDS, ended, fault, logs
+from calibration.under_determined import KINDS, ended, fault, logs
 
 
 # arrivals at two sensors, pressures at two: one log in four was a crash

@@ -1,9 +1,11 @@
 # pyright: reportMissingImports=false
 # The other simulators live in environments of their own.
-"""How many seconds of flight a second: jblast beside RotorPy and crazyflow.
+"""Flights and environment steps a second: jblast beside RotorPy and crazyflow.
 
-    python -m calibration.flight_simulators OTHER_PYTHON... \
+    python -m calibration.other_simulators OTHER_PYTHON...
         > calibration/results/flight_simulators.txt
+    python -m calibration.other_simulators environments OTHER_PYTHON
+        > calibration/results/environments_beside.txt
 
 Each interpreter measures the simulators that are installed in its environment, one
 after another; jblast's and crazyflow's want different releases of JAX. RotorPy's
@@ -15,6 +17,14 @@ ones; "hold": a position hold, asked at every step but crazyflow's, asked 100 ti
 second for place and 500 for attitude. crazyflow has no wind, and RotorPy's stands still
 within a step; jblast's is still air, or a blast of 1 kg of TNT 5 m away, 0.1 s after
 the start. Wall time, the best of three, compilation not included.
+
+Environments. OTHER_PYTHON has crazyflow, which wants another release of JAX. Both take
+4,096 lanes through steps in single precision on all cores, in turns, each three times a
+turn; wall time and processor time of the best. jblast's is one of 10 ms with position
+hold, two blasts in an episode, observation, reward and autoreset
+(`benchmark_environments`), 200 of them compiled as one program. crazyflow's is
+`ReachPosEnv.step` as it comes, one call each, its actions sampled beforehand: at 500 Hz
+a step of 2 ms, and at 100 Hz one of 10 ms in five.
 """
 
 import argparse
@@ -23,9 +33,17 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple
+
+from calibration import run_part
+
+# pyright: reportMissingImports=false
+# The other simulators live in environments of their own.
+
 
 REPEATS = 3
 BLOCK = 100
@@ -40,6 +58,16 @@ class Rate(NamedTuple):
     vehicles: int
     step_s: float
     steps_per_s: float
+
+
+# pyright: reportMissingImports=false
+# The other simulator lives in an environment of its own.
+
+
+ROUNDS, LANES, STEPS = 2, 4096, 200
+RATES_HZ = (500, 100)
+AGAIN = ("-m", "calibration.other_simulators")
+ROOT = str(Path(__file__).parents[1])
 
 
 def timed(call: Callable[[], object], steps: int) -> float:
@@ -222,7 +250,7 @@ def main() -> None:
     busy = os.getloadavg()[0]
     rows = []
     for python in asked.python:
-        command = [python, "-m", "calibration.flight_simulators", "--rows"]
+        command = [python, *AGAIN, "--rows"]
         answer = subprocess.run(command, check=True, capture_output=True, text=True)
         rows += [Rate(*row) for row in json.loads(answer.stdout.splitlines()[-1])]
     rows += measured()
@@ -243,5 +271,93 @@ def main() -> None:
         )
 
 
+def crazyflow_environments() -> dict[str, tuple[float, float]]:
+    """Return crazyflow's steps a second, of the wall and of processors."""
+    import jax
+    from crazyflow.envs.reach_pos_env import ReachPosEnv
+
+    found = {}
+    for rate in RATES_HZ:
+        env = ReachPosEnv(num_envs=LANES, freq=rate)
+        env.reset(seed=0)
+        action = env.action_space.sample()
+
+        def go(env: ReachPosEnv = env, action: object = action) -> None:
+            for _ in range(STEPS - 1):
+                env.step(action)
+            jax.block_until_ready(env.step(action)[:4])
+
+        found[f"crazyflow, {rate} Hz"] = _timed(go)
+    return found
+
+
+def jblast_environments() -> dict[str, tuple[float, float]]:
+    """Return jblast's."""
+    from jblast.cli.jax_start import start_jax
+
+    start_jax(all_cores=True)
+    import jax
+
+    from calibration.benchmark_environments import begun, rollout
+    from jblast.environments import environment_params
+    from jblast.environments.lanes import CHUNK
+
+    jax.config.update("jax_enable_x64", False)
+    params = environment_params("Hover", command="hold")
+    devices = len(jax.devices())
+    states = begun(params, LANES)
+    program = rollout(CHUNK, devices).lower(states, params).compile()
+
+    def go() -> None:
+        jax.block_until_ready(program(states, params))
+
+    return {"jblast, 100 Hz": _timed(go)}
+
+
+def _timed(go) -> tuple[float, float]:
+    go()
+    wall = cores = float("inf")
+    for _ in range(3):
+        start, spent = time.perf_counter(), time.process_time()
+        go()
+        wall = min(wall, time.perf_counter() - start)
+        cores = min(cores, time.process_time() - spent)
+    return LANES * STEPS / wall, LANES * STEPS / cores
+
+
+def environments() -> None:
+    """Measure environment steps in turns, and print the table."""
+    other = sys.argv[-1]
+    if "--only" in sys.argv:
+        rates = jblast_environments() if other == "jblast" else crazyflow_environments()
+        sys.stdout.write(json.dumps(rates) + "\n")
+        return
+    best: dict[str, list[float]] = {}
+    for _ in range(ROUNDS):
+        for python, which in ((sys.executable, "jblast"), (other, "crazyflow")):
+            command = [python, *AGAIN, "environments", "--only", which]
+            # crazyflow's physics leaves a log where it runs
+            with tempfile.TemporaryDirectory() as folder:
+                said = subprocess.run(
+                    command,
+                    check=True,
+                    capture_output=True,
+                    text=True,
+                    cwd=folder,
+                    env=os.environ | {"PYTHONPATH": ROOT},
+                )
+            for name, rates in json.loads(said.stdout.splitlines()[-1]).items():
+                known = best.setdefault(name, [0.0, 0.0])
+                best[name] = [max(a, b) for a, b in zip(known, rates, strict=True)]
+    lines = [
+        f"{LANES:,} lanes, float32, all cores, best of {ROUNDS} turns of three",
+        f"{'environment':<22}{'steps/s':>12}{'of a core-second':>20}",
+    ]
+    lines += [
+        f"{n:<22}{wall:>12.3g}{cores:>20.3g}" for n, (wall, cores) in best.items()
+    ]
+    print("\n".join(lines))
+
+
 if __name__ == "__main__":
-    main()
+    run_part({"flights": main, "environments": environments})

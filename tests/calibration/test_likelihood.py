@@ -8,10 +8,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm, t
 
-from calibration.ford_2021 import ADOPTED
-from calibration.ford_fit import fit
-from calibration.ford_records import QUANTITIES
-from calibration.random_effects import log_student_t, marginal
+from calibration.ford_2021 import ADOPTED, QUANTITIES, fit
+from calibration.likelihood import log_student_t, marginal
 from jblast.waves.laws.ford_2021 import ford_2021
 
 SHOT = np.array([0, 0, 0, 1, 1, 2, 2, 2])

@@ -4,16 +4,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.laws_curves import (
+from calibration.laws import (
     BURSTS,
     MASS,
+    RESULTS,
     SCALED_DISTANCE,
     SCALED_TIME,
     drawn_laws,
+    figure_name,
+    law_figure,
+    laws_text,
     panels,
+    public_name,
 )
-from calibration.laws_figure import law_figure
-from calibration.laws_page import RESULTS, figure_name, laws_text, public_name
 from jblast.cli.main import main
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.registry import LAWS, Law, declared_scatter
@@ -39,7 +42,7 @@ def drawn():
 
 
 def test_the_kept_page_is_what_the_registry_gives():
-    """Write it anew with `python -m calibration.laws_page`."""
+    """Write it anew with `python -m calibration.laws`."""
     assert (RESULTS / "laws.md").read_text(encoding="utf-8") == laws_text()
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from calibration.benchmark_event_kernel import event_kernel_text
+from calibration.benchmark_events import event_kernel_text
 
 
 @pytest.mark.slow

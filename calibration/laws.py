@@ -1,0 +1,451 @@
+"""Which laws there are, where they hold, and how far they lie apart.
+
+    python -m calibration.laws          # writes calibration/results/laws.md and figures
+    python -m calibration.laws tail     # the tail of `shock_kinematics`
+
+Data: the registry of laws, jblast/waves/data/kingery_bulmash.csv. Every word of the
+tables comes from the registry. Shown by docs/explanation/laws.md.
+
+Tail: where should the weak-shock tail take over from the Kingery-Bulmash pressure?
+The last stretch of the polynomials wiggles: on the surface their slope is -1.25 at
+Z = 20 and -1.40 at 30, while a weak shock only flattens, towards -1. A tail joined at
+40 takes the wiggle for physics: at Z = 400 its pressure is 25 % lower on the surface,
+about a factor of 2 in the mass read from it (6 % in free air). So `shock_kinematics`
+joins at 20. What this changes inside the table, Z = 20 to 40, is in the column "20/KB":
+up to 10 % at Z = 40 on the surface, 6 % in free air.
+"""
+
+import dataclasses
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from PIL import Image
+
+import jblast.sensors
+import jblast.waves
+from calibration import run_part
+from jblast.cli.jax_start import start_jax
+from jblast.constants import GRANITE_P_SPEED, STANDARD_SOUND_SPEED
+from jblast.files import write_text
+from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
+from jblast.registry import LAWS, Law, call
+from jblast.report.calculator.figures import (
+    NOT_DRAWN,
+    draw_curve,
+    law_colours,
+    name_curves,
+)
+from jblast.report.figure_style import INK, MUTED, log_ticks, new_figure, quiet, titled
+from jblast.report.words import Unit, capitalised, quantity_words, split_name, unit_for
+from jblast.scene import Air, Charge, Scene
+from jblast.scene.charge import Burst
+from jblast.sensors.calculator import scene_path, with_rows
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
+from jblast.waves.laws.weak_shock import HUMIDITY
+from jblast.waves.paths import Path as WavePath
+from jblast.waves.shock import weak_shock_tail
+
+MASS = 15.0
+"""Of the charge [kg]: scaled by its cube root, few laws depend on it."""
+UNSCALED = ("weak_shock_iso", "wu_hao")
+"""Those that do."""
+SCALED_DISTANCE = np.geomspace(0.05, 1e4, 600)
+SCALED_TIME = np.geomspace(1e-6, 1e-2, 600)
+BURSTS: tuple[Burst, Burst] = ("surface", "free-air")
+ON_THE_GROUND = ("ford_2021",)
+"""Laws whose range asks for no burst, found with charges on or near the ground."""
+SPEEDS = {
+    "air_arrival_s": STANDARD_SOUND_SPEED,
+    "ground_arrival_s": GRANITE_P_SPEED,
+}
+"""Arrivals are drawn over range/speed [m/s]: over decades of range they hide all."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One law along the x axis.
+
+    Attributes:
+        value: Scaled by the cube root of the mass where it grows with it, in SI.
+        valid: Where the law holds.
+    """
+
+    value: Float[np.ndarray, " point"]
+    valid: Bool[np.ndarray, " point"]
+
+
+Curves = Mapping[str, Curve]
+"""By law name."""
+
+
+REFERENCES = ("shock_kinematics", "kingery_bulmash", "ufc_3_340_02")
+"""The first that gives a quantity is what the others are compared with."""
+MOST_APART = {"air_arrival_s": 15.0, "shock_speed_m_s": 15.0}
+"""Where the comparison is cut off [%]; others at `CUT_OFF`."""
+CUT_OFF = 45.0
+LEAST_SLOWNESS = 0.03
+"""Where arrivals are cut off, of that of sound: some laws start at no time at all."""
+ROOT = "kg$^{1/3}$"
+
+Limits = tuple[float, float]
+
+
+RESULTS = Path(__file__).parent / "results"
+DPI = 120
+HEAD = """# The laws
+
+Written by `python -m calibration.laws` from the registry, `jblast/registry.py`.
+
+Z is the scaled distance R/W^(1/3) for W kilograms of TNT at sea level. The figures are
+for dry air at 15 °C and 101325 Pa; times and impulses are divided by W^(1/3), arrivals
+by the time that sound, or a P wave in granite, takes. Only Wu and Hao's laws and what
+the air absorbs in `weak_shock_iso` are no functions of Z: they are drawn for 15 kg, the
+absorption for 50 % relative humidity. Ford's are drawn for a charge on the ground,
+Sedov's for a ratio of specific heats of 1.4. A law without a set for the other burst is
+missing there. The lower panels compare laws where both hold, and are cut off at 45 %,
+at 15 % for arrivals and shock speeds: near the charge the laws of nuclear shots and of
+point sources, whose own mass is nothing, are far from those of TNT.
+
+A law is `jblast.waves.FUNCTION`, of a jolt `jblast.sensors.FUNCTION`; its scatter is
+one standard deviation of what a whole shot shares, and of each record.
+"""
+
+
+SCALED_DISTANCES = (20.0, 25.0, 30.0, 35.0, 40.0, 400.0)
+
+
+def laws_text() -> str:
+    """Return the page."""
+    order = (*QUANTITIES, *DERIVED_QUANTITIES)
+    parts = [HEAD]
+    for quantity, one in (QUANTITIES | DERIVED_QUANTITIES).items():
+        laws = sorted(
+            (law for law in LAWS.values() if law.quantity == quantity),
+            key=lambda law: law.name,
+        )
+        if laws:
+            parts.append(_section(quantity, one.meaning, laws))
+    unknown = {quantity for quantity, _ in LAWS} - set(order)
+    assert not unknown, f"quantities.py has no {unknown}"
+    return "\n".join(parts)
+
+
+def figure_name(quantity: str) -> str:
+    """Return the file of a quantity's figure."""
+    return f"laws_{quantity}.png"
+
+
+def public_name(law: Law) -> str:
+    """Return what a law is called in `jblast.waves`, of a vehicle in `jblast.sensors`.
+
+    Raises:
+        ValueError: It is not re-exported there.
+    """
+    name = law.function.__name__
+    for each in (name, f"{law.name}_{name}"):  # laws with a calibration are closures
+        if hasattr(jblast.waves, each) or hasattr(jblast.sensors, each):
+            return each
+    raise ValueError(f"{law.name}, {law.quantity}: jblast.waves has no {name}")
+
+
+def _section(quantity: str, meaning: str, laws: list[Law]) -> str:
+    title = capitalised(quantity_words(quantity))
+    lines = [f"## {title}", "", f"`{quantity}`: {meaning}.", ""]
+    if quantity not in NOT_DRAWN:
+        lines += [f"![{title} by every law]({figure_name(quantity)})", ""]
+    lines += ["| law | function | range | source | scatter |", "|---|---|---|---|---|"]
+    lines += [
+        f"| `{law.name}` | `{public_name(law)}` | {law.range} | {law.source} | "
+        f"{law.scatter_words().removeprefix('scatter ')} |"
+        for law in laws
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _save(figure: Figure, file: Path) -> None:
+    """Write a figure in few colours: a third of the bytes."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=DPI)
+    image = Image.open(drawn).convert("RGB")
+    image.quantize(256, dither=Image.Dither.NONE).save(file, optimize=True)
+
+
+def main() -> None:
+    """Write it."""
+    start_jax()
+    for quantity in dict.fromkeys(law.quantity for law in drawn_laws()):
+        file = RESULTS / figure_name(quantity)
+        _save(law_figure(quantity, panels(quantity)), file)
+        print(f"wrote {file.name}, {file.stat().st_size / 1e3:.0f} kB")
+    write_text(RESULTS / "laws.md", laws_text())
+    print("wrote laws.md")
+
+
+def law_figure(quantity: str, panels: Mapping[str, Curves]) -> Figure:
+    """Draw a quantity, a column a burst; below, the laws against one of them.
+
+    Args:
+        quantity: Its name.
+        panels: Its curves by burst.
+    """
+    over_time = quantity == "shock_radius_m"
+    x = SCALED_TIME if over_time else SCALED_DISTANCE
+    shown = _where_laws_hold(panels, x)
+    x = x[shown]
+    panels = {
+        burst: {
+            name: Curve(curve.value[shown], curve.valid[shown])
+            for name, curve in curves.items()
+        }
+        for burst, curves in panels.items()
+    }
+    compared = {burst: _differences(curves) for burst, curves in panels.items()}
+    rows = 2 if any(compared.values()) else 1
+    figure = new_figure(5.6 * len(panels), 3.0 * rows + 1.0)
+    grid = figure.subplots(rows, len(panels), squeeze=False)
+    unit = _unit(quantity, panels)
+    for axes, (burst, curves) in zip(grid[0], panels.items(), strict=True):
+        scaled = {
+            name: Curve(curve.value / unit.size, curve.valid)
+            for name, curve in curves.items()
+        }
+        axes.set_yscale("log")
+        _panel(axes, x, scaled, _value_limits(quantity, panels, unit))
+        axes.set_ylabel(_label(quantity, unit))
+        log_ticks(axes.yaxis, axes.get_ylim())
+        titled(axes, "" if over_time else f"{capitalised(burst)} burst")
+    limits = _difference_limits(quantity, compared) if rows == 2 else (0.0, 0.0)
+    for column, (burst, differences) in zip(grid.T, compared.items(), strict=True):
+        axes = column[-1]
+        if differences:
+            reference = _reference(panels[burst])
+            _panel(axes, x, differences, limits, reference)
+            axes.set_ylabel(f"% above {reference}")
+        elif rows == 2:
+            axes.set_axis_off()
+            axes.text(0.5, 0.5, "one law only", ha="center", fontsize=9, color=MUTED)
+            axes = column[0]
+        axes.set_xlabel(f"time (s/{ROOT})" if over_time else f"Z (m/{ROOT})")
+    title = capitalised(quantity_words(quantity))
+    figure.suptitle(title, x=0.01, ha="left", fontsize=13, color=INK)
+    figure.supxlabel(_key(quantity, panels), fontsize=9, color=MUTED)
+    return figure
+
+
+def _panel(
+    axes: Axes,
+    x: Float[np.ndarray, " point"],
+    curves: Curves,
+    limits: Limits,
+    reference: str = "",
+) -> None:
+    """Draw curves and their names; a reference is broad, so others on it are seen."""
+    colours = law_colours()
+    quiet(axes)
+    axes.set_xscale("log")
+    axes.set_xlim(x[0], x[-1])
+    axes.set_ylim(*limits)
+    log_ticks(axes.xaxis, axes.get_xlim())
+    ends = {}
+    for name, curve in curves.items():
+        if name == reference:
+            axes.plot(x, curve.value, color=colours[name], linewidth=5.0, alpha=0.35)
+        else:
+            draw_curve(axes, x, curve.value, curve.valid, colours[name])
+        last = np.flatnonzero(np.isfinite(curve.value))[-1]
+        ends[name] = (float(x[last]), float(curve.value[last]))
+    name_curves(axes, ends, colours)
+
+
+def _where_laws_hold(
+    panels: Mapping[str, Curves], x: Float[np.ndarray, " point"]
+) -> slice:
+    """Return the stretch of x in which some law of the quantity holds."""
+    valid = [curve.valid for curves in panels.values() for curve in curves.values()]
+    held = np.flatnonzero(np.any(valid, axis=0))
+    return slice(int(held[0]), int(held[-1]) + 1)
+
+
+def _reference(curves: Curves) -> str:
+    """Return the law that others of a panel are compared with, "" if none."""
+    return next((name for name in REFERENCES if name in curves), "")
+
+
+def _differences(curves: Curves) -> Curves:
+    """Return each law over the reference less one, where both hold [%]."""
+    reference = _reference(curves)
+    if not reference:
+        return {}
+    against = curves[reference]
+    found = {}
+    for name, curve in curves.items():
+        both = curve.valid & against.valid
+        if both.any():
+            per_cent = 100.0 * (curve.value / against.value - 1.0)
+            found[name] = Curve(np.where(both, per_cent, np.nan), np.ones_like(both))
+    return found if len(found) > 1 else {}
+
+
+def _unit(quantity: str, panels: Mapping[str, Curves]) -> Unit:
+    if quantity in SPEEDS:
+        return Unit("", 1.0)
+    return unit_for(quantity, float(np.median(_valid_values(panels))))
+
+
+def _valid_values(panels: Mapping[str, Curves]) -> Float[np.ndarray, " value"]:
+    every = [curve for curves in panels.values() for curve in curves.values()]
+    return np.concatenate([curve.value[curve.valid] for curve in every])
+
+
+def _value_limits(quantity: str, panels: Mapping[str, Curves], unit: Unit) -> Limits:
+    values = _valid_values(panels) / unit.size
+    if quantity in SPEEDS:
+        values = values[values > LEAST_SLOWNESS]
+    margin = 1.1 if values.max() < 20.0 * values.min() else 1.5
+    return float(values.min()) / margin, float(values.max()) * margin
+
+
+def _difference_limits(quantity: str, compared: Mapping[str, Curves]) -> Limits:
+    every = [curve.value for curves in compared.values() for curve in curves.values()]
+    low, high = min(float(np.nanmin(every)), -1.0), max(float(np.nanmax(every)), 1.0)
+    margin = 0.08 * (high - low)
+    most = MOST_APART.get(quantity, CUT_OFF)
+    return max(low - margin, -most), min(high + margin, most)
+
+
+def _label(quantity: str, unit: Unit) -> str:
+    if quantity in SPEEDS:
+        return f"arrival × {SPEEDS[quantity]:g} m/s / R"
+    if split_name(quantity)[1] in ("_s", "_pa_s", "_m"):
+        return f"{unit.symbol}/{ROOT}"
+    return unit.symbol
+
+
+def _key(quantity: str, panels: Mapping[str, Curves]) -> str:
+    parts = ["solid: where the law holds", "dashed: outside its range"]
+    parts += [
+        f"{name}: {MASS:g} kg"
+        for name in UNSCALED
+        if any(name in curves for curves in panels.values())
+    ]
+    if quantity == "shock_radius_m":
+        parts.append("all but sedov_taylor: arrivals read the other way round")
+    if len(panels) > 1:
+        return "    ".join(parts)
+    return "    ".join(parts[:2]) + "\n" + "    ".join(parts[2:])
+
+
+def drawn_laws(quantity: str = "") -> tuple[Law, ...]:
+    """Return the laws that a figure shows.
+
+    Args:
+        quantity: Of this one alone; "" for all.
+    """
+    return tuple(
+        law
+        for law in LAWS.values()
+        if law.quantity not in NOT_DRAWN and quantity in ("", law.quantity)
+    )
+
+
+def panels(quantity: str) -> dict[str, Curves]:
+    """Return the curves of a quantity by burst, without laws that hold nowhere there.
+
+    Radii at a time stand under "free-air" alone, over `SCALED_TIME`.
+    """
+    if quantity == "shock_radius_m":
+        arrivals = _curves("air_arrival_s", "free-air")
+        return {"free-air": {**_curves(quantity, "free-air"), **_turned(arrivals)}}
+    by_burst = {burst: _curves(quantity, burst) for burst in BURSTS}
+    return {burst: curves for burst, curves in by_burst.items() if curves}
+
+
+def _curves(quantity: str, burst: Burst) -> Curves:
+    path, factor = _path(burst), _factor(quantity)
+    found = {}
+    for law in sorted(drawn_laws(quantity), key=lambda law: law.name):
+        if burst == "free-air" and law.name in ON_THE_GROUND:
+            continue
+        value = factor * np.asarray(call(law.function, path))
+        valid = np.broadcast_to(np.asarray(call(law.valid, path)), value.shape)
+        if valid.any():
+            found[law.name] = Curve(value, valid)
+    return found
+
+
+def _size() -> float:
+    return float(np.cbrt(MASS))
+
+
+def _path(burst: Burst) -> WavePath:
+    """Return the ways from a charge of TNT in dry standard air, on granite.
+
+    Air without any vapour absorbs much more than any outdoors: absorption is that at
+    `HUMIDITY`.
+    """
+    scene = Scene(charge=Charge(burst=burst), air=Air(relative_humidity=0.0))
+    ranges, times = (jnp.asarray(_size() * x) for x in (SCALED_DISTANCE, SCALED_TIME))
+    path = with_rows(scene_path(scene), ranges, jnp.full_like(ranges, MASS))
+    humidity = jnp.asarray(HUMIDITY)
+    return dataclasses.replace(
+        path, time_since_detonation=times, relative_humidity=humidity
+    )
+
+
+def _factor(quantity: str) -> float | Float[np.ndarray, " point"]:
+    """Return what turns a value at the charge into the one that is drawn."""
+    if quantity in SPEEDS:
+        return SPEEDS[quantity] / (_size() * SCALED_DISTANCE)
+    grows = split_name(quantity)[1] in ("_s", "_pa_s", "_m")
+    return 1.0 / _size() if grows else 1.0
+
+
+def _turned(arrivals: Curves) -> Curves:
+    """Return arrivals read the other way round: how far the shock is at a time."""
+    found = {}
+    for name, arrival in arrivals.items():
+        time = arrival.value * SCALED_DISTANCE / STANDARD_SOUND_SPEED
+        along = np.log(SCALED_TIME), np.log(time)
+        radius = np.exp(np.interp(*along, np.log(SCALED_DISTANCE)))
+        valid = np.interp(*along, arrival.valid.astype(float)) == 1.0
+        reached = (time.min() <= SCALED_TIME) & (time.max() >= SCALED_TIME)
+        valid &= reached
+        if valid.any():
+            found[name] = Curve(np.where(reached, radius, np.nan), valid)
+    return found
+
+
+def tail() -> None:
+    """Print the table for both bursts."""
+    jax.config.update("jax_enable_x64", True)
+    for burst in ("surface", "free-air"):
+        curve = kingery_bulmash_curve("incident_pressure", burst)
+        tails = {join: weak_shock_tail(curve.segments[-1], join) for join in (20, 40)}
+        for join, tail in tails.items():
+            print(
+                f"{burst}, joined at Z = {join}: A = {tail.amplitude:.1f} Pa "
+                f"m/kg^(1/3), b = {tail.length:.5f} m/kg^(1/3)"
+            )
+        print("      Z     KB [Pa]  slope    at 20    at 40   20/KB   40/KB   40/20")
+        for z in SCALED_DISTANCES:
+            log_z = jnp.log(z)
+            plain = jnp.exp(curve.log_value(log_z))
+            slope = jax.grad(curve.log_value)(log_z)
+            at_20, at_40 = (jnp.exp(tails[j].log_pressure(log_z)) for j in (20, 40))
+            print(
+                f"{z:7.0f} {plain:11.2f} {slope:6.3f} {at_20:8.2f} {at_40:8.2f} "
+                f"{at_20 / plain:7.4f} {at_40 / plain:7.4f} {at_40 / at_20:7.4f}"
+            )
+        print(f"(past Z = {curve.z_max:.0f} KB is its power-law continuation)\n")
+
+
+if __name__ == "__main__":
+    run_part({"page": main, "tail": tail})
