@@ -85,6 +85,7 @@ from jblast.files import write_text
 from jblast.registry import call, law_for, total_scatter
 from jblast.report.words import comma_separated
 from jblast.scene.charge import Burst, tnt_factor
+from jblast.study.statistics import wilson_interval
 from jblast.verification.benchmark.laws import method_seconds
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from jblast.waves.paths import Path as WavePath
