@@ -23,7 +23,7 @@ from jblast.errors import InputError
 from jblast.kept_programs import keep_in
 from jblast.registry import LAWS
 from jblast.report.flights import flights_text
-from jblast.scene import SENSOR_KINDS, Charge, Scene, Sensor, read_scene
+from jblast.scene import SENSOR_KINDS, Charge, Normal, Scene, Sensor, read_scene
 from jblast.sensors.listening import packets, plan
 from jblast.study.flight_results import trajectory_of
 from jblast.study.flights import Options, fly
@@ -236,8 +236,9 @@ def test_flights_by_a_users_controller_are_kept(extension, tmp_path):
 def test_gains_and_environments_take_controllers_with_the_loops_of_the_hold(extension):
     extension("brake")
     message = "expected one with the gains of an SE.3. hold, with_integral, without"
+    spread = scene(beliefs={"charge_mass_kg": Normal(1.0, 0.1)})
     with pytest.raises(InputError, match=message):
-        tune_gains(scene(), Wish(controller="brake"))
+        tune_gains(spread, Wish(controller="brake"))
     with pytest.raises(InputError, match=message):
         environment_params(controller="brake")
     own = replace(CONTROLLERS["without_integral"], name="own")
