@@ -17,7 +17,17 @@ from jblast.sensors import planned_layout
 from jblast.study.flights import Options
 
 NAMES = (
-    *("fit", "fit_many", "read", "read_scene", "simulate", "record", "calculate"),
+    *(
+        "fit",
+        "fit_each",
+        "fit_many",
+        "pick_files",
+        "read",
+        "read_scene",
+        "simulate",
+        "record",
+        "calculate",
+    ),
     *("bound", "choose", "render", "events", "fly", "pick", "Scene", "Charge"),
 )
 TOML = """

@@ -12,7 +12,7 @@ from jblast.cli.arguments.options import (
     add_reading,
     in_options,
     path,
-    read_asked,
+    reading_asked,
     refuse_existing,
     writing,
 )
@@ -56,7 +56,7 @@ def run(asked: argparse.Namespace) -> int:
     import jblast.waves as _waves  # noqa: F401  which laws there are is asked below
     from jblast.inference.sanity import doubts
     from jblast.json_values import plain
-    from jblast.observations import write
+    from jblast.observations import read, write
     from jblast.observations.check import refusals, with_places
     from jblast.observations.table import SAMPLES
     from jblast.report.check import check_answer, check_text, setting_lines
@@ -68,7 +68,7 @@ def run(asked: argparse.Namespace) -> int:
     uncertain = read_scene(asked.scene) if asked.scene else default_scene()
     begin("reading")
     faults: list[InputError] = []
-    log = read_asked(asked.observations, asked, faults)
+    log = read(asked.observations, faults=faults, **reading_asked(asked))
     if not len(log) and len(faults) == 1 and not asked.json:
         raise faults[0]  # no file, or no table: one message says it
     begin("checking")

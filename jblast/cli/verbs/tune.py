@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import number, positive, positive_of_any_size, seed
-from jblast.cli.arguments.options import EVENT_FILES, names_to_free, path, writing
+from jblast.cli.arguments.options import names_to_free, path, writing
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
@@ -202,6 +202,7 @@ def tuned_as_asked(asked: argparse.Namespace, names: list[str]) -> "Tuned":
     """
     from jblast.observations.records.formats import is_record
     from jblast.scene import read_scene
+    from jblast.signals.detect_files import EVENT_FILES
 
     uncertain = read_scene(asked.scene)
     recorded = Path(asked.recorded)
