@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from jblast.signals import detect as detect
     from jblast.signals.picks import pick as pick, pick_files as pick_files
     from jblast.study.flights import fly as fly
+    from jblast.study.scene_flights import fly_scene as fly_scene
 
 __version__ = "0.2.0"
 
@@ -50,6 +51,7 @@ __all__ = [
     "fit_each",
     "fit_many",
     "fly",
+    "fly_scene",
     "pick",
     "pick_files",
     "read",
@@ -72,6 +74,7 @@ _HOMES = {
     "fit_each": "jblast.inference",
     "fit_many": "jblast.inference",
     "fly": "jblast.study.flights",
+    "fly_scene": "jblast.study.scene_flights",
     "pick": "jblast.signals.picks",
     "pick_files": "jblast.signals.picks",
     "read": "jblast.observations",

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         write_report as write_report,
     )
     from jblast.report.fit.terminal import summary as summary
+    from jblast.report.world_files import run_world as run_world
 
 HOMES = {
     "law_reason": "choice",
@@ -20,6 +21,7 @@ HOMES = {
     "summary": "fit.terminal",
     "check_directory": "fit.files",
     "write_report": "fit.files",
+    "run_world": "world_files",
 }
 
 

@@ -1,9 +1,7 @@
-"""The logs of a fit: read from log files, or picked from records of samples.
+"""Options of records, and output files of a fit.
 
-One file may hold one log or several shots; several files are separate logs, or
-recordings of one event (`--one-event`). With `--positions` the files are records: they
-are picked, and the picks are the rows of the log. JAX is imported inside functions
-only: --help does not wait for it.
+With `--positions` the files of a fit are records of samples, which are picked first.
+JAX is imported inside functions only: --help does not wait for it.
 """
 
 import argparse
@@ -14,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jblast.cli.arguments.numbers import positive
-from jblast.cli.arguments.options import in_options, option_for, path, writing
+from jblast.cli.arguments.options import in_options, option_for, path
 from jblast.errors import InputError
-from jblast.files import write_text
+from jblast.files import write_text, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +36,7 @@ def each_made(
 
     Args:
         made: What all are made of.
-        logs: Names of logs, as `logs_of` gives them.
+        logs: Names of logs, as `fit_input` returns them.
         files: What they were read from, if not from all together.
     """
     from jblast.inference.fitting.fit_input import log_names

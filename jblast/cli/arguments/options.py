@@ -7,14 +7,12 @@ messages. JAX is imported inside functions only: --help does not wait for it.
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jblast.cli.arguments.numbers import positive
 from jblast.errors import InputError
-from jblast.files import write_text
+from jblast.files import refuse_existing, writing
 from jblast.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -57,14 +55,6 @@ def path(text: str) -> str:
     return text
 
 
-def refuse_existing(path: str | Path, *, force: bool) -> None:
-    """Raise InputError if a file is there already and may not be overwritten."""
-    if Path(path).exists() and not force:
-        raise InputError(
-            f"{path}: exists already; expected a new file, or --force to overwrite it"
-        )
-
-
 def check_figure(option: str, file: str, *, force: bool) -> None:
     """Refuse a figure that cannot be drawn, before anything is computed.
 
@@ -74,32 +64,6 @@ def check_figure(option: str, file: str, *, force: bool) -> None:
     if Path(file).suffix.lower() not in FIGURES:
         raise InputError(f"{option} {file}: expected a name in {', '.join(FIGURES)}")
     refuse_existing(file, force=force)
-
-
-@contextmanager
-def writing(path: str | Path) -> Iterator[None]:
-    """Say in one line that a file or directory cannot be written, if it cannot.
-
-    Raises:
-        InputError: What is done inside raises an OSError.
-    """
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f"{path}: cannot be written ({reason}); expected a place to write to"
-        ) from None
-
-
-def save_text(text: str, file: str | Path) -> None:
-    """Write text.
-
-    Raises:
-        InputError: It cannot be written.
-    """
-    with writing(file):
-        write_text(file, text)
 
 
 def save_figure(figure: "Figure", file: str | Path) -> None:

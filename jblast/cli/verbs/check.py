@@ -8,15 +8,9 @@ import argparse
 import sys
 
 from jblast.cli.arguments.logs import add_scale, scaling_of
-from jblast.cli.arguments.options import (
-    add_reading,
-    in_options,
-    path,
-    reading_asked,
-    refuse_existing,
-    writing,
-)
+from jblast.cli.arguments.options import add_reading, in_options, path, reading_asked
 from jblast.errors import InputError
+from jblast.files import refuse_existing, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

@@ -3,13 +3,8 @@
 import argparse
 import sys
 
-from jblast.cli.arguments.options import (
-    add_reading,
-    path,
-    reading_asked,
-    refuse_existing,
-    writing,
-)
+from jblast.cli.arguments.options import add_reading, path, reading_asked
+from jblast.files import refuse_existing, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

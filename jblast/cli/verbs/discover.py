@@ -11,14 +11,8 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import seed, share
-from jblast.cli.arguments.options import (
-    given,
-    path,
-    refuse_existing,
-    save_figure,
-    save_text,
-    writing,
-)
+from jblast.cli.arguments.options import given, path, save_figure
+from jblast.files import refuse_existing, save_text, writing
 
 FILES = ("discovery.json", "discovery.png")
 

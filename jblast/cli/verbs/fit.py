@@ -24,9 +24,9 @@ from jblast.cli.arguments.options import (
     names_to_free,
     path,
     reading_asked,
-    writing,
 )
 from jblast.errors import InputError
+from jblast.files import writing
 
 SMALL = 100_000
 """Bytes of all logs together, about two thousand rows."""

@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.logs import add_records, picked
-from jblast.cli.arguments.options import path, refuse_existing, writing
+from jblast.cli.arguments.options import path
+from jblast.files import refuse_existing, writing
 
 NOT_FOUND = 3
 

@@ -3,14 +3,8 @@
 import argparse
 import sys
 
-from jblast.cli.arguments.options import (
-    add_reading,
-    path,
-    reading_asked,
-    reading_words,
-    refuse_existing,
-    save_text,
-)
+from jblast.cli.arguments.options import add_reading, path, reading_asked, reading_words
+from jblast.files import refuse_existing, save_text
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

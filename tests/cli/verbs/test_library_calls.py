@@ -12,12 +12,28 @@ from jblast.errors import InputError
 from jblast.inference.fitting.fit_input import fit_input
 from jblast.observations import Observations, read, to_pandas
 from jblast.report.detect import detection_document
+from jblast.report.film_files import film_outputs, write_film
 from jblast.report.fit.document import fit_document
+from jblast.report.flights import flights_answer
+from jblast.report.world_files import run_world
+from jblast.sensors.camera.files.event_files import READERS, Written, read_events
+from jblast.sensors.camera.files.film_events import film_to_events
 from jblast.signals.detect_files import EVENT_FILES, SoundDetections, recording_kind
+from jblast.study.filming import FilmOptions, film_of
+from jblast.study.flight_results import Flights
+from jblast.study.scene_flights import has_mission, scene_to_fly
 from tests.cli.cli_files import HEADER, TWO
 from tests.cli.verbs.infer.detect.sounds import recording, template, write
+from tests.cli.verbs.simulate.render.scenes import CAMERA, CHARGE
+from tests.cli.verbs.simulate.test_fly import (
+    CHARGE as FLOWN_CHARGE,
+    OWN,
+    VEHICLE,
+)
+from tests.cli.verbs.simulate.test_world import BY_LAND
 
 EXAMPLE = Path(__file__).parents[3] / "calibration" / "data" / "records_example"
+FLIGHT = FLOWN_CHARGE + VEHICLE + OWN
 STATIONS = EXAMPLE / "STATIONS.csv"
 SILENT = "time_s,pressure_pa\n" + "".join(f"{k},0\n" for k in range(20))
 SHOTS = HEADER.replace("\n", ",shot\n") + (
@@ -116,8 +132,6 @@ def test_sound_is_searched_as_by_the_command(jblast):
 
 
 def test_the_kind_of_a_recording_is_that_of_its_suffix(tmp_path):
-    from jblast.sensors.camera.files.event_files import READERS
-
     assert set(EVENT_FILES) == set(READERS)
     assert recording_kind([tmp_path]) == "frames"
     assert recording_kind(["a.mp4"]) == "video"
@@ -144,3 +158,65 @@ def test_equations_are_found_as_by_the_command(jblast):
         row = search.found.coefficients[state]
         names = search.found.candidates.names
         assert {names[j]: row[j] for j in np.flatnonzero(row)} == terms
+
+
+def test_a_vehicle_flies_as_by_the_command(jblast):
+    path = jblast.file("scene.toml", FLIGHT)
+    words = ("--seconds", "0.6", "--step", "0.002", "--integrator", "euler")
+    _, out, _ = jblast("fly", path, *words, "--json")
+    flights = library.fly_scene(path, seconds=0.6, step_s=0.002, integrator="euler")
+    assert isinstance(flights, Flights)
+    answer = flights_answer(flights, scene=path, seed=0)
+    same({"schema": 1} | answer.to_dict(), json.loads(out))
+
+
+def test_several_vehicles_or_controllers_on_a_mission_are_refused(jblast):
+    plan = jblast.path("grid.plan")
+    jblast("plan", plan, "--grid", "6,0,1", "--home", "35.3,-80.7,200")
+    mission = '[vehicle]\nmodel = "crazyflie"\nmission = "grid.plan"\n'
+    path = jblast.file("scene.toml", FLOWN_CHARGE + mission)
+    assert has_mission(scene_to_fly(path))
+    with pytest.raises(InputError, match=r"^vehicles: expected 1 on a mission, got 2"):
+        library.fly_scene(path, vehicles=2)
+    with pytest.raises(InputError, match=r"^controllers: expected none on a mission"):
+        library.fly_scene(path, controllers=["cascade"])
+
+
+def test_a_world_is_written_as_by_the_command(jblast):
+    path = jblast.file("world.toml", BY_LAND)
+    code, out, _ = jblast("world", path, "--out", jblast.path("one"), "--json")
+    run = run_world(path, jblast.path("other"))
+    told, document = json.loads(out), json.loads(jblast.text("other/run.json"))
+    assert code == 0
+    # a call has no words of a command line
+    assert told.keys() == document.keys()
+    assert told["perceived"] == document["perceived"]
+    assert len(run.perceived) == len(told["perceived"]) > 0
+    for name in ("blasts.csv", "perceived.csv", "observations.csv"):
+        assert jblast.text(f"one/{name}") == jblast.text(f"other/{name}")
+    with pytest.raises(InputError, match="the world's run"):
+        run_world(path, jblast.path("world.toml"))
+
+
+def test_a_film_and_its_events_are_those_of_the_commands(jblast):
+    path = jblast.file("scene.toml", CHARGE + CAMERA)
+    words = ("--times", "2.0:2.006", "--mode", "rgb", "--json")
+    _, out, _ = jblast("render", path, *words, "--out", jblast.path("one"))
+    film = film_of(path, FilmOptions(times=(2.0, 2.006), mode="rgb"))
+    hz = float(film.camera.frames_hz)
+    outputs = film_outputs(jblast.path("other"), hz, mode="rgb")
+    assert write_film(film, outputs) is None
+    assert json.loads(out)["frames"] == len(film.times) == 3
+    frames = Path(jblast.path("one")) / "frames"
+    for file in frames.iterdir():
+        assert file.read_bytes() == (outputs.frames / file.name).read_bytes()
+    events, again = jblast.path("events.npz"), jblast.path("again.npz")
+    words = ("--fps", "500", "--noise", "off", "--srgb", "--json")
+    _, out, _ = jblast("events", str(frames), *words, "--out", events)
+    made = film_to_events(frames, again, fps=500.0, noise=False, srgb=True)
+    told = json.loads(out)
+    assert made.written._asdict() == {key: told[key] for key in Written._fields}
+    assert made.threshold == tuple(told["threshold"])
+    assert made.darkest == told["darkest"]
+    one, other = read_events(events), read_events(again)
+    np.testing.assert_array_equal(one.t, other.t)
