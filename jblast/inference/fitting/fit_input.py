@@ -110,6 +110,7 @@ def fit_input(
             high_pass_hz=high_pass_hz,
             keep_samples=False,
         )
+    logs: dict[str, Observations | InputError]
     if isinstance(log, Observations):
         logs = {log.source or "log": log}
     elif isinstance(log, Mapping):
@@ -199,8 +200,8 @@ def _read(
 ) -> tuple[dict[str, Observations | InputError], UncertainScene]:
     """Read files; a file that cannot be read is an entry, unless it is the only one."""
     if together:
-        logs = [read(source, **dialect) for source in each(sources, "files")]
-        return _combined(logs, uncertain)
+        recordings = [read(source, **dialect) for source in each(sources, "files")]
+        return _combined(recordings, uncertain)
     logs: dict[str, Observations | InputError] = {}
     for source, name in zip(each(sources, "files"), log_names(sources), strict=True):
         try:

@@ -128,7 +128,7 @@ def pick_files(
         log_of(found, stations),
         files,
         left_out,
-        tuple(map(os.fspath, named)),
+        tuple(os.fspath(one) for one in named),
         scaling,
         high_pass_hz,
     )
