@@ -2,7 +2,7 @@
 
     import jblast
 
-    answer = jblast.fit(jblast.read("log.csv"), jblast.read_scene("scene.toml"))
+    answer = jblast.fit("log.csv", "scene.toml")
 
 The most common functions and classes are names of the package and are imported at their
 first use: `import jblast` itself starts neither JAX nor NumPy. The others are imported
@@ -16,8 +16,14 @@ from typing import TYPE_CHECKING
 from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
+    from jblast.discovery.law_search import discover_law as discover_law
     from jblast.fidelity import choose as choose
-    from jblast.inference import bound as bound, fit as fit, fit_many as fit_many
+    from jblast.inference import (
+        bound as bound,
+        fit as fit,
+        fit_each as fit_each,
+        fit_many as fit_many,
+    )
     from jblast.observations import read as read
     from jblast.scene import Charge as Charge, Scene as Scene, read_scene as read_scene
     from jblast.sensors import (
@@ -26,8 +32,10 @@ if TYPE_CHECKING:
         simulate as simulate,
     )
     from jblast.sensors.camera import events as events, render as render
-    from jblast.signals.picks import pick as pick
+    from jblast.signals import detect as detect
+    from jblast.signals.picks import pick as pick, pick_files as pick_files
     from jblast.study.flights import fly as fly
+    from jblast.study.scene_flights import fly_scene as fly_scene
 
 __version__ = "0.2.0"
 
@@ -37,11 +45,16 @@ __all__ = [
     "bound",
     "calculate",
     "choose",
+    "detect",
+    "discover_law",
     "events",
     "fit",
+    "fit_each",
     "fit_many",
     "fly",
+    "fly_scene",
     "pick",
+    "pick_files",
     "read",
     "read_scene",
     "record",
@@ -55,11 +68,16 @@ _HOMES = {
     "bound": "jblast.inference",
     "calculate": "jblast.sensors",
     "choose": "jblast.fidelity",
+    "detect": "jblast.signals",
+    "discover_law": "jblast.discovery.law_search",
     "events": "jblast.sensors.camera",
     "fit": "jblast.inference",
+    "fit_each": "jblast.inference",
     "fit_many": "jblast.inference",
     "fly": "jblast.study.flights",
+    "fly_scene": "jblast.study.scene_flights",
     "pick": "jblast.signals.picks",
+    "pick_files": "jblast.signals.picks",
     "read": "jblast.observations",
     "read_scene": "jblast.scene",
     "record": "jblast.sensors",

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from jblast.errors import InputError, argument
+
 NAMED_AFTER = 40
 """Characters of a file's name at the start of a temporary one: names have limits."""
 
@@ -101,3 +103,38 @@ def _flush(path: Path) -> None:
     """Wait until a file's content is on the disk."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
+
+
+def refuse_existing(path: str | os.PathLike[str], *, force: bool) -> None:
+    """Raise InputError if a file is there already and may not be overwritten."""
+    if Path(path).exists() and not force:
+        raise InputError(
+            f"{path}: exists already; expected a new file, or {argument('force')} to "
+            "overwrite it"
+        )
+
+
+@contextmanager
+def writing(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Report in one line that a file or directory cannot be written, if it cannot.
+
+    Raises:
+        InputError: The enclosed code raises an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(
+            f"{path}: cannot be written ({reason}); expected a place to write to"
+        ) from None
+
+
+def save_text(text: str, path: str | os.PathLike[str]) -> None:
+    """Write text.
+
+    Raises:
+        InputError: It cannot be written.
+    """
+    with writing(path):
+        write_text(path, text)

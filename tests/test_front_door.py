@@ -17,8 +17,9 @@ from jblast.sensors import planned_layout
 from jblast.study.flights import Options
 
 NAMES = (
-    *("fit", "fit_many", "read", "read_scene", "simulate", "record", "calculate"),
-    *("bound", "choose", "render", "events", "fly", "pick", "Scene", "Charge"),
+    *("fit", "fit_each", "fit_many", "read", "read_scene", "pick_files", "detect"),
+    *("discover_law", "simulate", "record", "calculate", "bound", "choose", "render"),
+    *("events", "fly", "fly_scene", "pick", "Scene", "Charge"),
 )
 TOML = """
 [charge]

@@ -14,6 +14,7 @@ that is decided by the fit.
 
 import json
 import math
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,7 +32,8 @@ from jblast.quantities import (
     TIMED,
     made_with,
 )
-from jblast.scene import UncertainScene, freed, with_values
+from jblast.scene import Free, UncertainScene, default_scene, freed, with_values
+from jblast.scene.reader.scene import scene_from_document
 from jblast.scene.reader.sensors import share_text
 from jblast.scene.uncertain import NO_SCENE
 from jblast.waves.propagation import standard_atmosphere
@@ -93,6 +95,24 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
         name: value for name, value in air.items() if name not in uncertain.beliefs
     }
     return replace(uncertain, scene=with_values(uncertain.scene, known))
+
+
+def scene_of_records(observations: Observations) -> UncertainScene:
+    """Return the default scene for a log that was picked from records.
+
+    Free are the mass, and what the starter scene of the shot with most rows frees.
+
+    Args:
+        observations: The log.
+    """
+    shots = np.array(observations.shot)
+    most = max(dict.fromkeys(observations.shot), key=lambda name: (shots == name).sum())
+    one = some_rows(observations, np.flatnonzero(shots == most))
+    starter = tomllib.loads(starter_scene(replace(one, shot=("",) * len(one))))
+    beliefs = scene_from_document(starter, "starter scene").beliefs
+    free = [name for name, belief in beliefs.items() if isinstance(belief, Free)]
+    default = default_scene()
+    return freed(default, [name for name in free if name not in default.beliefs])
 
 
 def clocks_to_free(observations: Observations) -> list[str]:

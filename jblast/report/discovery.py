@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from jblast.discovery.discover import DOUBTFUL, FEWEST_MEMBERS, Discovery, Replay
+from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import Outcome
 from jblast.discovery.shock import Slowing
 from jblast.json_values import plain
@@ -282,11 +283,6 @@ class FoundEquation:
     p_excess: float
     p_serial: float
     p_outside: float
-
-
-def certain(found: Discovery, again: Replay) -> bool:
-    """Return whether nothing speaks against any equation."""
-    return not any(doubts(found, again, state) for state in range(len(found.states)))
 
 
 @dataclass(frozen=True)

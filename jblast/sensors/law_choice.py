@@ -7,23 +7,27 @@ row. Laws and curve sets are chosen before a search, and once more at its answer
 a search they do not change, so that it has derivatives.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.errors import InputError, nearest
+from jblast.errors import InputError, argument, nearest
 from jblast.fidelity import TakenLaw, choose_for, tolerance_of
 from jblast.fidelity.errors import Conditions, conditions_of
 from jblast.kept_programs import kept
-from jblast.registry import is_law, names_for
+from jblast.quantities import QUANTITIES
+from jblast.registry import LAWS, is_law, names, names_for
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
-from jblast.sensors.layout import Layout
+from jblast.scene.reader.tables import LAW_NAMES_LATER
+from jblast.sensors.layout import Layout, components
 from jblast.sensors.record import path_to
 from jblast.waves.height_of_burst import burst_notes, scaled_height
+
+_LAWS = argument("laws")
 
 
 def resolve_laws(
@@ -55,6 +59,75 @@ def resolve_laws(
         quantity: automatic.get(quantity, TakenLaw(chosen.get(quantity, "")))
         for quantity in layout.quantities()
     }
+
+
+def laws_named(words: Sequence[str], quantities: Collection[str]) -> dict[str, str]:
+    """Return a law for each quantity from words; later words win.
+
+    Args:
+        words: "auto", NAME or QUANTITY=NAME, several with commas between.
+        quantities: Those of the log: a word that concerns none of them is refused.
+
+    Raises:
+        InputError: There is no such quantity or law, the law does not give the
+            quantity, or the log does not contain it.
+    """
+    needed = {part for quantity in quantities for part, _ in components(quantity)}
+    chosen: dict[str, str] = {}
+    for word in (part.strip() for item in words for part in item.split(",")):
+        quantity, equals, name = word.rpartition("=")
+        given = _for_one(word, quantity, name) if equals else _for_all(word)
+        if not needed & given.keys():
+            raise InputError(
+                f"{_LAWS} {word}: expected a law for something the log holds "
+                f"({', '.join(sorted(needed))}), got one for "
+                f"{', '.join(sorted(given))}"
+            )
+        chosen |= given
+    return chosen
+
+
+def _for_one(word: str, quantity: str, name: str) -> dict[str, str]:
+    """Return the law of a quantity."""
+    if quantity not in QUANTITIES:
+        raise InputError(
+            f"{_LAWS} {word}: expected a quantity before '=', got {quantity!r}"
+            f"{nearest(quantity, QUANTITIES)}"
+        )
+    parts = [part for part, _ in components(quantity)]
+    if parts != [quantity]:
+        raise InputError(
+            f"{_LAWS} {word}: {quantity} is made of {' and '.join(parts)}; "
+            "expected a law for one of these"
+        )
+    if name != "auto" and name not in names_for(quantity):
+        if _waits(name):
+            raise InputError(f"{_LAWS} {word}: {name} is not supported yet")
+        raise InputError(
+            f"{_LAWS} {word}: expected auto or one of "
+            f"{', '.join(names_for(quantity)) or '(none yet)'}, got {name!r}"
+            f"{nearest(name, names_for(quantity))}"
+        )
+    return {quantity: name}
+
+
+def _for_all(name: str) -> dict[str, str]:
+    """Return the law of NAME for every quantity it gives."""
+    if name == "auto":
+        return dict.fromkeys(QUANTITIES, "auto")
+    if name in names():
+        return {quantity: law for quantity, law in LAWS if law == name}
+    if _waits(name):
+        raise InputError(f"{_LAWS} {name}: {name} is not supported yet")
+    raise InputError(
+        f"{_LAWS} {name}: expected auto, NAME or QUANTITY=NAME with NAME one of "
+        f"{', '.join(names())}, got {name!r}{nearest(name, names())}"
+    )
+
+
+def _waits(name: str) -> bool:
+    """Return whether a law is of the contract and not built yet."""
+    return name in LAW_NAMES_LATER and name not in names()
 
 
 def choose_laws(

@@ -17,6 +17,11 @@ from jblast.signals.arrays import (
     pair_delay as pair_delay,
     relative_times as relative_times,
 )
+from jblast.signals.detect_files import (
+    FilmDetections as FilmDetections,
+    SoundDetections as SoundDetections,
+    detect as detect,
+)
 from jblast.signals.matched_filter import (
     Detection as Detection,
     Filtered as Filtered,

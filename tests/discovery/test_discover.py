@@ -3,11 +3,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jblast.discovery.discover import basic_interval, discover, interval_level, replay
+from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import drag_case, motor_case, noisy_states
 from jblast.discovery.record import half_width, smoothed, windows
 from jblast.discovery.sparse_regression import Candidates, polynomial
 from jblast.errors import InputError
-from jblast.report.discovery import certain, discovery_text
+from jblast.report.discovery import discovery_text
 
 TIME = np.linspace(0.0, 10.0, 401)
 

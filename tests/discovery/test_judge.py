@@ -6,10 +6,11 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
 from jblast.discovery.discover import Judgement, discover, left_over, replay, unlikely
+from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import motor_case, noise_sweep
 from jblast.discovery.record import smoothed
 from jblast.discovery.sparse_regression import polynomial
-from jblast.report.discovery import certain, doubts
+from jblast.report.discovery import doubts
 
 TIME = np.linspace(0.0, 20.0, 401)
 PUSH = 2.0 * np.sin(1.3 * TIME) + 1.2 * np.sin(0.47 * TIME + 1.0)

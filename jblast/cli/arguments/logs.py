@@ -1,92 +1,32 @@
-"""The logs of a fit: read from log files, or picked from records of samples.
+"""Options of records, and output files of a fit.
 
-One file may hold one log or several shots; several files are separate logs, or
-recordings of one event (`--one-event`). With `--positions` the files are records: they
-are picked, and the picks are the rows of the log. JAX is imported inside functions
-only: --help does not wait for it.
+With `--positions` the files of a fit are records of samples, which are picked first.
+JAX is imported inside functions only: --help does not wait for it.
 """
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jblast.cli.arguments.numbers import positive
-from jblast.cli.arguments.options import in_options, path, writing
+from jblast.cli.arguments.options import in_options, option_for, path
 from jblast.errors import InputError
-from jblast.files import write_text
-from jblast.parameters import CLOCK_OFFSET
-from jblast.progress import each
+from jblast.files import write_text, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jblast.inference.fitting.fit import Fit
     from jblast.observations import Observations
-    from jblast.observations.records.formats import RecordFiles, Scaling
-    from jblast.observations.table import Understood
+    from jblast.observations.records.formats import Scaling
     from jblast.report.provenance import Provenance
-    from jblast.scene import UncertainScene
-    from jblast.signals.picks import Gathered, PickLog
-
-    Logs = dict[str, Observations | InputError]
+    from jblast.signals.picks import PickedFiles
 
 WALK = "walk"
 """Folder within `--out` in which a walk is kept."""
-
-
-def logs_of(
-    files: Sequence[str],
-    uncertain: "UncertainScene",
-    reader: "Callable[[str], Observations]",
-    *,
-    together: bool,
-) -> "tuple[Logs, UncertainScene]":
-    """Read the logs, and take them apart or put them together.
-
-    A log of several shots is as many logs, unless the scene names its charges.
-
-    Args:
-        files: What to read.
-        uncertain: The scene of all of them.
-        reader: Reads one of them.
-        together: Whether the files are recordings of one event.
-
-    Returns:
-        Logs by name, or why one cannot be read; and the scene, its clocks free where
-        the recordings are of one event.
-
-    Raises:
-        InputError: The only log, or any of one event, cannot be read, or a file is a
-            scene.
-    """
-    from jblast.observations.grouping import by_shot, one_event
-    from jblast.scene import freed
-
-    for file in files:
-        if Path(file).suffix.lower() == ".toml":
-            raise InputError(f"{file}: expected a log; a scene stands after --scene")
-    if together:
-        whole, clocks = one_event([reader(file) for file in each(files, "files")])
-        free = [f"{CLOCK_OFFSET}.{clock}" for clock in clocks]
-        return {whole.source: whole}, freed(uncertain, free)
-    logs: Logs = {}
-    for file, name in zip(each(files, "files"), _names(files), strict=True):
-        try:
-            log = reader(file)
-        except InputError as error:
-            if len(files) == 1:
-                raise
-            logs[name] = error
-            continue
-        shots = {} if uncertain.scene.others else by_shot(log)
-        if len(shots) < 2:
-            logs[name] = log
-        else:
-            logs |= {f"{name}: {shot or 'no shot'}": of for shot, of in shots.items()}
-    return logs, uncertain
 
 
 def each_made(
@@ -96,16 +36,17 @@ def each_made(
 
     Args:
         made: What all are made of.
-        logs: Names of logs, as `logs_of` gives them.
+        logs: Names of logs, as `fit_input` returns them.
         files: What they were read from, if not from all together.
     """
+    from jblast.inference.fitting.fit_input import log_names
     from jblast.report.provenance import provenance_of
 
     if not files:
         return dict.fromkeys(logs, made)
     own = {
         name: replace(made, logs=provenance_of([file]).logs)
-        for name, file in zip(_names(files), files, strict=True)
+        for name, file in zip(log_names(files), files, strict=True)
     }
     return {
         log: of
@@ -171,19 +112,6 @@ def only_a_walk(directory: Path) -> bool:
     return directory.is_dir() and [p.name for p in directory.iterdir()] == [WALK]
 
 
-def _names(files: Sequence[str]) -> list[str]:
-    """Name logs after their files, by the whole path where that is needed."""
-    stems = [Path(file).stem for file in files]
-    names = [
-        stem if stems.count(stem) == 1 else file
-        for stem, file in zip(stems, files, strict=True)
-    ]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"{name}: expected each log once, got it twice")
-    return names
-
-
 def add_records(verb: argparse.ArgumentParser) -> None:
     """Let a verb take the options that `picked` heeds."""
     verb.add_argument(
@@ -230,63 +158,58 @@ def scaling_of(asked: argparse.Namespace) -> "Scaling":
 
 def picked(
     named: list[str], asked: argparse.Namespace, *, keep_samples: bool
-) -> "tuple[Gathered, PickLog, RecordFiles]":
-    """Read and pick the records that are named, and make the rows of a log.
+) -> "PickedFiles":
+    """Pick the named records, their messages in words of the command line.
 
     Args:
         named: Files and folders.
-        asked: What `add_records` added.
-        keep_samples: Whether picks keep their samples, to be drawn.
+        asked: The options of `add_records`.
+        keep_samples: Whether picks keep their samples, for figures.
 
     Raises:
         InputError: Nothing can be read, or a record has no station.
     """
-    from jblast.observations.records.formats import record_files
-    from jblast.observations.records.stations import read_stations
-    from jblast.signals.picks import gathered, log_of
+    from jblast.signals.picks import pick_files
 
-    read_as: list[Understood] = []
-    stations = read_stations(asked.positions, read_as) if asked.positions else None
-    found_files = record_files(named, asked.positions)
-    found = gathered(
-        found_files.files,
-        scaling_of(asked),
+    of = pick_files(
+        named,
+        positions=asked.positions,
+        scaling=scaling_of(asked),
         high_pass_hz=asked.high_pass,
         keep_samples=keep_samples,
-        stations=stations,
     )
-    found = found._replace(refused=tuple(map(in_options, found.refused)))
-    if found.refused and not found.channels:
-        raise refusal(found)
-    log = log_of(found, stations, _provenance(found_files.files, asked))
-    rows = replace(log.observations, understood=tuple(read_as))
-    return found, log._replace(observations=rows), found_files
+    comments = tuple(of.comments(option_for))
+    rows = replace(of.log.observations, comments=comments)
+    refused = tuple(map(in_options, of.found.refused))
+    return of._replace(
+        found=of.found._replace(refused=refused),
+        log=of.log._replace(observations=rows),
+    )
 
 
 class FromRecords(NamedTuple):
-    """A log that was picked, and what it was picked from.
+    """Picked records of a fit.
 
     Attributes:
-        log: The rows.
-        found: The picks.
-        text: What was picked, in words.
+        picked: The picks, and their log.
+        text: The picks in words.
     """
 
-    log: "PickLog"
-    found: "Gathered"
+    picked: "PickedFiles"
     text: str
 
     def figure(self) -> "Figure":
         """Draw the records."""
         from jblast.report.pick_figures import records_figure
 
-        return records_figure(self.found.named(), self.found.picks)
+        found = self.picked.found
+        return records_figure(found.named(), found.picks)
 
     def document(self) -> dict[str, Any]:
         """Return what `jblast pick --json` would print."""
         from jblast.report.picks import picks_document
 
-        return picks_document(self.found, self.log)
+        return picks_document(self.picked.found, self.picked.log)
 
     def write(self, directory: Path) -> None:
         """Write log and document into a folder of a report.
@@ -303,94 +226,23 @@ class FromRecords(NamedTuple):
         )
         with writing(directory):
             directory.mkdir(parents=True, exist_ok=True)
-            write(directory / "picks.csv", self.log.observations)
+            write(directory / "picks.csv", self.picked.observations())
             write_text(directory / "picks.json", text + "\n")
 
 
-def check_folders(named: list[str], asked: argparse.Namespace) -> None:
-    """Refuse a folder of records without positions, before anything is started.
+def from_records(asked: argparse.Namespace) -> FromRecords | None:
+    """Return the picked records of a fit; None for a fit of logs, without positions.
 
     Raises:
-        InputError: As said.
-    """
-    folders = [name for name in named if Path(name).is_dir()]
-    if folders and asked.positions is None:
-        raise InputError(
-            f"{folders[0]}: is a folder; of records it takes --positions STATIONS.csv "
-            "beside it, where they stood"
-        )
-
-
-def from_records(named: list[str], asked: argparse.Namespace) -> FromRecords | None:
-    """Return the log of records that a fit is asked of; None if it is asked of logs.
-
-    It is asked of records where positions are given.
-
-    Raises:
-        InputError: A record cannot be read, or none holds a bang.
+        InputError: A record cannot be read.
     """
     if asked.positions is None:
         return None
     from jblast.report.picks import picks_text
 
-    found, log, files = picked(named, asked, keep_samples=asked.out is not None)
-    text = picks_text(found, log, tuple(path.name for path in files.left_out))
-    if found.refused:
-        if found.picks and not asked.json:
-            sys.stdout.write(text)  # of the others
-        raise refusal(found)
-    if not len(log.observations):
-        what = "nothing found" if not found.picks else "only poor picks"
-        raise InputError(
-            f"{', '.join(named)}: expected records of a blast, got {what} in "
-            f"{found.channels} of them"
-        )
-    name = Path(named[0]).resolve().name
-    observations = replace(log.observations, source=name)
-    return FromRecords(log._replace(observations=observations), found, text)
-
-
-def scene_of_records(log: "Observations") -> "UncertainScene":
-    """Return the default scene, with what the stations can tell free.
-
-    What that is, is what a scene to start from would leave free (`starter_scene`).
-    """
-    import tomllib
-
-    from jblast.observations import starter_scene
-    from jblast.observations.grouping import by_shot
-    from jblast.scene import Free, default_scene, freed
-    from jblast.scene.reader.scene import scene_from_document
-
-    one = max(by_shot(log).values(), key=len)
-    alone = replace(one, shot=("",) * len(one))
-    starter = scene_from_document(tomllib.loads(starter_scene(alone)), "starter scene")
-    free = [
-        name for name, belief in starter.beliefs.items() if isinstance(belief, Free)
-    ]
-    default = default_scene()
-    return freed(default, [name for name in free if name not in default.beliefs])
-
-
-def refusal(found: "Gathered") -> InputError:
-    """Return the one error that says which files were refused, and why."""
-    messages = [str(error) for error in found.refused]
-    if len(messages) == 1:
-        return found.refused[0]
-    files = f"{len(messages)} files cannot be read"
-    return InputError(f"{files}: {'; '.join(messages)}")
-
-
-def _provenance(files: tuple[Path, ...], asked: argparse.Namespace) -> list[str]:
-    """Return the comment lines of the log."""
-    names = ", ".join(file.name for file in files[:20])
-    more = f" and {len(files) - 20} more" if len(files) > 20 else ""
-    lines = [f"jblast pick of {names}{more}"]
-    for option, value, unit in (
-        ("--full-scale", asked.full_scale, "Pa"),
-        ("--sensitivity", asked.sensitivity, "Pa a volt or count"),
-        ("--high-pass", asked.high_pass, "Hz"),
-    ):
-        if value is not None:
-            lines.append(f"{option} {value:g} {unit}")
-    return lines
+    named = asked.observations
+    of = picked(named, asked, keep_samples=asked.out is not None)
+    text = picks_text(of.found, of.log, tuple(path.name for path in of.left_out))
+    if of.found.refused and of.found.picks and not asked.json:
+        sys.stdout.write(text)  # of the others
+    return FromRecords(of, text)

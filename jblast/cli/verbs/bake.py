@@ -12,7 +12,8 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import seed
-from jblast.cli.arguments.options import path, writing
+from jblast.cli.arguments.options import path
+from jblast.files import writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

@@ -10,7 +10,6 @@ from jblast.cli.arguments.options import (
     add_law,
     add_noise,
     check_figure,
-    chosen_laws,
     names_to_free,
     path,
     save_figure,
@@ -65,6 +64,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.inference import bound
     from jblast.report.design import bound_document, bound_text
     from jblast.scene import freed, read_scene, with_laws
+    from jblast.sensors.law_choice import laws_named
 
     if asked.map:
         check_figure("--map", asked.map, force=asked.force)
@@ -72,7 +72,7 @@ def run(asked: argparse.Namespace) -> int:
     uncertain = freed(read_scene(asked.scene), names_to_free(asked.free))
     held = {q for sensor in uncertain.scene.sensors for q, _ in sensor.records}
     if held:  # else the message that nothing is recorded comes first
-        uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
+        uncertain = with_laws(uncertain, laws_named(asked.law, held))
     begin("the bound")
     found = bound(uncertain, at, noise=asked.noise)
     if asked.map:

@@ -3,8 +3,9 @@
 import argparse
 import sys
 
-from jblast.cli.arguments.options import path, writing
+from jblast.cli.arguments.options import path
 from jblast.errors import InputError, nearest
+from jblast.files import writing
 
 ALL = "all"
 

@@ -8,15 +8,9 @@ import argparse
 import sys
 
 from jblast.cli.arguments.logs import add_scale, scaling_of
-from jblast.cli.arguments.options import (
-    add_reading,
-    in_options,
-    path,
-    read_asked,
-    refuse_existing,
-    writing,
-)
+from jblast.cli.arguments.options import add_reading, in_options, path, reading_asked
 from jblast.errors import InputError
+from jblast.files import refuse_existing, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -56,7 +50,7 @@ def run(asked: argparse.Namespace) -> int:
     import jblast.waves as _waves  # noqa: F401  which laws there are is asked below
     from jblast.inference.sanity import doubts
     from jblast.json_values import plain
-    from jblast.observations import write
+    from jblast.observations import read, write
     from jblast.observations.check import refusals, with_places
     from jblast.observations.table import SAMPLES
     from jblast.report.check import check_answer, check_text, setting_lines
@@ -68,7 +62,7 @@ def run(asked: argparse.Namespace) -> int:
     uncertain = read_scene(asked.scene) if asked.scene else default_scene()
     begin("reading")
     faults: list[InputError] = []
-    log = read_asked(asked.observations, asked, faults)
+    log = read(asked.observations, faults=faults, **reading_asked(asked))
     if not len(log) and len(faults) == 1 and not asked.json:
         raise faults[0]  # no file, or no table: one message says it
     begin("checking")

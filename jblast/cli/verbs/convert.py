@@ -3,13 +3,8 @@
 import argparse
 import sys
 
-from jblast.cli.arguments.options import (
-    add_reading,
-    path,
-    read_asked,
-    refuse_existing,
-    writing,
-)
+from jblast.cli.arguments.options import add_reading, path, reading_asked
+from jblast.files import refuse_existing, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -31,12 +26,12 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Write the log and return the exit code."""
-    from jblast.observations.log_io import log_text, write
+    from jblast.observations.log_io import log_text, read, write
     from jblast.report.understood import conversion_comments, conversion_text
 
     if asked.out:
         refuse_existing(asked.out, force=asked.force)
-    log = read_asked(asked.observations, asked)
+    log = read(asked.observations, **reading_asked(asked))
     comments = conversion_comments(log)
     if not asked.out:
         sys.stdout.write(log_text(log, comments))

@@ -7,23 +7,14 @@ are tried then.
 """
 
 import argparse
-import contextlib
 import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import seed, share
-from jblast.cli.arguments.options import (
-    path,
-    refuse_existing,
-    save_figure,
-    save_text,
-    writing,
-)
-from jblast.errors import InputError
+from jblast.cli.arguments.options import given, path, save_figure
+from jblast.files import refuse_existing, save_text, writing
 
 FILES = ("discovery.json", "discovery.png")
-MOST_TERMS = 100
-"""Candidates: more are neither found fast nor told apart."""
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -55,7 +46,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--degree",
         type=int,
-        default=2,
         metavar="N",
         help="look among products of up to N columns (default: 2)",
     )
@@ -67,7 +57,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--threshold",
         type=share,
-        default="0.05",
         metavar="SHARE",
         help="least share of a derivative's root mean square for a term to stay "
         "(default: 0.05)",
@@ -75,7 +64,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--ensemble",
         type=int,
-        default=100,
         metavar="N",
         help="records with new noise that say how sure a term is, 19 or more "
         "(default: 100)",
@@ -91,74 +79,35 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Read, find, judge, print; return the exit code."""
+    """Find, write, print; return the exit code."""
     import json
 
-    from jblast.discovery.discover import FEWEST_OF_INTERVAL
-    from jblast.progress import stages
+    from jblast.discovery.law_search import check_search, discover_law
 
-    threshold = asked.threshold
-    least_members = "; fewer have no 5 % and 95 % quantiles"
-    for option, value, least, most, why in (
-        ("--degree", asked.degree, 1, 6, ""),
-        ("--ensemble", asked.ensemble, FEWEST_OF_INTERVAL, 10_000, least_members),
-    ):
-        if not least <= value <= most:
-            raise InputError(
-                f"{option}: expected a whole number from {least} to {most}, got "
-                f"{value}{why}"
-            )
+    check_search(**given(asked, degree="degree", ensemble="members"))
     if asked.out:
         _check_out(Path(asked.out), force=asked.force)
-    from jblast.discovery.trajectory_file import read_trajectory
+    search = discover_law(
+        asked.trajectory,
+        states=_names(asked.state),
+        inputs=_names(asked.input),
+        held=asked.held,
+        drag=asked.drag,
+        seed=asked.seed,
+        **given(asked, degree="degree", threshold="threshold", ensemble="members"),
+    )
+    from jblast.report.discovery import discovery_answer, discovery_text
 
-    begin = stages({"reading": 4.0, "finding": 5.0, "one degree more": 5.0})
-    begin("reading")
-    data = read_trajectory(asked.trajectory, _names(asked.state), _names(asked.input))
-    _check_size(len(data.names), asked.degree, asked.drag)
-
-    from jblast.discovery.discover import discover, replay
-    from jblast.discovery.sparse_regression import polynomial
-    from jblast.report.discovery import certain, discovery_answer, discovery_text
-
-    def find(degree: int):
-        candidates, outside = (
-            polynomial(data.names, n, signed_squares=asked.drag)
-            for n in (degree, degree + 1)
-        )
-        found = discover(
-            data.time_s,
-            data.states,
-            data.inputs,
-            names=data.names,
-            candidates=candidates,
-            outside=outside,
-            held=asked.held,
-            threshold=threshold,
-            members=asked.ensemble,
-            seed=asked.seed,
-        )
-        own = replay(found, data.time_s, data.states, data.inputs, held=asked.held)
-        return found, own
-
-    begin("finding")
-    found, again = find(asked.degree)
-    sure, further = certain(found, again), None
-    few = _terms(len(data.names), asked.degree + 1, asked.drag) <= MOST_TERMS
-    # more candidates do not distinguish exchangeable terms
-    if not sure and few and not any(found.exchangeable):
-        begin("one degree more")
-        with contextlib.suppress(InputError):  # a term that overflows is none to try
-            further = find(asked.degree + 1)
+    data, found, again, further = search[:4]
     answer = discovery_answer(
         found,
         again,
         further,
         rows=len(data.time_s),
         inputs=tuple(data.names[len(found.states) :]),
-        threshold=threshold,
-        members=asked.ensemble,
-        seed=asked.seed,
+        threshold=search.threshold,
+        members=search.members,
+        seed=search.seed,
     )
     document = {"schema": 1} | answer.to_dict()
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -170,34 +119,12 @@ def run(asked: argparse.Namespace) -> int:
     sys.stdout.write(text if asked.json else discovery_text(found, again, further))
     if asked.out and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
-    return 0 if sure else 4
+    return 0 if search.certain else 4
 
 
 def _names(words: str) -> list[str]:
     """Return the names that stand between commas."""
     return [name.strip() for name in words.split(",") if name.strip()]
-
-
-def _check_size(columns: int, degree: int, drag: bool) -> None:
-    """Refuse more candidates than can be told apart.
-
-    Raises:
-        InputError: There are more than 100.
-    """
-    terms = _terms(columns, degree, drag)
-    if terms > MOST_TERMS:
-        raise InputError(
-            f"{columns} columns to degree {degree}: expected at most {MOST_TERMS} "
-            f"candidates, got {terms}; name fewer by --state and --input, or lower "
-            "--degree"
-        )
-
-
-def _terms(columns: int, degree: int, drag: bool) -> int:
-    """Return how many candidates there are."""
-    import math
-
-    return math.comb(columns + degree, degree) + columns * drag
 
 
 def _check_out(directory: Path, *, force: bool) -> None:

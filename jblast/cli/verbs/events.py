@@ -9,8 +9,7 @@ from jblast.cli.arguments.numbers import (
     share,
     threshold_pair,
 )
-from jblast.cli.arguments.options import path, refuse_existing, writing
-from jblast.errors import InputError
+from jblast.cli.arguments.options import given, path
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -32,7 +31,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--threshold",
         type=threshold_pair,
-        default="0.2",
         metavar="STEP[,DARKER]",
         help="change of the logarithm of light that gives an event, brighter and "
         "darker (default: 0.2 for both)",
@@ -76,79 +74,40 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
 
     start_jax()
-    import jax
-
     from jblast.report.film import EventsAnswer, as_json, dark_film, events_text
-    from jblast.sensors.camera.events.ideal import count_below, grey_table
-    from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
-    from jblast.sensors.camera.events.stream import stream_events
-    from jblast.sensors.camera.files.event_files import check_suffix, write_events
-    from jblast.sensors.camera.files.recordings import open_recording
+    from jblast.sensors.camera.files.film_events import film_to_events
 
-    thresholds = asked.threshold
-    check_suffix(asked.out)
-    refuse_existing(asked.out, force=asked.force)
-    film = open_recording(asked.frames, asked.fps, srgb=asked.srgb)
-    if asked.srgb and film.is_video:
-        raise InputError(
-            f"--srgb: is said of PNG frames; {asked.frames} names its own curve"
-        )
-    darkest = film.darkest if asked.darkest is None else asked.darkest
-    if darkest == 0.0:
-        raise InputError("--darkest: expected a number above 0 and at most 1, got 0")
-    dark = 0
-
-    def counted_blocks():
-        nonlocal dark
-        for times, frames in _counted(film.blocks(decoded=False), len(film)):
-            dark += count_below(frames, darkest, srgb=asked.srgb)
-            yield times, frames
-
-    blocks = counted_blocks()
-    table = grey_table(srgb=asked.srgb, darkest=darkest)
-    if asked.noise == "off":
-        events = stream_events(blocks, thresholds, table=table, darkest=darkest)
-    else:
-        key, shape = jax.random.key(asked.seed), (film.height, film.width)
-        effects = NoiseModel()
-        events = noisy_stream(
-            key, blocks, shape, thresholds, effects, table=table, darkest=darkest
-        )
-    seconds = float(film.times[-1])
-    with writing(asked.out):
-        written = write_events(
-            asked.out, events, film.width, film.height, duration_s=seconds
-        )
-    below = dark / (len(film) * film.width * film.height)
+    noise = asked.noise == "on"
+    made = film_to_events(
+        asked.frames,
+        asked.out,
+        fps=asked.fps,
+        noise=noise,
+        seed=asked.seed,
+        srgb=asked.srgb,
+        darkest=asked.darkest,
+        force=asked.force,
+        **given(asked, threshold="threshold"),
+    )
+    below = made.below_darkest
     answer = EventsAnswer(
-        frames=len(film),
-        width=film.width,
-        height=film.height,
-        fps=film.frames_hz,
-        duration_s=seconds,
-        threshold=thresholds,
+        frames=made.frames,
+        width=made.width,
+        height=made.height,
+        fps=made.frames_hz,
+        duration_s=made.seconds,
+        threshold=made.threshold,
         srgb=asked.srgb,
         noise=asked.noise,
-        seed=None if asked.noise == "off" else asked.seed,
-        **written._asdict(),
-        bits=film.bits,
-        darkest=darkest,
+        seed=asked.seed if noise else None,
+        **made.written._asdict(),
+        bits=made.bits,
+        darkest=made.darkest,
         below_darkest=below,
-        warnings=(dark_film(below, darkest),) if below else (),
+        warnings=(dark_film(below, made.darkest),) if below else (),
         out=asked.out,
     )
     for warning in answer.warnings:
         sys.stderr.write(f"jblast: warning: {warning}\n")
     sys.stdout.write(as_json(answer) if asked.json else events_text(answer))
     return 0
-
-
-def _counted(blocks, total: int):
-    """Return the blocks, and tell how many frames are through."""
-    from jblast.progress import counted
-
-    through, done = counted(total, "frames"), 0
-    for times, frames in blocks:
-        yield times, frames
-        done += len(times)
-        through(done)

@@ -3,19 +3,16 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from jblast.cli.arguments.logs import (
     WALK,
     add_records,
-    check_folders,
     each_made,
     from_records,
-    logs_of,
     made_with_samples,
     only_a_walk,
     scaling_of,
-    scene_of_records,
     write_answers,
 )
 from jblast.cli.arguments.options import (
@@ -23,14 +20,13 @@ from jblast.cli.arguments.options import (
     add_law,
     add_noise,
     add_reading,
-    chosen_laws,
     in_options,
     names_to_free,
     path,
-    read_asked,
-    writing,
+    reading_asked,
 )
 from jblast.errors import InputError
+from jblast.files import writing
 
 SMALL = 100_000
 """Bytes of all logs together, about two thousand rows."""
@@ -93,7 +89,6 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
-    check_folders(asked.observations, asked)
     picking = 6.0 if asked.positions else 0.3
     shares = {"starting": 3.0, "reading": picking, "fitting": 9.0}
     begin = stages(shares | ({"writing": 3.0} if asked.out else {}))
@@ -102,59 +97,48 @@ def run(asked: argparse.Namespace) -> int:
         quick=asked.posterior in ("weighted", "laplace")
         and _is_small(asked.observations)
     )
-    from functools import partial
     from pathlib import Path
 
     from jblast.inference import fit, fit_each
+    from jblast.inference.fitting.fit_input import fit_input, scene_named
     from jblast.report import check_directory, summary, write_report
     from jblast.report.fit.document import fit_document, picks_entry
     from jblast.report.provenance import provenance_of
-    from jblast.scene import default_scene, freed, with_laws
-    from jblast.world import scene_to_fit
 
     out = Path(asked.out) if asked.out else None
     if out and not only_a_walk(out):
         check_directory(out, asked.force)
-    uncertain = scene_to_fit(asked.scene) if asked.scene else default_scene()
+    scene = scene_named(asked.scene) if asked.scene else None
     made = None
+    files = asked.observations
     if out:
-        files = [*asked.observations, *([asked.positions] if asked.positions else [])]
-        made = provenance_of(files, asked.scene or "", asked.words)
+        whole = [*files, *([asked.positions] if asked.positions else [])]
+        made = provenance_of(whole, asked.scene or "", asked.words)
     begin("reading")
-    reader = partial(read_asked, asked=asked)
-    files, together = asked.observations, asked.one_event
-    recorded = from_records(files, asked)
-    if recorded:
-        rows = recorded.log.observations
-        files, reader = [rows.source], lambda _: rows
-        uncertain = uncertain if asked.scene else scene_of_records(rows)
+    recorded = from_records(asked)
+    scale = {"scaling": scaling_of(asked), "high_pass_hz": asked.high_pass}
+    logs, uncertain = fit_input(
+        recorded.picked if recorded else files,
+        scene,
+        one_event=asked.one_event,
+        freed=names_to_free(asked.free),
+        laws=asked.law,
+        **reading_asked(asked),
+    )
     picks = recorded.document()["picks"] if recorded else None
-    logs, uncertain = logs_of(files, uncertain, reader, together=together)
-    uncertain = freed(uncertain, names_to_free(asked.free))
-    readable = {k: log for k, log in logs.items() if not isinstance(log, InputError)}
-    held = _held(quantity for log in readable.values() for quantity in log.quantity)
-    if readable:
-        uncertain = with_laws(uncertain, chosen_laws(asked.law, held))
     begin("fitting")
     if len(logs) > 1:
         apart = () if recorded else files
         made_of = each_made(made, logs, apart) if made else {}
         made_of = {k: made_with_samples(of, logs[k]) for k, of in made_of.items()}
-        fitted = fit_each(
-            readable,
-            uncertain,
-            noise=asked.noise,
-            posterior=asked.posterior,
-            scaling=scaling_of(asked),
-            high_pass_hz=asked.high_pass,
-        )
-        answers = {name: fitted.get(name, logs[name]) for name in logs}
         answers = {
             name: in_options(answer) if isinstance(answer, InputError) else answer
-            for name, answer in answers.items()
+            for name, answer in fit_each(
+                logs, uncertain, noise=asked.noise, posterior=asked.posterior, **scale
+            ).items()
         }
         return _many(answers, picks, out, made_of, asked)
-    (observations,) = readable.values()
+    (observations,) = logs.values()
     made = made_with_samples(made, observations) if made else None
     answer = fit(
         observations,
@@ -162,8 +146,7 @@ def run(asked: argparse.Namespace) -> int:
         noise=asked.noise,
         posterior=asked.posterior,
         store=out / WALK if out else None,
-        scaling=scaling_of(asked),
-        high_pass_hz=asked.high_pass,
+        **scale,
     )
     if asked.json:
         _print_json(fit_document(answer) | picks_entry(picks))
@@ -185,18 +168,6 @@ def run(asked: argparse.Namespace) -> int:
     if not asked.json:
         sys.stdout.write(summary(answer, out=out) + "\n")
     return answer.exit_code
-
-
-def _held(quantities: Iterable[str]) -> set[str]:
-    """Return the quantities of logs, and those that are read off samples."""
-    from jblast.observations.table import SAMPLES
-
-    held = set(quantities)
-    if SAMPLES in held:
-        from jblast.signals.picks.pick_log import TOLD
-
-        held |= set(TOLD)
-    return held
 
 
 def _is_small(files: Sequence[str]) -> bool:

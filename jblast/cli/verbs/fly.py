@@ -10,21 +10,21 @@ from the ground, unattended, until the vehicle has landed and is disarmed.
 """
 
 import argparse
-import math
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jblast.cli.arguments.numbers import positive, seed, vector
-from jblast.cli.arguments.options import path, refuse_existing, save_text
+from jblast.cli.arguments.options import given, path
 from jblast.errors import InputError
+from jblast.files import refuse_existing, save_text
 
 if TYPE_CHECKING:
     from jblast.autopilot.logs import FlightRecord
-    from jblast.scene import UncertainScene
-    from jblast.study.flight_results import Options
+    from jblast.scene import Place
+    from jblast.study.flight_results import Flights
+    from jblast.study.missions import MissionFlight
 
 Answer = tuple[dict[str, Any], str, Callable[[str, Path], list[str]]]
 
@@ -62,13 +62,11 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--integrator",
         choices=("rk4", "euler"),
-        default="rk4",
         help="euler is semi-implicit (default: rk4)",
     )
     verb.add_argument(
         "--backend",
         metavar="auto|jax|warp",
-        default="auto",
         help="what calculates it; warp:cpu and warp:cuda:0 name a device (default: "
         "auto)",
     )
@@ -145,12 +143,31 @@ def run(asked: argparse.Namespace) -> int:
     if asked.out:
         check_directory(asked.out, asked.force, "the flight")
     check_logs(asked)
-    uncertain = flown_scene(asked)
-    vehicle = uncertain.scene.vehicle
-    has_mission = vehicle is not None and vehicle.mission is not None
+    from jblast.study.missions import MissionFlight
+    from jblast.study.scene_flights import fly_scene, has_mission, scene_to_fly
+
+    uncertain = scene_to_fly(asked.scene, seconds=asked.seconds, seed=asked.seed)
+    check_plan_out(asked, has_mission=has_mission(uncertain))
     begin("flying")
-    flown = _mission if has_mission else _flights
-    document, words, write = flown(asked, uncertain)
+    flown = fly_scene(
+        uncertain,
+        vehicles=asked.vehicles,
+        controllers=named_in(asked.controllers),
+        seconds=asked.seconds,
+        step_s=asked.step,
+        tolerance_m=asked.tolerance,
+        profile=asked.profile,
+        profile_moments_about=asked.profile_moments_about,
+        seed=asked.seed,
+        **given(
+            asked, integrator="integrator", backend="backend", estimator="estimator"
+        ),
+    )
+    document, words, write = (
+        _mission(asked, flown)
+        if isinstance(flown, MissionFlight)
+        else _flights(asked, flown, uncertain.place)
+    )
     begin("writing")
     import json
 
@@ -162,27 +179,17 @@ def run(asked: argparse.Namespace) -> int:
     return 0
 
 
-def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
-    """Fly holding a place; return the document, the text, and who writes files."""
+def _flights(
+    asked: argparse.Namespace, flights: "Flights", place: "Place | None"
+) -> Answer:
+    """Return the document, the text, and the function that writes files."""
     from jblast.autopilot.lockstep import PLACE
-    from jblast.cli.arguments.flight_files import write_flights
+    from jblast.report.flight_files import write_flights
     from jblast.report.flights import flights_answer, flights_text
-    from jblast.study.flight_results import TOLERANCE_M
-    from jblast.study.flights import fly
-    from jblast.study.missions import MISSION_STEP_S, hold_record
-    from jblast.vehicle import STEP_S
+    from jblast.study.missions import hold_record
 
-    refuse_plan_out(asked)
-    step = MISSION_STEP_S if asked.estimator else STEP_S
-    flights = fly(
-        uncertain,
-        flight_options(asked, step_s=step, tolerance_m=TOLERANCE_M),
-        vehicles=asked.vehicles,
-        seed=asked.seed,
-        controllers=named_in(asked.controllers),
-    )
     if asked.tlog or asked.ulog:
-        place = PLACE if uncertain.place is None else uncertain.place
+        place = PLACE if place is None else place
         write_logs(asked, hold_record(flights, place), has_mission=False)
     answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
     return (
@@ -192,24 +199,13 @@ def _flights(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     )
 
 
-def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
-    """Fly a mission; return the document, the text, and who writes files."""
-    from jblast.cli.arguments.flight_files import write_mission
-    from jblast.missions.plan import check_form, plan_text
+def _mission(asked: argparse.Namespace, flight: "MissionFlight") -> Answer:
+    """Return the document, the text, and the function that writes files."""
+    from jblast.missions.plan import plan_text
+    from jblast.report.flight_files import write_mission
     from jblast.report.missions import mission_answer, mission_text
-    from jblast.study.missions import (
-        MISSION_STEP_S,
-        TOLERANCE_M,
-        fly_mission,
-        mission_record,
-    )
+    from jblast.study.missions import mission_record
 
-    refuse_several(asked)
-    if asked.plan_out:
-        refuse_existing(asked.plan_out, force=asked.force)
-        check_form(asked.plan_out)
-    options = flight_options(asked, step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M)
-    flight = fly_mission(uncertain, options, seed=asked.seed)
     if asked.tlog or asked.ulog:
         write_logs(asked, mission_record(flight), has_mission=True)
     if asked.plan_out:
@@ -222,63 +218,6 @@ def _mission(asked: argparse.Namespace, uncertain: "UncertainScene") -> Answer:
     )
 
 
-def flown_scene(asked: argparse.Namespace) -> "UncertainScene":
-    """Return the scene; random blasts are drawn where a mission goes through them.
-
-    Raises:
-        InputError: It is none, or a hold is to go through random blasts.
-    """
-    from jblast.scene import read_scene, read_scene_or_world
-
-    uncertain, world = read_scene_or_world(asked.scene)
-    if world is None:
-        return uncertain
-    vehicle = uncertain.scene.vehicle
-    if vehicle is None or vehicle.mission is None:
-        return read_scene(asked.scene)  # which says what is there instead
-    from jblast.world import draw_world
-
-    until = math.inf if asked.seconds is None else asked.seconds
-    drawn = draw_world(uncertain, world, asked.seed, until_s=until)
-    return replace(uncertain, scene=drawn.scene, beliefs={})
-
-
-def flight_options(
-    asked: argparse.Namespace, *, step_s: float, tolerance_m: float
-) -> "Options":
-    """Return how to fly.
-
-    Args:
-        asked: The options.
-        step_s: Of the integrator, where nothing is said.
-        tolerance_m: Of a recovery, likewise.
-
-    Raises:
-        InputError: A number cannot be used, or the profile is none.
-    """
-    from jblast.study.flight_results import Options, Profile
-    from jblast.vehicle import read_custom_profile
-
-    if asked.profile_moments_about and not asked.profile:
-        raise InputError(
-            "--profile-moments-about: expected a --profile whose moments they are, got "
-            "none"
-        )
-    profile = None
-    if asked.profile:
-        about = asked.profile_moments_about
-        profile = Profile(read_custom_profile(asked.profile), about)
-    return Options(
-        seconds=asked.seconds,
-        step_s=step_s if asked.step is None else asked.step,
-        integrator=asked.integrator,
-        backend=asked.backend,
-        tolerance_m=tolerance_m if asked.tolerance is None else asked.tolerance,
-        profile=profile,
-        estimator=asked.estimator or "",
-    )
-
-
 def named_in(words: str | None) -> tuple[str, ...] | None:
     """Return the controllers that are named, with commas between; None: none are."""
     if words is None:
@@ -286,35 +225,23 @@ def named_in(words: str | None) -> tuple[str, ...] | None:
     return tuple(word.strip() for word in words.split(",") if word.strip())
 
 
-def refuse_plan_out(asked: argparse.Namespace) -> None:
-    """Refuse to write a plan where there is none.
+def check_plan_out(asked: argparse.Namespace, *, has_mission: bool) -> None:
+    """Refuse to write a plan where there is none, or a file that may not be written.
 
     Raises:
-        InputError: It is asked for.
+        InputError: As said.
     """
-    if asked.plan_out:
+    if not asked.plan_out:
+        return
+    if not has_mission:
         raise InputError(
             "--plan-out: expected a scene whose [vehicle] has a mission, got one that "
             "holds its place"
         )
+    from jblast.missions.plan import check_form
 
-
-def refuse_several(asked: argparse.Namespace) -> None:
-    """Refuse several vehicles, or controllers, on one mission.
-
-    Raises:
-        InputError: They are asked for.
-    """
-    if asked.controllers is not None:
-        raise InputError(
-            "--controllers: expected none on a mission, which is flown by its own, got "
-            f"{asked.controllers}"
-        )
-    if asked.vehicles != 1:
-        raise InputError(
-            f"--vehicles: expected 1 on a mission, got {asked.vehicles}; several are "
-            "flown from Python, by jblast.missions.MissionControl in an Each"
-        )
+    refuse_existing(asked.plan_out, force=asked.force)
+    check_form(asked.plan_out)
 
 
 def add_logs(verb: argparse.ArgumentParser) -> None:

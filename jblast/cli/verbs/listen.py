@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import positive, seed
-from jblast.cli.arguments.options import path, save_text, writing
+from jblast.cli.arguments.options import path
+from jblast.files import save_text, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

@@ -9,8 +9,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.logs import add_records, picked, refusal
-from jblast.cli.arguments.options import path, refuse_existing, writing
+from jblast.cli.arguments.logs import add_records, picked
+from jblast.cli.arguments.options import path
+from jblast.files import refuse_existing, writing
 
 NOT_FOUND = 3
 
@@ -65,15 +66,17 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.observations import write
     from jblast.report.picks import picks_document, picks_text
     from jblast.report.provenance import provenance_of
+    from jblast.signals.picks.pick_files import refusal_of
 
     begin("picking")
     keep = asked.report is not None
-    found, log, files = picked(asked.records, asked, keep_samples=keep)
-    of = [*files.files, *([asked.positions] if asked.positions else [])]
-    made = provenance_of(of if keep else [], command=asked.words)
+    of = picked(asked.records, asked, keep_samples=keep)
+    found, log = of.found, of.log
+    files = [*of.files, *([asked.positions] if asked.positions else [])]
+    made = provenance_of(files if keep else [], command=asked.words)
     begin("writing")
     document = picks_document(found, log)
-    text = picks_text(found, log, tuple(path.name for path in files.left_out))
+    text = picks_text(found, log, tuple(path.name for path in of.left_out))
     if asked.out and len(log.observations):
         with writing(asked.out):
             write(asked.out, log.observations)
@@ -98,5 +101,5 @@ def run(asked: argparse.Namespace) -> int:
                 told = f"Not written: {asked.out}, as no pick stands in a row"
             sys.stdout.write(f"\n{told}\n")
     if found.refused:
-        raise refusal(found)
+        raise refusal_of(found.refused)
     return 0 if len(log.observations) else NOT_FOUND

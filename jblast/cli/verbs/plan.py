@@ -8,7 +8,8 @@ import argparse
 import sys
 
 from jblast.cli.arguments.numbers import number, positive
-from jblast.cli.arguments.options import path, refuse_existing, save_text
+from jblast.cli.arguments.options import path
+from jblast.files import refuse_existing, save_text
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

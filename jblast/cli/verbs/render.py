@@ -22,10 +22,7 @@ from jblast.cli.arguments.numbers import (
     threshold_pair,
     time_span,
 )
-from jblast.cli.arguments.options import path, writing
-
-MOST = 1000
-"""Frames where nothing is said of how many."""
+from jblast.cli.arguments.options import given, path
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -42,7 +39,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--mode",
         choices=("rgb", "events", "both"),
-        default="both",
         help="write frames, events or both (default: both)",
     )
     verb.add_argument(
@@ -51,7 +47,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         metavar="START:STOP",
         help="from when to when, on the scene's clock [s]; STOP is no frame any more "
         "(default: from the first explosion until no fireball glows, with --views to "
-        f"the last picture, but at most {MOST:,} frames)",
+        "the last picture, but at most 1,000 frames)",
     )
     verb.add_argument(
         "--seconds",
@@ -130,7 +126,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--bloom",
         metavar="PART",
         type=share,
-        default=0.0,
         help="part of the light of frames that the lens spreads over pixels around, "
         "before highlights are compressed, as 0.05; events have none (default: 0)",
     )
@@ -138,7 +133,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--supersample",
         metavar="N",
         type=int,
-        default=1,
         help="rays along each side of a pixel (default: 1)",
     )
     verb.add_argument(
@@ -160,7 +154,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--events-format",
         choices=("h5", "npz", "raw", "aedat4"),
-        default="h5",
         help="of the file of events: HDF5 in the layout of DSEC (default), npz, EVT3 "
         "or AEDAT4",
     )
@@ -192,37 +185,48 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({**lasts, "drawing the sheet": 0.5})
     begin("starting")
     start_jax()
-    from jblast.cli.arguments.film import film_asked, folder_named, lifted
-    from jblast.cli.arguments.film_files import FilmWriter, cleared, outputs_asked
-    from jblast.report.film import FilmAnswer, FilmEvents, as_json, film_text
+    from jblast.report.film import FilmAnswer, as_json, film_text
+    from jblast.report.film_files import film_outputs, write_film
+    from jblast.study.filming import FilmOptions, film_of, folder_named, lifted
 
-    film = film_asked(asked, MOST)
-    outputs = outputs_asked(asked, float(film.camera.frames_hz))
-    next(film.frames())  # what cannot be rendered is refused with all files in place
+    options = FilmOptions(
+        seed=asked.seed,
+        times=asked.times,
+        seconds=asked.seconds,
+        fps=asked.fps,
+        background=asked.background,
+        views=asked.views,
+        ground=asked.ground,
+        sun=asked.sun,
+        flight=asked.flight,
+        depth=asked.depth,
+        daylight=asked.daylight,
+        threshold=asked.threshold,
+        flash=asked.flash == "on",
+        **given(asked, mode="mode", bloom="bloom", supersample="supersample"),
+    )
+    film = film_of(asked.scene, options)
     camera, times = film.camera, film.times
-    noise = asked.noise == "on"
-    writer = FilmWriter(film, outputs)
-    found = None
-    begin("filming")
-    with writing(asked.out):
-        read = asked.background, folder_named(asked.views), asked.depth, asked.flight
-        cleared(outputs, force=asked.force, read=read)
-        writer.write_frames()
-        if asked.mode != "rgb":
-            begin("finding events")
-            written, stamps = writer.write_events(noise, asked.seed)
-            found = FilmEvents(
-                threshold=tuple(camera.threshold.tolist()),
-                noise=asked.noise,
-                **written._asdict(),
-                stamps=stamps.how,
-                stamp_error_s=stamps.error_s,
-            )
-        begin("drawing the sheet")
-        writer.write_sheet()
+    outputs = film_outputs(
+        asked.out,
+        float(camera.frames_hz),
+        mode=options.mode,
+        video=asked.video,
+        video_fps=asked.video_fps,
+        **given(asked, events_format="events_format"),
+    )
+    found = write_film(
+        film,
+        outputs,
+        noise=asked.noise == "on",
+        seed=asked.seed,
+        force=asked.force,
+        read=(asked.background, folder_named(asked.views), asked.depth, asked.flight),
+        begin=begin,
+    )
     answer = FilmAnswer(
         scene=asked.scene,
-        mode=asked.mode,
+        mode=options.mode,
         frames=len(times),
         width=camera.width,
         height=camera.height,

@@ -10,15 +10,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.options import (
-    add_live,
-    check_live,
-    path,
-    refuse_existing,
-    save_text,
-    show_live,
-)
+from jblast.cli.arguments.options import add_live, check_live, path, show_live
 from jblast.errors import InputError
+from jblast.files import refuse_existing, save_text
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

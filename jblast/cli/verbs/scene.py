@@ -3,14 +3,8 @@
 import argparse
 import sys
 
-from jblast.cli.arguments.options import (
-    add_reading,
-    path,
-    read_asked,
-    reading_words,
-    refuse_existing,
-    save_text,
-)
+from jblast.cli.arguments.options import add_reading, path, reading_asked, reading_words
+from jblast.files import refuse_existing, save_text
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -38,11 +32,11 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    from jblast.observations import starter_scene
+    from jblast.observations import read, starter_scene
 
     if asked.out:
         refuse_existing(asked.out, force=asked.force)
-    text = starter_scene(read_asked(asked.observations, asked))
+    text = starter_scene(read(asked.observations, **reading_asked(asked)))
     if asked.out:
         save_text(text, asked.out)
         fit = f"jblast fit {asked.observations} --scene {asked.out}"

@@ -5,8 +5,9 @@ import math
 import sys
 
 from jblast.cli.arguments.numbers import seed
-from jblast.cli.arguments.options import path, refuse_existing, writing
+from jblast.cli.arguments.options import path
 from jblast.errors import InputError
+from jblast.files import refuse_existing, writing
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

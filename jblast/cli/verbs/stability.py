@@ -8,13 +8,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.options import (
-    path,
-    refuse_existing,
-    save_figure,
-    save_text,
-    writing,
-)
+from jblast.cli.arguments.options import path, save_figure
+from jblast.files import refuse_existing, save_text, writing
 
 FILES = ("stability.csv", "stability.md", "stability.png")
 

@@ -13,8 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jblast.cli.arguments.options import path, writing
+from jblast.cli.arguments.options import path
 from jblast.errors import InputError, shown, whole_number
+from jblast.files import writing
 
 if TYPE_CHECKING:
     from jblast.study.sampling.run import Tiles

@@ -13,24 +13,15 @@ did not end.
 """
 
 import argparse
-import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import number, positive, positive_of_any_size, seed
-from jblast.cli.arguments.options import EVENT_FILES, names_to_free, path, writing
+from jblast.cli.arguments.options import names_to_free, path
 from jblast.errors import InputError
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from jblast.inference.tuning import Tuned
-    from jblast.scene import Camera, UncertainScene
+from jblast.files import writing
 
 NOT_FOUND, DOUBTFUL = 3, 4
-SOUND_ONLY = ("sensor", "full_scale")
-SIGHT_ONLY = ("fps", "start", "background")
 OF_GAINS = ("margin_db", "margin_deg", "delay", "motor_lead", "vehicles", "seed")
 OF_RECORDS = ("recorded", "sensor", "full_scale", "fps", "start", "background")
 
@@ -162,6 +153,7 @@ def run(asked: argparse.Namespace) -> int:
     begin("starting")
     start_jax(quick=True)
     from jblast.inference.tuning import NothingHeardError
+    from jblast.inference.tuning.tune_recording import tune
     from jblast.report.fit.files import check_directory
     from jblast.report.tune import as_json, tune_answer, tune_text
 
@@ -169,7 +161,16 @@ def run(asked: argparse.Namespace) -> int:
         check_directory(asked.out, asked.force)
     begin("tuning")
     try:
-        tuned = tuned_as_asked(asked, names_to_free(asked.free))
+        tuned = tune(
+            asked.scene,
+            asked.recorded,
+            names_to_free(asked.free),
+            sensor=asked.sensor,
+            full_scale=asked.full_scale,
+            fps=asked.fps,
+            start=asked.start,
+            background=asked.background,
+        )
     except NothingHeardError as nothing:
         sys.stderr.write(f"jblast: {nothing}\n")
         return NOT_FOUND
@@ -191,145 +192,6 @@ def run(asked: argparse.Namespace) -> int:
         not answer.identifiable or not answer.converged or tuned.explained.is_poor
     )
     return DOUBTFUL if doubtful else 0
-
-
-def tuned_as_asked(asked: argparse.Namespace, names: list[str]) -> "Tuned":
-    """Return what a command line asks for.
-
-    Raises:
-        InputError: Something in it cannot be.
-        NothingHeardError: The time is looked for, and no blast is in the record.
-    """
-    from jblast.observations.records.formats import is_record
-    from jblast.scene import read_scene
-
-    uncertain = read_scene(asked.scene)
-    recorded = Path(asked.recorded)
-    if not recorded.exists():
-        raise InputError(
-            f"{asked.recorded}: no such file or directory; expected what was recorded"
-        )
-    is_events = recorded.suffix.lower() in EVENT_FILES
-    if not is_events and is_record(recorded) and not recorded.is_dir():
-        _refuse(asked, SIGHT_ONLY, "frames or events")
-        return _heard(uncertain, asked, names)
-    _refuse(asked, SOUND_ONLY, "sound")
-    camera = uncertain.scene.camera
-    if camera is None:
-        raise InputError(
-            f"{asked.scene}: expected a [camera] that saw {asked.recorded}, got none"
-        )
-    start = asked.start
-    if start is None:
-        times = [float(charge.time_s) for charge in uncertain.scene.charges]
-        start = min(times)
-        if not math.isfinite(start):
-            raise InputError(
-                f"{asked.scene}: [charge] time_s: expected a blast, got one that never "
-                "happens"
-            )
-    if is_events:
-        return _events(uncertain, camera, asked, names, start)
-    return _frames(uncertain, camera, asked, names, start)
-
-
-def _heard(
-    uncertain: "UncertainScene", asked: argparse.Namespace, names: list[str]
-) -> "Tuned":
-    from jblast.inference.tuning import recorded_sound, tune_sound
-    from jblast.sensors.listening import with_ambient
-
-    uncertain, _ = with_ambient(uncertain)
-    sound = recorded_sound(
-        asked.recorded, uncertain.scene, asked.scene, asked.sensor, asked.full_scale
-    )
-    return tune_sound(uncertain, sound, names)
-
-
-def _frames(
-    uncertain: "UncertainScene",
-    camera: "Camera",
-    asked: argparse.Namespace,
-    names: list[str],
-    start: float,
-) -> "Tuned":
-    import numpy as np
-
-    from jblast.inference.tuning.tune_sight import STEPS, tune_frames
-    from jblast.sensors.camera.files.recordings import open_recording
-    from jblast.sensors.camera.image import linear_to_srgb
-
-    hz = float(camera.frames_hz) if asked.fps is None else asked.fps
-    film = open_recording(asked.recorded, hz, srgb=True)
-    _check_size(asked, camera, film.width, film.height)
-    light = np.concatenate([np.asarray(part, float) for _, part in film.blocks()])
-    values = STEPS * linear_to_srgb(light)
-    background = _background(asked, camera, film.times)
-    return tune_frames(uncertain, values, start + film.times, names, background)
-
-
-def _events(
-    uncertain: "UncertainScene",
-    camera: "Camera",
-    asked: argparse.Namespace,
-    names: list[str],
-    start: float,
-) -> "Tuned":
-    import numpy as np
-
-    from jblast.inference.tuning.tune_sight import paired, tune_events
-    from jblast.sensors.camera.files.event_files import read_events
-
-    if asked.fps is not None:
-        raise InputError(
-            f"--fps: expected it with frames or a video only, got {asked.recorded}"
-        )
-    events = read_events(asked.recorded, size=(camera.width, camera.height))
-    _check_size(asked, camera, events.width, events.height)
-    if not len(events.t):
-        raise InputError(f"{asked.recorded}: expected events, got none")
-    time = start + 1e-6 * np.asarray(events.t, float)
-    sign = 2 * np.asarray(events.p, int) - 1
-    x, y = (np.asarray(place, int) for place in (events.x, events.y))
-    background = _background(asked, camera, np.array([0.0]))
-    pairs = paired(x, y, time, sign, min(start, float(time[0])))
-    return tune_events(uncertain, pairs, names, background)
-
-
-def _background(asked: argparse.Namespace, camera: "Camera", times: "np.ndarray"):
-    """Return light that stands still behind the blast."""
-    from jblast.cli.arguments.film import background_named
-    from jblast.sensors.camera.files.recordings import MovingBackground
-    from jblast.sensors.camera.image import BACKGROUND
-
-    if asked.background is None:
-        return BACKGROUND
-    light = background_named(asked.background, camera, times)
-    if isinstance(light, MovingBackground):
-        raise InputError(
-            "--background: expected light or a picture that stands still, got "
-            f"{asked.background!r}"
-        )
-    return light
-
-
-def _check_size(
-    asked: argparse.Namespace, camera: "Camera", width: int, height: int
-) -> None:
-    if (width, height) != (camera.width, camera.height):
-        raise InputError(
-            f"{asked.recorded}: expected {camera.width} x {camera.height} pixels, as "
-            f"[camera] of {asked.scene} has, got {width} x {height}"
-        )
-
-
-def _refuse(asked: argparse.Namespace, options: tuple[str, ...], kind: str) -> None:
-    for option in options:
-        if getattr(asked, option) is not None:
-            name = option.replace("_", "-")
-            raise InputError(
-                f"--{name}: expected it with {kind} only, got {asked.recorded}"
-            )
 
 
 def refuse_of_other_kind(asked: argparse.Namespace) -> None:

@@ -9,17 +9,12 @@ observations.csv (for `jblast fit`), flight.csv, sound/, camera/ and run.json.
 """
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import positive, seed
-from jblast.cli.arguments.options import (
-    add_live,
-    check_live,
-    path,
-    save_text,
-    show_live,
-)
+from jblast.cli.arguments.options import add_live, check_live, path, show_live
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -64,22 +59,27 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({"starting": 1.0, "flying": 6.0, "listening": 4.0, "filming": 9.0})
     begin("starting")
     start_jax(quick=True)
-    import json
-
-    from jblast.cli.arguments.world import ran
-    from jblast.report.fit.files import check_directory
     from jblast.report.world import world_document, world_text
+    from jblast.report.world_files import run_world
 
     check_live(asked)
-    check_directory(asked.out, asked.force, "the world's run")
-    directory = Path(asked.out)
-    came = ran(asked, directory, begin)
-    document = world_document(came)
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    save_text(text, directory / "run.json")
-    sys.stdout.write(text if asked.json else world_text(came))
-    if not asked.json:
+    came = run_world(
+        asked.scene,
+        asked.out,
+        seconds=asked.seconds,
+        seed=asked.seed,
+        preset=asked.preset,
+        force=asked.force,
+        command=asked.words,
+        begin=begin,
+    )
+    if asked.json:
+        document = world_document(came)
+        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+        sys.stdout.write(text + "\n")
+    else:
+        sys.stdout.write(world_text(came))
         sys.stdout.write(f"\nWritten: {asked.out}\n")
     del begin  # nothing is being waited for any more
-    show_live(asked, directory)
+    show_live(asked, Path(asked.out))
     return 0

@@ -11,7 +11,7 @@ so a fit cannot be put under `jit`; `many.fit_many` can.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -25,6 +25,7 @@ from jblast.errors import InputError, argument
 from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.assumptions import valid_at_depth
 from jblast.inference.fitting.findings import FlashesSetAside
+from jblast.inference.fitting.fit_input import Laws, fit_input
 from jblast.inference.fitting.goodness_of_fit import (
     POOR,
     p_value,
@@ -68,7 +69,7 @@ from jblast.observations.scenes import for_log
 from jblast.observations.table import SAMPLES
 from jblast.progress import each, stages
 from jblast.quantities import DIRECTIONS, TIMED
-from jblast.scene import Scene, UncertainScene, default_scene, freed
+from jblast.scene import Scene, UncertainScene, freed as with_free
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import Layout, layout_of, record
 from jblast.sensors.law_choice import law_names
@@ -193,9 +194,13 @@ class Fit:
 
 
 def fit(
-    observations: Observations,
-    uncertain: UncertainScene | None = None,
+    log: Any,
+    scene: UncertainScene | str | os.PathLike[str] | None = None,
     *,
+    positions: str | os.PathLike[str] | None = None,
+    one_event: bool = False,
+    freed: Sequence[str] = (),
+    laws: Laws = (),
     noise: Noise = "student",
     posterior: Method = "weighted",
     seed: int = 0,
@@ -203,22 +208,31 @@ def fit(
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
 ) -> Fit:
-    """Fit a blast to a log.
+    """Fit a blast to a log, as `jblast fit` does.
 
     Args:
-        observations: The log. The samples of a record that a row names count themselves
+        log: A table of any form that `jblast.read` accepts (a file, a data frame),
+            several files with `one_event`, a folder or files of pressure records with
+            `positions`, the result of `jblast.pick_files`, or `Observations`. The
+            samples of a record that a row names count themselves
             (`inference.sampled_records`).
-        uncertain: The scene and what is not known of it; without one, a surface charge
-            of unknown mass at the origin at time 0, in sea-level air; of a log in
-            degrees, or with dates, place and time are free (`scenes.for_log`). A
+        scene: The scene and its unknown parameters, or its file. The default is a
+            surface charge of unknown mass at the origin at time 0, in sea-level air. In
+            a log in degrees or with dates, place and time are free as well
+            (`scenes.for_log`), with records whatever the stations can identify. A
             fireball's growth time is free unless the scene states otherwise.
+        positions: Table of stations: `log` is then records of pressure, to be picked.
+        one_event: Whether the files are recordings of one event, each with a clock of
+            its own, free but for the first.
+        freed: Further free parameters, as in the answer: "charge_east_m".
+        laws: Laws by quantity; or words NAME, QUANTITY=NAME or "auto".
         noise: Distribution of the independent errors.
         posterior: How intervals are found: "weighted" (draws of a normal approximation,
             weighted by the posterior), "laplace" (that approximation alone), "emcee"
             (walkers), or "auto": walkers where the approximation is found wanting.
         seed: Of the starts of the search and the draws of the posterior.
         store: Folder in which a walk is kept, to be gone on with if it is cut short.
-        scaling: Scale of the records that rows name, where files do not state it.
+        scaling: Scale of the records, where files do not state it.
         high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
 
     Returns:
@@ -226,16 +240,51 @@ def fit(
         what the data do not identify; `jblast.report.summary` puts it in words.
 
     Raises:
-        ValueError: The log and the scene do not go together; the message says how.
+        ValueError: The log and the scene do not go together, or there are several logs,
+            which `fit_each` fits; the message says how.
 
     Example:
-        `jblast.fit(jblast.read("log.csv"), jblast.read_scene("scene.toml"))`
+        `jblast.fit("records/", positions="stations.csv")`
     """
+    ready = fit_input(
+        log,
+        scene,
+        positions=positions,
+        one_event=one_event,
+        freed=freed,
+        laws=laws,
+        scaling=scaling,
+        high_pass_hz=high_pass_hz,
+    )
+    return _fit(
+        ready.only(),
+        ready.scene,
+        noise=noise,
+        posterior=posterior,
+        seed=seed,
+        store=store,
+        scaling=scaling,
+        high_pass_hz=high_pass_hz,
+    )
+
+
+def _fit(
+    observations: Observations,
+    uncertain: UncertainScene,
+    *,
+    noise: Noise,
+    posterior: Method,
+    seed: int,
+    scaling: Scaling | None,
+    high_pass_hz: float | None,
+    store: str | os.PathLike[str] | None = None,
+) -> Fit:
+    """Fit one log in its scene."""
     begin = _stages(of_samples=SAMPLES in observations.quantity)
     if SAMPLES in observations.quantity:
         begin("reading samples")
     observations, sampled = with_samples(observations, scaling, high_pass_hz)
-    uncertain = for_log(uncertain or default_scene(), observations)
+    uncertain = for_log(uncertain, observations)
     observations = located(observations, uncertain)
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
     aside = untied_flashes(observations, uncertain.scene.clock_offsets())
@@ -278,7 +327,7 @@ def fit(
             left,
             lambda log, names, *, follow_range: solve(
                 log,
-                freed(uncertain, names),
+                with_free(uncertain, names),
                 noise=noise,
                 seed=seed,
                 follow_range=follow_range,
@@ -405,9 +454,12 @@ def _stages(*, of_samples: bool) -> Callable[[str], None]:
 
 
 def fit_each(
-    logs: Mapping[str, Observations],
-    uncertain: UncertainScene | None = None,
+    logs: Any,
+    scene: UncertainScene | str | os.PathLike[str] | None = None,
     *,
+    positions: str | os.PathLike[str] | None = None,
+    freed: Sequence[str] = (),
+    laws: Laws = (),
     noise: Noise = "student",
     posterior: Method = "weighted",
     seed: int = 0,
@@ -417,8 +469,12 @@ def fit_each(
     """Fit every log with the same scene. Logs of the same rows compile once.
 
     Args:
-        logs: By name.
-        uncertain: As for `fit`.
+        logs: Several files, a table with a column `shot`, records of several shots with
+            `positions`, or `Observations` by name.
+        scene: As for `fit`.
+        positions: As for `fit`.
+        freed: As for `fit`.
+        laws: As for `fit`.
         noise: As for `fit`.
         posterior: As for `fit`.
         seed: As for `fit`.
@@ -426,14 +482,30 @@ def fit_each(
         high_pass_hz: As for `fit`.
 
     Returns:
-        By name, the fit; or why that log could not be fitted.
+        By name, the fit; or the reason why that log could not be read or fitted.
+
+    Raises:
+        InputError: The only file cannot be read, or the scene cannot.
+
+    Example:
+        `jblast.fit_each(["monday.csv", "tuesday.csv"], "scene.toml")`
     """
-    answers: dict[str, Fit | InputError] = {}
-    for name, observations in each(logs.items(), "logs"):
+    ready = fit_input(
+        logs,
+        scene,
+        positions=positions,
+        freed=freed,
+        laws=laws,
+        scaling=scaling,
+        high_pass_hz=high_pass_hz,
+    )
+    failed = {k: v for k, v in ready.logs.items() if isinstance(v, InputError)}
+    answers: dict[str, Fit | InputError] = {**failed}
+    for name, observations in each(ready.readable().items(), "logs"):
         try:
-            answers[name] = fit(
+            answers[name] = _fit(
                 observations,
-                uncertain,
+                ready.scene,
                 noise=noise,
                 posterior=posterior,
                 seed=seed,
@@ -442,7 +514,7 @@ def fit_each(
             )
         except InputError as error:
             answers[name] = error
-    return answers
+    return {name: answers[name] for name in ready.logs}
 
 
 def bands(

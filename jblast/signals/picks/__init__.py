@@ -7,6 +7,10 @@ from jblast.signals.picks.pick import (
     eye_pick as eye_pick,
     pick as pick,
 )
+from jblast.signals.picks.pick_files import (
+    PickedFiles as PickedFiles,
+    pick_files as pick_files,
+)
 from jblast.signals.picks.pick_log import (
     Gathered as Gathered,
     LeftOut as LeftOut,

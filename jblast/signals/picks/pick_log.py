@@ -519,7 +519,7 @@ def _pick(
     if not one.record.calibrated:
         raise InputError(
             f"{where}: expected samples in pascals, got {shown(name)} in a unit that "
-            f"nobody said: {argument('full_scale')} of WAV and FLAC, "
+            f"nobody said: {argument('full_scale_pa')} of WAV and FLAC, "
             f"{argument('sensitivity')} of counts"
         )
     return one

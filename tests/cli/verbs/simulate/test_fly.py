@@ -5,7 +5,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from docs.generate.answer_schemas import fly
-from jblast.cli.arguments import flight_files
+from jblast.report import flight_files
 from tests.cli.cli_files import Command
 
 CHARGE = "[charge]\nmass_kg = 1.0\n"

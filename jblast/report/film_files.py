@@ -1,12 +1,11 @@
 """Output files of a film: frames, video, events and contact sheet.
 
-`outputs_asked` checks the options and `cleared` prepares the directory. `FilmWriter`
+`film_outputs` checks the options and `cleared` prepares the directory. `FilmWriter`
 writes frames block by block, and keeps those of the contact sheet alone. Times of
 events are solved for where the light is a known function of time and the camera is
 ideal; otherwise the light between many instants is interpolated (`Stamps`).
 """
 
-import argparse
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -20,11 +19,11 @@ from typing import Literal, NamedTuple
 import jax
 import numpy as np
 
-from jblast.cli.arguments.options import refuse_existing
-from jblast.errors import InputError
-from jblast.progress import counted
+from jblast.errors import InputError, argument
+from jblast.files import refuse_existing, writing
+from jblast.progress import counted, stages
 from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
-from jblast.report.film import FilmFiles
+from jblast.report.film import FilmEvents, FilmFiles
 from jblast.sensors.camera.events.ideal import Events, frame_differences, grey_bytes
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.scene import render_events
@@ -43,6 +42,7 @@ from jblast.sensors.camera.film import (
 )
 from jblast.sensors.camera.surroundings import Landscape
 
+Mode = Literal["rgb", "events", "both"]
 SHOWN_HZ = 30.0
 """Frames of a video a second, where the camera has more than screens show."""
 SCREEN_HZ = 60.0
@@ -64,7 +64,7 @@ class FilmOutputs:
     """
 
     out: Path
-    mode: str
+    mode: Mode
     suffix: str
     video: Path | None
     video_hz: float
@@ -94,28 +94,45 @@ class FilmOutputs:
         )
 
 
-def outputs_asked(asked: argparse.Namespace, frames_hz: float) -> FilmOutputs:
-    """Return what a command line asks to be written.
+def film_outputs(
+    out: str | os.PathLike[str],
+    frames_hz: float,
+    *,
+    mode: Mode = "both",
+    events_format: str = "h5",
+    video: str | os.PathLike[str] | None = None,
+    video_fps: float | None = None,
+) -> FilmOutputs:
+    """Return the files of a film.
 
     Args:
-        asked: The options.
+        out: Their directory.
         frames_hz: Of the camera.
+        mode: Whether frames, events or both are written.
+        events_format: "h5", "npz", "raw" or "aedat4".
+        video: The video, if there is to be one.
+        video_fps: Its frames a second; default: the camera's, of fast ones 30.
 
     Raises:
         InputError: A video cannot be written, or has no frames to be made of.
     """
-    if asked.video is None and asked.video_fps is not None:
-        raise InputError("--video-fps: expected --video with it, got none")
-    if asked.video is not None:
-        if asked.mode == "events":
-            raise InputError("--video: expected --mode rgb or both, got events")
-        check_video(asked.video)
+    if video is None and video_fps is not None:
+        raise InputError(
+            f"{argument('video_fps')}: expected {argument('video')} with it, got none"
+        )
+    if video is not None:
+        if mode == "events":
+            raise InputError(
+                f"{argument('video')}: expected {argument('mode')} rgb or both, got "
+                "events"
+            )
+        check_video(os.fspath(video))
     return FilmOutputs(
-        out=Path(asked.out),
-        mode=asked.mode,
-        suffix=f".{asked.events_format}",
-        video=None if asked.video is None else Path(asked.video),
-        video_hz=asked.video_fps or (SHOWN_HZ if frames_hz > SCREEN_HZ else frames_hz),
+        out=Path(out),
+        mode=mode,
+        suffix=f".{events_format}",
+        video=None if video is None else Path(video),
+        video_hz=video_fps or (SHOWN_HZ if frames_hz > SCREEN_HZ else frames_hz),
     )
 
 
@@ -151,12 +168,62 @@ def cleared(
         folders = (place.parent, out.resolve()) if file in wanted else ()
         if any(s in (place, *folders) for s in sources):
             raise InputError(
-                f"{file}: expected another --out, as the frames are made from what is "
-                "here, and it would be overwritten"
+                f"{file}: expected another {argument('out')}, as the frames are made "
+                "from what is here, and it would be overwritten"
             )
     for file in wanted:
         file.unlink(missing_ok=True)
     (outputs.frames if mode != "events" else out).mkdir(parents=True, exist_ok=True)
+
+
+def write_film(
+    film: Film,
+    outputs: FilmOutputs,
+    *,
+    noise: bool = True,
+    seed: int = 0,
+    force: bool = False,
+    read: Sequence[str | None] = (),
+    begin: Callable[[str], object] | None = None,
+) -> FilmEvents | None:
+    """Write frames, video, events and contact sheet of a film, block by block.
+
+    Args:
+        film: The film.
+        outputs: What is written of it, and where.
+        noise: Whether the event camera has its imperfections.
+        seed: Of the noise.
+        force: Whether files may be replaced.
+        read: Files and directories that the frames are made from.
+        begin: Called with the name of each stage; default: progress is reported.
+
+    Returns:
+        The events; None where none are written.
+
+    Raises:
+        InputError: The film cannot be rendered, or a file cannot be written.
+    """
+    lasts = {"filming": 9.0, "finding events": 9.0, "drawing the sheet": 0.5}
+    begin = begin or stages(lasts)
+    next(film.frames())  # what cannot be rendered is refused with all files in place
+    writer, found = FilmWriter(film, outputs), None
+    begin("filming")
+    with writing(outputs.out):
+        cleared(outputs, force=force, read=read)
+        writer.write_frames()
+        if outputs.mode != "rgb":
+            begin("finding events")
+            written, stamps = writer.write_events(noise, seed)
+            found = FilmEvents(
+                threshold=tuple(film.camera.threshold.tolist()),
+                noise="on" if noise else "off",
+                **written._asdict(),
+                stamps=stamps.how,
+                stamp_error_s=stamps.error_s,
+            )
+        begin("drawing the sheet")
+        writer.write_sheet()
+    return found
 
 
 class Stamps(NamedTuple):

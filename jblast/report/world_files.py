@@ -1,54 +1,47 @@
 """Output files of `jblast world`: truth, perception, readings, flight, sound and film.
 
-`ran` draws the world and writes one sense after another, each with the code of its own
-verb.
-
-A microphone or pressure sensor with sampling options (`rate_hz`, noise, bits) has its
-arrivals and peaks picked from its file, as by `jblast pick`, with their errors. The
-truth sets the search interval of each blast, up to midway to the blasts before and
-after it, and nothing else.
-
-A sample is the mean over its interval, which begins at its stamp. A pick takes it as
-the value at the stamp, so half a sampling interval is added to an arrival. The position
-of a steep front within its interval is unknown: 1/12 of the squared interval is added
-to the variance of an arrival, and to that of a peak the corresponding decay of the
-pulse.
+`run_world` draws a world and writes one sense after another. Sensors with sampling
+options have their readings picked from their files (`world.picked_records`).
 """
 
-import argparse
+import json
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from jblast.cli.arguments.film_files import FilmOutputs, FilmWriter, cleared
-from jblast.cli.arguments.flight_files import flight_csv
-from jblast.cli.arguments.options import save_text, writing
-from jblast.files import write_text
-from jblast.observations import Observations, observed, write
-from jblast.observations.grouping import stacked
+from jblast.files import save_text, write_text, writing
+from jblast.observations import write
 from jblast.observations.records.formats import Scaling, open_record
-from jblast.observations.records.recording import PressureRecord, Recording
+from jblast.observations.records.recording import Recording
+from jblast.progress import stages
+from jblast.report.film_files import FilmOutputs, FilmWriter, cleared
+from jblast.report.fit.files import check_directory
+from jblast.report.flight_files import flight_csv
 from jblast.report.flights import flights_answer
 from jblast.report.listen import listening_document
 from jblast.report.listen_files import provenance, write_tracks
 from jblast.report.provenance import provenance_of
 from jblast.report.words import comma_separated, commented
-from jblast.report.world import WorldRun, blasts_csv, perceived_csv, preset_words
+from jblast.report.world import (
+    WorldRun,
+    blasts_csv,
+    perceived_csv,
+    preset_words,
+    world_document,
+)
 from jblast.scene import Sensor, UncertainScene
-from jblast.scene.sensor_kinds import SENSOR_KINDS, sampling_kinds
+from jblast.scene.sensor_kinds import sampling_kinds
 from jblast.sensors import Track
 from jblast.sensors.camera import landscape
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.listening import plan, with_ambient
-from jblast.signals.picks import RecordPick, pick_records
-from jblast.signals.picks.pick import LEAST_SAMPLES
-from jblast.signals.picks.pick_log import log_value, untold
 from jblast.study.flight_results import Encounter, Flights, Options, trajectory_of
 from jblast.study.flights import fly
 from jblast.vehicle import Trajectory
@@ -68,14 +61,13 @@ from jblast.world import (
     tracks_of,
     with_nevers,
 )
-from jblast.world.perceived import out_of_view, stretch_about
+from jblast.world.perceived import out_of_view
+from jblast.world.picked_records import joined, picked_readings, sampled_sensors
 
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
 FLIGHT, RUN, SOUND, CAMERA = "flight.csv", "run.json", "sound", "camera"
 AFTER_S, AFTER_FLIGHT_S = 0.5, 5.0
 """What lasts a world after its last wave, and one that is flown through."""
-AIR, PEAK = TAKEN = ("air_arrival_s", "peak_overpressure_pa")
-"""What is taken of a pick."""
 BEFORE = 2
 """Frames that are kept before each flash."""
 COLUMNS = (
@@ -88,31 +80,54 @@ STRAIGHT = (
 )
 
 
-def ran(
-    asked: argparse.Namespace, directory: Path, begin: Callable[[str], object]
+def run_world(
+    scene: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    seconds: float | None = None,
+    seed: int = 0,
+    preset: str | None = None,
+    force: bool = False,
+    command: Sequence[str] = (),
+    begin: Callable[[str], object] | None = None,
 ) -> WorldRun:
-    """Draw a world and write what its senses perceive; what is written stays.
+    """Draw a world of random blasts and write what its senses perceive of them.
 
     Args:
-        asked: The options.
-        directory: Where to; made if it is not there.
-        begin: Says which stage begins.
+        scene: File of the scene, with [world].
+        out: Directory to write to.
+        seconds: Duration; default: until 5 s after the last wave, without a vehicle
+            0.5 s.
+        seed: Of all draws.
+        preset: Name of `world.PRESETS` by which blasts act; default: by the laws.
+        force: Whether an earlier run in the directory may be overwritten.
+        command: Words for the provenance.
+        begin: Called with the name of each stage; default: progress is reported.
+
+    Returns:
+        What was drawn, perceived and written; files that were written stay.
 
     Raises:
-        InputError: The scene, or an option, cannot be used.
+        InputError: The scene, an argument or the directory cannot be used.
+
+    Example:
+        `jblast.report.run_world("scene.toml", "run", seed=3)`
     """
-    made = provenance_of((), asked.scene, asked.words)
-    preset = preset_named(asked.preset)
-    uncertain, spec = read_world_by(asked.scene, preset)
+    directory, source = Path(out), os.fspath(scene)
+    check_directory(directory, force, "the world's run")
+    begin = begin or stages({"flying": 6.0, "listening": 4.0, "filming": 9.0})
+    made = provenance_of((), source, tuple(command))
+    by = preset_named(preset)
+    uncertain, spec = read_world_by(source, by)
     uncertain, notes = with_ambient(uncertain)
-    until = math.inf if asked.seconds is None else asked.seconds
-    world = draw_world(uncertain, spec, asked.seed, until_s=until, preset=preset)
-    arrivals, seconds = None, asked.seconds
+    until = math.inf if seconds is None else seconds
+    world = draw_world(uncertain, spec, seed, until_s=until, preset=by)
+    arrivals = None
     if seconds is None:
         arrivals = arrivals_in(world)
         seconds = _seconds(world, arrivals)
-    head = [f"SIMULATED, not measured: {asked.scene}, seed {asked.seed}"]
-    head += [] if preset is None else [preset_words(preset)]
+    head = [f"SIMULATED, not measured: {source}, seed {seed}"]
+    head += [] if by is None else [preset_words(by)]
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         for name in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN):  # would mislead
@@ -126,7 +141,7 @@ def ran(
         flight = flight_of(flights)
         tracks = tracks_of(world.scene, flight)
         save_text(flight_csv(flights), directory / FLIGHT)
-        document = flights_answer(flights, scene=asked.scene, seed=asked.seed)
+        document = flights_answer(flights, scene=source, seed=seed)
         answer = {"schema": 1} | document.to_dict()
     if arrivals is None or tracks:
         arrivals = arrivals_in(world, tracks)
@@ -140,17 +155,18 @@ def ran(
     records = imu_records(world, flight, seconds)
     with writing(directory):
         imu, straight = write_imus(records, directory, head)
-    by_samples = () if sound is None else sampled(world)
+    by_samples = () if sound is None else sampled_sensors(world)
     names = [sensor.name for sensor in by_samples]
     names += [one.sensor.name for one in records if one.sensor.imu is not None]
     readings, late_readings = readings_of(world, arrivals, seconds, names)
     jolts, missed = picked_jolts(world, arrivals, records)
     readings = joined(readings, jolts)
     if sound is not None and by_samples:
-        found = picked(world, arrivals, directory / SOUND, sound)
+        recordings = _recordings(sound, by_samples, directory / SOUND)
+        found = picked_readings(world, arrivals, recordings, sound["seconds"])
         readings = joined(readings, found.readings)
         missed += found.missed
-    notes += [*straight, *Picked(None, missed).words()]
+    notes += [*straight, *_missed_words(missed)]
     notes += [
         f"{sensor.name}: its kind is not said, so it writes no samples"
         for sensor in world.scene.sensors
@@ -167,7 +183,7 @@ def ran(
     with writing(directory):
         begin("filming")
         film = filmed(world, seconds, flight, directory / CAMERA)
-    return WorldRun(
+    came = WorldRun(
         world,
         seconds,
         seen,
@@ -182,6 +198,10 @@ def ran(
         film,
         notes,
     )
+    document = world_document(came)
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    save_text(text + "\n", directory / RUN)
+    return came
 
 
 def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
@@ -195,125 +215,29 @@ def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
     return float(math.ceil(last + AFTER_FLIGHT_S))
 
 
-class Picked(NamedTuple):
-    """What was picked of a world's files.
-
-    Attributes:
-        readings: The rows; None: no sensor has a row.
-        missed: Air shocks of which nothing was picked, or nothing to be trusted.
-    """
-
-    readings: Observations | None
-    missed: int
-
-    def words(self) -> list[str]:
-        """Return what there is to say of picks that are not among the readings."""
-        if not self.missed:
-            return []
-        return [
-            f"air shocks at sensors that sample, {self.missed} of them, were not "
-            "picked, or poorly: no reading of them was written"
-            if self.missed > 1
-            else "an air shock at a sensor that samples was not picked, or poorly: no "
-            "reading of it was written"
-        ]
-
-
-def joined(one: Observations | None, other: Observations | None) -> Observations | None:
-    """Return both logs as one, the second behind the first."""
-    logs = [log for log in (one, other) if log is not None]
-    if len(logs) < 2:
-        return logs[0] if logs else None
-    comments = tuple(line for log in logs for line in log.comments)
-    return Observations(**stacked(logs), comments=comments)
-
-
-def sampled(world: DrawnWorld) -> tuple[Sensor, ...]:
-    """Return the sensors whose readings are picked: those that say how they sample."""
-    return tuple(
-        sensor
-        for sensor in world.scene.sensors
-        if sensor.instrument is not None
-        and sensor.kind
-        and SENSOR_KINDS[sensor.kind].is_picked
-    )
-
-
-def picked(
-    world: DrawnWorld, arrivals: Arrivals, directory: Path, sound: Mapping[str, Any]
-) -> Picked:
-    """Pick what the sensors of a world wrote.
-
-    Args:
-        world: What is there.
-        arrivals: When and where waves come to whom.
-        directory: Where the files are.
-        sound: The document of the records.
-    """
-    records: list[PressureRecord] = []
-    of: list[tuple[Sensor, int]] = []
-    for sensor in sampled(world):
-        own = arrivals.times_s[AIR][arrivals.entities.index(sensor.name)]
-        comes = own + float(sensor.clock_offset_s)
+def _recordings(
+    sound: Mapping[str, Any], sensors: Sequence[Sensor], directory: Path
+) -> dict[str, Recording]:
+    """Open the files of sensors whose readings are picked."""
+    recordings = {}
+    for sensor in sensors:
         entry = sound["sensors"][sensor.name]
         scaling = Scaling(entry.get("full_scale_pa"), None)
-        (recording,) = open_record(directory / entry["file"], scaling)
-        for shot in np.flatnonzero(comes < sound["seconds"]).tolist():
-            records.append(_about(recording, sensor, comes, shot))
-            of.append((sensor, shot))
-    rows: list[tuple[str, str, float, float, str, bool]] = []
-    places: list[np.ndarray] = []
-    missed = 0
-    for (sensor, shot), one in zip(of, pick_records(records), strict=True):
-        lost = [quantity for _, gone in untold(one) for quantity in gone]
-        kept = [q for q in TAKEN if one.pick.found and q not in lost]
-        missed += not kept
-        for quantity in kept:
-            value, sigma = _value(one, quantity)
-            bound = quantity == PEAK and bool(one.pick.lower_bound)
-            name = world.scene.charges[shot].name
-            rows.append((sensor.name, quantity, value, sigma, name, bound))
-            row = arrivals.entities.index(sensor.name)
-            places.append(arrivals.places_m[AIR][row, shot])
-    if not rows:
-        return Picked(None, missed)
-    names, quantities, values, sigmas, shots, bounds = zip(*rows, strict=True)
-    readings = observed(
-        names,
-        quantities,
-        values,
-        sigmas,
-        position=np.stack(places),
-        shot=shots,
-        lower_bound=np.array(bounds),
-        comments=("air shocks at sensors that say how they sample are picked",),
-    )
-    return Picked(readings, missed)
+        (recordings[sensor.name],) = open_record(directory / entry["file"], scaling)
+    return recordings
 
 
-def _about(
-    recording: Recording, sensor: Sensor, comes_s: np.ndarray, shot: int
-) -> PressureRecord:
-    """Return the stretch of a record about one blast."""
-    first, last = stretch_about(comes_s, shot)
-    start, stop = (round(recording.rate_hz * t) for t in (max(first, 0.0), last))
-    stop = min(max(stop, start + LEAST_SAMPLES), recording.length)
-    record = recording.record(0, min(start, stop - LEAST_SAMPLES), stop)
-    instrument = sensor.instrument
-    if instrument is None or instrument.high_pass is None:
-        return record
-    return replace(record, high_pass_hz=float(instrument.high_pass))
-
-
-def _value(one: RecordPick, quantity: str) -> tuple[float, float]:
-    """Return a quantity of a pick and its sigma, both for means over samples."""
-    value, sigma = log_value(one, quantity)
-    step = 1.0 / one.record.rate_hz
-    unknown = step / math.sqrt(12.0)
-    if quantity == AIR:
-        return value + 0.5 * step, math.hypot(sigma, unknown)
-    fall = (1.0 + float(one.pick.decay)) / float(one.pick.positive_duration_s)
-    return value, math.hypot(sigma, value * fall * unknown)
+def _missed_words(missed: int) -> list[str]:
+    """Return the sentence on picks that are not among the readings."""
+    if not missed:
+        return []
+    return [
+        f"air shocks at sensors that sample, {missed} of them, were not picked, or "
+        "poorly: no reading of them was written"
+        if missed > 1
+        else "an air shock at a sensor that samples was not picked, or poorly: no "
+        "reading of it was written"
+    ]
 
 
 def flown(world: DrawnWorld, seconds: float) -> Flights | None:

@@ -1,11 +1,11 @@
-"""The word after `--background`."""
+"""Names of backgrounds."""
 
 import numpy as np
 import pytest
 
-from jblast.cli.arguments.film import background_named
 from jblast.errors import InputError
 from jblast.scene import Camera
+from jblast.sensors.camera.files.backgrounds import background_named
 from jblast.sensors.camera.files.images import write_png
 from jblast.sensors.camera.files.recordings import MovingBackground
 from tests.sensors.camera.files.video.made import flat, make_video
@@ -65,7 +65,7 @@ def test_a_video_of_another_size_or_too_short_is_refused(tmp_path):
 
 @pytest.mark.parametrize("text", ["1,2", "-0.1", "2", "nan", "0.1,0.2,0.3,0.4", "sky"])
 def test_a_word_that_is_none_is_refused(text):
-    with pytest.raises(InputError, match="--background: expected"):
+    with pytest.raises(InputError, match=r"^background: expected"):
         background_named(text, EYE, TIMES[:2])
 
 

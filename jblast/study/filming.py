@@ -1,31 +1,24 @@
-"""The film that `jblast render` requests, checked before the first frame.
+"""The film of a scene's camera, checked before the first frame.
 
-Camera, frame times, background (`--background`, `--ground`, `--sun`), pictures of an
-explosion (`--views`), and the path of a camera that is mounted on a vehicle: read from
-`--flight`, or flown through the blasts of the scene.
+Camera, frame times, background (also ground and sky), pictures of an explosion, and the
+path of a camera that is mounted on a vehicle: read from a file, or flown through the
+blasts of the scene.
 """
 
-import argparse
 import math
-from dataclasses import replace
+import os
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from jaxtyping import Float
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
 from jblast.scene import Camera, draw_scene, quaternion_matrix, read_scene
-from jblast.sensors.camera.files.images import (
-    frame_files,
-    read_colours,
-    read_depth,
-)
+from jblast.sensors.camera.files.backgrounds import background_named
+from jblast.sensors.camera.files.images import read_colours, read_depth
 from jblast.sensors.camera.files.recordings import (
     MovingBackground,
-    background_frames,
-    background_image,
-    background_video,
     read_camera_path,
 )
 
@@ -39,106 +32,162 @@ if TYPE_CHECKING:
 
 TOO_MANY = 1_000_000
 """Frames: a quarter of an hour at 1 kHz; more are probably a slip of the pen."""
-Background = float | Float[np.ndarray, "..."] | MovingBackground
+Mode = Literal["rgb", "events", "both"]
 SHIPPED_SET = "explosion"
 SKY = "sky"
-"""Word for `--background`: ground and sky."""
+"""Name of the background of ground and sky."""
 
 
-def film_asked(asked: argparse.Namespace, most: int) -> "Film":
-    """Return the film a command line asks for.
+@dataclass(frozen=True)
+class FilmOptions:
+    """Options of a film.
+
+    Attributes:
+        seed: Of the priors, and of the camera's noise.
+        mode: Whether frames, events or both are made of it.
+        times: Times of the first frame and of the end [s]; default: from the first
+            explosion until no fireball glows, at most `most_frames`.
+        seconds: Duration from the first explosion [s].
+        fps: Frames a second; default: the camera's.
+        background: Linear light, R,G,B, a picture, a folder, a video, or "sky"
+            (`sensors.camera.files.backgrounds`); default: a grey of 0.18, sky behind a
+            camera that moves.
+        views: "explosion", or the folder of another set of pictures; default: a smooth
+            fireball.
+        ground: Texture of the ground and its scale, FILE.png:METRES_PER_PIXEL.
+        sun: Azimuth and elevation of the sun [degree].
+        flight: File of the path of the vehicle that carries the camera; default: the
+            scene's vehicle is flown.
+        depth: File of the distances of the background.
+        daylight: Light of sky and sun on the ground [lx]; default: the camera's, or
+            full sun.
+        flash: Whether the fire lights the ground.
+        bloom: Share of the light that the lens spreads.
+        supersample: Rays along each side of a pixel.
+        threshold: Thresholds of events, brighter and darker; default: the camera's.
+        most_frames: Most frames where neither times nor seconds are given.
+    """
+
+    seed: int = 0
+    mode: Mode = "both"
+    times: tuple[float, float] | None = None
+    seconds: float | None = None
+    fps: float | None = None
+    background: str | None = None
+    views: str | None = None
+    ground: str | None = None
+    sun: tuple[float, float] | None = None
+    flight: str | None = None
+    depth: str | None = None
+    daylight: float | None = None
+    flash: bool = True
+    bloom: float = 0.0
+    supersample: int = 1
+    threshold: tuple[float, float] | None = None
+    most_frames: int = 1000
+
+
+def film_of(
+    scene_file: str | os.PathLike[str], options: FilmOptions | None = None
+) -> "Film":
+    """Return the film of a scene's camera.
 
     Args:
-        asked: The options.
-        most: Frames where nothing is said of how many.
+        scene_file: The scene.
+        options: What is filmed, and how; default: as `jblast render`.
 
     Raises:
-        InputError: Something in it cannot be; the message names the option or the key.
+        InputError: Something cannot be filmed; the message names the argument or the
+            key of the scene.
+
+    Example:
+        `film_of("scene.toml", FilmOptions(seconds=0.1)).frames()`
     """
     import jax
 
     from jblast.sensors.camera.film import Film
 
-    uncertain = read_scene(asked.scene)
+    source, options = os.fspath(scene_file), options or FilmOptions()
+    uncertain = read_scene(source)
     if uncertain.scene.camera is None:
-        raise InputError(
-            f"{asked.scene}: expected a [camera] to look through, got none"
-        )
-    scene = draw_scene(jax.random.key(asked.seed), uncertain)
+        raise InputError(f"{source}: expected a [camera] to look through, got none")
+    scene = draw_scene(jax.random.key(options.seed), uncertain)
     for charge in scene.charges:
         if charge.range_m is not None:
             raise InputError(
-                f"{asked.scene}: [charge] range_m: expected position_m, which a camera "
+                f"{source}: [charge] range_m: expected position_m, which a camera "
                 "needs to see it; got a range"
             )
-    camera = _camera(uncertain.scene.camera, asked)
-    if asked.supersample < 1:
-        raise InputError(f"--supersample: expected at least 1, got {asked.supersample}")
-    views = views_named(asked.views, scene, camera) if asked.views else None
-    times = _times(scene, float(camera.frames_hz), views, asked, most)
+    camera = _camera(uncertain.scene.camera, options)
+    if options.supersample < 1:
+        raise InputError(
+            f"{argument('supersample')}: expected at least 1, got {options.supersample}"
+        )
+    views = views_named(options.views, scene, camera) if options.views else None
+    times = _times(scene, float(camera.frames_hz), views, options)
     film = Film(
         scene,
         camera,
         times,
         views=views,
-        supersample=asked.supersample,
-        depth=None if asked.depth is None else read_depth(asked.depth, camera),
-        appearance=_appearance(asked, camera),
-        bloom=asked.bloom,
+        supersample=options.supersample,
+        depth=None if options.depth is None else read_depth(options.depth, camera),
+        appearance=_appearance(options, camera),
+        bloom=options.bloom,
     )
-    path = camera_path(asked, uncertain, camera, times)
-    ground = landscape_asked(asked, carried=path is not None)
+    path = camera_path(source, options, uncertain, camera, times)
+    ground = landscape_of(options, carried=path is not None)
     if ground is not None:
         light = ground if path is not None else still_landscape(ground, camera)
-        film = replace(film, background=light, gain=_gain(asked, camera))
-    elif asked.background is not None:
-        light = background_named(asked.background, camera, times)
+        film = replace(film, background=light, gain=_gain(options, camera))
+    elif options.background is not None:
+        light = background_named(options.background, camera, times)
         film = replace(film, background=light)
     if path is not None:
-        _refuse_still(film, asked)
+        _refuse_still(film, options)
         return replace(film, path=path)
     # a background that moves is to be seen itself
     if not isinstance(film.background, MovingBackground):
-        _refuse_looking_away(film, asked.scene)
+        _refuse_looking_away(film, source)
     return film
 
 
-def _camera(camera: "Camera", asked: argparse.Namespace) -> "Camera":
+def _camera(camera: "Camera", options: FilmOptions) -> "Camera":
     """Return the scene's camera, with the frame rate and thresholds of the options."""
-    if asked.threshold is not None:
-        camera = replace(camera, threshold=np.array(asked.threshold))
-    if asked.fps is not None:
-        hz, exposure = asked.fps, float(camera.exposure_s)
+    if options.threshold is not None:
+        camera = replace(camera, threshold=np.array(options.threshold))
+    if options.fps is not None:
+        hz, exposure = options.fps, float(camera.exposure_s)
         if exposure * hz > 1.0:
             raise InputError(
-                f"--fps: expected at most {1 / exposure:g} Hz, as the camera's "
-                f"exposure_s is {exposure:g} s; got '{hz:g}'"
+                f"{argument('fps')}: expected at most {1 / exposure:g} Hz, as the "
+                f"camera's exposure_s is {exposure:g} s; got '{hz:g}'"
             )
         camera = replace(camera, frames_hz=hz)
     return camera
 
 
-def _daylight(asked: argparse.Namespace, camera: "Camera") -> float | None:
+def _daylight(options: FilmOptions, camera: "Camera") -> float | None:
     """Return the light of sky and sun [lx]; None: full sun."""
-    if asked.daylight is None and camera.daylight is not None:
+    if options.daylight is None and camera.daylight is not None:
         return float(camera.daylight)
-    return asked.daylight
+    return options.daylight
 
 
-def _gain(asked: argparse.Namespace, camera: "Camera") -> float:
+def _gain(options: FilmOptions, camera: "Camera") -> float:
     """Return the gain of pictures of ground and sky: less light is shown darker."""
     from jblast.sensors.camera.image import picture_gain
 
-    daylight = _daylight(asked, camera)
+    daylight = _daylight(options, camera)
     return 1.0 if daylight is None else picture_gain(daylight)
 
 
-def _appearance(asked: argparse.Namespace, camera: "Camera") -> "Appearance":
+def _appearance(options: FilmOptions, camera: "Camera") -> "Appearance":
     """Return how bright day and fire are; the picture is exposed for the day."""
     from jblast.sensors.camera.fireball import Appearance
 
-    flash = asked.flash == "on"
-    daylight = _daylight(asked, camera)
+    flash = options.flash
+    daylight = _daylight(options, camera)
     if daylight is None:
         return Appearance(flash=flash)
     return Appearance(white=daylight / math.pi, flash=flash)
@@ -148,23 +197,23 @@ def _times(
     scene: "Scene",
     hz: float,
     views: "ViewSet | None",
-    asked: argparse.Namespace,
-    most: int,
+    options: FilmOptions,
 ) -> np.ndarray:
     """Return when the frames begin."""
     from jblast.waves.fireball import fireball_duration
 
     bursts = [float(charge.time_s) for charge in scene.charges]
-    if asked.times is not None and asked.seconds is not None:
-        raise InputError("--times: expected either --times or --seconds, got both")
+    if options.times is not None and options.seconds is not None:
+        both = argument("times"), argument("seconds")
+        raise InputError(f"{both[0]}: expected either {both[0]} or {both[1]}, got both")
     start, bound = min(bursts), math.inf
-    if asked.times is not None:
-        start, stop = asked.times
+    if options.times is not None:
+        start, stop = options.times
         seconds = stop - start
-    elif asked.seconds is not None:
-        seconds = asked.seconds
+    elif options.seconds is not None:
+        seconds = options.seconds
     else:
-        bound = most
+        bound = options.most_frames
         if views is None:
             masses = [c.tnt_mass("fireball_radius_m") for c in scene.charges]
             lives = [float(fireball_duration(mass)) for mass in masses]
@@ -174,11 +223,11 @@ def _times(
         seconds = max(ends) - start
     # a whole number of frames is not lost to rounding
     count = min(math.ceil(seconds * hz - 1e-6), bound)
-    fewest = 1 if asked.mode == "rgb" else 2
+    fewest = 1 if options.mode == "rgb" else 2
     if not fewest <= count <= TOO_MANY:
         raise InputError(
-            f"--{'times' if asked.times else 'seconds'}: expected {fewest} to "
-            f"{TOO_MANY:,} frames, got {max(count, 0):,.0f} of {hz:g} Hz in "
+            f"{argument('times' if options.times else 'seconds')}: expected {fewest} "
+            f"to {TOO_MANY:,} frames, got {max(count, 0):,.0f} of {hz:g} Hz in "
             f"{seconds:g} s"
         )
     return start + np.arange(int(count)) / hz
@@ -197,17 +246,18 @@ def lifted(film: "Film") -> float | None:
     return highest if highest > 0 else None
 
 
-def _refuse_still(film: "Film", asked: argparse.Namespace) -> None:
+def _refuse_still(film: "Film", options: FilmOptions) -> None:
     """Refuse a picture behind a camera that moves, if it is always the same."""
-    if asked.depth is not None:
+    if options.depth is not None:
         raise InputError(
-            "--depth: expected a camera that stands still, got one that moves, before "
-            "which nothing stays where it is"
+            f"{argument('depth')}: expected a camera that stands still, got one that "
+            "moves, before which nothing stays where it is"
         )
     if isinstance(film.background, np.ndarray) and film.background.ndim > 1:
         raise InputError(
-            f"--background: expected sky, light, a folder with a frame for each or a "
-            f"video, behind a camera that moves, got a picture, {asked.background!r}"
+            f"{argument('background')}: expected sky, light, a folder with a frame for "
+            "each or a video, behind a camera that moves, got a picture, "
+            f"{options.background!r}"
         )
 
 
@@ -237,66 +287,8 @@ def _way(vector: np.ndarray) -> str:
     return f"{bearing:.0f} degrees from north, {above:.0f} degrees up"
 
 
-def background_named(
-    text: str, camera: Camera, times: Float[np.ndarray, " frame"]
-) -> Background:
-    """Return the background a word names.
-
-    Args:
-        text: A grey of linear light, 0 to 1; red, green and blue with commas between; a
-            PNG file; a directory of them, one for each frame; or a video, whose first
-            frame stands behind the first frame. PNG files are sRGB.
-        camera: Whose image size a file must have.
-        times: Of the frames there are to be [s].
-
-    Raises:
-        InputError: It is none of these, or there are too few pictures.
-    """
-    try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        return _read(text, camera, times - times[0])
-    light = np.array(numbers)
-    if len(numbers) not in (1, 3) or not ((light >= 0) & (light <= 1)).all():
-        raise InputError(
-            f"--background: expected one or three numbers from 0 to 1, got {text!r}"
-        )
-    return numbers[0] if len(numbers) == 1 else light
-
-
-def _read(
-    text: str, camera: Camera, times: Float[np.ndarray, " frame"]
-) -> Float[np.ndarray, "..."] | MovingBackground:
-    """Return the image of a file, or pictures for times from the first frame on."""
-    path = Path(text)
-    if path.is_dir():
-        files = frame_files(path)
-        if len(files) < len(times):
-            raise InputError(
-                f"{path}: expected at least {len(times):,} frames, one for each that "
-                f"is to be rendered, got {len(files):,}"
-            )
-        return background_frames(files[: len(times)], times, camera)
-    if not path.is_file():
-        raise InputError(
-            "--background: expected a grey, R,G,B, a PNG file, a directory of them or "
-            f"a video, got {text!r}"
-        )
-    if path.suffix.lower() == ".png":
-        return background_image(path, camera)
-    background = background_video(path, camera)
-    # each frame is shown until the next one would be
-    lasts = background.times[-1] * len(background.times) / (len(background.times) - 1)
-    if times[-1] > lasts:
-        raise InputError(
-            f"{path}: expected a video as long as the film, {times[-1]:.6g} s, got one "
-            f"of {lasts:.6g} s"
-        )
-    return background
-
-
 def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
-    """Return the pictures that `--views` names.
+    """Return the pictures that the option names.
 
     Of an explosion set a camera that stands still has only those views read that it is
     shown.
@@ -346,36 +338,37 @@ def _from_a_side_of_the_camera(
 
 
 def folder_named(word: str | None) -> str | None:
-    """Return the folder of one's own that `--views` names; None where it names none."""
+    """Return the folder of another set of pictures; None for the one of jblast."""
     return None if word == SHIPPED_SET else word
 
 
 def camera_path(
-    asked: argparse.Namespace,
+    scene: str,
+    options: FilmOptions,
     uncertain: "UncertainScene",
     camera: "Camera",
     times: np.ndarray,
 ) -> "CameraPath | None":
     """Return the path of what carries a camera; None if it stands still.
 
-    It is read from --flight, or the scene's vehicle flies through its blasts.
+    It is read from a file, or the scene's vehicle flies through its blasts.
 
     Raises:
         InputError: It is told and not needed, cannot be read or flown, or ends before
             the film does.
     """
     if not camera.mount:
-        if asked.flight is not None:
+        if options.flight is not None:
             raise InputError(
-                f'--flight: expected a camera with mount = "vehicle" in {asked.scene}, '
-                "got one that stands still"
+                f'{argument("flight")}: expected a camera with mount = "vehicle" in '
+                f"{scene}, got one that stands still"
             )
         return None
     end = float(times[-1]) + float(camera.exposure_s)
-    if asked.flight is None:
-        path, source = _flown(uncertain, end, asked.seed), asked.scene
+    if options.flight is None:
+        path, source = _flown(uncertain, end, options.seed), scene
     else:
-        path, source = read_camera_path(asked.flight), asked.flight
+        path, source = read_camera_path(options.flight), options.flight
     first, last = float(path.time[0]), float(path.time[-1])
     if not first <= times[0] <= end <= last:
         raise InputError(
@@ -405,39 +398,40 @@ def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     )
 
 
-def landscape_asked(asked: argparse.Namespace, *, carried: bool) -> "Landscape | None":
-    """Return ground and sky, where they are asked for or a camera moves; else None.
+def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
+    """Return ground and sky, where they are requested or the camera moves.
 
     Raises:
         InputError: The ground is no image and scale, or another background is named.
     """
     from jblast.sensors.camera.surroundings import landscape, sun_at
 
-    sun = None if asked.sun is None else sun_at(*asked.sun)
-    sky = carried or asked.background == SKY or asked.ground is not None
-    if sun is not None and (asked.background not in (None, SKY) or not sky):
+    sun = None if options.sun is None else sun_at(*options.sun)
+    sky = carried or options.background == SKY or options.ground is not None
+    if sun is not None and (options.background not in (None, SKY) or not sky):
         raise InputError(
-            f"--sun: expected --background {SKY} or --ground with it, got "
-            f"{'neither' if asked.background is None else repr(asked.background)}"
+            f"{argument('sun')}: expected {argument('background')} {SKY} or "
+            f"{argument('ground')} with it, got "
+            f"{'neither' if options.background is None else repr(options.background)}"
         )
-    if asked.background not in (None, SKY):
-        if asked.ground is not None:
+    if options.background not in (None, SKY):
+        if options.ground is not None:
             raise InputError(
-                f"--ground: expected no --background but {SKY} with it, got "
-                f"{asked.background!r}"
+                f"{argument('ground')}: expected no {argument('background')} but {SKY} "
+                f"with it, got {options.background!r}"
             )
         return None
-    if asked.ground is None:
+    if options.ground is None:
         return landscape(sun=sun) if sky else None
-    name, colon, scale = asked.ground.rpartition(":")
+    name, colon, scale = options.ground.rpartition(":")
     try:
         metres = float(scale)
     except ValueError:
         metres = math.nan
     if not (colon and name and 0.0 < metres < math.inf):
         raise InputError(
-            "--ground: expected IMAGE.png:METRES_PER_PIXEL, as field.png:0.05, got "
-            f"{asked.ground!r}"
+            f"{argument('ground')}: expected IMAGE.png:METRES_PER_PIXEL, as "
+            f"field.png:0.05, got {options.ground!r}"
         )
     return landscape(read_colours(Path(name)), metres, sun=sun)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from jblast.cli.arguments.options import save_text, writing
+from jblast.files import save_text, writing
 from jblast.report.figure_files import write_drawn
 from jblast.report.flight_figures import (
     controllers_figure,

@@ -1,0 +1,169 @@
+"""Sensors and media tuned to a recording: a file of sound or events, frames, a video.
+
+`tune` does what `jblast tune SCENE RECORDED` does: it reads the scene and the
+recording, and fits the free parameters to it.
+"""
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jblast.errors import InputError, argument
+from jblast.inference.tuning.result import Tuned
+from jblast.inference.tuning.tune_sight import (
+    STEPS,
+    paired,
+    tune_events,
+    tune_frames,
+)
+from jblast.inference.tuning.tune_sound import recorded_sound, tune_sound
+from jblast.observations.records.formats import is_record
+from jblast.scene import Camera, UncertainScene, read_scene
+from jblast.sensors.camera.files.backgrounds import background_named
+from jblast.sensors.camera.files.event_files import EVENT_FORMATS, read_events
+from jblast.sensors.camera.files.recordings import MovingBackground, open_recording
+from jblast.sensors.camera.image import BACKGROUND, linear_to_srgb
+from jblast.sensors.listening import with_ambient
+
+
+def tune(
+    scene: str | os.PathLike[str],
+    recorded: str | os.PathLike[str],
+    freed: Sequence[str] = (),
+    *,
+    sensor: str | None = None,
+    full_scale: float | None = None,
+    fps: float | None = None,
+    start: float | None = None,
+    background: str | None = None,
+) -> Tuned:
+    """Tune a scene's sensors and media to a recording.
+
+    Args:
+        scene: File of the scene.
+        recorded: Sound of a microphone or pressure gauge; or a folder of PNG frames, a
+            video, or a file of events of its camera.
+        freed: Further parameters to tune.
+        sensor: Of sound: name of the sensor; default: that of the file, or the only
+            one.
+        full_scale: Of sound: pascals that a sample of 1 stands for; default: 1 of
+            floats, of whole numbers the sensor's.
+        fps: Of frames: frames a second; default: the camera's.
+        start: Of frames and events: time of frame 0, or of time 0 of events, on the
+            scene's clock [s]; default: the first explosion.
+        background: Of frames and events: light or picture behind the blast
+            (`background_named`); default: a grey of 0.18.
+
+    Raises:
+        InputError: The scene or the recording cannot be read, or an argument has no use
+            for its kind.
+        NothingHeardError: The time is free, and no blast is in the record.
+    """
+    source, path = os.fspath(scene), os.fspath(recorded)
+    uncertain = read_scene(source)
+    if not Path(path).exists():
+        raise InputError(
+            f"{path}: no such file or directory; expected what was recorded"
+        )
+    is_events = Path(path).suffix.lower() in EVENT_FORMATS
+    of_sound = {"sensor": sensor, "full_scale": full_scale}
+    of_sight = {"fps": fps, "start": start, "background": background}
+    if not is_events and is_record(Path(path)) and not Path(path).is_dir():
+        _refuse(of_sight, path, "frames or events")
+        uncertain, _ = with_ambient(uncertain)
+        sound = recorded_sound(path, uncertain.scene, source, sensor, full_scale)
+        return tune_sound(uncertain, sound, list(freed))
+    _refuse(of_sound, path, "sound")
+    camera = uncertain.scene.camera
+    if camera is None:
+        raise InputError(f"{source}: expected a [camera] that saw {path}, got none")
+    if start is None:
+        start = min(float(charge.time_s) for charge in uncertain.scene.charges)
+        if not math.isfinite(start):
+            raise InputError(
+                f"{source}: [charge] time_s: expected a blast, got one that never "
+                "happens"
+            )
+    if is_events:
+        if fps is not None:
+            raise InputError(
+                f"{argument('fps')}: expected it with frames or a video only, got "
+                f"{path}"
+            )
+        return _events(uncertain, camera, source, path, freed, start, background)
+    return _frames(uncertain, camera, source, path, freed, start, background, fps)
+
+
+def _frames(
+    uncertain: UncertainScene,
+    camera: Camera,
+    source: str,
+    path: str,
+    freed: Sequence[str],
+    start: float,
+    background: str | None,
+    fps: float | None,
+) -> Tuned:
+    hz = float(camera.frames_hz) if fps is None else fps
+    film = open_recording(path, hz, srgb=True)
+    _check_size(source, path, camera, film.width, film.height)
+    light = np.concatenate([np.asarray(part, float) for _, part in film.blocks()])
+    values = STEPS * linear_to_srgb(light)
+    behind = _background(background, camera, film.times)
+    return tune_frames(uncertain, values, start + film.times, list(freed), behind)
+
+
+def _events(
+    uncertain: UncertainScene,
+    camera: Camera,
+    source: str,
+    path: str,
+    freed: Sequence[str],
+    start: float,
+    background: str | None,
+) -> Tuned:
+    events = read_events(path, size=(camera.width, camera.height))
+    _check_size(source, path, camera, events.width, events.height)
+    if not len(events.t):
+        raise InputError(f"{path}: expected events, got none")
+    time = start + 1e-6 * np.asarray(events.t, float)
+    sign = 2 * np.asarray(events.p, int) - 1
+    x, y = (np.asarray(place, int) for place in (events.x, events.y))
+    behind = _background(background, camera, np.array([0.0]))
+    pairs = paired(x, y, time, sign, min(start, float(time[0])))
+    return tune_events(uncertain, pairs, list(freed), behind)
+
+
+def _background(word: str | None, camera: Camera, times: np.ndarray) -> Any:
+    """Return the still light behind the blast."""
+    if word is None:
+        return BACKGROUND
+    light = background_named(word, camera, times)
+    if isinstance(light, MovingBackground):
+        raise InputError(
+            f"{argument('background')}: expected light or a picture that stands still, "
+            f"got {word!r}"
+        )
+    return light
+
+
+def _check_size(
+    source: str, path: str, camera: Camera, width: int, height: int
+) -> None:
+    if (width, height) != (camera.width, camera.height):
+        raise InputError(
+            f"{path}: expected {camera.width} x {camera.height} pixels, as [camera] of "
+            f"{source} has, got {width} x {height}"
+        )
+
+
+def _refuse(options: dict[str, Any], path: str, kind: str) -> None:
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(
+                f"{argument(name)}: expected it with {kind} only, got {path}"
+            )

@@ -1,0 +1,562 @@
+"""Blasts in recordings: sound, frames, video and camera events, as `jblast detect`.
+
+`detect` recognises the kind of a recording. Sound is searched channel by channel with a
+template, with the pulse of a charge, or with a bank of pulses; films are searched for a
+flash that grows. Arrivals are rows of a log where the positions of the microphones, or
+the camera of the scene, are given.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache, partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError, argument
+from jblast.observations import Observations
+from jblast.observations.records.sound import SoundRecord, read_sound, resampled
+from jblast.observations.records.stations import START, Station, read_stations
+from jblast.progress import counted, each, stages
+from jblast.signals.arrival_log import Log, log_of
+from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
+from jblast.signals.search import (
+    DURATIONS,
+    OTHER_FRONT,
+    SAME_FRONT,
+    Channel,
+    Searched,
+    bank_of_pulses,
+    search,
+    search_as_stream,
+    search_bank,
+)
+from jblast.signals.templates import blast_template
+
+if TYPE_CHECKING:  # sound does without cameras
+    from jblast.scene import Camera, UncertainScene
+    from jblast.signals.flash.fireball import Direction
+    from jblast.signals.flash.search import FlashDetections
+
+AnyPath = str | os.PathLike[str]
+Kind = Literal["sound", "frames", "video", "events"]
+VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
+EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
+"""Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
+USUAL_STEPS = (0.2, 0.2)
+"""Thresholds of an event camera without a scene, as those of `jblast events`."""
+
+
+class Method(NamedTuple):
+    """Search target of sound.
+
+    Attributes:
+        words: As a message names it.
+        keys: As keys of a document.
+    """
+
+    words: str
+    keys: dict[str, Any]
+
+
+class SoundDetections(NamedTuple):
+    """Blasts in recordings of sound.
+
+    Attributes:
+        searched: Channels with their arrivals.
+        dead: Names of channels that hold one value throughout, and were skipped.
+        method: Search target.
+        log: Rows of the arrivals; None without positions.
+    """
+
+    searched: tuple[Searched, ...]
+    dead: tuple[str, ...]
+    method: Method
+    log: Log | None
+
+    @property
+    def detected(self) -> bool:
+        """Whether any channel has an arrival."""
+        return any(one.detections for one in self.searched)
+
+
+class FilmDetections(NamedTuple):
+    """Flashes in a film or in camera events.
+
+    Attributes:
+        flashes: The flashes, and alarms that were rejected.
+        path: The recording.
+        kind: Its kind.
+        width: Of the image [px].
+        height: Of the image [px].
+        frames: Number of frames; of events of steps of `flash.search.STEP_S`.
+        frames_hz: Frames, or steps, a second.
+        seconds: Length.
+        false_alarms_per_hour: The threshold's.
+        directions: Direction of each flash; empty without a scene.
+        log: Rows; None without a scene.
+    """
+
+    flashes: "FlashDetections"
+    path: str
+    kind: Literal["frames", "video", "events"]
+    width: int
+    height: int
+    frames: int
+    frames_hz: float
+    seconds: float
+    false_alarms_per_hour: float
+    directions: "Sequence[Direction]"
+    log: Observations | None
+
+    @property
+    def detected(self) -> bool:
+        """Whether there is a flash."""
+        return bool(self.flashes.flashes)
+
+
+def detect(
+    recordings: AnyPath | Sequence[AnyPath],
+    *,
+    template: AnyPath | None = None,
+    mass_kg: float | None = None,
+    range_m: float | None = None,
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    blast_form: bool = False,
+    stream: bool = False,
+    positions: AnyPath | None = None,
+    fps: float | None = None,
+    scene: "UncertainScene | AnyPath | None" = None,
+) -> SoundDetections | FilmDetections:
+    """Find blasts in recordings of sound, in a film, or in camera events.
+
+    Args:
+        recordings: Sound files of one to eight channels; or a folder of PNG frames, a
+            video, or a file of events.
+        template: Sound file of one channel to search for; an arrival is the time of its
+            first sample.
+        mass_kg: TNT mass of a charge on the ground whose pulse is searched for.
+        range_m: Its distance.
+        false_alarms_per_hour: Accepted false alarms, in each channel; of films those by
+            scenes that look like a blast.
+        blast_form: Accept only sounds with the form of a blast pulse.
+        stream: Filter block by block, with the noise of the first ten seconds.
+        positions: Table of stations of the microphones.
+        fps: Frames a second; a folder needs it.
+        scene: Scene, or its file, whose camera recorded the film.
+
+    Returns:
+        Arrivals of sound, or flashes.
+
+    Raises:
+        InputError: A recording cannot be read, an argument has no use for its kind, or
+            arguments exclude each other.
+
+    Example:
+        `jblast.detect(["a.wav", "b.wav"], positions="stations.csv").log.observations`
+    """
+    one = isinstance(recordings, str | os.PathLike)
+    files = [os.fspath(f) for f in ([recordings] if one else recordings)]
+    of_sound: dict[str, Any] = {
+        "template": template,
+        "mass_kg": mass_kg,
+        "range_m": range_m,
+        "blast_form": blast_form,
+        "stream": stream,
+        "positions": positions,
+    }
+    of_film: dict[str, Any] = {"fps": fps, "scene": scene}
+    kind = recording_kind(files, of_sound, of_film)
+    if kind == "sound":
+        return detect_sound(
+            files, false_alarms_per_hour=false_alarms_per_hour, **of_sound
+        )
+    return detect_film(files[0], false_alarms_per_hour=false_alarms_per_hour, **of_film)
+
+
+def recording_kind(
+    recordings: Sequence[AnyPath],
+    of_sound: Mapping[str, Any] = MappingProxyType({}),
+    of_film: Mapping[str, Any] = MappingProxyType({}),
+) -> Kind:
+    """Return the kind of recordings: folders are frames, files go by their suffix.
+
+    Args:
+        recordings: Files, or one folder.
+        of_sound: Arguments that only sound has a use for, by name.
+        of_film: Arguments that only frames, videos and events have a use for.
+
+    Raises:
+        InputError: Sound and pictures together, several films, or an argument without
+            use for the kind.
+    """
+    kinds: list[Kind] = [_kind(Path(file)) for file in recordings]
+    seen = [f for f, kind in zip(recordings, kinds, strict=True) if kind != "sound"]
+    if seen and len(kinds) > 1:
+        raise InputError(
+            f"{seen[0]}: expected one folder of frames, video or file of events at a "
+            f"time, and no sound beside it; got {len(kinds)} recordings"
+        )
+    first = recordings[0]
+    only = "sound" if seen else "frames, a video or events"
+    for name, value in (of_sound if seen else of_film).items():
+        if value and not Path(first).exists():
+            raise InputError(f"{first}: no such file or directory")
+        if value:
+            raise InputError(
+                f"{argument(name)}: expected it with {only} only, got {first}"
+            )
+    return kinds[0]
+
+
+def _kind(path: Path) -> Kind:
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return "frames"
+    if suffix in VIDEOS:
+        return "video"
+    return "events" if suffix in EVENT_FILES else "sound"
+
+
+def detect_sound(
+    recordings: Sequence[AnyPath],
+    *,
+    template: AnyPath | None = None,
+    mass_kg: float | None = None,
+    range_m: float | None = None,
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    blast_form: bool = False,
+    stream: bool = False,
+    positions: AnyPath | None = None,
+) -> SoundDetections:
+    """Find blasts in recordings of sound.
+
+    Args:
+        recordings: As for `detect`.
+        template: As for `detect`.
+        mass_kg: As for `detect`.
+        range_m: As for `detect`.
+        false_alarms_per_hour: As for `detect`.
+        blast_form: As for `detect`.
+        stream: As for `detect`.
+        positions: As for `detect`.
+
+    Raises:
+        InputError: A recording cannot be read, a channel has no station, or arguments
+            exclude each other.
+    """
+    check_target(template, mass_kg, range_m, blast_form=blast_form)
+    begin = stages({"reading": 1.0, "searching": 4.0})
+    begin("reading")
+    files = [os.fspath(file) for file in recordings]
+    channels, dead = _channels(files)
+    stations = None if positions is None else _stations(os.fspath(positions), channels)
+    begin("searching")
+    shapes, method = _target(template, mass_kg, range_m)
+    look = partial(
+        search_as_stream if stream else search,
+        front_samples=OTHER_FRONT if template is None else SAME_FRONT,
+    )
+    shapes_at = cache(shapes)  # channels mostly have one rate
+    searched = []
+    for channel in each(channels, "channels"):
+        templates = shapes_at(channel.rate_hz)
+        for one in templates:
+            _check_length(channel, one.size, method.words)
+        if len(templates) == 1:
+            searched.append(look(channel, templates[0], false_alarms_per_hour))
+            continue
+        found = search_bank(
+            channel, templates, false_alarms_per_hour, look, any_form=not blast_form
+        )
+        searched.append(found)
+    log = None
+    if stations is not None:
+        names = ", ".join(Path(file).name for file in files)
+        log = log_of(searched, stations, [f"jblast detect of {names}: {method.words}"])
+    return SoundDetections(tuple(searched), tuple(dead), method, log)
+
+
+def check_target(
+    template: AnyPath | None,
+    mass_kg: float | None,
+    range_m: float | None,
+    *,
+    blast_form: bool,
+) -> None:
+    """Refuse search targets that exclude each other.
+
+    Raises:
+        InputError: A template beside a charge, a mass without a range or a range
+            without a mass, or `blast_form` beside a template or a charge.
+    """
+    mass, distance = argument("mass_kg"), argument("range_m")
+    if template and (mass_kg or range_m):
+        other = mass if mass_kg else distance
+        raise InputError(f"{argument('template')}: expected it or {other}, got both")
+    if (mass_kg is None) != (range_m is None):
+        one, other = (mass, distance)[:: 1 if mass_kg else -1]
+        raise InputError(f"{one}: expected {other} beside it, got none")
+    if blast_form and (template or mass_kg):
+        other = argument("template") if template else mass
+        raise InputError(
+            f"{argument('blast_form')}: expected no {other} beside it, got both"
+        )
+
+
+def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
+    """Read recordings; return their channels, and the names of constant ones.
+
+    A constant channel is that of an unplugged microphone.
+
+    Raises:
+        InputError: A recording cannot be read, two have one name, or every channel is
+            constant.
+    """
+    alive: list[Channel] = []
+    dead: list[str] = []
+    stems = [Path(file).stem for file in files]
+    for file, stem in zip(each(files, "recordings"), stems, strict=True):
+        if stems.count(stem) > 1:
+            raise InputError(
+                f"{file}: expected recordings of names that differ, got {stem} twice"
+            )
+        sound = read_sound(file)
+        for number, samples in enumerate(sound.samples, start=1):
+            name = stem if len(sound.samples) == 1 else f"{stem}.{number}"
+            if not np.ptp(samples) > 0:
+                dead.append(name)
+                continue
+            alive.append(Channel(name, file, number, samples, float(sound.rate_hz)))
+    if not alive:
+        raise InputError(
+            f"{', '.join(files)}: expected sound, got one value throughout"
+        )
+    return alive, dead
+
+
+def _stations(file: str, channels: Sequence[Channel]) -> dict[str, Station]:
+    """Read the positions of the microphones.
+
+    Raises:
+        InputError: The table cannot be read, lacks a channel, or has start times.
+    """
+    stations = read_stations(file)
+    if any(station.start is not None for station in stations.values()):
+        raise InputError(
+            f"{file}: column {START}: expected nothing, as detect counts from the "
+            "first sample of each file; jblast pick takes it"
+        )
+    for channel in channels:
+        if channel.sensor not in stations:
+            raise InputError(
+                f"{file}: expected a station for {channel.sensor} of {channel.record}, "
+                f"got {', '.join(stations)}"
+            )
+    return stations
+
+
+def _target(
+    template: AnyPath | None, mass_kg: float | None, range_m: float | None
+) -> tuple[Callable[[float], list[np.ndarray]], Method]:
+    """Return the templates as a function of the sampling rate, and their name."""
+    if template:
+        path = os.fspath(template)
+        sound = _read_template(path)
+        words = f"the template {Path(path).name}"
+        keys: dict[str, Any] = {"name": "matched_filter", "template": path}
+        return lambda rate_hz: [_at_rate(sound, rate_hz)], Method(words, keys)
+    if mass_kg and range_m:
+        words = f"the pulse of {mass_kg:g} kg of TNT at {range_m:g} m"
+        keys = {"name": "matched_filter"}
+        keys |= {"charge_mass_kg": mass_kg, "range_m": range_m}
+        return lambda rate_hz: [blast_template(mass_kg, range_m, rate_hz)], Method(
+            words, keys
+        )
+    low, high = 1e3 * DURATIONS[0], 1e3 * DURATIONS[-1]
+    words = f"a bank of {len(DURATIONS)} blast pulses of {low:.2g} to {high:.2g} ms"
+    keys = {"name": "bank_of_pulses", "durations_s": list(DURATIONS)}
+    return bank_of_pulses, Method(words, keys)
+
+
+def _read_template(file: str) -> SoundRecord:
+    """Read a template of one channel that is not constant.
+
+    Raises:
+        InputError: It cannot be read, is constant, or has several channels.
+    """
+    sound = read_sound(file)
+    if len(sound.samples) > 1:
+        raise InputError(
+            f"{file}: expected a template of one channel, got {len(sound.samples)}"
+        )
+    if not np.ptp(sound.samples) > 0:
+        raise InputError(
+            f"{file}: expected a template that can be heard, got one value throughout"
+        )
+    return sound
+
+
+def _at_rate(sound: SoundRecord, rate_hz: float) -> Float[np.ndarray, " tap"]:
+    """Return a template's samples at the rate of a recording."""
+    return resampled(sound.samples[0], sound.rate_hz, rate_hz)
+
+
+def _check_length(channel: Channel, samples: int, what: str) -> None:
+    """Refuse a template that is longer than a recording."""
+    if samples > channel.samples.size:
+        raise InputError(
+            f"{channel.record}: expected a recording at least as long as {what}, "
+            f"{samples / channel.rate_hz:.6g} s; got "
+            f"{channel.samples.size / channel.rate_hz:.6g} s"
+        )
+
+
+def detect_film(
+    recording: AnyPath,
+    *,
+    fps: float | None = None,
+    scene: "UncertainScene | AnyPath | None" = None,
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+) -> FilmDetections:
+    """Find flashes of blasts in a film or in camera events.
+
+    Args:
+        recording: As for `detect`.
+        fps: As for `detect`.
+        scene: As for `detect`.
+        false_alarms_per_hour: As for `detect`.
+
+    Raises:
+        InputError: The recording cannot be read, or contradicts the scene's camera.
+    """
+    from jblast.signals.flash.fireball import direction_of
+    from jblast.signals.flash.search import detect_flashes, flash_threshold, log_of
+
+    path = os.fspath(recording)
+    kind = recording_kind([path])
+    assert kind != "sound"
+    camera = None if scene is None else _camera(scene)
+    opened = (
+        _events(path, fps, camera)
+        if kind == "events"
+        else _frames(path, fps, 0.0 if camera is None else float(camera.exposure_s))
+    )
+    width, height = opened.width, opened.height
+    if camera is not None and (width, height) != (camera.width, camera.height):
+        raise InputError(
+            f"{_source(scene)}: [camera]: expected {width} x {height} pixels as in "
+            f"{path}, got {camera.width} x {camera.height}"
+        )
+    flashes = detect_flashes(
+        opened.blocks,
+        opened.frames_hz,
+        flash_threshold(false_alarms_per_hour),
+        changes=kind == "events",
+    )
+    directions: Sequence[Direction] = ()
+    log = None
+    if camera is not None:
+        directions = [direction_of(camera, flash.growth) for flash in flashes.flashes]
+        comments = [
+            f"jblast detect of {Path(path).name}: first light, place and growth"
+        ]
+        log = log_of(flashes.flashes, camera, comments)
+    return FilmDetections(
+        flashes,
+        path,
+        kind,
+        *opened[1:],
+        false_alarms_per_hour,
+        directions,
+        log,
+    )
+
+
+class _Opened(NamedTuple):
+    blocks: Iterator[Any]
+    width: int
+    height: int
+    frames: int
+    frames_hz: float
+    seconds: float
+
+
+def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
+    """Return a scene's camera.
+
+    Raises:
+        InputError: It has none.
+    """
+    from jblast.scene import UncertainScene, read_scene
+
+    uncertain = scene if isinstance(scene, UncertainScene) else read_scene(scene)
+    camera = uncertain.scene.camera
+    if camera is None:
+        raise InputError(
+            f"{_source(scene)}: expected a [camera] that filmed this, got none"
+        )
+    return camera
+
+
+def _source(scene: Any) -> str:
+    return os.fspath(scene) if isinstance(scene, str | os.PathLike) else scene.source
+
+
+def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
+    """Return blocks of frames, at the middle of their exposures."""
+    from jblast.sensors.camera.files.recordings import open_recording
+
+    if fps is None and Path(path).is_dir():
+        raise InputError(
+            f"{path}: expected {argument('fps')} HZ, as PNG frames do not tell how "
+            "many of them a second has; got none"
+        )
+    film = open_recording(path, fps, srgb=True)
+    if len(film) < 2:
+        raise InputError(f"{path}: expected at least two frames, got {len(film)}")
+    through = counted(len(film), "frames")
+
+    def blocks() -> Iterator[Any]:
+        done = 0
+        for times, light in film.blocks():
+            yield times + 0.5 * exposure_s, light
+            done += len(times)
+            through(done)
+
+    seconds = float(film.times[-1] - film.times[0])
+    hz = float(film.frames_hz)
+    return _Opened(blocks(), film.width, film.height, len(film), hz, seconds)
+
+
+def _events(path: str, fps: float | None, camera: "Camera | None") -> _Opened:
+    """Return blocks of changes of light."""
+    from jblast.sensors.camera.files.event_files import read_events
+    from jblast.signals.flash.search import STEP_S, event_changes
+
+    if fps is not None:
+        raise InputError(
+            f"{argument('fps')}: expected it with frames or a video only, got {path}"
+        )
+    size = None if camera is None else (camera.width, camera.height)
+    events = read_events(path, size=size)
+    if not len(events.t):
+        raise InputError(f"{path}: expected events, got none")
+    first = int(events.t[0]) if events.t[0] < 0 else 0
+    events = events._replace(t=events.t - first)
+    threshold = USUAL_STEPS
+    if camera is not None:
+        brighter, darker = (float(step) for step in camera.threshold)
+        threshold = brighter, darker
+    last = int(events.t[-1])
+    return _Opened(
+        iter(event_changes(events, threshold)),
+        events.width,
+        events.height,
+        last // round(1e6 * STEP_S) + 1,
+        1.0 / STEP_S,
+        1e-6 * last,
+    )

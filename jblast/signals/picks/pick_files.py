@@ -1,0 +1,148 @@
+"""Picks of files and folders of pressure records, as rows of a log.
+
+`pick_files` finds the records, reads the table of stations, picks every blast and
+makes the rows of a log: what `jblast pick` does, with the same defaults.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from jblast.errors import InputError, argument
+from jblast.observations import Observations
+from jblast.observations.records.formats import Scaling, record_files
+from jblast.observations.records.stations import read_stations
+from jblast.observations.table import Understood
+from jblast.signals.picks.pick_log import Gathered, PickLog, gathered, log_of
+
+MOST_NAMED = 20
+"""Files that the comments of a log name, so that its first line stays readable."""
+
+
+class PickedFiles(NamedTuple):
+    """Picks of files of samples, and the log of their readings.
+
+    Attributes:
+        found: The picks.
+        log: Their rows.
+        files: The records.
+        left_out: Other files of the folders.
+        named: Files and folders that were read, as named by the caller.
+        scaling: Scale of the recorders.
+        high_pass_hz: Corner of their first-order high-pass [Hz].
+    """
+
+    found: Gathered
+    log: PickLog
+    files: tuple[Path, ...]
+    left_out: tuple[Path, ...]
+    named: tuple[str, ...]
+    scaling: Scaling
+    high_pass_hz: float | None
+
+    def comments(self, words: Callable[[str], str] = str) -> list[str]:
+        """Return the comment lines of the log: files and settings.
+
+        Args:
+            words: Other names of the settings, as those of options.
+        """
+        names = ", ".join(file.name for file in self.files[:MOST_NAMED])
+        others = len(self.files) - MOST_NAMED
+        more = f" and {others} more" if others > 0 else ""
+        settings = (
+            ("full_scale_pa", self.scaling.full_scale_pa, "Pa"),
+            ("sensitivity", self.scaling.sensitivity, "Pa a volt or count"),
+            ("high_pass_hz", self.high_pass_hz, "Hz"),
+        )
+        return [
+            f"jblast pick of {names}{more}",
+            *(f"{words(k)} {x:g} {u}" for k, x, u in settings if x is not None),
+        ]
+
+    def observations(self) -> Observations:
+        """Return the rows, named after the records, for a fit.
+
+        Raises:
+            InputError: A file cannot be read, or there is no row.
+        """
+        if self.found.refused:
+            raise refusal_of(self.found.refused)
+        if not len(self.log.observations):
+            what = "only poor picks" if self.found.picks else "nothing found"
+            raise InputError(
+                f"{', '.join(self.named)}: expected records of a blast, got {what} in "
+                f"{self.found.channels} of them"
+            )
+        name = Path(self.named[0]).resolve().name
+        return replace(self.log.observations, source=name)
+
+
+def pick_files(
+    records: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    positions: str | os.PathLike[str] | None = None,
+    scaling: Scaling | None = None,
+    high_pass_hz: float | None = None,
+    keep_samples: bool = True,
+) -> PickedFiles:
+    """Pick the blasts of files and folders of pressure records.
+
+    Args:
+        records: Files of any format of `observations.records.formats`, or folders.
+        positions: Table of stations (`observations.records.stations`). Without it the
+            rows have no positions.
+        scaling: Scale of the recorders, where files do not state it.
+        high_pass_hz: Corner of their first-order high-pass [Hz].
+        keep_samples: Whether picks keep their samples, for figures.
+
+    Returns:
+        Picks and the rows of a log; `jblast.fit` accepts them. Files that cannot be
+        read are listed in `found.refused`.
+
+    Raises:
+        InputError: No file can be read, or a record has no station.
+
+    Example:
+        `jblast.pick_files("records/", positions="stations.csv").log.observations`
+    """
+    one = isinstance(records, str | os.PathLike)
+    named = [records] if one else list(records)
+    scaling = scaling or Scaling()
+    understood: list[Understood] = []
+    table = None if positions is None else os.fspath(positions)
+    stations = None if table is None else read_stations(table, understood)
+    files, left_out = record_files(named, table)
+    found = gathered(
+        files,
+        scaling,
+        high_pass_hz=high_pass_hz,
+        keep_samples=keep_samples,
+        stations=stations,
+    )
+    if found.refused and not found.channels:
+        raise refusal_of(found.refused)
+    picked = PickedFiles(
+        found,
+        log_of(found, stations),
+        files,
+        left_out,
+        tuple(os.fspath(one) for one in named),
+        scaling,
+        high_pass_hz,
+    )
+    rows = replace(
+        picked.log.observations,
+        comments=tuple(picked.comments()),
+        understood=tuple(understood),
+    )
+    return picked._replace(log=picked.log._replace(observations=rows))
+
+
+def refusal_of(refused: Sequence[InputError]) -> InputError:
+    """Return the error of one file, or one error for several."""
+    if len(refused) == 1:
+        return refused[0]
+    messages = "; ".join(error.worded(argument) for error in refused)
+    return InputError(f"{len(refused)} files cannot be read: {messages}")
