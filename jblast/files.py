@@ -7,7 +7,7 @@ part. All files of jblast are written by this module.
 
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -138,3 +138,21 @@ def save_text(text: str, path: str | os.PathLike[str]) -> None:
     """
     with writing(path):
         write_text(path, text)
+
+
+def check_log_paths(paths: Iterable[str | os.PathLike[str]]) -> None:
+    """Refuse scenes given as logs, and folders, which need a table of stations.
+
+    Raises:
+        InputError: A path is one of these.
+    """
+    for path in paths:
+        if Path(path).suffix.lower() == ".toml":
+            raise InputError(
+                f"{path}: expected a log; a scene stands after {argument('scene')}"
+            )
+        if Path(path).is_dir():
+            raise InputError(
+                f"{path}: is a folder; of records it takes {argument('positions')} "
+                "STATIONS.csv beside it, where they stood"
+            )

@@ -87,8 +87,11 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 def run(asked: argparse.Namespace) -> int:
     """Fit, report, and return the exit code."""
     from jblast.cli.jax_start import start_jax
+    from jblast.files import check_log_paths
     from jblast.progress import stages
 
+    if not asked.positions:
+        check_log_paths(asked.observations)
     picking = 6.0 if asked.positions else 0.3
     shares = {"starting": 3.0, "reading": picking, "fitting": 9.0}
     begin = stages(shares | ({"writing": 3.0} if asked.out else {}))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 from jblast.errors import InputError, argument
+from jblast.files import check_log_paths
 from jblast.observations import Observations, read
 from jblast.observations.grouping import by_shot, one_event as combined
 from jblast.observations.records.formats import Scaling
@@ -125,7 +126,7 @@ def fit_input(
             logs = _apart(rows, name, uncertain)
     else:
         sources = list(log) if isinstance(log, list | tuple) else [log]
-        _check_files(sources)
+        check_log_paths(filter(_is_path, sources))
         logs, uncertain = _read(
             sources,
             uncertain,
@@ -179,20 +180,6 @@ def log_names(sources: Sequence[Any]) -> list[str]:
         if names.count(name) > 1:
             raise InputError(f"{name}: expected each log once, got it twice")
     return names
-
-
-def _check_files(sources: Sequence[Any]) -> None:
-    """Refuse scenes, and folders, which are read with a table of stations."""
-    for source in filter(_is_path, sources):
-        if Path(source).suffix.lower() == ".toml":
-            raise InputError(
-                f"{source}: expected a log; a scene stands after {argument('scene')}"
-            )
-        if Path(source).is_dir():
-            raise InputError(
-                f"{source}: is a folder; of records it takes {argument('positions')} "
-                "STATIONS.csv beside it, where they stood"
-            )
 
 
 def _read(
