@@ -174,7 +174,7 @@ def samples_of(form: Form, rng: np.random.Generator):
         signal = pressure_at(form, fine).reshape(SAMPLES, FINE).mean(axis=1)
     white = rng.standard_normal(SAMPLES + 200)
     scale = np.sqrt(1.0 - form.colour**2)
-    noise = lfilter([scale], [1.0, -form.colour], white)
+    noise = np.asarray(lfilter([scale], [1.0, -form.colour], white))
     return signal + noise[200:] / form.snr + rng.normal(0.0, 0.02)
 
 

@@ -25,7 +25,7 @@ from jblast.report.figure_style import (
 from jblast.sensors.camera.events.ideal import smooth_counts
 from jblast.study.event_inversion import (
     MASS,
-    MOST,
+    MAX_EVENTS,
     STAGES,
     START,
     THRESHOLDS,
@@ -88,7 +88,7 @@ def ends(found: EventFit) -> tuple[float, float]:
 def bias(counts: np.ndarray, temperature: float) -> Bias:
     """Measure one temperature."""
     frames = true_frames(jnp.asarray(TIMES))
-    up, down = smooth_counts(frames, THRESHOLDS, temperature, most=MOST)
+    up, down = smooth_counts(frames, THRESHOLDS, temperature, most=MAX_EVENTS)
     extra = float(jnp.sum(up + down)) / np.abs(counts).sum() - 1.0
     off = np.asarray(jnp.cumsum(up - down, axis=0)) - np.cumsum(counts, axis=0)
     found = fit_events(

@@ -2,11 +2,11 @@ r"""Units at the end of names, and the conversion of values to SI.
 
 A name of a column or quantity from another tool ("Peak Overpressure (kPa)") is split
 into words and a unit, and matched with our names. `CALLED` lists foreign words with one
-meaning; these are converted. `NEAR` lists words with several meanings (an impulse may
-be reflected, a radius may be that of a fireball); these are refused, and the message
-names our quantity. Unit endings are matched in lower case, because column names are
-typed by hand, except MPa and mPa, which only case distinguishes. Factors of units that
-are not SI come from pint, in fractions.
+meaning; these are converted. `SIMILAR_NAMES` lists words with several meanings (an
+impulse may be reflected, a radius may be that of a fireball); these are refused, and
+the message names our quantity. Unit endings are matched in lower case, because column
+names are typed by hand, except MPa and mPa, which only case distinguishes. Factors of
+units that are not SI come from pint, in fractions.
 
 A product of a factor and a number as written is rounded once. 12.4 ms is 0.0124 s, but
 in floating point 12.4 and 0.001 are rounded before they are multiplied, and the product
@@ -46,8 +46,8 @@ from jblast.quantities import QUANTITIES
 
 ANY = ("value", "sigma")
 """Columns whose unit is that of the quantity measured in each row."""
-MOST = 12
-"""Most units that a message lists."""
+MAX_LISTED = 12
+"""Largest number of units that a message lists."""
 _DIGITS = Context(prec=40)
 """More than twice the digits of a float, so that a product is rounded only once."""
 REFERENCE_PA = 20e-6
@@ -57,7 +57,7 @@ LN_PER_DB = math.log(10.0) / 20.0
 SIGNS = {"µ": "u", "μ": "u", "°": " deg ", "%": " percent ", "/": " per ", "′": "'"}
 REFERENCE = re.compile(r"(?<=db)[^a-z0-9]*re[^a-z0-9]*20[^a-z0-9]*upa", re.IGNORECASE)
 """The only reference of levels that is accepted: "dB re 20 uPa" is dB."""
-LONGEST = 3
+MAX_ENDING_WORDS = 3
 """Words of the longest ending: m_per_s."""
 CALLED: dict[str, dict[str, str]] = {
     "pressure": {
@@ -94,7 +94,7 @@ CALLED: dict[str, dict[str, str]] = {
         "peak_sound_pressure_level": "peak_overpressure_pa",
     },
 }
-NEAR: dict[str, tuple[tuple[str, str], ...]] = {
+SIMILAR_NAMES: dict[str, tuple[tuple[str, str], ...]] = {
     "pressure": (("refl", "reflected_pressure_pa"), ("", "peak_overpressure_pa")),
     "impulse": (("refl", "reflected_impulse_pa_s"), ("", "positive_impulse_pa_s")),
     "time": (
@@ -268,7 +268,7 @@ def what_to_write(foreign: str) -> str:
     words, whole = words_of(foreign), spelt(foreign)
     if weighted := _level_of_another_kind(whole):
         return weighted
-    for length in range(min(LONGEST, len(words) - 1), 0, -1):
+    for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
         word = "_".join(words[:-length]).lower()
         meant = unit_spelt("_".join(words[-length:]))
         if len(meant) > 1:
@@ -399,13 +399,13 @@ def _no_unit(ending: str, ours: str, dimension: str) -> str:
         known = [suffix for of in SUFFIXES.values() for suffix in of]
         return f"; {ending!r} is no unit{nearest(ending, known)}"
     suffixes = SUFFIXES[dimension]
-    some = f"; expected one of {', '.join(list(suffixes)[:MOST])}"
+    some = f"; expected one of {', '.join(list(suffixes)[:MAX_LISTED])}"
     return f"; {ending!r} is no unit of {dimension}{nearest(ending, suffixes) or some}"
 
 
 def _near(word: str, unit: Unit) -> str:
     """Return the advice for a word before a unit: our name that may be meant."""
-    for contained, ours in NEAR.get(unit.dimension, ()):
+    for contained, ours in SIMILAR_NAMES.get(unit.dimension, ()):
         if contained in word:
             if unit.dimension == LEVEL:
                 return f"; ours is {ours}, of the unweighted peak, re 20 uPa"
@@ -425,7 +425,7 @@ def _taken_apart(foreign: str) -> list[tuple[str, Unit]]:
     """
     words = words_of(foreign)
     found = []
-    for length in range(min(LONGEST, len(words) - 1), 0, -1):
+    for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
         meant = unit_spelt("_".join(words[-length:]))
         if len(meant) > 1:
             return []

@@ -66,7 +66,7 @@ FEWEST_OF_INTERVAL = 19
 """Members of which the 5 and 95 % quantiles are the least and the greatest."""
 STRETCHES = 5
 """Each is left out once."""
-LONG = 8.0
+RESTART_HALF_WIDTHS = 8.0
 """Half widths of a window after which an integration restarts: about 1.3 periods."""
 LEAST_SKILL = 0.3
 """Share of the squared miss of the better guess that a law has to save."""
@@ -85,7 +85,7 @@ Find = Callable[[Bool[np.ndarray, " window"]], Float[np.ndarray, "state term"]]
 CLOSE = 0.1
 """Miss, as a share of the spread of a state, up to which it is reproduced: 1 % of its
 variance."""
-FAR = 1e3
+DIVERGED_SPREADS = 1e3
 """Spreads of a state at which an integration is given up."""
 CALLS = 500
 """Evaluations of the equations per row, at most."""
@@ -566,7 +566,11 @@ def held_out_skill(
         coefficients = find(seen)
         length = place[last - 1] - place[first]
         parts = max(
-            1, min(round(float(length) / (LONG * cut.half)), (last - first) // 4)
+            1,
+            min(
+                round(float(length) / (RESTART_HALF_WIDTHS * cut.half)),
+                (last - first) // 4,
+            ),
         )
         starts = np.linspace(first, last, parts + 1).astype(int)
         for begin, end in pairwise(starts):
@@ -671,7 +675,7 @@ def flow(
         return coefficients @ terms[0]
 
     def gone(time: float, states: np.ndarray) -> float:
-        far = np.max(np.abs(states - start) / spread) > FAR
+        far = np.max(np.abs(states - start) / spread) > DIVERGED_SPREADS
         return -1.0 if far or calls > CALLS * len(time_s) else 1.0
 
     gone.terminal = True  # type: ignore[attr-defined] (how solve_ivp is told)

@@ -28,8 +28,8 @@ POWER = 4
 r"""Of a window; $\varphi$ and three derivatives vanish at its ends."""
 PER_HALF_WIDTH = 4
 """Windows in each half width of one: closer ones add nothing."""
-MOST = 600
-"""Windows at most."""
+MAX_WINDOWS = 600
+"""Largest number of windows."""
 FEWEST_ROWS = 4
 """Rows in a half width, on average; fewer do not tell a window's shape."""
 PIECES = 4
@@ -85,7 +85,7 @@ def windows(time: Float[np.ndarray, " row"], half: float) -> Windows:
         half: Half width of a window, in the unit of the times.
     """
     span = time[-1] - time[0] - 2.0 * half
-    count = min(MOST, 1 + int(np.ceil(PER_HALF_WIDTH * span / half)))
+    count = min(MAX_WINDOWS, 1 + int(np.ceil(PER_HALF_WIDTH * span / half)))
     places, weights = _quadrature(time, half / PIECES)
     centres = np.linspace(time[0] + half, time[-1] - half, count)
     first = np.searchsorted(places, centres - half)

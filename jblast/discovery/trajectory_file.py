@@ -12,10 +12,10 @@ from jaxtyping import Float
 from jblast.errors import InputError, argument, nearest, read_text, shown
 
 TIME = "time_s"
-LARGEST = 1e100
-"""Of a value: its square has to be a number still."""
-FEWEST = 20
-"""Rows: with fewer, noise is not separable from the motion."""
+MAX_VALUE = 1e100
+"""Largest value: its square must still be a finite number."""
+MIN_ROWS = 20
+"""Smallest number of rows: with fewer, noise is not separable from the motion."""
 
 
 class TrajectoryColumns(NamedTuple):
@@ -69,9 +69,9 @@ def read_trajectory(
     _check_header(where, header)
     chosen = _chosen(where, header, states, inputs)
     lines = [number for number, _ in numbered[1:]]
-    if len(lines) < FEWEST:
+    if len(lines) < MIN_ROWS:
         raise InputError(
-            f"{path}: expected at least {FEWEST} rows after the header, got "
+            f"{path}: expected at least {MIN_ROWS} rows after the header, got "
             f"{len(lines)}"
         )
     values = _numbers(str(path), header, numbered[1:], (TIME, *chosen[0], *chosen[1]))
@@ -168,7 +168,7 @@ def _numbers(
                 value = float(fields[place])
             except ValueError:
                 value = math.nan
-            if not abs(value) < LARGEST:
+            if not abs(value) < MAX_VALUE:
                 raise InputError(
                     f"{path}: line {line}: column {names[column]}: expected a number "
                     "between -1e100 and 1e100, got "

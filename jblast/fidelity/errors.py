@@ -82,8 +82,10 @@ CONTINUATIONS = (
 """Laws that are their reference as far as it goes and theory farther on, where another
 one was fitted to recordings: for records that need one law at all distances, not for
 choosing by measured errors."""
-FARTHEST = 5000.0
-"""Distance up to which there is one past the tables [m]: farther, weather decides."""
+MAX_DISTANCE = 5000.0
+"""Largest distance of a stated error beyond the tables [m]; farther away weather
+decides.
+"""
 DATA = files("jblast.fidelity") / "data"
 Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]
@@ -359,14 +361,20 @@ def _branch(law: str, start: float, end: float, lossless: str = "") -> Branch:
     return Branch(law, start, end, lossless or law)
 
 
-NEAR = _branch("kingery_bulmash", 0.0, KINGERY_BULMASH_END)
+NEAR_BRANCH = _branch("kingery_bulmash", 0.0, KINGERY_BULMASH_END)
 REFERENCES: dict[str, tuple[Branch, ...]] = {
-    "air_arrival_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
+    "air_arrival_s": (
+        NEAR_BRANCH,
+        _branch("shock_kinematics", KINGERY_BULMASH_END, END),
+    ),
     "peak_overpressure_pa": (
-        NEAR,
+        NEAR_BRANCH,
         _branch("weak_shock_iso", KINGERY_BULMASH_END, FAR_END, "shock_kinematics"),
     ),
-    "shock_speed_m_s": (NEAR, _branch("shock_kinematics", KINGERY_BULMASH_END, END)),
+    "shock_speed_m_s": (
+        NEAR_BRANCH,
+        _branch("shock_kinematics", KINGERY_BULMASH_END, END),
+    ),
     **dict.fromkeys(
         ("positive_impulse_pa_s", "positive_duration_s"),
         (
@@ -374,7 +382,9 @@ REFERENCES: dict[str, tuple[Branch, ...]] = {
             _branch("ford_2021", FORD_START, END),
         ),
     ),
-    **dict.fromkeys(("reflected_pressure_pa", "reflected_impulse_pa_s"), (NEAR,)),
+    **dict.fromkeys(
+        ("reflected_pressure_pa", "reflected_impulse_pa_s"), (NEAR_BRANCH,)
+    ),
 }
 """By quantity, nearest first. The others have none."""
 
@@ -434,7 +444,7 @@ def is_too_far(
     z: Float[np.ndarray, " place"], slant_range: Float[Array | np.ndarray, " place"]
 ) -> Bool[np.ndarray, " place"]:
     """Return where a place past the tables is farther than any reference."""
-    return (z > KINGERY_BULMASH_END) & (np.asarray(slant_range) > FARTHEST)
+    return (z > KINGERY_BULMASH_END) & (np.asarray(slant_range) > MAX_DISTANCE)
 
 
 def reference_value(

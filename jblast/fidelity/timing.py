@@ -9,8 +9,8 @@ from typing import Any
 import jax
 
 REPEATS = 7
-LEAST = 2e-3
-"""Shorter calls are repeated until they last that long [s]."""
+MIN_SECONDS = 2e-3
+"""Shorter calls are repeated until they last this long [s]."""
 
 
 def seconds(call: Callable[[], Any], repeats: int = REPEATS) -> float:
@@ -25,7 +25,7 @@ def seconds(call: Callable[[], Any], repeats: int = REPEATS) -> float:
         for _ in range(count):
             jax.block_until_ready(call())
         took = time.perf_counter() - start
-        if took >= LEAST or count >= 1024:
+        if took >= MIN_SECONDS or count >= 1024:
             break
         count *= 2
     best = took / count

@@ -31,17 +31,17 @@ from jblast.scene import Charge, Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.calculator import evaluate
 
-LARGEST = 50e6 * 1e3 * 4.184e6 / TNT_SPECIFIC_ENERGY
+MAX_MASS = 50e6 * 1e3 * 4.184e6 / TNT_SPECIFIC_ENERGY
 """Mass of TNT of the largest explosion made so far [kg]: 50 Mt, 30 October 1961
 (Adamsky and Smirnov, Cold War International History Project Bulletin 4, 1994)."""
-SMALLEST = 1e-6
+MIN_MASS = 1e-6
 """A milligram [kg]: what microscale experiments detonate (declared)."""
-MASSES = np.geomspace(SMALLEST, LARGEST, 160)
+MASSES = np.geomspace(MIN_MASS, MAX_MASS, 160)
 """Charges that are tried [kg]: a factor 1.3 from one to the next."""
 SIDE, FEW_MASSES, ROUNDS = 25, 28, 5
 """Places along each side of the grid, masses at each, and how often it is narrowed."""
-MOST = 60
-"""Rows that a place is looked for by; all are then held against it."""
+SEARCH_ROWS = 60
+"""Rows by which a place is searched; all rows are then compared with it."""
 AT_ONCE = 250_000
 """Readings times tries that are held in memory."""
 SPREADS = 4.0
@@ -53,8 +53,8 @@ SIGMAS = 5.0
 FACTOR = 3.0
 """Tolerance of a pressure, an impulse or a duration: a reflection doubles it, and
 a law, a burst in the air, or ground between may halve it."""
-SHARE = 0.07
-"""Tolerance of a travel time, as a share: wind, air that is not the scene's."""
+TRAVEL_TIME_TOLERANCE = 0.07
+"""Relative tolerance of a travel time: wind, and air that differs from the scene's."""
 FAR, FAR_SHARE = 20e3, 0.25
 """Past this distance [m] sound goes through the stratosphere, at 280 m/s and less
 (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
@@ -249,7 +249,7 @@ class Readings:
         distance: Float[np.ndarray, "place n"],
     ) -> Float[np.ndarray, "place n"]:
         """Return how far each may be off: its errors, and what laws leave open."""
-        share = np.where(distance > FAR, FAR_SHARE, SHARE)
+        share = np.where(distance > FAR, FAR_SHARE, TRAVEL_TIME_TOLERANCE)
         times = CLOCK_STEP + share * predicted
         return self.error + np.where(self.timed, times, np.log(FACTOR))
 
@@ -408,7 +408,10 @@ def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Agreement:
     centre = np.median(at, axis=0)
     spread = float(np.median(np.linalg.norm(at[:, :2] - centre[:2], axis=1)))
     half = SPREADS * max(spread, 1.0)
-    log_mass, log_half = np.log(SMALLEST * LARGEST) / 2, np.log(LARGEST / SMALLEST) / 2
+    log_mass, log_half = (
+        np.log(MIN_MASS * MAX_MASS) / 2,
+        np.log(MAX_MASS / MIN_MASS) / 2,
+    )
     middle = np.array([centre[0], centre[1], log_mass])
     reach = np.array([half, half, log_half])
     counts = np.array([SIDE, SIDE, FEW_MASSES])
@@ -510,11 +513,11 @@ def _residuals(
 
 
 def _thinned(readings: Readings) -> Readings:
-    """Return evenly picked rows, no more than `MOST`."""
+    """Return evenly picked rows, no more than `SEARCH_ROWS`."""
     n = len(readings.row)
-    if n <= MOST:
+    if n <= SEARCH_ROWS:
         return readings
-    return readings.only(np.unique(np.linspace(0, n - 1, MOST).astype(int)))
+    return readings.only(np.unique(np.linspace(0, n - 1, SEARCH_ROWS).astype(int)))
 
 
 def readings_of(

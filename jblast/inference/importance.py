@@ -38,10 +38,10 @@ from jblast.inference.whitening import (
 from jblast.scene import parameter_named
 
 DRAWS = 4000
-FEWEST = 500
+MIN_DRAWS = 500
 """Draws for a long log: k-hat is then estimated from a tail of 67."""
-HELD = 40_000_000
-"""Numbers (8 bytes) that the densities of some draws at a time may need."""
+MEMORY_NUMBERS = 40_000_000
+"""Largest number of values (8 bytes each) for the densities of one block of draws."""
 WORK = 4_000_000_000
 """Numbers that all draws may need before there are fewer of them."""
 GOOD_SHAPE = 0.5
@@ -100,10 +100,10 @@ def importance(
     """
     root = root_of(normal)
     of_one = _numbers_of_a_draw(posterior, normal)
-    draws = min(draws, max(WORK // of_one, FEWEST))
+    draws = min(draws, max(WORK // of_one, MIN_DRAWS))
     w = np.random.default_rng(seed).standard_normal((draws, normal.z.size))
     density = Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root))
-    parts = np.array_split(w, -(-draws * of_one // HELD))
+    parts = np.array_split(w, -(-draws * of_one // MEMORY_NUMBERS))
     value = np.concatenate(
         [np.asarray(densities(density, jnp.asarray(part))) for part in parts]
     )
@@ -317,7 +317,7 @@ def _judged(posterior, normal, seed: int, along: bool) -> IntervalError:
     if along:
         of_one *= 1 + normal.z.size
     most = max(INTERVAL_WORK // of_one, FEWEST_INTERVAL_DRAWS)
-    part = min(HELD // of_one + 1, INTERVAL_DRAWS[0], most)
+    part = min(MEMORY_NUMBERS // of_one + 1, INTERVAL_DRAWS[0], most)
     *fewer, last = sorted({min(draws, most) // part for draws in INTERVAL_DRAWS})
     for parts in fewer:
         found = _by_draws(posterior, normal, seed, parts, part, along)

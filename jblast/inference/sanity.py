@@ -34,9 +34,9 @@ from jblast.constants import (
 from jblast.inference.consensus import (
     CLOCK_STEP,
     FAR,
-    LARGEST,
+    MAX_MASS,
+    MIN_MASS,
     PRICE,
-    SMALLEST,
     WITH_MASS,
     Agreement,
     Readings,
@@ -90,9 +90,8 @@ SLOWEST = float(
 SLOWEST_FAR = 180.0
 """Past `FAR`, through the thermosphere [m/s]: the least celerity of infrasound
 (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
-MOST = 1000
-"""Arrivals that are compared, each with each: a matrix of 8 MB. A mistake beyond them
-is found by the consensus of the rows alone."""
+MAX_COMPARED = 1000
+"""Arrivals that are compared in pairs."""
 HALF_HOUR = 1800.0
 """Zones of time differ by whole quarters of an hour, nearly all by halves."""
 LATEST = 26 * 3600.0
@@ -120,7 +119,7 @@ FACTORS: dict[str, dict[str, float]] = {
     "arrival": {**_MILLI, **_TIME},
 }
 """By kind of quantity: what a value with the wrong unit is to the right one."""
-NEAR = 0.6
+MISTAKE_MARGIN = 0.6
 """What a slip may leave, as a share of what is allowed: a psi is 6.9 kPa."""
 
 
@@ -319,7 +318,7 @@ def magnitudes_doubted(
         mass = float(masses.min())
         reach = LARGEST_RADIUS * float(np.cbrt(mass))
         numbers |= {"mass_kg": mass, "fireball_m": reach}
-        if mass > LARGEST or masses.max() < SMALLEST:
+        if mass > MAX_MASS or masses.max() < MIN_MASS:
             found.append(Doubt("mass_of_no_blast", row, numbers, (quantity,)))
         elif reach > at and mass > IN_THE_FIREBALL:
             found.append(Doubt("in_the_fireball", row, numbers, (quantity,)))
@@ -391,7 +390,7 @@ def slow_between(readings: Readings) -> list[Doubt]:
     Of those that contradict most others, one after another.
     """
     air = np.array([q == "air_arrival_s" for q in readings.quantity], bool)
-    here = np.flatnonzero(air & ~np.isnan(readings.position).any(axis=1))[:MOST]
+    here = np.flatnonzero(air & ~np.isnan(readings.position).any(axis=1))[:MAX_COMPARED]
     if len(here) < 2:
         return []
     place, time = readings.position[here], readings.value[here]
@@ -495,7 +494,7 @@ def slip_of_sensor(
         its = readings.only(np.array(sensor))
         its = its.but(position=np.broadcast_to(place, its.position.shape))
         score = _scores(its, laws, found, found.offset[sensor])
-        if (np.abs(score) <= NEAR).all():
+        if (np.abs(score) <= MISTAKE_MARGIN).all():
             return kind, float(place[0]), float(place[1])
     return None
 
@@ -523,7 +522,7 @@ def slip_of_value(
     for name, factor in FACTORS.get(QUANTITIES[its.quantity[0]].kind, {}).items():
         changed = _rescaled(its, np.array([True]), factor)
         left = abs(float(_scores(changed, laws, found, found.offset[[i]])[0]))
-        if left <= NEAR and (best is None or left < best[0]):
+        if left <= MISTAKE_MARGIN and (best is None or left < best[0]):
             best = left, name, factor
     return best[1:] if best else None
 

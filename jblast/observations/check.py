@@ -34,7 +34,7 @@ from jblast.registry import names_for
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-MOST = 200
+MAX_FAULTS = 200
 """Largest number of reported faults: a log with more is not of the scene at all."""
 ROWS = 400_000
 """Rows that may be checked again for further faults: fewer faults in a long log."""
@@ -47,8 +47,8 @@ COUNTED_IN = {
     "nanoseconds": 1e9,
 }
 """Units of computers' times since 1970, of a second."""
-APART = 6.0
-"""Readings at one place this many sigmas apart are not of one wave."""
+ONE_WAVE_SIGMAS = 6.0
+"""Readings at one position that differ by more sigmas are not of one wave."""
 FAR_OFF = 10.0
 """A sensor is far from the others if its distance is this many times the median."""
 FACTOR = 2.0
@@ -100,7 +100,7 @@ def _lawless(log: Observations) -> list[InputError]:
 def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
     """Remove the rows whose positions or times are refused, and return their faults."""
     found: list[InputError] = []
-    most = min(MOST, 1 + ROWS // max(len(log), 1))
+    most = min(MAX_FAULTS, 1 + ROWS // max(len(log), 1))
     while len(log) and len(found) < most:
         uncertain = for_log(uncertain, log)
         try:
@@ -350,7 +350,7 @@ def _difference(observations: Observations, i: int, j: int) -> tuple[float, floa
     """Return the difference of two readings, and the largest allowed one."""
     pair = [i, j]
     value, scale = observations.value[pair], observations.error_scale()[pair]
-    error = APART * float(np.sqrt(np.nansum(scale**2)))
+    error = ONE_WAVE_SIGMAS * float(np.sqrt(np.nansum(scale**2)))
     if observations.quantity[i] in CLOCK_TIMES:
         return float(abs(value[1] - value[0])), max(error, 1e-3)
     if (value <= 0).any():  # angles and differences

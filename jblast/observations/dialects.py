@@ -25,7 +25,7 @@ from jblast.observations.sources import SEPARATORS, Table
 from jblast.observations.table import (
     COLUMNS,
     DEGREES,
-    NAMED,
+    NAME_COLUMNS,
     NEEDED,
     NUMBERS,
     POSITION,
@@ -77,7 +77,7 @@ MINUS = "\u2212"
 """The typographic minus sign, which some spreadsheets write."""
 Seen = tuple[int, str, str]
 """Line, column and text of a number."""
-NAMES = ("sensor", "value_utc", *NAMED)
+NAMES = ("sensor", "value_utc", *NAME_COLUMNS)
 """Columns of a wide table without numbers."""
 FOR_ALL = "sigma_percent"
 """Column of the errors of all quantities whose errors are relative."""

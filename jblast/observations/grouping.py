@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Int
 
 from jblast.errors import InputError, argument, shown
-from jblast.observations.places import FARTHEST, Frame
+from jblast.observations.places import MAX_DISTANCE, Frame
 from jblast.observations.table import Observations
 from jblast.quantities import CLOCK_TIMES
 from jblast.scene import UncertainScene
@@ -193,11 +193,11 @@ def located(observations: Observations, uncertain: UncertainScene) -> Observatio
         return observations
     there = framed(observations, Frame(*uncertain.place))
     away = np.linalg.norm(there.position, axis=1)
-    for row in np.flatnonzero(away > FARTHEST):
+    for row in np.flatnonzero(away > MAX_DISTANCE):
         raise InputError(
             f"{observations.where(int(row))}: the sensor stands {away[row] / 1e3:.4g} "
             f"km from [place] of {uncertain.source or 'the scene'}; expected both at "
-            f"one site, within {FARTHEST / 1e3:g} km"
+            f"one site, within {MAX_DISTANCE / 1e3:g} km"
         )
     return there
 

@@ -21,7 +21,7 @@ METRES = ("east_m", "north_m")
 DEGREES = ("lat_deg", "lon_deg")
 HEIGHTS = ("alt_m", "up_m")
 """Above the one datum of all heights, and above the ground there."""
-FARTHEST = 1e6
+MAX_DISTANCE = 1e6
 """Largest distance of a position from the others, or from the place of a scene [m].
 
 Beyond it a sign, or the order of latitude and longitude, is wrong."""
@@ -240,14 +240,14 @@ def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
 
 
 def _refuse_far(rows: Columns, position: Float[np.ndarray, "row 3"]) -> None:
-    """Refuse positions more than `FARTHEST` from the median."""
+    """Refuse positions more than `MAX_DISTANCE` from the median."""
     middle = np.nanmedian(position, axis=0)
     away = np.linalg.norm(position - middle, axis=1)
     rows.refuse(
-        away > FARTHEST,
+        away > MAX_DISTANCE,
         "lat_deg",
         lambda row: (
-            f"a place within {FARTHEST / 1e3:g} km of the other sensors, got one "
+            f"a place within {MAX_DISTANCE / 1e3:g} km of the other sensors, got one "
             f"{away[row] / 1e3:.4g} km away; is a sign missing, or are lat_deg and "
             "lon_deg swapped?"
         ),

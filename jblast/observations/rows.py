@@ -28,7 +28,7 @@ from jblast.observations.places import places_of
 from jblast.observations.sources import Table
 from jblast.observations.table import (
     DEGREES,
-    NAMED,
+    NAME_COLUMNS,
     NUMBERS,
     POSITION,
     SAMPLES,
@@ -284,7 +284,7 @@ class Rows(Fields):
                 f"{self.texts['time_s'][row]} for {held.theirs[row]}"
             ),
         )
-        named = {name: self.text(name) for name in NAMED}
+        named = {name: self.text(name) for name in NAME_COLUMNS}
         numbers = np.column_stack([value, sigma, position, slant_range, time, bound])
         self.duplicates(numbers, sensor, held.quantity, *named.values())
         understood = [*self.found, *told_columns(self), *held.understood, *timing]

@@ -39,8 +39,8 @@ from jblast.scene.uncertain import NO_SCENE
 from jblast.waves.propagation import standard_atmosphere
 
 PLACE = CHARGE_POSITION[:2]
-APART = 5.0
-"""Flash times that differ by this many standard deviations are of different clocks."""
+ONE_CLOCK_SD = 5.0
+"""Flash times that differ by more standard deviations are of different clocks."""
 _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = set(made_with("ground_arrival_s"))
 _CAMERA = """\
@@ -146,7 +146,7 @@ def _flashes_disagree(observations: Observations) -> bool:
     value, sigma = observations.value[rows], np.nan_to_num(observations.sigma[rows])
     first, last = np.argmin(value), np.argmax(value)
     return bool(
-        value[last] - value[first] > APART * np.hypot(sigma[first], sigma[last])
+        value[last] - value[first] > ONE_CLOCK_SD * np.hypot(sigma[first], sigma[last])
     )
 
 

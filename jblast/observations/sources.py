@@ -73,7 +73,7 @@ LOG_COLUMNS = ("sensor", "quantity", "value", "value_utc")
 """Columns that a record of samples does not have."""
 MOST_LOOKED_AT = 1000
 """Rows in which times must grow for a record of samples."""
-FEWEST = 3
+MIN_SAMPLES = 3
 """Rows below which a table is not identified as a record of samples."""
 
 
@@ -681,7 +681,7 @@ def refuse_series(table: Table) -> None:
         times = np.array([float(text.replace(",", ".")) for text in texts])
     except ValueError:
         return
-    if len(times) >= FEWEST and np.all(times[1:] > times[:-1]):
+    if len(times) >= MIN_SAMPLES and np.all(times[1:] > times[:-1]):
         raise InputError(
             f"{table.at(table.header_line)}: got {', '.join(table.header[:4])} over "
             f"{len(table.lines):,} growing times: a record of samples, not a log of "

@@ -24,11 +24,11 @@ from jblast.quantities import ADDITIVE
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
-NAMED = ("path", "shot", "clock", "record")
+NAME_COLUMNS = ("path", "shot", "clock", "record")
 """Columns of names that a file may leave out."""
 COLUMNS = (
     *(*NEEDED[:3], "value_utc", "sigma"),
-    *(*POSITION, *DEGREES, "range_m", "time_s", *NAMED),
+    *(*POSITION, *DEGREES, "range_m", "time_s", *NAME_COLUMNS),
 )
 """Every column a file may have, in the order `write` puts them."""
 NUMBERS = ("value", "sigma", *POSITION, *DEGREES, "range_m", "time_s")

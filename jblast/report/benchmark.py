@@ -35,8 +35,8 @@ from jblast.verification.benchmark.chart import (
 
 COLUMNS = ("method", "cost_s", "error", "on_front", "range")
 HEAD = ("", "method", "cost [s]", "error", "over")
-APART = 1e3
-"""A method that costs so many times the next cheaper one stands at the right edge."""
+COST_GAP = 1e3
+"""A method that costs this many times the next cheaper one stands at the right edge."""
 MANY = 300.0
 """An axis that spans a larger factor names decades only."""
 BESIDE = 4.0
@@ -145,7 +145,7 @@ def chart_figure(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> Figu
 def _last_within(points: Sequence[BenchmarkPoint]) -> float:
     """Return the cost past which methods stand at the right edge."""
     costs = np.sort([point.cost_s for point in points])
-    gaps = np.flatnonzero(costs[1:] > APART * costs[:-1])
+    gaps = np.flatnonzero(costs[1:] > COST_GAP * costs[:-1])
     return float(costs[gaps[0]] if gaps.size else costs[-1])
 
 

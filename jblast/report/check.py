@@ -23,8 +23,8 @@ from jblast.report.words import (
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-NAMED = 8
-"""Numbers that are named one by one."""
+MAX_NAMED = 8
+"""Largest number of rows that are named one by one."""
 WIDTH = 79
 MOST_LINES = 5
 """Lines that are named of one warning, or of one fault."""
@@ -63,8 +63,10 @@ def setting_lines(log: Observations, uncertain: UncertainScene) -> list[str]:
         return lines
     free = [parameter_words(name) for name in for_log(uncertain, log).beliefs]
     if uncertain.source == NO_SCENE and len(free) > 1:
-        more = [f"{len(free) - NAMED} more"] if len(free) > NAMED else []
-        lines.append(f"without a scene a fit leaves free {joined(free[:NAMED] + more)}")
+        more = [f"{len(free) - MAX_NAMED} more"] if len(free) > MAX_NAMED else []
+        lines.append(
+            f"without a scene a fit leaves free {joined(free[:MAX_NAMED] + more)}"
+        )
     return lines
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from jblast.fidelity.choose import Candidate, Choice, TakenLaw
-from jblast.fidelity.errors import FARTHEST, REFERENCES, SOLVER
+from jblast.fidelity.errors import MAX_DISTANCE, REFERENCES, SOLVER
 from jblast.json_values import entries
 from jblast.registry import LAWS
 from jblast.report.words import aligned, hanging
@@ -179,7 +179,7 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
         end = REFERENCES[choice.quantity][-1].end
         return (
             f"{name}: {z}; the reference ends at Z = {end:g} and "
-            f"{FARTHEST / 1000:g} km, so no tolerance is supportable there"
+            f"{MAX_DISTANCE / 1000:g} km, so no tolerance is supportable there"
         )
     own = percent(choice.reference_uncertainty)
     if not found.valid:

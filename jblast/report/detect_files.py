@@ -26,8 +26,8 @@ from jblast.signals.arrival_log import Log
 from jblast.signals.flash.search import Flash, FlashDetections
 from jblast.signals.search import Searched
 
-MOST = 4
-"""Flashes that are drawn."""
+MAX_DRAWN = 4
+"""Largest number of flashes in a figure."""
 JSON, PICTURE, LOG, FILTERED = (
     *("detect.json", "detection.png", "observations.csv", "filtered.wav"),
 )
@@ -75,7 +75,7 @@ def flash_figure(watched: FlashDetections, shape: tuple[int, int]) -> Figure:
         watched: What was seen.
         shape: Height and width of the image [px].
     """
-    shown = watched.flashes[:MOST]
+    shown = watched.flashes[:MAX_DRAWN]
     figure = new_figure(10.0, 2.4 + 3.4 * len(shown))
     grid = figure.add_gridspec(
         len(shown) + 1, 2, height_ratios=[*([1.4] * len(shown)), 1.0]

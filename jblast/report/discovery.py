@@ -14,7 +14,7 @@ from jblast.discovery.shock import Slowing
 from jblast.json_values import plain
 from jblast.report.words import aligned, significant
 
-HELD = (0.73, 1.0)
+COVERAGE = (0.73, 1.0)
 """Share of noisy records whose 90 % interval held the truth; least and greatest of the
 cases and noises simulated, where the true terms came out
 (calibration/results/discovery.txt)."""
@@ -46,7 +46,7 @@ def discovery_text(
             "",
         ]
     if np.any(found.coefficients):
-        low, high = (f"{100.0 * share:.0f}" for share in HELD)
+        low, high = (f"{100.0 * share:.0f}" for share in COVERAGE)
         lines += [
             "Intervals are nominal: those of 90 % held the true coefficient in "
             f"{low} to {high} % of",
@@ -394,7 +394,7 @@ def discovery_answer(
             for state, name in enumerate(found.states)
         },
         one_degree_more=more,
-        interval=NominalInterval(found.level, HELD),
+        interval=NominalInterval(found.level, COVERAGE),
         repeated=tuple(found.repeated),
         reproduced=all(again.reproduced),
     )

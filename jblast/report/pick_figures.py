@@ -38,11 +38,11 @@ JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
 PICTURE = "records_{}.png"
 MOST_PICTURES = 10
 """Pictures, of some records each: more is no page to look at."""
-MOST = 24
-"""Records of one picture."""
+MAX_RECORDS = 24
+"""Largest number of records in one figure."""
 COLUMNS = 2
-NEAR = 1e-3
-"""A sample within this share of where a record clips is clipped."""
+CLIPPED_WITHIN = 1e-3
+"""A sample within this share of the full scale is clipped."""
 UNSCALED = Unit("sample", 1.0)
 BINS = 320
 """What a picture of a record shows."""
@@ -94,9 +94,9 @@ def write_picks(
 def _pictures(directory: Path, found: Gathered, written: list[str]) -> list[Figure]:
     """Draw records, so many a picture, and write them."""
     names, pictures = found.named(), []
-    firsts = range(0, len(found.picks), MOST)[:MOST_PICTURES]
+    firsts = range(0, len(found.picks), MAX_RECORDS)[:MOST_PICTURES]
     for number, first in enumerate(firsts, start=1):
-        part = slice(first, first + MOST)
+        part = slice(first, first + MAX_RECORDS)
         name = PICTURE.format(number)
         draw = partial(records_figure, names[part], found.picks[part])
         figure = write_drawn(draw, directory / name)
@@ -111,9 +111,9 @@ def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
 
     Args:
         names: What to call each.
-        picks: They keep their samples; the first `MOST` are drawn.
+        picks: They keep their samples; the first `MAX_RECORDS` are drawn.
     """
-    shown = picks[:MOST]
+    shown = picks[:MAX_RECORDS]
     rows = -(-len(shown) // COLUMNS)
     columns = min(COLUMNS, len(shown))
     width, height = 5.4 * columns, 0.5 + 2.9 * rows
@@ -137,8 +137,8 @@ def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
         _draw(above, below, name, one, curve)
         if nth + columns >= len(shown):
             below.set_xlabel("time [s]")
-    if len(picks) > MOST:
-        figure.supxlabel(f"{len(picks) - MOST} more are not drawn", fontsize=9)
+    if len(picks) > MAX_RECORDS:
+        figure.supxlabel(f"{len(picks) - MAX_RECORDS} more are not drawn", fontsize=9)
     return figure
 
 
@@ -186,7 +186,9 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     if np.isfinite(clipped):
         level = (clipped - float(one.pick.baseline_pa)) / unit.size
         above.axhline(level, color=INK, linewidth=0.8, linestyle="--")
-        residual[high >= (1.0 - NEAR) * level] = np.nan  # only bounds the pressure
+        residual[high >= (1.0 - CLIPPED_WITHIN) * level] = (
+            np.nan
+        )  # only bounds the pressure
     below.plot(curve.time, residual, color=INK, linewidth=0.7)
     largest = float(np.abs(residual[np.isfinite(residual)]).max(initial=0.0))
     below.set_ylim(-1.15 * largest or -1.0, 1.15 * largest or 1.0)

@@ -76,8 +76,8 @@ RESPONSE_COLOURS = {
     "holds": "#009E73",
 }
 THICK = 0.56
-APART = 1.9
-"""Numbers on one bar stand at least this factor apart."""
+LABEL_FACTOR = 1.9
+"""Labels on one bar are at least this factor apart."""
 
 
 def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
@@ -420,10 +420,10 @@ def _ticks(
         z = mode.boundary * UNITS[mode.unit]
         colour = RESPONSE_COLOURS[mode.response]
         axes.plot([z, z], [row - 0.42, row + 0.42], color=colour, linewidth=2.0)
-        if z < APART * named:
+        if z < LABEL_FACTOR * named:
             continue
         named = z
-        starts = not holds[z / APART > Z].any()  # room to the left
+        starts = not holds[z / LABEL_FACTOR > Z].any()  # room to the left
         axes.annotate(
             f"{z:.2g}",
             (z, row),

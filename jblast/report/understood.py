@@ -9,8 +9,8 @@ from jblast.observations import Observations, table
 from jblast.observations.table import Understood
 from jblast.report.words import joined
 
-NAMED = 5
-"""Lines, or names, that a sentence gives one by one."""
+MAX_NAMED = 5
+"""Largest number of lines, or names, that a sentence lists."""
 WAYS = {"CSV": "text"}
 
 
@@ -105,8 +105,8 @@ def _(found: table.ClockTimesTaken) -> str:
 @understood_words.register
 def _(found: table.EmptySkipped) -> str:
     n = len(found.lines)
-    which = [str(line) for line in found.lines[:NAMED]]
-    more = [f"{n - NAMED} more"] if n > NAMED else []
+    which = [str(line) for line in found.lines[:MAX_NAMED]]
+    more = [f"{n - MAX_NAMED} more"] if n > MAX_NAMED else []
     lines = "line" if n == 1 else "lines"
     return f"{_rows(n)} without a value left out: {lines} {joined([*which, *more])}"
 

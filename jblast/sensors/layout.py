@@ -29,9 +29,10 @@ from jblast.scene import Charge, Scene, Sensor, parameter_named
 from jblast.scene.uncertain import leaf_of, names_in
 
 VMAP = "; of a batch jax.vmap gives each scene in turn"
-LONG = 1000
-"""An array of more rows than these that is known beforehand is kept from XLA until the
-program runs: it would compute with it, slowly, while it compiles."""
+CONSTANT_ROWS = 1000
+"""Known arrays with more rows are not passed to XLA as constants: folding them at
+compile time is slow.
+"""
 
 
 class Layout(eqx.Module):
@@ -269,8 +270,12 @@ def _check(name: str, value: Any, expected: tuple[int, ...]) -> None:
 
 
 def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:
-    """Hide a long constant from XLA's constant folding (`LONG`)."""
-    return lax.optimization_barrier(jnp.asarray(rows)) if rows.size > LONG else rows
+    """Hide a long constant from XLA's constant folding (`CONSTANT_ROWS`)."""
+    return (
+        lax.optimization_barrier(jnp.asarray(rows))
+        if rows.size > CONSTANT_ROWS
+        else rows
+    )
 
 
 def stride_of(rows: Int[np.ndarray, " some"]) -> int:

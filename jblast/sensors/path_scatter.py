@@ -73,7 +73,7 @@ TYPICAL = np.array([0.0, 0.0, 1.0, 0.0])
 DENSE = 32
 """Most paths whose covariance is split exactly, at the cost of the cube of their
 number."""
-MOST = 1000
+MAX_PATHS = 1000
 """Logs of more paths take them as independent: columns of shared effects for a million
 rows would multiply the time of a fit."""
 ANCHORS = 16
@@ -83,8 +83,8 @@ FEW_NEIGHBOURS = 0.05
 variance; one by itself shares nothing, one of a cluster nearly all."""
 NEAR_ZERO = 1e-4
 """Correlation below which its absolute value is smoothed, so that it has slopes."""
-TINY = 1e-16
-"""Of a squared separation: keeps the slope of its root at zero a number."""
+ROOT_GUARD = 1e-16
+"""Added to a squared separation; keeps the slope of its root at zero finite."""
 
 
 def embedded(
@@ -113,7 +113,7 @@ def correlations(
     apart = sum(
         jnp.square(one[:, i, None] - other[None, :, i]) for i in range(one.shape[1])
     )
-    apart = jnp.asarray(apart) + TINY
+    apart = jnp.asarray(apart) + ROOT_GUARD
     found = jnp.zeros_like(apart)
     for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
         part = f * jnp.exp(-((apart / rough**2) ** (power / 2)))

@@ -57,7 +57,7 @@ from jblast.waves.paths import Path, path_between
 from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.waves.scaling import scaled_distance
 
-FAR = " far away"
+FAR_EFFECT = " far away"
 """Marks the effect that the far rows of a shot share (`registry.Law.far_scatter`)."""
 
 
@@ -73,7 +73,7 @@ class Recording(eqx.Module):
         record_sd: Law scatter of this row alone; seconds for times, else ln.
         shot_loading: By quantity (and charge, if several), what one standard deviation
             of the effect shared by the whole shot adds to each row, same unit; under
-            the name with `FAR`, that of the effect shared by its far rows.
+            the name with `FAR_EFFECT`, that of the effect shared by its far rows.
         path_loading: Likewise for the effect shared by the rows of one path.
         arrival_sd: Of `record_sd`, what is of each path's travel time: the scatter of
             arrivals, by quantity (and charge), same unit.
@@ -222,7 +222,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             if not _is_zero(sds[1]):
                 of_paths[name] = joined([(rows, of_path)], n)
             if not _is_zero(far[0]):
-                of_shots[name + FAR] = joined([(rows, of_weather)], n)
+                of_shots[name + FAR_EFFECT] = joined([(rows, of_weather)], n)
             if quantity in ARRIVALS and not _is_zero(sds[2]):
                 of_arrivals[name] = joined([(rows, of_record)], n)
             if name in of_paths or name in of_arrivals:

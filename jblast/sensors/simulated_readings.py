@@ -33,7 +33,7 @@ from jblast.sensors.layout import (
     picked,
     planned_layout,
 )
-from jblast.sensors.path_scatter import MOST, TYPICAL, split
+from jblast.sensors.path_scatter import MAX_PATHS, TYPICAL, split
 from jblast.sensors.record import Recording, record
 
 Noise = Literal["student", "gaussian"]
@@ -181,7 +181,7 @@ def error_model(
     variance = jnp.square(recording.record_sd)
     for name, quantity, shot in recording.fields:
         rows, first, path = paths_of(layout, quantity, shot)
-        if weights is None or not 2 <= first.size <= MOST:
+        if weights is None or not 2 <= first.size <= MAX_PATHS:
             continue
         own, shared = split(
             picked(recording.place, rows[first]),

@@ -92,13 +92,13 @@ TOLD = 0.5
 AS_GOOD = 6.0
 """Another direction whose chi-squared is greater by less than this is as good."""
 ANGLES = ("bearing_rad", "elevation_rad")
-APART = 2.0
-"""Two directions are one where they are nearer than so many standard deviations."""
+SAME_DIRECTION_SD = 2.0
+"""Directions closer than this many standard deviations are one."""
 STEPS = 100
 """Steps of the search for a plane wave; near the plane of the microphones it converges
 slowly."""
-SMALL = 1e-13
-"""A smaller step ends that search [rad]."""
+CONVERGED_RAD = 1e-13
+"""Step at which the search ends [rad]."""
 PATH_SCATTER = 0.01
 """Of a travel time, as declared for the laws of arrivals in air."""
 SOURCE_RANGE = 2000.0
@@ -588,7 +588,7 @@ class PlaneWave(NamedTuple):
             tried = Front(turned / np.linalg.norm(turned), front.log_speed + step[2])
             if (less := self.misfit(tried)) <= misfit:
                 front, misfit, damping = tried, less, max(damping / 5, 1e-15)
-                if np.abs(step).max() < SMALL:
+                if np.abs(step).max() < CONVERGED_RAD:
                     break
             else:
                 damping *= 8
@@ -638,7 +638,9 @@ def _resolved_angles(
     turned = (mirrored - angles_of(found.toward) + np.pi) % (2 * np.pi) - np.pi
     as_good = wave.misfit(other) - wave.misfit(found) < AS_GOOD
     # the two sides of a plane are never distinguished, however near to it
-    differ = as_good & (np.abs(turned) > (FLAT if span == 2 else APART * sd))
+    differ = as_good & (
+        np.abs(turned) > (FLAT if span == 2 else SAME_DIRECTION_SD * sd)
+    )
     mirror = (float(mirrored[0]), float(mirrored[1])) if differ.any() else None
     return (sd < TOLD) & ~differ, covariance, mirror
 

@@ -18,14 +18,14 @@ SHORT_BINS, LONG_BINS = 5, 500
 BIN_S, BIN_SAMPLES = 0.001, 4
 """A bin is a millisecond, or so many samples where these take longer."""
 BEFORE_S, AFTER_S = 0.5, 1.5
-"""Of a stretch about an onset; where samples are few, `LEAST` of them."""
-LEAST = 4096
+"""Of a stretch about an onset; where samples are few, `MIN_SAMPLES` of them."""
+MIN_SAMPLES = 4096
 QUIETER = 0.1
 """Onsets whose peak is below this share of the loudest one's (20 dB) are left out."""
 SILENT = 1e-12
 """Share of a block's power below which sums of squares are rounding."""
-MOST = 16
-"""Onsets of a channel, the loudest, that are looked at."""
+MAX_ONSETS = 16
+"""Largest number of onsets of a channel; the loudest are used."""
 
 
 class Onset(NamedTuple):
@@ -48,7 +48,7 @@ class Stretches(NamedTuple):
     Attributes:
         records: Stretches of equal length, in order of time.
         quieter: How many onsets were left out: 20 dB below the loudest, or beyond the
-            `MOST` loudest.
+            `MAX_ONSETS` loudest.
     """
 
     records: tuple[PressureRecord, ...]
@@ -85,7 +85,7 @@ def _stretches(
     before, after = _lengths(recording.rate_hz)
     peak = max((onset.peak for onset in onsets), default=0.0)
     loud = [onset for onset in onsets if onset.peak >= QUIETER * peak]
-    loud = sorted(sorted(loud, key=lambda onset: -onset.peak)[:MOST])
+    loud = sorted(sorted(loud, key=lambda onset: -onset.peak)[:MAX_ONSETS])
     begins = [onset.sample for onset in loud]
     if not any(0 <= loudest - begin < after for begin in begins):
         begins = sorted([*begins, loudest])  # nothing quiet before it
@@ -98,7 +98,7 @@ def _stretches(
 
 def _lengths(rate_hz: float) -> tuple[int, int]:
     """Return how many samples of a stretch come before its onset, and after it."""
-    least = LEAST / (BEFORE_S + AFTER_S)
+    least = MIN_SAMPLES / (BEFORE_S + AFTER_S)
     return round(BEFORE_S * max(rate_hz, least)), round(AFTER_S * max(rate_hz, least))
 
 

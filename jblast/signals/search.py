@@ -61,7 +61,7 @@ STEP = 2**0.5
 the signal is left, 0.6 dB."""
 DURATIONS = tuple(0.001 * STEP**nth for nth in range(14))
 """Of the bank's positive phases, 1 to 91 ms [s]: from 2 g to 2 t at Z = 50."""
-FAR = 50.0
+BANK_SCALED_DISTANCE = 50.0
 """Scaled distance of the bank's pulses [m/kg^(1/3)]."""
 
 
@@ -276,9 +276,12 @@ def bank_of_pulses(rate_hz: float) -> list[np.ndarray]:
         rate_hz: Samples a second.
     """
     air = (STANDARD_PRESSURE, STANDARD_SOUND_SPEED)
-    unit = float(blast_pulse(FAR, 1.0, *air, "surface").duration)
+    unit = float(blast_pulse(BANK_SCALED_DISTANCE, 1.0, *air, "surface").duration)
     sizes = [duration / unit for duration in DURATIONS]  # lengths scale as W^(1/3)
-    masses, ranges = [size**3 for size in sizes], [FAR * size for size in sizes]
+    masses, ranges = (
+        [size**3 for size in sizes],
+        [BANK_SCALED_DISTANCE * size for size in sizes],
+    )
     return blast_templates(masses, ranges, rate_hz)
 
 

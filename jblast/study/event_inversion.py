@@ -42,8 +42,8 @@ MOST_STEPS = 200
 """Of Levenberg and Marquardt's method, in each stage."""
 PRECISION = 1e-4
 """A stage ends where a step changes less than this, relative."""
-MOST = 32
-"""Events a pixel can send between two frames."""
+MAX_EVENTS = 32
+"""Largest number of events of a pixel between two frames."""
 
 
 def film_camera() -> Camera:
@@ -177,7 +177,7 @@ def _stage(log_frames, start, given, most_steps):
 
     def off(values, _):
         frames = log_frames(values, times)
-        up, down = smooth_counts(frames, thresholds, temperature, most=MOST)
+        up, down = smooth_counts(frames, thresholds, temperature, most=MAX_EVENTS)
         sums = jnp.cumsum(up - down, axis=0) - known
         return jnp.tensordot(weights, sums, 1).ravel()
 

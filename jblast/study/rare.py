@@ -89,8 +89,8 @@ STARTS = 32
 MOST_STARTS = 1024
 """Most searches; 22 equal regions need 1,036. More regions than that are a continuum
 for practical purposes, and the search is reported as incomplete."""
-APART = 0.5
-"""Points nearer to each other than this are one."""
+SAME_POINT = 0.5
+"""Points closer than this are one."""
 LEAST_SHARE = 1e-3
 """A point so much less probable than the best is left out."""
 TOLERANCE = 1e-3
@@ -638,8 +638,8 @@ def extended(
 def near(
     point: Float[np.ndarray, " dimension"], others: Float[np.ndarray, "other dimension"]
 ) -> bool:
-    """Return whether a point is one of others, within `APART`."""
-    return bool(np.any(np.linalg.norm(others - point, axis=1) < APART))
+    """Return whether a point is one of others, within `SAME_POINT`."""
+    return bool(np.any(np.linalg.norm(others - point, axis=1) < SAME_POINT))
 
 
 def searches_needed(points: int) -> int:

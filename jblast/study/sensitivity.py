@@ -36,8 +36,10 @@ GROUPS = 100
 MOST_ROWS = 4000
 """Samples that an expansion is fitted to; of more, so many evenly chosen."""
 LEAST_ROWS = 30
-FAR = 0.1
-"""Of first and total index, or of shares by slope and by variance: more is told."""
+DISAGREEMENT = 0.1
+"""Difference of first and total index, or of shares by slope and by variance, that
+is reported.
+"""
 DEGREES = range(1, 11)
 ROWS_A_TERM = 5
 """Samples to a coefficient, at least."""
@@ -289,9 +291,12 @@ def disagreement(
         if name not in slope_shares:
             continue
         first, total, by_slope = indices.first[n], indices.total[n], slope_shares[name]
-        if abs(by_slope - first) <= FAR and abs(by_slope - total) <= FAR:
+        if (
+            abs(by_slope - first) <= DISAGREEMENT
+            and abs(by_slope - total) <= DISAGREEMENT
+        ):
             continue
-        if total - first > FAR:
+        if total - first > DISAGREEMENT:
             said[name] = "interaction"
         elif by_slope < first:
             said[name] = "range"

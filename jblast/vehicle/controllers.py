@@ -20,7 +20,7 @@ from jblast.registry import Registry
 from jblast.scene import VehicleSpec
 from jblast.vehicle.control.cascade import Cascade
 from jblast.vehicle.control.position_hold import (
-    NAMED,
+    NAMED_GAINS,
     Gains,
     ObservedHold,
     PositionHold,
@@ -89,7 +89,7 @@ def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
             "place, got one with a mission, which jblast fly flies and nothing else "
             "does yet"
         )
-    gains = NAMED[spec.model] | spec.gains
+    gains = NAMED_GAINS[spec.model] | spec.gains
     if not integral:
         gains = {name: value for name, value in gains.items() if name != "ki_pos"}
     return PositionHold(

@@ -2,8 +2,9 @@
 
 Pressure records are pulses by the laws, sampled with noise and drift: a surface charge
 of 15 kg, gauges 8 to 40 m away. Place and time are known; the mass is to be estimated.
-A pick is far off where a reading differs from the truth by more than `FAR` of its own
-standard deviations. Sound for detectors is noise of a known spectrum with one pulse.
+A pick is far off where a reading differs from the truth by more than `OUTLIER_SD` of
+its own standard deviations. Sound for detectors is noise of a known spectrum with one
+pulse.
 
 The explosion in frames is eight views, `explosion_left_out`, of the explosion that is
 part of jblast, from directions drawn at random and not among those of its set, at ten
@@ -75,8 +76,8 @@ MIN_OPACITY = 0.02
 RATE = 48000.0
 """Samples a second [Hz]."""
 LOGS, SEED = 5, 3
-FAR = 4.0
-"""Standard deviations; a normal error is beyond once in 16,000."""
+OUTLIER_SD = 4.0
+"""A normal error is beyond this once in 16,000 [sd]."""
 RANGES = (8.0, 11.0, 15.0, 20.0, 28.0, 40.0)
 LAWS = dict.fromkeys(TOLD, "kingery_bulmash")
 BEFORE, BEHIND = 1.0, 6.0
@@ -419,7 +420,7 @@ def is_far_off(one: RecordPick, truth: Float[np.ndarray, "4"]) -> bool:
         ]
     )
     error = np.append(arrival, np.log(others / truth[1:]))
-    return bool(np.any(np.abs(error) > FAR * np.asarray(found.spread)[:4]))
+    return bool(np.any(np.abs(error) > OUTLIER_SD * np.asarray(found.spread)[:4]))
 
 
 def uncertain_scene(*, scatter: bool) -> UncertainScene:

@@ -68,7 +68,7 @@ from jblast.waves.waveform import decay_of_fraction, impulse_fraction
 
 LEVEL = math.e - 2.0
 """Impulse over peak times duration of a decay that starts level, $b = -1$ [-]."""
-FARTHEST = 1 << 30
+MAX_INDEX = 1 << 30
 """Largest distance of an arrival from the first sample; beyond it is set to this."""
 AMPLITUDE_OVER_PEAK = math.exp(2.0) / 4.0
 PEAK_VELOCITY_FACTOR = (2.0 * math.sqrt(2.0) - 2.0) * math.exp(math.sqrt(2.0) - 2.0)
@@ -240,7 +240,7 @@ def pulse_samples(
     index = jnp.arange(count, dtype=whole.dtype)
     inside = _inside(wave, ends, (index + whole).astype(part.dtype) + part + 0.5)
     # samples that contain an end: each once, duplicates are put past the last
-    last = jnp.asarray(FARTHEST, ends.dtype)
+    last = jnp.asarray(MAX_INDEX, ends.dtype)
     held = jnp.floor(jnp.minimum(ends - part, last)).astype(whole.dtype) - whole
     again = (held[:, None] == held[None, :]) & np.tri(5, k=-1, dtype=bool)
     outside = again.any(axis=1) | (held < 0) | (held >= count)
@@ -259,7 +259,7 @@ def _in_samples(
     """
     never = jnp.isposinf(pulse.arrival_time)
     since = (start - jnp.where(never, 0.0, pulse.arrival_time)) * rate
-    since = jnp.where(never, -float(FARTHEST), jnp.clip(since, -FARTHEST, FARTHEST))
+    since = jnp.where(never, -float(MAX_INDEX), jnp.clip(since, -MAX_INDEX, MAX_INDEX))
     whole = jnp.floor(since)
     times = {
         name: getattr(pulse, name) * rate

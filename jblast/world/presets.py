@@ -32,7 +32,7 @@ AIR = {"sound_speed_m_s": 340.0, "absorption": False}
 TICKS = {"probability": 0.15, "tick_s": 0.5, "gap_s": 0.5}
 """The plugin's: algorithm 4 has no numbers."""
 OCCURRENCES = ("count", "rate_hz", "probability")
-TOGETHER = (("region_m", "about"), (*OCCURRENCES, "tick_s"))
+EXCLUSIVE_KEYS = (("region_m", "about"), (*OCCURRENCES, "tick_s"))
 """Keys of [world] for one choice: a scene with one of them makes the choice."""
 LoadLaw = Literal["thesis-as-printed", "thesis-as-coded"]
 
@@ -193,7 +193,7 @@ def with_preset(
     if not isinstance(world, dict):
         return made
     said = set(world)
-    for group in TOGETHER:
+    for group in EXCLUSIVE_KEYS:
         if said.intersection(group):
             said.update(group)
     filled = {key: value for key, value in preset.world.items() if key not in said}

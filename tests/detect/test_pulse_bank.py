@@ -5,8 +5,8 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.signals.search import (
+    BANK_SCALED_DISTANCE,
     DURATIONS,
-    FAR,
     STEP,
     Channel,
     bank_of_pulses,
@@ -31,7 +31,7 @@ def test_a_bank_has_a_pulse_near_any_blast():
     np.testing.assert_allclose(positive, DURATIONS, atol=1 / rate)
     # half a step longer than a pulse of 5 kg
     size = 5 ** (1 / 3) * STEP**0.5
-    between = blast_template(size**3, FAR * size, rate)
+    between = blast_template(size**3, BANK_SCALED_DISTANCE * size, rate)
     steps = np.log(np.argmax(between < 0) / rate / np.array(DURATIONS)) / np.log(STEP)
     best = max(likeness(between, samples) for samples in bank)
     assert np.abs(steps).min() < 0.51

@@ -7,7 +7,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.fidelity import choose, errors
 from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
-from jblast.fidelity.errors import END, FARTHEST, conditions_of, standard_path
+from jblast.fidelity.errors import END, MAX_DISTANCE, conditions_of, standard_path
 from jblast.report.choice import reason_for
 from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.uncertain import LogNormal, with_values
@@ -72,7 +72,7 @@ def test_where_none_is_good_enough_the_best_is_named_and_what_it_lacks():
 
 
 def test_beyond_every_reference_nothing_is_supportable():
-    for far in (scene(3000.0, mass=1.0), scene(FARTHEST + 1.0, mass=1e6)):
+    for far in (scene(3000.0, mass=1.0), scene(MAX_DISTANCE + 1.0, mass=1e6)):
         choice = choose(far, ARRIVAL, 0.3)
         assert not choice.met
         assert "no tolerance is supportable" in reason_for(choice)

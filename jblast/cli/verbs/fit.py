@@ -28,8 +28,8 @@ from jblast.cli.arguments.options import (
 from jblast.errors import InputError
 from jblast.files import writing
 
-SMALL = 100_000
-"""Bytes of all logs together, about two thousand rows."""
+SMALL_LOGS_BYTES = 100_000
+"""Total size of the logs, about two thousand rows [bytes]."""
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -175,7 +175,10 @@ def run(asked: argparse.Namespace) -> int:
 
 def _is_small(files: Sequence[str]) -> bool:
     """Return whether logs are so short that a fit compiles for longer than it runs."""
-    return sum(os.path.getsize(file) for file in files if os.path.isfile(file)) < SMALL
+    return (
+        sum(os.path.getsize(file) for file in files if os.path.isfile(file))
+        < SMALL_LOGS_BYTES
+    )
 
 
 def _many(answers, picks, out, made_of, asked: argparse.Namespace) -> int:

@@ -74,8 +74,10 @@ WIDER = 1.05
 SPEEDS = ("air_sound_speed_m_s", "air_temperature_k")
 """Of sound: one that is fitted stands for a wind along ranges."""
 BY_AIR = made_with("air_arrival_s")
-MOST = 3
-"""So many numbers are named, those that widen most first."""
+MAX_NAMED = 3
+"""Largest number of assumptions that are named, those that widen intervals most
+first.
+"""
 EARTH_RADIUS = 6_371_008.8
 """Mean radius [m]. Moritz (2000), Geodetic Reference System 1980, J. Geodesy 74."""
 NOTICED = 0.1
@@ -140,7 +142,7 @@ def still_air(solution: Solution) -> Finding | None:
         key=lambda name: -factors[name],
     )
     if worst:
-        return StillAir(WIND, {name: factors[name] for name in worst[:MOST]})
+        return StillAir(WIND, {name: factors[name] for name in worst[:MAX_NAMED]})
     if not np.isfinite(list(factors.values())).all():
         return StillAir(WIND, None)
     return StillAir(WIND, {}) if arrivals else None

@@ -32,8 +32,10 @@ POOR = 0.001
 """A fit with a smaller chance than this is called poor."""
 FITS = 0.01
 """With no smaller chance than this a log and a scene agree."""
-FAR = 3.0
-"""A number further than this from its prior's middle, in its sds, is not believed."""
+PRIOR_CONFLICT_SD = 3.0
+"""Distance from the prior's middle beyond which an estimate contradicts its prior
+[sd].
+"""
 
 
 class ResidualSummary(NamedTuple):
@@ -197,6 +199,10 @@ def against_priors(solution: Solution) -> dict[str, float]:
         parameters.names, parameters.beliefs, identified.determined, strict=True
     ):
         away = float(belief.unconstrain(values[name]))
-        if is_told and not isinstance(belief, Free) and not abs(away) < FAR:
+        if (
+            is_told
+            and not isinstance(belief, Free)
+            and not abs(away) < PRIOR_CONFLICT_SD
+        ):
             against[name] = float(values[name])
     return against

@@ -43,7 +43,7 @@ from jblast.sensors.calculator import (
 
 THIN = 1e-12
 """A variance so small beside the other is rounding: the place is known along it."""
-NEAREST = 60
+NEIGHBOURS = 60
 """Draws about a place, of which the last measures their density: of normal draws the
 area comes out 5 % too large."""
 FILLED = 0.8
@@ -266,7 +266,7 @@ def _sparseness(x: Float[np.ndarray, "draw 2"]):
 
     # a draw that was picked repeatedly counts once
     _, times = np.unique(x, axis=0, return_counts=True)
-    nearest = min(max(NEAREST, 3 * int(times.max())), len(x))
+    nearest = min(max(NEIGHBOURS, 3 * int(times.max())), len(x))
     tree = KDTree(x)
     return lambda at: tree.query(at, nearest)[0][..., -1]
 

@@ -48,11 +48,11 @@ ROUNDS = 3
 """So often laws are chosen again at an answer. A choice that has not settled by then
 goes to and fro between two laws near the border of their ranges."""
 NODE_ROUNDS = 3
-FEWEST = 16
+MIN_DRAWS = 16
 SPARE = 2.5
 """Nodes for each coefficient of a quadratic."""
-REACH = 3.0
-"""Standard deviations beyond the typical draw's that nodes go to."""
+NODE_REACH_SD = 3.0
+"""Distance of the nodes beyond the typical draw [sd]."""
 FARTHER = 1.6
 """So many times as far nodes are laid next, where the farthest still count."""
 EDGE = 0.75
@@ -185,7 +185,7 @@ def with_samples(
 def nodes_for(free: int) -> int:
     """Return how many nodes a round lays for so many unknowns."""
     coefficients = (free + 1) * (free + 2) // 2
-    return FEWEST * max(1, -int(-SPARE * coefficients // FEWEST))
+    return MIN_DRAWS * max(1, -int(-SPARE * coefficients // MIN_DRAWS))
 
 
 def room_for(free: int) -> DensityCorrection:
@@ -295,7 +295,7 @@ def _spread(rng: np.random.Generator, free: int) -> Float[np.ndarray, "node free
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     pairs = np.stack([ways, -ways], axis=1).reshape(-1, free)
     share = np.arange(1, count) / (count - 1)
-    far = (REACH + np.sqrt(free)) * share
+    far = (NODE_REACH_SD + np.sqrt(free)) * share
     return np.concatenate([np.zeros((1, free)), far[:, None] * pairs[: count - 1]])
 
 

@@ -67,8 +67,10 @@ WIDTH = 10.0
 """A wrong reading may be anything within so many seconds, radians or in ln."""
 AS_LIKELY = 3.0
 """Explanations worse than the best by more in ln-density are left out."""
-MOST = 8
-"""So many are tried at most, those first that a linear law would accuse."""
+MAX_SUSPECTS = 8
+"""Largest number of sensors that are tried, in the order of a linear law's
+residuals.
+"""
 MOST_EXCHANGES = 3
 """So many exchanges are solved for, the most promising: each is a search of its own."""
 SCATTER = 0.015
@@ -77,8 +79,8 @@ SLOWEST = 300.0
 """Of sound, in the coldest air that people stand in [m/s]."""
 TIMES_SIGMA = 5.0
 """A difference of arrivals this large is no error of reading or of a law."""
-FEWEST = 4
-"""Arrivals, at least: three determine a position and a time."""
+MIN_ARRIVALS = 4
+"""Smallest number of arrivals: three determine a position and a time."""
 
 
 @runtime_checkable
@@ -134,7 +136,9 @@ def explained_by(
     spare = known - solution.laplace.z.size
     possible = [s for s in suspects(observations, solution) if len(s.rows) < spare]
     found = []
-    for suspect in each(_likeliest(solution, possible)[:MOST], "sensors left out"):
+    for suspect in each(
+        _likeliest(solution, possible)[:MAX_SUSPECTS], "sensors left out"
+    ):
         try:
             log = _without(observations, suspect.rows)
             rest = refit(log, (), follow_range=False)
@@ -269,8 +273,8 @@ def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged
     """Return the exchanges of two sensors' places that lower chi squared most.
 
     Chi squared is that of a least-squares step about the answer. Only sensors are
-    exchanged without one of which it would fall most (`MOST`), and only exchanges that
-    lower it are returned: of an honest log none.
+    exchanged without one of which it would fall most (`MAX_SUSPECTS`), and only
+    exchanges that lower it are returned: of an honest log none.
     """
     posterior, z = solution.posterior, solution.laplace.z
     names = np.array(observations.sensor, object)
@@ -286,7 +290,7 @@ def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged
     if now is None:
         return []
     found = []
-    for one, other in combinations(_likeliest(solution, sensors)[:MOST], 2):
+    for one, other in combinations(_likeliest(solution, sensors)[:MAX_SUSPECTS], 2):
         moved = place.copy()
         moved[one.rows], moved[other.rows] = place[other.rows[0]], place[one.rows[0]]
         layout = replace(posterior.layout, position=jnp.asarray(moved))
@@ -465,7 +469,7 @@ def more_to_free(
     """
     arrivals = np.isin(observations.quantity, ARRIVALS).sum()
     blind = uncertain.source == NO_SCENE
-    if not blind or arrivals < FEWEST or is_long(solution.posterior):
+    if not blind or arrivals < MIN_ARRIVALS or is_long(solution.posterior):
         return None
     sets = each(_candidates(observations, uncertain), "sets of numbers freed")
     last: tuple[Solution, tuple[str, ...]] | None = None

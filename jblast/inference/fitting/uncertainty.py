@@ -2,10 +2,11 @@
 
 By default draws of the normal approximation are weighted by the posterior (see
 `importance`). Where the weights are unreliable or the effective sample size is below
-`FEW`, intervals are those of the normal approximation, with a finding. Walkers run if
-they are requested, or with "auto" if the approximation fails its check. For a charge
-beside a small array draws follow its range (see `mode.range_profile`). Along null
-directions nothing is drawn: the normal approximation of the rest is all there is.
+`MIN_EFFECTIVE_DRAWS`, intervals are those of the normal approximation, with a finding.
+Walkers run if they are requested, or with "auto" if the approximation fails its check.
+For a charge beside a small array draws follow its range (see `mode.range_profile`).
+Along null directions nothing is drawn: the normal approximation of the rest is all
+there is.
 """
 
 import os
@@ -50,8 +51,8 @@ from jblast.parameters import CHARGE_POSITION
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
 DRAWS = 8000
-FEW = 100
-"""So many effective draws an interval takes at least."""
+MIN_EFFECTIVE_DRAWS = 100
+"""Smallest effective sample size of an interval."""
 
 
 @dataclass(frozen=True)
@@ -229,12 +230,12 @@ def _weighted(solution: Solution, seed: int) -> Uncertainty:
     found = check_intervals(solution.posterior, normal, seed=seed)
     drawn = found.drawn
     effective = 0.0 if drawn is None else found.share * len(drawn.z)
-    if drawn is None or not found.believed or effective < FEW:
+    if drawn is None or not found.believed or effective < MIN_EFFECTIVE_DRAWS:
         finding = found.finding()
         if drawn is None or not found.believed:
             reason = ImportanceCannotTell(found.k_hat)
         else:
-            reason = FewEffectiveDraws(effective, FEW)
+            reason = FewEffectiveDraws(effective, MIN_EFFECTIVE_DRAWS)
             finding = finding or NormalIntervals(reason)
         return _by_normal(solution, reason, seed, (finding,) if finding else ())
     by_name = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)

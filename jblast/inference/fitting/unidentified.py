@@ -37,7 +37,7 @@ from jblast.inference.posterior.parameters import Estimate
 from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import Free, parameter_named
 
-NEAR = 6.0
+AMBIGUITY = 6.0
 """Another optimum within this of the best, in -2 ln density, is an ambiguity."""
 
 WIDEST_FACTOR = 30.0
@@ -236,7 +236,7 @@ def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
     answer = []
     highest = float(found.log_density[0])
     for z, density in zip(*map(np.asarray, found), strict=True):
-        if 2 * (highest - density) > NEAR:
+        if 2 * (highest - density) > AMBIGUITY:
             continue
         if min(_apart(solution, other, z) for other in answers) < SEPARATE:
             continue

@@ -45,7 +45,7 @@ from jblast.sensors.law_choice import height_notes
 from jblast.sensors.layout import components
 from jblast.waves.height_of_burst import scaled_height
 
-FAR = 4.0
+LARGE_EFFECT_SD = 4.0
 """A shared effect larger than this many standard deviations is reported."""
 ROUGH = 0.2
 """A density of samples that is known no better in ln is reported: draws have weights
@@ -95,7 +95,7 @@ def warnings_of(
         findings.append(_without_scene(observations, uncertain))
     if same := tuple(name for name in unlearned(solution) if name not in against):
         findings.append(NothingLearned(same))
-    if np.abs(effects).max(initial=0.0) > FAR:
+    if np.abs(effects).max(initial=0.0) > LARGE_EFFECT_SD:
         findings.append(FarFromItsLaw(float(np.abs(effects).max())))
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     for charge in scene.charges:

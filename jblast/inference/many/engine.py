@@ -71,8 +71,8 @@ KEPT = 16
 """Layouts whose compiled programs are kept."""
 STRAGGLERS = 0.02
 """A loop does not wait for this share of its logs; they go on together later."""
-TOGETHER = 1024
-"""Not more logs than this go through all their other tries at once."""
+RETRY_LOGS = 1024
+"""Largest number of logs whose remaining starts are tried simultaneously."""
 _ENGINES: dict[Any, "Engine"] = {}
 MOST_STEPS = 200
 Inputs = tuple[Float[Array, "unknown lane"] | None, Readings]
@@ -403,7 +403,7 @@ class Engine:
         logs = lanes if logs is None else logs[lanes]
         few, some = gather_lanes(best, lanes), gather_lanes(readings, lanes)
         # a loop over few lanes takes as long as its slowest, however many they are
-        now = len(tries) if lanes.size <= TOGETHER else 1
+        now = len(tries) if lanes.size <= RETRY_LOGS else 1
         z = [where.at(which, some.measured, logs) for which in tries[:now]]
         y = with_effects(self.rows, jnp.concatenate(z, axis=1))
         results = self._ended(compiled, y, gather_lanes(readings, np.tile(lanes, now)))

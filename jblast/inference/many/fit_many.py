@@ -48,7 +48,7 @@ KEPT: dict[str, Callable[[ManyFits], Array]] = {
     "bad": lambda fits: fits.bad,
 }
 """What may be asked of fits: fields of `ManyFits`, and standard deviations."""
-SAME = ("sensor", "quantity", "path", "shot", "clock")
+SHARED_COLUMNS = ("sensor", "quantity", "path", "shot", "clock")
 PLACED = ("position", "slant_range", "time")
 
 
@@ -337,7 +337,7 @@ def _refuse_other_rows(log: Observations, first: Observations, number: int) -> N
             "fit logs of different rows with fit_each"
         )
     other = np.zeros(len(log), bool)
-    for field in SAME:
+    for field in SHARED_COLUMNS:
         other |= np.array(getattr(log, field)) != np.array(getattr(first, field))
     for field in PLACED:
         pair = getattr(log, field), getattr(first, field)

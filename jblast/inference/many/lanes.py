@@ -18,8 +18,8 @@ from jblast.parameters import CHARGE_POSITION
 from jblast.sensors import Layout
 from jblast.sensors.simulated_readings import Noise
 
-LEAST = 16
-"""Fewer lanes are filled up to so many."""
+MIN_LANES = 16
+"""Batches with fewer elements are padded to this number."""
 Tree = TypeVar("Tree")
 COST = {"gaussian": (0.5, 0.70711), "student": (0.70093, 0.98290)}
 """Mean and standard deviation of the cost of one reading: for Student-t of nu degrees
@@ -34,7 +34,7 @@ def lanes_where(wanted: Bool[Array, " lane"]) -> Int[np.ndarray, " some"]:
     lanes = np.flatnonzero(np.asarray(wanted))
     if lanes.size == 0:
         return lanes
-    size = max(LEAST, 1 << (lanes.size - 1).bit_length())
+    size = max(MIN_LANES, 1 << (lanes.size - 1).bit_length())
     return np.pad(lanes, (0, size - lanes.size), mode="edge")
 
 

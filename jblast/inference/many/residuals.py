@@ -33,8 +33,8 @@ from jblast.sensors import Layout
 from jblast.sensors.record import clock_offsets, record, residuals_of, to_error_scale
 from jblast.sensors.simulated_readings import Noise, loadings
 
-NAMED = 20
-"""So many bad logs are named."""
+MAX_NAMED = 20
+"""Largest number of bad logs that a message names."""
 LEAST_CURVATURE = 0.1
 """A wild reading's cost bends downwards; a step counts it as this much of its weight,
 which bends upwards."""
@@ -528,7 +528,7 @@ def faults_of(
     """Return the fault of the first bad logs, each by its number."""
     if not bad.any():  # one number, where the mask would have to come from a device
         return ()
-    logs = [int(log) for log in np.flatnonzero(np.asarray(bad))[:NAMED]]
+    logs = [int(log) for log in np.flatnonzero(np.asarray(bad))[:MAX_NAMED]]
     return tuple((log, _fault(layout, values, sigma, log)) for log in logs)
 
 

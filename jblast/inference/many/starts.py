@@ -38,8 +38,8 @@ SOUGHT = {"charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"}
 DEGREE = 5
 NEAR, FAR = 0.02, 4.0
 """The laws are fitted for ranges between these multiples of the layout's size."""
-LARGEST = 1e3
-"""$s$ is kept between one over this and this."""
+MAX_SCALE = 1e3
+"""$s$ lies between one over this and this."""
 REFERENCE_DRAWS = 64
 """Size of the reference set."""
 AT_ONCE = 4096
@@ -231,7 +231,7 @@ class ClosedForm(NamedTuple):
         if "charge_mass_kg" in rows.parameters.names:
             bent = _product(rest, square)
             s = jnp.sum(bent * (rest @ known)[:, None], axis=0)
-            s = jnp.clip(s / jnp.sum(bent * bent, axis=0), 1 / LARGEST, LARGEST)
+            s = jnp.clip(s / jnp.sum(bent * bent, axis=0), 1 / MAX_SCALE, MAX_SCALE)
         square = square * s[None, :]
         x = _product(self.solve.astype(square.dtype), square - known[:, None])
         numbers = {

@@ -35,8 +35,8 @@ STEEP = 1e-6
 """Curvature across below this is taken for this."""
 LENGTHS = np.array([0.0, 1.0, 0.25, 0.06, 0.015, 0.004])
 """Of a Newton step: the best is taken."""
-LONG = 3.0
-"""A ridge is so many times as long as the normal approximation."""
+RIDGE_LENGTH = 3.0
+"""Length of a ridge in units of the normal approximation."""
 NORMAL_SPREAD = 2 * NORMAL_Q95
 """From the 5 % to the 95 % quantile of a unit normal."""
 OUTER = 0.05, 0.15
@@ -197,7 +197,7 @@ def ridge(
     along = (w - middle) @ axes[0]
     low, high = np.quantile(along, [0.05, 0.95])
     longer = float((high - low) / NORMAL_SPREAD)
-    if longer < LONG:
+    if longer < RIDGE_LENGTH:
         return None
     ends, falls = [], []
     for way in (along, -along):

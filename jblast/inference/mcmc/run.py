@@ -57,8 +57,8 @@ JUDGED_AGAIN = 1.15
 RETRY_SHRINK = 0.5
 """A walker that starts where the density is zero tries again so much nearer."""
 TRIES = 40
-SAME = 1e-6
-"""Densities, or places in standard deviations, that differ by more are others."""
+TOLERANCE = 1e-6
+"""Densities, or positions in standard deviations, that differ by more are different."""
 RANDOM = "random_"
 
 
@@ -326,7 +326,7 @@ def _kept(store: Store, density, sampler, walkers, axes) -> list[Segment]:
     if same and done:
         end = done[-1].end
         value = np.asarray(densities(density, jnp.asarray(end.walkers)))
-        same = np.allclose(value, end.log_density, rtol=SAME, atol=SAME)
+        same = np.allclose(value, end.log_density, rtol=TOLERANCE, atol=TOLERANCE)
     if not same:
         raise InputError(
             f"{store.folder}: expected a chain of this log and scene, got one of "

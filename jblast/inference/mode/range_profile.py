@@ -36,10 +36,10 @@ from jblast.scene import Free
 
 STEP = math.log(1.5)
 """Between ranges, in ln: a range that is known to 20 % has several of them."""
-FEWEST = 3
+MIN_STEPS = 3
 """A range has a profile if so many steps are less than `HOPELESS` below the best, that
 is if its standard deviation is more than a tenth."""
-FARTHEST = 300.0
+MAX_WIDTHS = 300.0
 """Ranges are followed to so many widths of the array: the sagitta of the front is then
 1/2400 of the width, 0.01 ms for 10 m."""
 FALLEN = 0.5 * NORMAL_Q95**2
@@ -52,9 +52,9 @@ SCALED_RANGES = 0.3, 100.0
 The lower limit is near the fireball (four charge radii are 0.2). At the upper limit the
 front moves at the speed of sound within 0.2 %: arrival times no longer depend on the
 mass."""
-NEAREST = -5
+NEAREST_STEP = -5
 """Number of the nearest range: 0.13 widths from the middle of the sensors."""
-FAR = 6
+ALL_DIRECTIONS_STEP = 6
 """Number of the range at which all directions are tried: 11 widths."""
 DETERMINED = 0.5
 """A bearing with a larger standard deviation is not determined [rad], as for the
@@ -71,7 +71,7 @@ UNFINISHED = 0.5
 SPREADS = 4.0
 """Largest distance of a search result from the most probable place, in standard
 deviations of each coordinate. It excludes results with absurd masses."""
-SAME = 1.0
+SAME_BEARING_SD = 1.0
 """Bearings nearer than this many standard deviations are one."""
 
 
@@ -192,7 +192,7 @@ class RangeProfile(NamedTuple):
                 off = np.abs(_turned(self.bearing[beside], self.bearing[place]))
                 nearest = int(beside[np.argmin(off)])
                 sd = math.hypot(self.bearing_sd[place], self.bearing_sd[nearest])
-                if off.min() < 2 * SAME * sd:
+                if off.min() < 2 * SAME_BEARING_SD * sd:
                     found.append(aside * (self.z[nearest] - self.z[place]) / STEP)
             if found:
                 along[place] = np.mean(found, axis=0)
@@ -262,14 +262,18 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
         return None
     for z, distance in zip(optima, ranges, strict=True):
         walker.follow(z, walker.level_of(distance))
-    z = walker.levels[FAR][0].z if FAR in walker.levels else optima[0]
-    for turned in walker.around(z, FAR):
-        walker.follow(turned, FAR)
+    z = (
+        walker.levels[ALL_DIRECTIONS_STEP][0].z
+        if ALL_DIRECTIONS_STEP in walker.levels
+        else optima[0]
+    )
+    for turned in walker.around(z, ALL_DIRECTIONS_STEP):
+        walker.follow(turned, ALL_DIRECTIONS_STEP)
     profile = walker.profile()
     if profile is None or profile.is_open:
         return profile
     height = profile.by_range()[1]
-    is_resolved = np.sum(height > height.max() - HOPELESS) >= FEWEST
+    is_resolved = np.sum(height > height.max() - HOPELESS) >= MIN_STEPS
     return profile if is_resolved else None
 
 
@@ -320,11 +324,11 @@ class _Walker:
         is_free = isinstance(beliefs.get("charge_mass_kg"), Free)
         self.mass = names.index("charge_mass_kg") if is_free else -1
         self.levels: dict[int, list[_Place]] = {}
-        self.last = self.level_of(FARTHEST * width)
+        self.last = self.level_of(MAX_WIDTHS * width)
 
     def level_of(self, distance: float) -> int:
         """Return the number of the range nearest to a distance."""
-        nearest = self.range_of(NEAREST)
+        nearest = self.range_of(NEAREST_STEP)
         return round(math.log(max(distance, nearest) / self.width) / STEP)
 
     def range_of(self, level: int) -> float:
@@ -349,7 +353,7 @@ class _Walker:
         far[self.at] = self.middle - slowness
         distance = float(np.linalg.norm(z[self.at] - self.middle))
         here = self._climbed(self._at_range(z, self.range_of(self.level_of(distance))))
-        there = self._climbed(self._at_range(far, self.range_of(FAR)))
+        there = self._climbed(self._at_range(far, self.range_of(ALL_DIRECTIONS_STEP)))
         if here is None or there is None:
             return False
         return there.log_likelihood > here.log_likelihood - HOPELESS
@@ -357,7 +361,10 @@ class _Walker:
     def follow(self, z, level: int) -> None:
         """Add the optimum near a place, and follow it inwards and outwards."""
         z = np.array(z)
-        for levels in (range(level, self.last + 1), range(level - 1, NEAREST - 1, -1)):
+        for levels in (
+            range(level, self.last + 1),
+            range(level - 1, NEAREST_STEP - 1, -1),
+        ):
             near = z
             for k in levels:
                 place = self._climbed(self._at_range(near, self.range_of(k)))
@@ -379,7 +386,9 @@ class _Walker:
         there = self.levels.setdefault(level, [])
         for other in there:
             off = abs(float(_turned(place.bearing, other.bearing)))
-            if off < SAME * min(place.bearing_sd, other.bearing_sd, DETERMINED / 2):
+            if off < SAME_BEARING_SD * min(
+                place.bearing_sd, other.bearing_sd, DETERMINED / 2
+            ):
                 return False
         there.append(place)
         return True

@@ -46,7 +46,7 @@ from jblast.sensors.simulated_readings import STUDENT_FREEDOM
 
 STARTS = 64
 FINALISTS = 8
-SAME = 0.1
+SAME_OPTIMUM_SD = 0.1
 """Ends closer than this many standard deviations are one optimum."""
 MET = 1e-4
 """Searches nearer one another than this, in typical steps, are at one place."""
@@ -213,7 +213,7 @@ def _in_order(ends: Optima, repeated, preference) -> Optima:
 
 
 def _distinct(posterior: Posterior, found: Optima, preference):
-    """Pick the best ends that differ by more than `SAME` standard deviations.
+    """Pick the best ends that are farther apart than `SAME_OPTIMUM_SD`.
 
     Returns:
         The ends, the information at each, and whether each repeats another because
@@ -228,7 +228,9 @@ def _distinct(posterior: Posterior, found: Optima, preference):
         distance = jnp.einsum("ni,ij,nj->n", away, known, away)
         # at a sensor itself no slope is a number: that end alone goes
         itself = jnp.arange(len(ends)) == best
-        gone = jnp.where(jnp.isfinite(known).all(), ~(distance > SAME**2), itself)
+        gone = jnp.where(
+            jnp.isfinite(known).all(), ~(distance > SAME_OPTIMUM_SD**2), itself
+        )
         there = Optima(ends[best], found.log_density[best])
         picked = there, known, left[best] == -jnp.inf
         return jnp.where(gone, -jnp.inf, left), picked

@@ -22,8 +22,8 @@ from jblast.quantities import CLOCK_TIMES, DIRECTIONS, FIREBALL_RADII
 from jblast.scene import Free, parameter_named
 from jblast.scene.uncertain import Belief, value_of
 
-FARTHEST = 100.0
-"""A charge is searched as far from an array as this many times its width."""
+MAX_WIDTHS = 100.0
+"""Largest distance of a start from an array, in widths of the array."""
 AMONG = 0.25
 """Half of the starts are drawn nearer the middle of the sensors by this factor: within
 the layout, whose extent is the standard deviation of the others. Of a log of five
@@ -96,8 +96,8 @@ def starts(
         posterior: Has the scene, and the sensors.
         count: Number of starts.
         far: Whether half of the places lie among the sensors and every fourth beyond
-            their surroundings, at up to `FARTHEST` times their extent: a charge beside
-            a small array.
+            their surroundings, at up to `MAX_WIDTHS` times their extent: a charge
+            beside a small array.
     """
     parameters = posterior.parameters
     normal = jax.random.normal(key, (count, len(parameters.names))).at[0].set(0.0)
@@ -152,7 +152,7 @@ def _spread_factors(count: int) -> Float[np.ndarray, " start"]:
     beyond: the same factor for east and north, evenly spread in its ln.
     """
     number = np.arange(count)
-    beyond = FARTHEST ** ((number * GOLDEN) % 1.0)
+    beyond = MAX_WIDTHS ** ((number * GOLDEN) % 1.0)
     return np.where(number % 4 == 0, 1.0, np.where(number % 4 == 3, beyond, AMONG))
 
 

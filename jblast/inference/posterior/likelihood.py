@@ -71,10 +71,10 @@ Block = tuple[tuple[int, ...], tuple[int, ...]]
 Blocks = tuple[Block, ...]
 """Rows and columns of each group of effects that load no rows but these, all of which
 no other group loads."""
-FAR = 10.0
-"""Where the series of Mills' ratio takes over from `log_ndtr`."""
+SERIES_FROM = 10.0
+"""Argument from which the series of Mills' ratio replaces `log_ndtr`."""
 TERMS = 12
-"""Of that series; at `FAR` what is left out is 1e-13 of it."""
+"""Of that series; at `SERIES_FROM` what is left out is 1e-13 of it."""
 
 
 class Rows(NamedTuple):
@@ -648,8 +648,8 @@ def _angle(u):
 
 def _split(u):
     """Return where u is far up the tail, u where it is not, and u where it is."""
-    is_far = u > FAR
-    return is_far, jnp.where(is_far, 0.0, u), jnp.where(is_far, u, FAR)
+    is_far = u > SERIES_FROM
+    return is_far, jnp.where(is_far, 0.0, u), jnp.where(is_far, u, SERIES_FROM)
 
 
 def _mills_series(u):

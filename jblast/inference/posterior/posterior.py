@@ -61,16 +61,17 @@ from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights
 from jblast.sensors.record import Recording, count_effects, residuals_of, to_error_scale
 from jblast.sensors.simulated_readings import ErrorModel, Noise, error_model, paths_of
 
-HELD = 30_000_000
-"""Rows times shared effects, of which a few times as many numbers (0.24 GB each) are
-held in memory: a log with more is refused."""
+MAX_EFFECT_NUMBERS = 30_000_000
+"""Largest product of rows and shared effects. A few times as many numbers (0.24 GB
+each) are held in memory; a log with more is refused.
+"""
 WORK = 5_000_000_000
 """Rows times the square of the effects, gone through several times for each density:
 with four times as much a fit took more than five minutes on two cores."""
 EQUAL_EIGENVALUES = 1e-12
 """An eigenvalue of correlations no further above the smallest loads nothing."""
-TINY = 1e-30
-"""Keeps the slope of a root at zero a number."""
+ROOT_GUARD = 1e-30
+"""Keeps the slope of a root at zero finite."""
 PSEUDO_INVERSE_CUTOFF = 1e-12
 """Of the spline's equations: what is smaller is of directions that no node lies in."""
 
@@ -122,9 +123,9 @@ class DensityCorrection(eqx.Module):
     def __call__(self, z: Float[Array, " free"]) -> Float[Array, ""]:
         """Return what is added at a place."""
         w = self.inverse @ (z - self.center)
-        w = w * jnp.minimum(1.0, self.reach / jnp.sqrt(w @ w + TINY))
+        w = w * jnp.minimum(1.0, self.reach / jnp.sqrt(w @ w + ROOT_GUARD))
         away = jnp.sum(jnp.square(self.nodes - w[None, :]), axis=1)
-        cubes = away * jnp.sqrt(away + TINY)
+        cubes = away * jnp.sqrt(away + ROOT_GUARD)
         return self.weights @ cubes + self.tail @ _quadratic(w)
 
 
@@ -347,7 +348,8 @@ def posterior_of(
     Raises:
         InputError: A row has no error at all: no sigma, and a law taken as exact. Or a
             sigma disagrees with the covariance of its record. Or rows times shared
-            effects are more than `HELD`, or times their square more than `WORK`.
+            effects are more than `MAX_EFFECT_NUMBERS`, or times their square more than
+            `WORK`.
     """
     refuse_exact(observations, parameters.scene.scatter, laws)
     refuse_unresolved(observations)
@@ -407,13 +409,13 @@ def refuse_vast(
     """
     rows = len(observations)
     effects = count_effects(scene, layout, laws) + shared_errors
-    if rows * effects > HELD or rows * effects**2 > WORK:
+    if rows * effects > MAX_EFFECT_NUMBERS or rows * effects**2 > WORK:
         raise InputError(
             f"{observations.source or 'observations'}: {rows} rows of "
             f"{len(set(layout.group))} paths share {effects} effects; expected rows "
-            f"times effects to be at most {HELD:.0e}, and times their square "
-            f"{WORK:.0e}: put the mean of a path's readings, and its sigma, in place "
-            "of them all; or name a law that does not scatter from path to path"
+            f"times effects to be at most {MAX_EFFECT_NUMBERS:.0e}, and times their "
+            f"square {WORK:.0e}: put the mean of a path's readings, and its sigma, in "
+            "place of them all; or name a law that does not scatter from path to path"
         )
 
 

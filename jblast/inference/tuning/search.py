@@ -11,7 +11,8 @@ A step solves $(J^T J + \lambda\,\mathrm{diag}\,J^T J)\,p = -J^T r$. Only $J^T J
 $J^T r$ are stored, and the columns of $J$ are computed one after another, so a record's
 residuals are held twice and no more. The damping follows the ratio of actual to
 predicted gain (Nielsen 1999, IMM-REP-1999-05, from memory). The search ends where a
-full step would be shorter than `NEAR` standard deviations, $\sqrt{g^T A^{-1} g}$.
+full step would be shorter than `CONVERGED_SD` standard deviations, $\sqrt{g^T A^{-1}
+g}$.
 
 For a camera, the rim of a fireball at another position than expected has no slope
 towards it, and clipped white has none at all: a search from afar can end where nothing
@@ -44,8 +45,8 @@ PLACES, TRIED = 96, 3
 """Looked at, and begun from."""
 SPREAD = 0.7
 """Of the places looked at: their standard deviation in large changes."""
-NEAR = 1e-3
-"""Standard deviations from the end at which a search stops."""
+CONVERGED_SD = 1e-3
+"""Distance from the optimum at which a search stops [sd]."""
 AT_REST = 0.02
 """Standard deviations: nearer than this, rounding may forbid the rest of the way."""
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e12
@@ -309,7 +310,7 @@ def least_squares(
 
     def goes_on(search: _Search) -> Bool[Array, ""]:
         able = (search.damping < MOST_DAMPING) & (search.steps < most_steps)
-        return able & (search.away > NEAR) & jnp.isfinite(search.here.cost)
+        return able & (search.away > CONVERGED_SD) & jnp.isfinite(search.here.cost)
 
     def step(search: _Search) -> _Search:
         y, here, damping, growth, steps, _ = search
@@ -340,7 +341,7 @@ def least_squares(
     )
     found = jax.lax.while_loop(goes_on, step, begun)
     stuck = (found.damping >= MOST_DAMPING) & (found.away <= AT_REST)
-    return found.y, (found.away <= NEAR) | stuck
+    return found.y, (found.away <= CONVERGED_SD) | stuck
 
 
 def slopes_at(

@@ -62,15 +62,17 @@ DEEPEST = 1e-9
 what leaked from elsewhere, and is not looked at."""
 FLOAT_STEP = 2.0**-24
 """Rounding of what floats of 32 bits hold."""
-MOST = 2048
+MAX_FILLED = 2048
 """Samples that are filled so; of more the matrix takes too long."""
-TOGETHER = 64
-"""Records share programs whose samples at the limit are as many of these."""
+CLIPPED_BLOCK = 64
+"""Records share a program if their numbers of clipped samples round up to the same
+multiple of this.
+"""
 TAPER = 0.05
 """Part of a record that is faded in, and out."""
 BANDS = 48
-FEWEST = 12
-"""Fourier coefficients in a band."""
+MIN_COEFFICIENTS = 12
+"""Smallest number of Fourier coefficients in a band."""
 SKIPPED = 4
 """Fourier coefficients from the mean on, which taper and drifts spoil."""
 
@@ -343,9 +345,9 @@ def padded_places(clipped: Bool[np.ndarray, " sample"]) -> Int[np.ndarray, " lim
     Behind them stand some past the end of the record, which are left out.
     """
     places = np.flatnonzero(clipped)
-    if places.size > MOST or places.size == clipped.size:
+    if places.size > MAX_FILLED or places.size == clipped.size:
         return np.zeros(0, int)
-    more = -places.size % TOGETHER
+    more = -places.size % CLIPPED_BLOCK
     return np.pad(places, (0, more), constant_values=clipped.size)
 
 
@@ -438,7 +440,7 @@ def bands_of(
             continue
         merged[inside] = current
         total = np.count_nonzero(merged == current)
-        if total >= FEWEST:
+        if total >= MIN_COEFFICIENTS:
             held.append(total)
             current += 1
     if held and (rest := np.count_nonzero(merged == current)):

@@ -48,8 +48,8 @@ JITTER = 0.25
 """Share of a step by which a printed time may be off an even clock."""
 GAP = 1.75
 """A step longer than so many others lacks samples."""
-SAME = 0.01
-"""Share of a step that rounding the rate may move the last sample by."""
+RATE_TOLERANCE = 0.01
+"""Largest shift of the last sample by a rounded rate, in steps."""
 START = datetime(1970, 1, 1, tzinfo=UTC)
 BILLION = 1_000_000_000
 
@@ -543,7 +543,7 @@ def even_clock(
             f"{times_s[worst]:.9g} s, {off[worst] / step:.2g} steps off; resample the "
             "record evenly"
         )
-    if abs(times_s[0] - start) < SAME * step:
+    if abs(times_s[0] - start) < RATE_TOLERANCE * step:
         start = float(times_s[0])
     return start, _round(1.0 / step, times_s.size)
 
@@ -561,7 +561,7 @@ def _round(rate_hz: float, samples: int) -> float:
     """Return the rate with as few digits as leave every sample where it is."""
     for digits in range(1, 16):
         rounded = float(f"{rate_hz:.{digits}g}")
-        if abs(rounded / rate_hz - 1.0) * samples < SAME:
+        if abs(rounded / rate_hz - 1.0) * samples < RATE_TOLERANCE:
             return rounded
     return rate_hz
 

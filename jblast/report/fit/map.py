@@ -64,7 +64,7 @@ BESIDE = 52.0
 """From the arrow to the north to the wind's [point]."""
 SIZE = 8.5
 """Of the letters [point]."""
-LONGEST = 18
+MAX_LABEL = 18
 GAP, FAR = 6.0, 9.0
 """From a place to its name, and from one that is ringed [point]."""
 HALO = [withStroke(linewidth=2.5, foreground="white")]
@@ -73,8 +73,8 @@ Box = tuple[float, ...]
 """Left, lower, right, upper [point]."""
 MOST_DRAWS = 600
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6}
-TINY = 0.05
-"""A ring smaller than this share of the map is not labelled."""
+UNLABELLED_RING = 0.05
+"""A ring smaller than this share of the map has no label."""
 
 
 def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
@@ -310,7 +310,7 @@ def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -
     for label, mark in sorted(
         zip(labels, marks, strict=True), key=lambda pair: not pair[0].needed
     ):
-        name = label.name if len(label.name) <= LONGEST else label.name[:17] + "…"
+        name = label.name if len(label.name) <= MAX_LABEL else label.name[:17] + "…"
         room = _room(name, mark, FAR if label.needed else GAP, frame, taken, marks)
         if room is None and not label.needed:
             continue
@@ -448,7 +448,7 @@ def _ring(axes: Axes, ring: ShockRing, centre: tuple[float, float], view: View) 
     axes.add_patch(
         Circle(centre, ring.range_m, fill=False, ec=MUTED, lw=1.0, ls=style, zorder=1)
     )
-    if ring.range_m < TINY * view.width:
+    if ring.range_m < UNLABELLED_RING * view.width:
         return
     # where the ring is in view: first to the north, then round by the east
     for turn in np.deg2rad(np.arange(60.0, -300.0, -15.0)):

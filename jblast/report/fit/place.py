@@ -40,8 +40,8 @@ NONE = "#b0b0b0"
 MARGIN = 0.12
 NARROWEST = 0.5
 """Height over width of the flattest map, and width over height of the narrowest."""
-SMALL = 0.1
-"""An ellipse of less than this share of the map is drawn once more, larger."""
+INSET_BELOW = 0.1
+"""An ellipse smaller than this share of the map is drawn again, enlarged."""
 SHARES = (0.5, 0.9)
 """Of the posterior, one ellipse each."""
 
@@ -340,7 +340,7 @@ def close_view(charge: ChargePlace, whole: View) -> View | None:
     if not charge.ellipses:
         return None
     size = 2 * max(ellipse.major for ellipse in charge.ellipses)
-    if size > SMALL * max(whole.width, whole.height) or not size > 0.0:
+    if size > INSET_BELOW * max(whole.width, whole.height) or not size > 0.0:
         return None
     places = _places_of(charge)
     if charge.accepted is not None and charge.draws is not None:

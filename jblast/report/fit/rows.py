@@ -25,8 +25,8 @@ Accepted = Mapping[str, tuple[float | int, str]]
 """Parameter name -> (its accepted value in SI, where that comes from)."""
 MOST_ROWS = 200
 """A table of residuals has at most so many rows."""
-NAMED = 5
-"""So many sensors of lower bounds are named."""
+MAX_NAMED = 5
+"""Largest number of sensors with lower bounds that are named."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,8 @@ def lower_bound_sentence(fit: Fit) -> str:
         return ""
     rows, n = np.flatnonzero(bounds), len(bounds)
     names = list(dict.fromkeys(fit.observations.sensor[row] for row in rows))
-    more = [f"{len(names) - NAMED} more"] if len(names) > NAMED else []
-    who = joined([*names[:NAMED], *more])
+    more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
+    who = joined([*names[:MAX_NAMED], *more])
     missed = int(np.sum(fit.residual[rows] > 0))
     which = "it" if len(rows) == 1 else f"{missed or 'all'} of them"
     kept = f"says less than {which}" if missed else f"keeps {which}"

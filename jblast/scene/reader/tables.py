@@ -162,7 +162,7 @@ TEMPERATURES = {
 }  # fmt: skip
 """Endings of temperatures, and what makes kelvins of them: no factor does."""
 PER_CENT = ("percent", "pct")
-LONGEST = 3
+MAX_ENDING_WORDS = 3
 """Words of the longest ending: km_per_h."""
 
 
@@ -419,7 +419,7 @@ def in_other_unit(key: str, known: Collection[str]) -> str:
     from jblast.units import SI, si_factor, unit_spelt  # of a refusal alone
 
     words = key.split("_")
-    for length in range(min(LONGEST, len(words) - 1), 0, -1):
+    for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
         stem, suffix = "_".join(words[:-length]).lower(), "_".join(words[-length:])
         if suffix.lower() in TEMPERATURES and f"{stem}_k" in known:
             return f"; ours is {stem}_k: {TEMPERATURES[suffix.lower()]}"

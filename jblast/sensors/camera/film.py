@@ -41,7 +41,7 @@ from jblast.waves.fireball import fireball_duration, fireball_growth_time
 
 PIXELS = 1 << 22
 """Of a block of frames: 100 MB of three channels in float64."""
-LONGEST = 20
+MAX_BLOCK = 20
 """Frames of a block: a second at most rates is some whole ones."""
 Frames = Float[np.ndarray, "_ _ _ 3"]
 STAMP_ERROR = 1e-4
@@ -150,7 +150,7 @@ class Film:
     def _length(self) -> int:
         """Return how many frames are rendered together."""
         pixels = self.camera.width * self.camera.height
-        return max(1, min(LONGEST, PIXELS // pixels))
+        return max(1, min(MAX_BLOCK, PIXELS // pixels))
 
     def _rendered(self, times: Float[np.ndarray, " few"]) -> Frames:
         """Return what is seen at a few times."""

@@ -90,8 +90,8 @@ STRIDE = 16
 WINDOW_SIZES = ((0.125, 0.125), (0.25, 0.25), (0.5, 0.5), (0.75, 0.5), (1.0, 1.0))
 """Rows and columns of windows, as parts of the image's; each holds the one before. A
 cloud of smoke is higher than wide."""
-SMALL = 64
-"""Images of fewer rows or columns are looked at as a whole."""
+WHOLE_IMAGE = 64
+"""Images with fewer rows or columns are searched as a whole."""
 SLACK = 0.1
 """By how much of a cell a lens may bend what is within it."""
 
@@ -624,7 +624,7 @@ def laid_in_windows(
         parts: As in `laid_in_window`.
     """
     shape = rays.farthest.shape
-    if min(shape) < SMALL:
+    if min(shape) < WHOLE_IMAGE:
         return jax.lax.map(lambda x: lay(rays, *x), (behind, each))
     sizes = np.ceil(np.array(parts) * np.array(shape)).astype(int)
     starts, needs = zip(

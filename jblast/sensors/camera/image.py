@@ -101,7 +101,7 @@ LINEAR_SRGB = np.array(
     ]
 )
 """From X, Y, Z to linear red, green, blue: primaries of BT.709, white D65."""
-SMALLEST = 0.01
+STEP_WIDTH = 0.01
 """Width of the smooth step, as a part of the luminance: it lifts a channel that would
 be zero by half of this."""
 DESATURATION = 0.15
@@ -123,8 +123,8 @@ Background = (
 JAX can trace, the frame source: linear light, full scale 1."""
 WIDTH = 1.5
 """Standard deviation of the window [px]."""
-REACH = 5
-"""Of the window to each side [px]."""
+WINDOW_REACH = 5
+"""Half width of the window [px]."""
 C1, C2 = 0.01**2, 0.03**2
 Grey = Float[np.ndarray, "height width"]
 
@@ -264,7 +264,7 @@ def blackbody_light(
     """
     xyz, scale = _relative_xyz(as_float_array(temperature))
     ratio = xyz @ jnp.asarray(LINEAR_SRGB.T, xyz.dtype) / xyz[..., 1:2]
-    shown = 0.5 * (ratio + jnp.sqrt(jnp.square(ratio) + SMALLEST**2))
+    shown = 0.5 * (ratio + jnp.sqrt(jnp.square(ratio) + STEP_WIDTH**2))
     weight = luminance(shown)
     return (scale * xyz[..., 1] / weight)[..., None] * shown
 
@@ -499,4 +499,4 @@ def _local(image: Grey) -> Grey:
     """Return the mean under the window."""
     from scipy.ndimage import gaussian_filter
 
-    return gaussian_filter(image, WIDTH, truncate=REACH / WIDTH, mode="reflect")
+    return gaussian_filter(image, WIDTH, truncate=WINDOW_REACH / WIDTH, mode="reflect")

@@ -49,8 +49,8 @@ LEANS = 0.02
 """And, as a share of the largest radius: a fire is not even, and what is hidden of it
 by soot or by its own light on the ground is not on both sides alike. (With it the
 interval of 90 % held the row of 93 % of 60 blasts, without it that of 83 %.)"""
-FEWEST = 4
-"""Silhouettes that three numbers are fitted to."""
+MIN_SILHOUETTES = 4
+"""Smallest number of silhouettes for a fit of three parameters."""
 Image = Float[np.ndarray, "height width"]
 LOW = 0.3
 """Columns lower than this share of the highest are left out, $q$."""
@@ -66,8 +66,8 @@ which falls as the distance's cube, is a third wider where it is so much fainter
 is no part of the fireball."""
 PIXEL = 0.3
 """Error of a radius: of where an edge stands in a pixel, and of a glare [px]."""
-SHARE = 0.02
-"""And a share of it: a fireball is rough."""
+RELATIVE_ERROR = 0.02
+"""Relative error of a silhouette's radius, because a fireball is rough."""
 UNSURE = 0.25
 """Error, as a share of the radius, from which on a radius is not used: ground that the
 fire lights as brightly as itself makes all radii of a film too large, and a fit would
@@ -146,7 +146,7 @@ def growth(seen: Sequence[Silhouette], earliest_s: float) -> Growth:
     latest = seen[0].time_s
     start, even = 0.5 * (earliest_s + latest), (latest - earliest_s) / np.sqrt(12.0)
     fit = None
-    if len(whole) >= FEWEST:
+    if len(whole) >= MIN_SILHOUETTES:
         # of less than a pixel nothing may be seen, so it may be a frame earlier still
         fit = _fitted(time, radius, error, 2.0 * earliest_s - latest, latest)
     if fit is not None:
@@ -170,7 +170,9 @@ def growing(seen: Sequence[Silhouette]) -> list[Silhouette]:
     out: list[Silhouette] = []
     most = 0.0
     for one in seen:
-        leapt = len(out) >= FEWEST and one.radius_px > (1.0 + LEAP) * most + 1.0
+        leapt = (
+            len(out) >= MIN_SILHOUETTES and one.radius_px > (1.0 + LEAP) * most + 1.0
+        )
         if one.cut or one.radius_px < SHRUNK * most - 1.0 or leapt:
             break
         out.append(one)
@@ -261,7 +263,7 @@ def silhouette(
         radius if other is None else _spread(_within(other, share).sum(axis=0), LOW)[1]
         for other in (_spot(share, level, seed) for level in (FAINTER, BRIGHTER))
     )
-    errors = PIXEL, SHARE * radius, 0.5 * (high - low), GLOW * (faint - bright)
+    errors = PIXEL, RELATIVE_ERROR * radius, 0.5 * (high - low), GLOW * (faint - bright)
     sigma = float(np.linalg.norm(errors))
     cut = bool(spot[:, 0].any() or spot[:, -1].any())
     row = float(rows @ np.arange(len(rows))) / float(weight.sum())

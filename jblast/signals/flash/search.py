@@ -55,7 +55,7 @@ from jblast.signals.flash.fireball import (
 from jblast.signals.flash.watch import (
     BRIGHTER,
     FAINT,
-    LEAST,
+    MIN_PIXELS,
     PIXEL_NOISES,
     REMEMBERED,
     Seen,
@@ -96,7 +96,7 @@ SLOWEST_S = 0.02
 to a factor of two (`waves.fireball`). The test was set for up to 1 t [s]."""
 SPARKLE = "pixels went on lighting up as before it, as on glittering water"
 GROWS_ON = "its growth did not slow down as a fireball's of up to 1 t does"
-SAME = "it belongs to what had been rejected there before"
+SAME_AS_REJECTED = "it belongs to what had been rejected there before"
 STEP_S = 1e-3
 """Events of so long are one change [s]."""
 BLOCK = 32
@@ -104,8 +104,8 @@ Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 SENSOR = "camera"
 RADII = 8
 """Most rows of a flash with its radius."""
-SMALLEST = 3.0
-"""Radius that stands in a row, at least [px]."""
+MIN_RADIUS = 3.0
+"""Smallest reported radius [px]."""
 
 
 class Flash(NamedTuple):
@@ -134,7 +134,7 @@ class Rejected(NamedTuple):
 
     Attributes:
         time_s: Time of the alarm [s].
-        reason: Of the rejection, `SPARKLE`, `GROWS_ON` or `SAME`.
+        reason: Of the rejection, `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`.
     """
 
     time_s: float
@@ -269,7 +269,7 @@ class _Decided:
             last, box = self._spurned
             # what lit pixels of it is remembered for so long
             if number - last <= AFTER + REMEMBERED and _overlap(box, seen.box):
-                return SAME
+                return SAME_AS_REJECTED
         left, top, right, bottom = seen.box
         images = np.stack([one.image for one in frames])
         part = images[:, top:bottom, left:right]
@@ -400,7 +400,7 @@ def sparkles(
     lit = np.count_nonzero(changes > least, axis=(1, 2))
     before, after = lit[begun : at + 1].mean(), lit[at + SETTLED :]
     # of fewer pixels a rate is not known
-    if len(after) < ENOUGH or before < LEAST:
+    if len(after) < ENOUGH or before < MIN_PIXELS:
         return False
     return bool(after.mean() > CONTINUES * before)
 
@@ -623,7 +623,7 @@ def _some(flash: Flash) -> list[Silhouette]:
     large = [
         one
         for one in growing(flash.silhouettes)
-        if one.radius_px >= SMALLEST and one.time_s > flash.growth.time_s
+        if one.radius_px >= MIN_RADIUS and one.time_s > flash.growth.time_s
     ]
     whole = [one for one in large if one.sigma_px <= UNSURE * one.radius_px]
     if 2 * len(whole) < len(large):

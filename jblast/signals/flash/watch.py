@@ -67,8 +67,8 @@ DRIFT = 0.7
 """Taken off the sum of a tile in each frame, $k$: the parts of a passing car say about
 as much for many frames, a fireball four and more for a few, of which it has to last for
 the rest."""
-LEAST = 2.0
-"""Pixels that count as much as the noise of a tile, at least."""
+MIN_PIXELS = 2.0
+"""Smallest number of pixels that count as much as the noise of a tile."""
 TILE_NOISES = 3.0
 """Times the mean of the pixels lit without a blast."""
 TILE_LEARNT = 100.0
@@ -79,11 +79,11 @@ BOUND = 40.0
 """Largest sum of a tile."""
 SIDE = 17
 """Side of the square of the local mean [px]."""
-MOST = 0.3
+MAX_LOG_CHANGE = 0.3
 """Changes of the logarithm are clipped to this before that mean is taken."""
 FROM = 0.1
-"""Where no more than `FEW` changes are as large, nothing is done."""
-FEW = 20
+"""Where no more than `FEW_FRAMES` changes are as large, nothing is done."""
+FEW_FRAMES = 20
 CLIP = 3.0
 """For the camera's motion changes are clipped at so many times their mean size."""
 EVERY = 2
@@ -379,7 +379,7 @@ class Cusum:
             lit: All pixels that were lit.
             left: Share of the bright pixels that did not fall.
         """
-        usual = LEAST + TILE_NOISES * self._mean
+        usual = MIN_PIXELS + TILE_NOISES * self._mean
         self._sum += np.log1p(evidence / usual)
         self._sum *= left
         self._sum -= DRIFT
@@ -405,9 +405,9 @@ def own_change(change: Image) -> Image:
     Args:
         change: Of the logarithm of light.
     """
-    if np.count_nonzero(change > FROM) <= FEW:
+    if np.count_nonzero(change > FROM) <= FEW_FRAMES:
         return change
-    clipped = np.clip(change, np.float32(-MOST), np.float32(MOST))
+    clipped = np.clip(change, np.float32(-MAX_LOG_CHANGE), np.float32(MAX_LOG_CHANGE))
     return change - _mean(_mean(clipped, 0), 1)
 
 

@@ -127,8 +127,8 @@ def _options(options: Mapping[str, Any]) -> Options:
     )
 
 
-TOGETHER = 1 << 16
-"""Flights whose rows, some 3 GB, a GPU holds at once."""
+FLIGHTS_ON_DEVICE = 1 << 16
+"""Flights whose rows, about 3 GB, are on a GPU simultaneously."""
 
 register_family(
     Family(
@@ -137,7 +137,7 @@ register_family(
         prepare,
         block=64,
         tile=1024,
-        together=TOGETHER,
+        together=FLIGHTS_ON_DEVICE,
         options=OPTIONS,
     )
 )

@@ -44,8 +44,8 @@ ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
 PARITY = np.uint32(0x1BD11BDA)
 ONE = np.uint64(0x3FF0000000000000)
 """Bits of 1.0."""
-LEAST = np.nextafter(-1.0, 0.0)
-"""From which on a uniform number is made a normal one."""
+LOWEST_UNIFORM = np.nextafter(-1.0, 0.0)
+"""Lower bound of the uniform numbers that are transformed into normal ones."""
 Word = UInt32[Array, "..."] | np.uint32
 
 
@@ -236,7 +236,7 @@ def normals(keys: Key[Array, " key"], count: int) -> Float[Array, "key number"]:
     # a loop, so that bits are there once for all that is done with them
     bits = lax.map(bits_of, jnp.arange(count, dtype=jnp.uint32))
     unit = lax.bitcast_convert_type((bits >> np.uint64(12)) | ONE, jnp.float64) - 1.0
-    even = jnp.maximum(LEAST, unit * (1.0 - LEAST) + LEAST)
+    even = jnp.maximum(LOWEST_UNIFORM, unit * (1.0 - LOWEST_UNIFORM) + LOWEST_UNIFORM)
     return (np.sqrt(2.0) * lax.erf_inv(even)).T
 
 

@@ -76,7 +76,7 @@ from jblast.vehicle.state import (
 # RotorPy 3.0.0's. Declared are those of the Iris' attitude, 12 rad/s and a damping of
 # 0.8 before the motors' lag, for PX4's own loops do not translate, and all of the
 # integral: a quarter of k_p, which takes an offset out in some 4 s.
-NAMED = {
+NAMED_GAINS = {
     name: {
         "kp_pos": [6.5, 6.5, 15.0],
         "kd_pos": [4.0, 4.0, 9.0],
@@ -318,11 +318,12 @@ def named_gains(name: str, *, integral: bool = False) -> Gains:
     Raises:
         InputError: There are none of that name.
     """
-    if name not in NAMED:
+    if name not in NAMED_GAINS:
         raise InputError(
-            f"gains of {name!r}: expected {', '.join(NAMED)}{nearest(str(name), NAMED)}"
+            f"gains of {name!r}: expected {', '.join(NAMED_GAINS)}"
+            f"{nearest(str(name), NAMED_GAINS)}"
         )
-    gains = NAMED[name]
+    gains = NAMED_GAINS[name]
     dropped = () if integral else ("ki_pos",)
     return gains_from_parameters({k: v for k, v in gains.items() if k not in dropped})
 

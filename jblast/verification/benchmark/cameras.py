@@ -66,7 +66,7 @@ SOLVED = 1e-9
 """Crossings are solved for to this [s]: no error below it is told."""
 STILL_TO = 1.0
 """So long does the real camera look [s]."""
-NEAR = 0.2e-3
+SAME_EVENT_S = 0.2e-3
 """Events of one pixel and sign are the same within this [s]."""
 USUAL = NoiseModel()
 EFFECTS = {
@@ -339,7 +339,7 @@ def unlike(found: Sent, known: Sent) -> tuple[int, int]:
             return a.size
         after = np.searchsorted(b, a)
         near = [np.abs(a - b[np.clip(after - k, 0, b.size - 1)]) for k in (0, 1)]
-        return int((np.minimum(*near) > NEAR).sum())
+        return int((np.minimum(*near) > SAME_EVENT_S).sum())
 
     return alone(known, found), alone(found, known)
 

@@ -80,8 +80,8 @@ BANDS = ((0.5, 3.0), (3.0, 40.0), (40.0, 1000.0))
 """Scaled distances of the panels [m/kg^(1/3)]."""
 POINTS = 1 << 17
 """Readings a call, when a law is timed."""
-FEWEST = 5
-"""Nodes that a method has to share with a band to be drawn in it."""
+MIN_NODES = 5
+"""Smallest number of nodes of a method in a band that is drawn."""
 
 
 class PulseParameters(NamedTuple):
@@ -447,7 +447,7 @@ def _point(
     path = standard_path(z, burst)
     ratio = log_ratio(quantity, method, path)
     known = np.isfinite(ratio) & holds(quantity, method, path)
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_NODES:
         return None
     spans = reference_uncertainties(quantity, burst)
     uncertainty = max(s.error for s in spans if s.start < end and s.end > start)

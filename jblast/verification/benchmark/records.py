@@ -64,8 +64,8 @@ LENGTHS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
 WHOLE_S = 0.2
 BLOCK_S = 0.01
 SIZE, WINDOWS = 2**16, 100
-LEAST = 1e-3
-"""Least reported loss, as a share of 2E/N0."""
+MIN_LOSS = 1e-3
+"""Smallest reported loss, as a share of 2E/N0."""
 SNR_DB = 17.0
 """2E/N0 of the blasts whose misses are counted."""
 Loudest = Callable[[np.ndarray], float]
@@ -77,8 +77,8 @@ EYE = 0.05
 part of a sample, beside a peak the noise."""
 WIDE, NARROW = 41, 17
 """Masses at which a density is looked at, of readings and of samples."""
-REACH = 4.5
-"""Standard deviations that they go to."""
+REACH_SD = 4.5
+"""Largest distance of the nodes [sd]."""
 
 
 def beginning(length_s: float) -> np.ndarray:
@@ -112,7 +112,7 @@ def latency_points() -> list[BenchmarkPoint]:
                 BenchmarkPoint(
                     f"template {1e3 * length:g} ms",
                     2 * kernel.reach / RATE + BLOCK_S,
-                    max(lost, LEAST),
+                    max(lost, MIN_LOSS),
                     f"threshold {needed:.1f} dB for one false alarm an hour",
                     panel,
                 )
@@ -225,7 +225,7 @@ def _densities(posterior: Posterior, z: Float[Array, " place"]) -> Array:
 
 def _on_grid(posterior: Posterior, centre: float, sd: float, count: int) -> Answer:
     """Return an answer by quadrature about a place."""
-    z = centre + sd * np.linspace(-REACH, REACH, count)
+    z = centre + sd * np.linspace(-REACH_SD, REACH_SD, count)
     density = np.asarray(_densities(posterior, jnp.asarray(z)))
     fine = np.linspace(z[0], z[-1], 2001)
     weight = np.exp(np.interp(fine, z, density) - np.nanmax(density))
@@ -241,7 +241,7 @@ def answer_of(posterior: Posterior) -> Answer:
     for _ in range(6):
         before = answer.sd
         answer = _on_grid(posterior, answer.middle, answer.sd, WIDE)
-        spacing = 2 * REACH * before / (WIDE - 1)
+        spacing = 2 * REACH_SD * before / (WIDE - 1)
         answer = answer._replace(sd=max(answer.sd, spacing))
         if answer.sd > 2 * spacing:
             break

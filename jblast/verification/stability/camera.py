@@ -33,12 +33,12 @@ from jblast.verification.stability.failure import (
 
 BOTH = (THRESHOLD, THRESHOLD)
 RAMPS = 1000
-MOST = 40
-"""Thresholds in a ramp at most."""
+MAX_STEPS = 40
+"""Largest number of thresholds in a ramp."""
 LOST = 0.01
 """A reference off by more than this share of a threshold has lost its digits."""
-LONGEST = 1 << 20
-"""Events of a pixel that are followed."""
+MAX_EVENTS = 1 << 20
+"""Largest number of events of a pixel that are followed."""
 BLOCK = 16
 FALSE = 0.01
 """Events a frame that a still pixel should not send."""
@@ -59,13 +59,13 @@ def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " ev
     First of a sum that runs on, then of whole counts.
     """
     up, down = np.float32(THRESHOLD), np.float32(1.5 * THRESHOLD)
-    rises = np.resize([True, True, True, False, False], LONGEST)
+    rises = np.resize([True, True, True, False, False], MAX_EVENTS)
     ups, downs = np.cumsum(rises), np.cumsum(~rises)
     first = np.float32(-1.7)
     moves = np.where(rises, up, -down).astype(np.float32)
     running = np.cumsum(np.append(first, moves), dtype=np.float32)[1:]
     counted = Reference(
-        jnp.full(LONGEST, first), *(jnp.asarray(n, jnp.int32) for n in (ups, downs))
+        jnp.full(MAX_EVENTS, first), *(jnp.asarray(n, jnp.int32) for n in (ups, downs))
     )
     level = np.asarray(counted.level((jnp.asarray(up), jnp.asarray(down))))
     exact = float(first) + ups * float(up) - downs * float(down)
@@ -77,7 +77,7 @@ def _sum() -> FailureMode:
     running, counted = summed_errors()
     begin = first_failure(running > LOST, "sum of thresholds in float32")
     lost = np.flatnonzero(counted > LOST)
-    ours = int(lost[0]) if lost.size else LONGEST
+    ours = int(lost[0]) if lost.size else MAX_EVENTS
     message = f"{LOST:.0%} after {ours:,} events" if lost.size else "no such error"
     return FailureMode(
         area="events",
@@ -86,7 +86,7 @@ def _sum() -> FailureMode:
         boundary=float(begin),
         unit="events",
         beyond=f"off by {LOST:.0%} of a threshold there, by {running.max():.0%} within "
-        f"{LONGEST:,} events",
+        f"{MAX_EVENTS:,} events",
         response=verified("holds", ours > 10 * begin, "references"),
         message=f"whole counts: {message} in float32; streams count in float64",
     )
@@ -99,7 +99,7 @@ def lost_to_rounding() -> tuple[int, int]:
     """
     rng = np.random.default_rng(0)
     threshold = rng.uniform(0.05, 0.5, RAMPS)
-    number = rng.integers(1, MOST + 1, RAMPS)
+    number = rng.integers(1, MAX_STEPS + 1, RAMPS)
     begin = rng.uniform(-6.0, 0.0, RAMPS)
     end = begin + number * threshold
     bare = np.floor((end - begin) / threshold)
@@ -117,7 +117,8 @@ def _rounded() -> FailureMode:
         failure="the last event is lost to rounding",
         boundary=float(bare),
         unit=f"of {RAMPS}",
-        beyond=f"floor(change/threshold) is k - 1 in {bare} of {RAMPS}, k to {MOST}",
+        beyond=f"floor(change/threshold) is k - 1 in {bare} of {RAMPS}, "
+        f"k to {MAX_STEPS}",
         response=verified("holds", ours == 0, "ramps"),
         message="a threshold counts as reached from 16 roundings below it: none lost",
     )

@@ -6,8 +6,8 @@ by lightning.
 
 Picks fail by noise, low rates, drift, echoes and clipping. The records are of six
 gauges about 15 kg, five times. A pick *fails* where arrival, peak, duration or impulse
-is off by more than `FAR` of its own standard deviations, or where there is none; it is
-*marked* where its quality is not good.
+is off by more than `OUTLIER_SD` of its own standard deviations, or where there is none;
+it is *marked* where its quality is not good.
 """
 
 import functools
@@ -36,7 +36,7 @@ from jblast.signals.flash.vertical_events import VerticalEvents
 from jblast.verification.flash_films import BlastFilm, blast, negative
 from jblast.verification.simulated_recordings import (
     BEHIND,
-    FAR,
+    OUTLIER_SD,
     RATE,
     Recorder,
     Shares,
@@ -54,8 +54,8 @@ from jblast.verification.stability.failure import (
 )
 
 RECORDS_AREA = "records"
-SHARE = 0.05
-"""Where more picks fail, the method does."""
+FAILED_SHARE = 0.05
+"""A method fails where more picks fail."""
 CLEAR = 100.0
 """Peak over noise of the rows that are not about noise."""
 PICK_SNRS = (1000.0, 100.0, 30.0, 10.0, 7.0, 5.0, 4.0, 3.0, 2.0)
@@ -63,7 +63,7 @@ COLOUR = 0.7
 RISES = (30.0, 10.0, 3.0, 0.3, 0.03)
 PER_PHASE = (80.0, 20.0, 12.0, 8.0, 6.0, 4.0, 2.0)
 """Samples of a positive phase."""
-FEW = 600
+SHORT_RECORD = 600
 """Samples of these records, quiet before the front for the rest."""
 PERIODS = (20.0, 10.0, 7.0, 4.0, 2.0)
 """Of a baseline that moves to and fro [durations]."""
@@ -74,8 +74,8 @@ MERGED = (0.02, 0.01)
 """Delays [durations] within about two rise times. Such an echo makes a step and a ramp,
 which is also the form of one pulse with a slow rise."""
 TWO_OF_30 = 0.07
-"""Unmarked share allowed for echoes: 2 of 30 records. At a true share of `SHARE` chance
-gives so many with a probability of 45 %."""
+"""Unmarked share allowed for echoes: 2 of 30 records. At a true share of `FAILED_SHARE`
+chance gives so many with a probability of 45 %."""
 ECHO, ECHO_RISE = 0.3, 4.0
 LEFT = (1.0, 0.9, 0.7, 0.5, 0.2, 0.05)
 """Where records are clipped, shares of the peak."""
@@ -129,7 +129,7 @@ def _row(
     unit: str,
     *,
     words: Callable[[float], str],
-    most_unmarked: float = SHARE,
+    most_unmarked: float = FAILED_SHARE,
     message: str = "",
 ) -> FailureMode:
     """Return the mode of picks that fail from a level on.
@@ -143,7 +143,7 @@ def _row(
         most_unmarked: Share that may be far off and called good.
         message: Message where picks fail.
     """
-    bad = shares.failed > SHARE
+    bad = shares.failed > FAILED_SHARE
     first = int(np.argmax(bad)) if bad.any() else len(levels) - 1
     worst = int(np.argmax(shares.failed))
     unmarked = int(np.argmax(shares.unmarked))
@@ -156,7 +156,8 @@ def _row(
     return FailureMode(
         area=RECORDS_AREA,
         method=method,
-        failure=f"over {SHARE:.0%} of picks are lost, or off by {FAR:g} of their sd",
+        failure=f"over {FAILED_SHARE:.0%} of picks are lost, or off by "
+        f"{OUTLIER_SD:g} of their sd",
         boundary=float(levels[first]),
         unit=unit,
         beyond=ends,
@@ -200,8 +201,10 @@ def _rise() -> FailureMode:
 def _rate() -> FailureMode:
     recorders = []
     for count in PER_PHASE:
-        rise, before = min(1.0, count / 10.0), FEW / count - BEHIND
-        recorders.append(Recorder(snr=CLEAR, rise=rise, samples=FEW, before=before))
+        rise, before = min(1.0, count / 10.0), SHORT_RECORD / count - BEHIND
+        recorders.append(
+            Recorder(snr=CLEAR, rise=rise, samples=SHORT_RECORD, before=before)
+        )
     return _row(
         "pick, ever fewer samples",
         PER_PHASE,

@@ -28,9 +28,9 @@ from jblast.inference.fitting.goodness_of_fit import (
     standardised_residuals,
     suspected_outliers,
 )
-from jblast.inference.fitting.unidentified import NEAR, other_modes
+from jblast.inference.fitting.unidentified import AMBIGUITY, other_modes
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.inference.mode.search import SAME
+from jblast.inference.mode.search import SAME_OPTIMUM_SD
 from jblast.observations import Observations
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_laws, with_values
 from jblast.sensors import simulate
@@ -42,13 +42,13 @@ from jblast.verification.stability.failure import (
     verified,
 )
 
-FAR = 20
-"""The size that is reported [standard deviations]."""
-SIZES = np.arange(0.0, 2 * FAR + 1)
+REPORTED_SD = 20
+"""The size that is reported [sd]."""
+SIZES = np.arange(0.0, 2 * REPORTED_SD + 1)
 """Tried by `solve` [sds]."""
 FITS = 400
 """Fits in one call, always as many, so that one program serves them all."""
-FINE = np.linspace(0.0, 2 * FAR, FITS)
+FINE = np.linspace(0.0, 2 * REPORTED_SD, FITS)
 """Tried by least squares [sds]."""
 WHICH = 0
 """The nearest sensor, whose reading constrains the fit most."""
@@ -65,7 +65,7 @@ SPEEDS = {
 }
 SOLVED = 5
 """Logs that `solve`, which takes one at a time, is tried on."""
-OFF = 0.5 * SAME**2
+OFF = 0.5 * SAME_OPTIMUM_SD**2
 SOLVERS = {
     "Gauss-Newton": optx.GaussNewton,
     "BFGS": optx.BFGS,
@@ -171,11 +171,12 @@ def outlier_failure() -> FailureMode:
         failure="one outlier of eight readings moves the mass out of its 90 % interval",
         boundary=boundary,
         unit="sd of the reading",
-        beyond=f"an outlier of {FAR} sd moves ln mass by "
-        f"{np.interp(FAR, FINE, size):.1f} of its sd",
-        response=verified("marks", bool(first <= FAR), "an outlier"),
-        message=f"Student-t errors: moved by {np.abs(by.student[SIZES == FAR])[0]:.2f} "
-        f"sd at {FAR}, at most by {np.abs(by.student[worst]):.2f} (by an outlier of "
+        beyond=f"an outlier of {REPORTED_SD} sd moves ln mass by "
+        f"{np.interp(REPORTED_SD, FINE, size):.1f} of its sd",
+        response=verified("marks", bool(first <= REPORTED_SD), "an outlier"),
+        message=f"Student-t errors: moved by "
+        f"{np.abs(by.student[SIZES == REPORTED_SD])[0]:.2f} sd at {REPORTED_SD}, "
+        f"at most by {np.abs(by.student[worst]):.2f} (by an outlier of "
         f"{SIZES[worst]:.0f}); named among the suspected outliers from {first:.0f} sd "
         "on",
     )
@@ -225,7 +226,7 @@ def mirror_excess(bent: float) -> float:
 
 def collinear_failure() -> FailureMode:
     """Measure how far off the line a sensor has to stand."""
-    boundary = crossing(lambda bent: mirror_excess(bent) - NEAR, 0.0, 5.0, to=0.01)
+    boundary = crossing(lambda bent: mirror_excess(bent) - AMBIGUITY, 0.0, 5.0, to=0.01)
     at = solved_log(line(), *MIRRORED).solution
     fits = stock_solutions(at, poor_starts())
     wrong = int(np.sum(fits.z[:, 2] < 0))

@@ -75,8 +75,8 @@ SIZE = 6144
 """Steps that are asked about at once, at most."""
 INSTANT = 1e-4
 """Of a phase: so long is a force looked at where it is sampled."""
-NEAR = np.array([0.0, 0.01, 0.1, 0.2, 0.5, 1.0, 2.0])
-"""Places so far from a charge of 1 kg [m]."""
+NEAR_DISTANCES = np.array([0.0, 0.01, 0.1, 0.2, 0.5, 1.0, 2.0])
+"""Distances from a charge of 1 kg [m]."""
 CHARGES = np.geomspace(1.0, 1000.0, 31)
 """TNT 5 m away [kg]."""
 NAMES = tuple(PARAMETERS)
@@ -470,7 +470,7 @@ def pulse_failure() -> FailureMode:
 
 
 def near_impulses() -> tuple[Float[np.ndarray, " place"], Bool[np.ndarray, " place"]]:
-    """Return the impulses 1 kg gives a Crazyflie at `NEAR` [N s], and the marks."""
+    """Return impulses of 1 kg on a Crazyflie near it [N s], and the marks."""
     load = blast_load(Scene(charge=Charge(mass_kg=1.0)))
     level = hovering(named("crazyflie"))
 
@@ -480,7 +480,7 @@ def near_impulses() -> tuple[Float[np.ndarray, " place"], Bool[np.ndarray, " pla
         push, _ = load.impulse(jnp.zeros(()), jnp.ones(()), state, named("crazyflie"))
         return jnp.linalg.norm(push), load.in_range(place)[0]
 
-    sizes, held = jax.jit(jax.vmap(given))(jnp.asarray(NEAR))
+    sizes, held = jax.jit(jax.vmap(given))(jnp.asarray(NEAR_DISTANCES))
     return np.asarray(sizes), np.asarray(held)
 
 
@@ -501,8 +501,8 @@ def near_failure() -> FailureMode:
         failure="nearer than the laws' fits reach",
         boundary=begins,
         unit="m from the charge",
-        beyond=f"{NEAR[1]:g} m: {sizes[1]:.2g} N s, as if it were at Z = 0.07; "
-        f"{sizes[0]:.2g} at the charge, without a direction",
+        beyond=f"{NEAR_DISTANCES[1]:g} m: {sizes[1]:.2g} N s, as if it were at "
+        f"Z = 0.07; {sizes[0]:.2g} at the charge, without a direction",
         response=verified(
             "marks", finite and not held[:3].any() and held[4:].all(), "near"
         ),

@@ -52,13 +52,13 @@ STEPS = 1000
 MIRROR_STEPS = 2500
 LESSER = 1 / 3
 """What the second mode holds."""
-FAR = 12.0
+SEPARATED_SD = 12.0
 """Modes so many standard deviations apart are told of."""
-APART = (6.0, 8.0, 10.0, FAR)
+MODE_SEPARATIONS = (6.0, 8.0, 10.0, SEPARATED_SD)
 SHORT, LONG = 500, 4000
 """Steps."""
 ENDLESS_STEPS = 1500
-NEAR = 10.0
+CIRCLE_RADIUS = 10.0
 """Radius of the circle of sensors that a ridge without end is told of [m]."""
 CLOSE = 6.0
 """Of the one that a bent ridge is told of [m]."""
@@ -120,20 +120,22 @@ def share_beyond(chain: np.ndarray, apart: float) -> float:
 
 def found_failure() -> FailureMode:
     """Measure from how far apart the other mode is not found from the first."""
-    shares = [share_beyond(from_one(apart).kept(), apart) for apart in APART]
+    shares = [share_beyond(from_one(apart).kept(), apart) for apart in MODE_SEPARATIONS]
     missed = 1 - np.array(shares) / LESSER
     # the walks are random: what is missed is taken not to shrink with the distance
     missed = np.maximum.accumulate(missed)
-    boundary = boundary_at(0.5, missed, np.array(APART), "stretch move from one mode")
-    walk = by_jblast(FAR)
-    share = share_beyond(walk.chain[walk.convergence.warm_up :], FAR)
+    boundary = boundary_at(
+        0.5, missed, np.array(MODE_SEPARATIONS), "stretch move from one mode"
+    )
+    walk = by_jblast(SEPARATED_SD)
+    share = share_beyond(walk.chain[walk.convergence.warm_up :], SEPARATED_SD)
     return FailureMode(
         area="walks",
         method="emcee, stretch move",
         failure="from one mode, half of the other is missed",
         boundary=boundary,
         unit="sd between the modes",
-        beyond=f"a mode of {LESSER:.0%} of all that is {FAR:g} sd away gets "
+        beyond=f"a mode of {LESSER:.0%} of all that is {SEPARATED_SD:g} sd away gets "
         f"{shares[-1]:.1%} in {STEPS} steps",
         response=verified(
             "holds", walk.reached and abs(share - LESSER) < 0.05, "modes"
@@ -196,8 +198,8 @@ def mirror_failure() -> FailureMode:
 
 def weighed_failure() -> FailureMode:
     """Measure how far off the share of a mode stays where walkers start in both."""
-    walk = from_both(FAR)
-    share = share_beyond(walk.kept(), FAR)
+    walk = from_both(SEPARATED_SD)
+    share = share_beyond(walk.kept(), SEPARATED_SD)
     tau = walk.judged.tau.max()
     return FailureMode(
         area="walks",
@@ -205,9 +207,9 @@ def weighed_failure() -> FailureMode:
         failure="from both modes, the shares stay as started",
         boundary=STEPS / walk.own_tau,
         unit=f"autocorrelation times claimed in {STEPS} steps",
-        beyond=f"{FAR:g} sd apart, a mode of {LESSER:.0%} keeps {share:.0%}; emcee's "
-        f"autocorrelation time is {walk.own_tau:.0f} steps, its limit of 50 of them "
-        "met",
+        beyond=f"{SEPARATED_SD:g} sd apart, a mode of {LESSER:.0%} keeps {share:.0%}; "
+        f"emcee's autocorrelation time is {walk.own_tau:.0f} steps, its limit of 50 "
+        "of them met",
         response=verified(
             "marks", not walk.judged.reached(1.0) and tau > STEPS / 50, "shares"
         ),
@@ -254,7 +256,7 @@ def null_failure() -> FailureMode:
 @functools.cache
 def endless() -> tuple[Solution, Ensemble]:
     """Walk over the mass of a charge 300 m from a circle of sensors of 10 m."""
-    found = solved_log(circle(NEAR), 30.0, 300.0, 0.0).solution
+    found = solved_log(circle(CIRCLE_RADIUS), 30.0, 300.0, 0.0).solution
     walk = ensemble(
         found.posterior,
         found.laplace,

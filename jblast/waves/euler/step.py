@@ -84,8 +84,8 @@ from jblast.waves.euler.state import (
 )
 
 KAPPA = 1.0 / 3.0
-TINY = 1e-30
-"""Keeps 0/0 away where nothing changes; far below any square that matters."""
+DIVISION_GUARD = 1e-30
+"""Prevents 0/0 where nothing changes; far below any square that matters."""
 NEWTON_STEPS = 3
 """From the Mach number of the extrapolated pressure, third order itself."""
 WEAKEST = 1e-9
@@ -293,7 +293,7 @@ def face_values(
     around = materialized(jnp.concatenate([inner[None], means, outer[None]]))
     a, b = means - around[:-2], around[2:] - means
     if limited:
-        s = 2.0 * jnp.maximum(a * b, 0.0) / (a * a + b * b + TINY)
+        s = 2.0 * jnp.maximum(a * b, 0.0) / (a * a + b * b + DIVISION_GUARD)
     else:
         s = jnp.ones_like(a)
     mean, twist = 0.25 * s * (a + b), (0.25 * KAPPA) * s * s * (b - a)

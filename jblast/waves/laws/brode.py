@@ -37,21 +37,21 @@ from jblast.waves.scaling import (
 )
 
 BAR = 1e5
-NEAREST = 0.05
-"""Where the curve starts [m/kg^(1/3)]: about the surface of a charge of TNT."""
+NEAREST_Z = 0.05
+"""Start of the curve [m/kg^(1/3)]: about the surface of a charge of TNT."""
 
 NEAREST_VALID = 0.5
 JOIN = math.sqrt(0.9063113756 * 0.9294529451)
 """Between the scaled distances where the two branches are 10 bar [m/kg^(1/3)]."""
 
-FARTHEST = 9.9243959638
-"""Where the second branch is 0.1 bar [m/kg^(1/3)]."""
+FARTHEST_Z = 9.9243959638
+"""Scaled distance at which the second branch is 0.1 bar [m/kg^(1/3)]."""
 
 CURVE = LogCurve(
     (
-        ReciprocalPolynomial(NEAREST, JOIN, (BAR, 0.0, 0.0, 6.7 * BAR)),
+        ReciprocalPolynomial(NEAREST_Z, JOIN, (BAR, 0.0, 0.0, 6.7 * BAR)),
         ReciprocalPolynomial(
-            JOIN, FARTHEST, tuple(BAR * c for c in (-0.019, 0.975, 1.455, 5.85))
+            JOIN, FARTHEST_Z, tuple(BAR * c for c in (-0.019, 0.975, 1.455, 5.85))
         ),
     )
 )
@@ -82,7 +82,7 @@ def brode_valid(
 ) -> Bool[Array, "..."]:
     """Return where Z lies in 0.5 to 9.92, in free air."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return (z >= NEAREST_VALID) & (z <= FARTHEST) & (burst == "free-air")
+    return (z >= NEAREST_VALID) & (z <= FARTHEST_Z) & (burst == "free-air")
 
 
 register(
@@ -95,6 +95,6 @@ register(
         valid=brode_valid,
         scatter=declared_scatter(shot=0.10, record=0.10),
         scatter_source="declared",
-        joins=(NEAREST, JOIN, FARTHEST),
+        joins=(NEAREST_Z, JOIN, FARTHEST_Z),
     )
 )

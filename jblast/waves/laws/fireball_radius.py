@@ -21,7 +21,7 @@ from jblast.waves.fireball import (
 )
 from jblast.waves.laws.sedov_taylor import EARLIEST_TIME
 
-NEAREST = 0.9
+NEAREST_RATIO = 0.9
 """Radius over distance of the nearest camera: past it the outline is a continuation.
 
 The outline is then seen 64 degrees off the centre; a camera inside sees none.
@@ -72,8 +72,8 @@ def fireball_law_radius_in_image(
 
     with $\alpha$ the half-angle of the cone that touches the sphere. It is the radius
     of the circle seen in the middle of the image; elsewhere a sphere is seen as an
-    ellipse, whose size has to be turned into $\alpha$ first. Past $R/d$ = `NEAREST` the
-    law goes on as a power of $R/d$ with its slope there.
+    ellipse, whose size has to be turned into $\alpha$ first. Past $R/d$ =
+    `NEAREST_RATIO` the law goes on as a power of $R/d$ with its slope there.
 
     Args:
         time_since_detonation: Time [s].
@@ -86,9 +86,11 @@ def fireball_law_radius_in_image(
     radius = fireball_law_radius(time_since_detonation, charge_mass, fireball_growth)
     apart = ~(distance <= 0)  # NaN stays NaN
     sine = jnp.where(apart, radius / jnp.where(apart, distance, 1.0), 1.0)
-    inside = jnp.minimum(sine, NEAREST)
+    inside = jnp.minimum(sine, NEAREST_RATIO)
     tangent = inside / jnp.sqrt(1.0 - jnp.square(inside))
-    beyond = (jnp.maximum(sine, NEAREST) / NEAREST) ** (1.0 / (1.0 - NEAREST**2))
+    beyond = (jnp.maximum(sine, NEAREST_RATIO) / NEAREST_RATIO) ** (
+        1.0 / (1.0 - NEAREST_RATIO**2)
+    )
     return focal * tangent * beyond
 
 
@@ -111,7 +113,7 @@ def fireball_law_valid_in_image(
     """Return where it glows, seen by a camera that stands well outside."""
     radius = fireball_law_radius(time_since_detonation, charge_mass, fireball_growth)
     valid = fireball_law_valid(time_since_detonation, charge_mass)
-    return valid & (radius <= NEAREST * jnp.asarray(slant_range))
+    return valid & (radius <= NEAREST_RATIO * jnp.asarray(slant_range))
 
 
 _SCATTER = declared_scatter(shot=0.20, record=0.05)

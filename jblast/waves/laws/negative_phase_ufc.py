@@ -43,7 +43,7 @@ from jblast.waves.scaling import (
 
 FIRST, LAST = 0.05, 36.975
 """Where the table starts and ends [m/kg^(1/3)]."""
-HELD = math.log(1.05)
+AMBIENT_HALF_WIDTH = math.log(1.05)
 """Width in ln, to each side of the ambient pressure, where readings are held."""
 SI_UNITS = {"kPa": 1e3, "kPa_ms_kg13": 1.0, "ms_kg13": 1e-3}
 
@@ -66,8 +66,10 @@ def ufc_curve(column: str) -> HermiteCurve:
 def _held_below_ambient(pressure: np.ndarray) -> np.ndarray:
     """Bring readings near and above the ambient pressure below it, smoothly."""
     d = np.log(pressure / STANDARD_PRESSURE)
-    t = np.clip((d + HELD) / (2.0 * HELD), 0.0, 1.0)
-    d = np.minimum(d, HELD) - 2.0 * HELD * t**4 * (t**2 - 3.0 * t + 2.5)
+    t = np.clip((d + AMBIENT_HALF_WIDTH) / (2.0 * AMBIENT_HALF_WIDTH), 0.0, 1.0)
+    d = np.minimum(d, AMBIENT_HALF_WIDTH) - 2.0 * AMBIENT_HALF_WIDTH * t**4 * (
+        t**2 - 3.0 * t + 2.5
+    )
     return STANDARD_PRESSURE * np.exp(d)
 
 

@@ -133,7 +133,7 @@ def von_karman(apart, length):
 def test_intervals_contain_directions_of_fronts_that_air_has_turned():
     rng, inside, widths = np.random.default_rng(3), [], []
     for _ in range(120):
-        count = rng.integers(3, 9)
+        count = int(rng.integers(3, 9))
         places = np.zeros((count, 3))
         places[:, :2] = rng.uniform(-0.5, 0.5, (count, 2)) * 10 ** rng.uniform(
             -0.3, 0.7

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from jblast.signals.flash.watch import BOUND, DRIFT, LEAST, Cusum, stays_for
+from jblast.signals.flash.watch import BOUND, DRIFT, MIN_PIXELS, Cusum, stays_for
 
 
 def page(evidence, left):
     """The sum of one tile by its equation, no noise learnt."""
     total, out = 0.0, []
     for a, share in zip(evidence, left, strict=True):
-        said = np.log(1 + a / LEAST)
+        said = np.log(1 + a / MIN_PIXELS)
         total = min(max(0.0, share * (total + said) - DRIFT), BOUND)
         out.append(total)
     return np.array(out)

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from jblast.signals.flash import detect_flashes
-from jblast.signals.flash.search import GROWS_ON, SAME, SPARKLE, flash_threshold
+from jblast.signals.flash.search import (
+    GROWS_ON,
+    SAME_AS_REJECTED,
+    SPARKLE,
+    flash_threshold,
+)
 
 SHAPE = 60, 90
 _Y, _X = np.mgrid[: SHAPE[0], : SHAPE[1]]
@@ -61,7 +66,7 @@ def test_glitter_that_is_there_from_the_first_frame_on_is_no_blast():
     reasons = [rejected.reason for one in seen for rejected in one.rejected]
     # without the check these are blasts
     assert SPARKLE in reasons
-    assert {*reasons} <= {SPARKLE, SAME}
+    assert {*reasons} <= {SPARKLE, SAME_AS_REJECTED}
 
 
 # from 4 px on by the cube root the slope, 0.28, is that of the slowest fireball, 0.22,
@@ -77,7 +82,7 @@ def test_a_balloon_that_is_blown_up_is_no_blast(power, first):
     seen = searched(growing_disc(radius))
     assert not seen.flashes
     assert seen.rejected[0].reason in (GROWS_ON, SPARKLE)
-    assert {one.reason for one in seen.rejected[1:]} <= {SAME}
+    assert {one.reason for one in seen.rejected[1:]} <= {SAME_AS_REJECTED}
 
 
 @pytest.mark.parametrize("rate_hz", [30.0, 240.0])

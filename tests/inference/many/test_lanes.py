@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.inference.many.lanes import (
-    LEAST,
+    MIN_LANES,
     LaneResults,
     better,
     beyond_array,
@@ -18,7 +18,7 @@ def test_lanes_are_filled_up_by_the_last_to_a_power_of_two():
     wanted = np.zeros(100, bool)
     wanted[[3, 50]] = True
     found = lanes_where(jnp.asarray(wanted))
-    assert found.size == LEAST
+    assert found.size == MIN_LANES
     np.testing.assert_array_equal(np.unique(found), [3, 50])
     assert lanes_where(jnp.ones(33, bool)).size == 64
     assert lanes_where(jnp.zeros(5, bool)).size == 0

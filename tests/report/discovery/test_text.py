@@ -1,7 +1,7 @@
 import re
 from pathlib import Path
 
-from jblast.report.discovery import HELD
+from jblast.report.discovery import COVERAGE
 
 TABLE = Path(__file__).parents[3] / "calibration" / "results" / "discovery.txt"
 
@@ -13,4 +13,4 @@ def test_the_intervals_told_to_hold_the_truth_are_those_of_the_kept_table():
     shares = [
         float(row[held]) for row in rows if row[noise] != "0 %" and row[held] != "-"
     ]
-    assert (min(shares), max(shares)) == HELD
+    assert (min(shares), max(shares)) == COVERAGE

@@ -6,7 +6,7 @@ from jblast.errors import InputError
 from jblast.scene.reader.scene import read_vehicle, scene_from_document
 from jblast.scene.reader.tables import KEYS, VEHICLE_MODELS
 from jblast.vehicle import hold_of
-from jblast.vehicle.control.position_hold import NAMED
+from jblast.vehicle.control.position_hold import NAMED_GAINS
 from jblast.vehicle.quadrotor import PARAMETERS
 
 PLACED = {"model": '"iris"', "position_m": "[10, -5, 2]"}
@@ -84,7 +84,7 @@ def test_the_scene_keeps_its_vehicle():
 
 def test_models_and_gains_are_those_that_fly():
     assert set(VEHICLE_MODELS) == set(PARAMETERS)
-    for table in NAMED.values():
+    for table in NAMED_GAINS.values():
         assert set(table) <= set(KEYS["control"])
 
 

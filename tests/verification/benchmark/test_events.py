@@ -38,7 +38,7 @@ def test_a_pixel_with_another_count_is_left_out_and_told():
 
 def test_events_without_a_partner_are_counted_on_both_sides():
     known = Sent(np.array([0, 0, 5]), np.array([0.1, 0.5, 0.9]), np.array([1, 1, -1]))
-    near = known._replace(time=known.time + 0.5 * cameras.NEAR)
+    near = known._replace(time=known.time + 0.5 * cameras.SAME_EVENT_S)
     assert unlike(near, known) == (0, 0)
     other = known._replace(sign=np.array([1, -1, -1]))
     assert unlike(other, known) == (1, 1)

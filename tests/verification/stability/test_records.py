@@ -55,5 +55,5 @@ def test_what_is_far_off_and_called_good_is_not_claimed_to_be_marked():
 @pytest.mark.slow
 def test_noise_makes_picks_fail_and_they_say_so():
     found = detectors.noise_shares(detectors.COLOUR)
-    assert found.failed[0] <= detectors.SHARE < found.failed[-1]
-    assert found.unmarked.max() <= detectors.SHARE
+    assert found.failed[0] <= detectors.FAILED_SHARE < found.failed[-1]
+    assert found.unmarked.max() <= detectors.FAILED_SHARE

@@ -8,7 +8,7 @@ import pytest
 from jblast.waves import fireball_law_radius, fireball_law_radius_in_image
 from jblast.waves.fireball import fireball_growth_time, fireball_radius
 from jblast.waves.laws.fireball_radius import (
-    NEAREST,
+    NEAREST_RATIO,
     fireball_law_valid,
     fireball_law_valid_in_image,
 )
@@ -69,4 +69,4 @@ def test_a_camera_inside_has_finite_numbers_and_a_mark():
     at_the_charge = jax.jit(jax.grad(fireball_law_radius_in_image, argnums=3))
     assert np.isfinite(at_the_charge(0.1, MASS, GROWTH, 0.0, 1e3))
     valid = fireball_law_valid_in_image(0.1, MASS, GROWTH, distance)
-    np.testing.assert_array_equal(valid, distance > radius / NEAREST)
+    np.testing.assert_array_equal(valid, distance > radius / NEAREST_RATIO)

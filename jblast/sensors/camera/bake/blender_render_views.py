@@ -19,9 +19,10 @@ import sys
 AWAY, FARTHEST = 20.0, 100.0
 """Distance of the camera, and the farthest that it sees [Blender's metre]."""
 LAYERS = ("glow", "shade")
-TOGETHER = 16
-"""Views that are rendered frame by frame: to load a frame takes longer than a picture,
-and a view is finished when all its frames are."""
+VIEWS_PER_FRAME = 16
+"""Views that are rendered frame by frame: loading a frame takes longer than
+rendering a picture, and a view is finished when all its frames are.
+"""
 EYE = "eye_"
 """Begins the names of ours among the eyes of a scene, which has two of its own."""
 
@@ -41,10 +42,10 @@ def main() -> None:
     materials, inputs = set_materials(bpy, domain, config)
     set_light(bpy, scene, config["light"], Vector)
     set_output(scene, config)
-    cameras = [add_camera(bpy, scene, number) for number in range(TOGETHER)]
+    cameras = [add_camera(bpy, scene, number) for number in range(VIEWS_PER_FRAME)]
     scene.camera = cameras[0]
-    for first in range(0, len(config["views"]), TOGETHER):
-        views = config["views"][first : first + TOGETHER]
+    for first in range(0, len(config["views"]), VIEWS_PER_FRAME):
+        views = config["views"][first : first + VIEWS_PER_FRAME]
         for layer in LAYERS:
             domain.data.materials[0] = materials[layer]
             scene.cycles.samples = config["samples"][layer]

@@ -45,8 +45,8 @@ AIR_TEMPERATURE = 288.15
 """Of the air around [K]."""
 WIEN = 11.12
 r"""$w$ at the reference temperature [-]."""
-LEAST = 1.0 / 255.0
-"""Opacity below which nothing is there [-]: what 8 bits round to nothing."""
+MIN_OPACITY = 1.0 / 255.0
+"""Opacity that 8 bits round to zero [-]."""
 SMOOTHED = 1.1
 """Standard deviation of what shade is averaged over [px]: few rays were scattered."""
 MAGIC = b"\x76\x2f\x31\x01"
@@ -96,7 +96,9 @@ def sheet(frames: list[Layers], columns: int) -> UInt8[np.ndarray, "height width
     """
     heats, shades = [], []
     for heat, shade, alpha in frames:
-        grey = np.rint(255.0 * np.where(alpha > LEAST, heat, 0.0)).astype(np.uint8)
+        grey = np.rint(255.0 * np.where(alpha > MIN_OPACITY, heat, 0.0)).astype(
+            np.uint8
+        )
         opaque = np.full_like(grey, 255)
         heats.append(np.stack([grey, grey, grey, opaque], axis=-1))
         layer = np.concatenate([shade, alpha[..., None]], axis=-1)
@@ -160,10 +162,10 @@ def layers_of(glow: Channels, shade: Channels) -> Layers:
         shade: The same of the gas that scatters.
     """
     alpha = np.clip(glow["A"], 0.0, 1.0)
-    there = np.maximum(alpha, LEAST)
+    there = np.maximum(alpha, MIN_OPACITY)
     weights = np.asarray(LUMINANCE)  # of double precision, and so is the light
     light = sum(w * glow[c] for w, c in zip(weights, "RGB", strict=True)) / there
-    heat = np.where(alpha > LEAST, heat_of_light(np.asarray(light)), 0.0)
+    heat = np.where(alpha > MIN_OPACITY, heat_of_light(np.asarray(light)), 0.0)
     opacity = np.maximum(averaged(shade["A"]), 1e-3)
     colour = np.stack([averaged(shade[c]) / opacity for c in "RGB"], axis=-1)
     return Layers(heat, np.clip(colour, 0.0, 1.0), alpha)

@@ -117,14 +117,16 @@ LOWEST = 0.36
 """Distance of the burst below the middle, seen from the side, over the side [-]."""
 ROOM = 1.04
 """Side of a picture over the least that holds the cloud [-]."""
-SMALLEST = 0.4
-"""Least side of a picture, as part of the greatest of the set [-]."""
+MIN_SIDE = 0.4
+"""Smallest side of a picture relative to the largest of the set [-]."""
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 """Between one point of a Fibonacci lattice and the next, seen from above [rad]."""
 PLAIN = 0.5
 """Offset from the pole of the plain Fibonacci lattice [points]."""
-MOST = 4096
-"""Directions of a lattice; distances between all pairs are held at once."""
+MAX_DIRECTIONS = 4096
+"""Largest number of directions of a lattice; distances between all pairs are in
+memory simultaneously.
+"""
 Directions = Float[np.ndarray, "view 3"]
 """Unit vectors towards east, north, up."""
 OFFSETS = np.round(np.arange(0.0, 4.0001, 0.01), 2)
@@ -135,7 +137,7 @@ def fibonacci_lattice(number: int, offset: float = PLAIN) -> Directions:
     """Return a Fibonacci lattice on the upper hemisphere.
 
     Args:
-        number: How many, 1 to `MOST`.
+        number: How many, 1 to `MAX_DIRECTIONS`.
         offset: How far the first stands from the pole, in points: 0 is the pole itself.
 
     Raises:
@@ -156,7 +158,7 @@ def latitude_grid(number: int) -> Directions:
     with four times as many azimuths as rings.
 
     Args:
-        number: How many, 1 to `MOST`.
+        number: How many, 1 to `MAX_DIRECTIONS`.
 
     Raises:
         InputError: The number is none of these.
@@ -318,7 +320,7 @@ def picture_sides(
     above = (top * np.cos(angle) + reach * np.sin(angle)) / share
     below = reach * np.sin(angle) / (1.0 - share)
     least = np.maximum(2.0 * reach, np.maximum(above, below).max(axis=0))
-    sides = ROOM * np.maximum(least, SMALLEST * least.max())
+    sides = ROOM * np.maximum(least, MIN_SIDE * least.max())
     return np.maximum.accumulate(sides)
 
 
@@ -329,7 +331,7 @@ def spiral_lattice(number: int) -> Directions:
     as points along them, $\phi = \sqrt{2 n \pi}\,\theta$, $z = 1 - (i + 1/2)/n$.
 
     Args:
-        number: How many, 1 to `MOST`.
+        number: How many, 1 to `MAX_DIRECTIONS`.
 
     Raises:
         InputError: The number is none of these.
@@ -351,9 +353,9 @@ def azimuth_elevation(
 
 
 def _indices(number: int) -> Float[np.ndarray, " view"]:
-    if not 1 <= number <= MOST:
+    if not 1 <= number <= MAX_DIRECTIONS:
         raise InputError(
-            f"number: expected 1 to {MOST} directions, got {shown(number)}"
+            f"number: expected 1 to {MAX_DIRECTIONS} directions, got {shown(number)}"
         )
     return np.arange(number, dtype=float)
 

@@ -37,7 +37,7 @@ ROOM = 1 << 16
 """Events a block may have before it is done again with more room."""
 THREADS = 128
 """Of a block of threads."""
-TOGETHER = 128
+FRAMES_PER_LAUNCH = 128
 """Frames followed in one launch. Longer ones are slower: threads drift apart in time,
 and their frames lie in more pages than a GPU can look up at once."""
 
@@ -143,12 +143,12 @@ class EventKernel:
 
     def _run(self, values: wp.array, clock: wp.array, times) -> None:
         """Follow all pixels, part by part."""
-        starts = range(0, len(times), TOGETHER)
+        starts = range(0, len(times), FRAMES_PER_LAUNCH)
         if self.loud is not None:
             self.loud.count = wp.zeros(len(starts), dtype=wp.int32, device=self.device)
         last = self.time if self.time > -np.inf else float(times[0])
         for part, start in enumerate(starts):
-            stop = min(start + TOGETHER, len(times))
+            stop = min(start + FRAMES_PER_LAUNCH, len(times))
             now = wp.float64(last)
             if self.is_ideal:
                 state = self.camera, self.pixels, self.found

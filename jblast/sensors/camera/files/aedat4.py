@@ -26,8 +26,8 @@ from jblast.sensors.camera.files.recorded_events import (
 
 NAMES = {"x": "x", "y": "y", "t": "timestamp", "p": "polarity"}
 """Names of the columns in dv-processing."""
-LARGEST = 1 << 15
-"""Columns or rows that have a number [px]."""
+MAX_SIDE = 1 << 15
+"""Largest number of columns or rows [px]."""
 EVENT = np.dtype(
     {
         "names": ["t", "x", "y", "p"],

@@ -50,8 +50,8 @@ EVENT_FORMATS = Registry[EventFormat](
     EventFormat(".h5", read_dsec, write_dsec),
     EventFormat(".hdf5", read_dsec, write_dsec),
     EventFormat(".npz", read_arrays, write_arrays),
-    EventFormat(".raw", evt3.read_evt3, evt3.write_evt3, evt3.LARGEST),
-    EventFormat(".aedat4", aedat4.read_aedat4, aedat4.write_aedat4, aedat4.LARGEST),
+    EventFormat(".raw", evt3.read_evt3, evt3.write_evt3, evt3.MAX_SIDE),
+    EventFormat(".aedat4", aedat4.read_aedat4, aedat4.write_aedat4, aedat4.MAX_SIDE),
 )
 """By the suffix of its files; `register` adds one from any module."""
 register = EVENT_FORMATS.register

@@ -35,8 +35,8 @@ NOWHERE = -1 << 40
 """Column of vectors before any word sets it: no number of columns leads there."""
 LONGEST_US = 24 * 3600 * 10**6
 """Without an event [us]: the time is counted up in steps of 4,096 us, as cameras do."""
-LONGEST = 1 << 16
-"""Bytes of a header: none is nearly as long."""
+MAX_HEADER = 1 << 16
+"""Largest size of a header; real ones are far shorter [bytes]."""
 ADDR_Y = 0x0
 """Row: 11 bits; the twelfth is the number of one of two cameras."""
 ADDR_X = 0x2
@@ -51,8 +51,8 @@ TIME_HIGH = 0x8
 WITHOUT_EVENTS = (0x7, 0xA, 0xE, 0xF)
 """Triggers of other devices, and what vendors add."""
 KNOWN = (ADDR_Y, ADDR_X, VECT_BASE_X, VECT_12, VECT_8, TIME_LOW, TIME_HIGH)
-LARGEST = 1 << 11
-"""Columns or rows that have a number [px]."""
+MAX_SIDE = 1 << 11
+"""Largest number of columns or rows [px]."""
 PERIOD = 1 << 12
 """Microseconds of one step of `TIME_HIGH`, and steps until it begins again."""
 
@@ -311,8 +311,8 @@ def read_header(path: Path, file: BinaryIO) -> Header:
     """
     said: dict[str, str] = {}
     start = file.tell()
-    while file.tell() < LONGEST:
-        line = file.readline(LONGEST)
+    while file.tell() < MAX_HEADER:
+        line = file.readline(MAX_HEADER)
         if not line.startswith(b"% "):
             break  # "end" may be left out
         start = file.tell()

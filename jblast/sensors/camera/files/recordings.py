@@ -29,8 +29,10 @@ from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import srgb_to_linear
 
 Block = tuple[Float[np.ndarray, " _"], np.ndarray]
-HELD = 1 << 27
-"""Bytes of a video's frames that are held, decoded: events look at a time again."""
+CACHE_BYTES = 1 << 27
+"""Decoded frames of a video that are kept in memory, because events read a time
+again [bytes].
+"""
 AHEAD = 64
 """Frames that are rather decoded on the way than leapt over."""
 ROUNDING = 1e-9
@@ -276,7 +278,7 @@ class _FramesInAnyOrder:
             frame = next(self._frames)
             self.held[self._next] = frame
             self._next += 1
-            if len(self.held) > max(2, HELD // frame.nbytes):
+            if len(self.held) > max(2, CACHE_BYTES // frame.nbytes):
                 self.held.popitem(last=False)
         self.held.move_to_end(number)
         return self.held[number]

@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies
 from jblast.errors import InputError
 from jblast.sensors.camera.bake.recipe import (
     GOLDEN_ANGLE,
-    MOST,
+    MAX_DIRECTIONS,
     azimuth_elevation,
     fibonacci_lattice,
     latitude_grid,
@@ -98,7 +98,7 @@ def test_azimuth_is_clockwise_from_north():
 
 
 @each_lattice
-@pytest.mark.parametrize("number", [0, -3, MOST + 1])
+@pytest.mark.parametrize("number", [0, -3, MAX_DIRECTIONS + 1])
 def test_a_number_that_cannot_be_is_refused(lattice, number):
     with pytest.raises(InputError, match="number: expected 1 to"):
         lattice(number)

@@ -70,7 +70,7 @@ def test_who_is_too_fast_is_lost_alone():
 def test_loads_are_finite_and_marked_where_laws_end():
     sizes, held = flights.near_impulses()
     assert np.isfinite(sizes).all()
-    assert held.tolist() == (flights.NEAR > 0.178).tolist()
+    assert held.tolist() == (flights.NEAR_DISTANCES > 0.178).tolist()
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit
-from jblast.inference.fitting.unidentified import NEAR, other_modes
+from jblast.inference.fitting.unidentified import AMBIGUITY, other_modes
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.verification.stability import (
     fits,
@@ -109,7 +109,7 @@ def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
         assert len(other_modes(found, True)) == named
     # a charge at the height of its sensors: -2 ln density grows as the offset squared
     double = fits.mirror_excess(2 * mode.boundary)
-    assert double / NEAR == pytest.approx(4.0, rel=0.25)
+    assert double / AMBIGUITY == pytest.approx(4.0, rel=0.25)
 
 
 @pytest.mark.slow
@@ -144,7 +144,7 @@ def test_one_outlier_moves_normal_errors_without_bound_and_student_errors_hardly
 def test_an_outlier_is_named_in_the_answer():
     clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")
     value = clean.log.value.copy()
-    value[fits.WHICH] += fits.FAR * 1e-4
+    value[fits.WHICH] += fits.REPORTED_SD * 1e-4
     answer = fit(dataclasses.replace(clean.log, value=value), clean.uncertain).summary
     suspects = answer.suspected_outliers
     assert [o.sensor for o in suspects] == [clean.log.sensor[fits.WHICH]]

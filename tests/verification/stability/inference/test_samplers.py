@@ -14,7 +14,7 @@ from jblast.report.fit.findings import all_words
 from jblast.verification.stability import walks
 from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.fits import circle, solved_log, wu_hao_told
-from jblast.verification.stability.walks import FAR, LESSER, STEPS
+from jblast.verification.stability.walks import LESSER, SEPARATED_SD, STEPS
 
 
 def test_walks_are_entered_into_the_map():
@@ -27,13 +27,13 @@ def test_the_stretch_move_finds_a_near_mode_and_misses_a_far_one():
     near = walks.share_beyond(walks.from_one(4.0).kept(), 4.0)
     # 750 steps of 64 walkers, some 85 steps to a draw: a standard error of 0.02
     assert near == pytest.approx(LESSER, abs=0.1)
-    far = walks.share_beyond(walks.from_one(FAR).kept(), FAR)
+    far = walks.share_beyond(walks.from_one(SEPARATED_SD).kept(), SEPARATED_SD)
     assert far < 0.1 * LESSER
 
 
 def test_walkers_started_in_both_modes_stay_and_emcee_finds_nothing_wrong():
-    walk = walks.from_both(FAR)
-    assert walks.share_beyond(walk.kept(), FAR) == pytest.approx(0.5, abs=0.02)
+    walk = walks.from_both(SEPARATED_SD)
+    assert walks.share_beyond(walk.kept(), SEPARATED_SD) == pytest.approx(0.5, abs=0.02)
     assert walk.own_tau * LONG_ENOUGH < STEPS  # emcee's own condition is met
     assert walk.judged.tau.max() * LONG_ENOUGH > 10 * STEPS
     assert not walk.judged.reached(1.0)
@@ -41,9 +41,9 @@ def test_walkers_started_in_both_modes_stay_and_emcee_finds_nothing_wrong():
 
 @pytest.mark.slow  # by default inference/mcmc/test_run.py: from mode to mode
 def test_the_walk_of_jblast_gives_each_mode_its_share():
-    found = walks.by_jblast(FAR)
+    found = walks.by_jblast(SEPARATED_SD)
     assert found.reached
-    share = walks.share_beyond(found.chain[found.convergence.warm_up :], FAR)
+    share = walks.share_beyond(found.chain[found.convergence.warm_up :], SEPARATED_SD)
     error = np.sqrt(LESSER * (1 - LESSER) / found.convergence.ess[0])
     assert share == pytest.approx(LESSER, abs=4 * error)
 
@@ -51,7 +51,7 @@ def test_the_walk_of_jblast_gives_each_mode_its_share():
 @pytest.mark.slow
 def test_the_boundary_lies_between_modes_that_are_found_and_not():
     mode = walks.found_failure()
-    assert walks.APART[0] < mode.boundary < FAR
+    assert walks.MODE_SEPARATIONS[0] < mode.boundary < SEPARATED_SD
 
 
 @pytest.mark.slow

@@ -47,7 +47,7 @@ def same(ours, theirs):
 
 @pytest.mark.parametrize(("size", "together"), [(1, 64), (7, 3), (40, 64), (40, 9)])
 def test_grey_frames_give_the_events_of_the_stream(size, together, monkeypatch):
-    monkeypatch.setattr(warp_stream, "TOGETHER", together)
+    monkeypatch.setattr(warp_stream, "FRAMES_PER_LAUNCH", together)
     frames = walk(())
     ours = joined(kernel_events(cut(frames, size), SHAPE[1:], BOTH, device="cpu"))
     by_pixel = np.lexsort((ours[2], ours[0], ours[1]))
@@ -103,7 +103,7 @@ def test_arrays_of_jax_are_taken_as_they_are(parts):
 @pytest.mark.parametrize(("size", "together"), [(7, 3), (40, 64)])
 def test_pixels_leak_and_are_held_as_those_of_the_stream(size, together, monkeypatch):
     """The same rates, phases and period: the JAX route has the leak in its frames."""
-    monkeypatch.setattr(warp_stream, "TOGETHER", together)
+    monkeypatch.setattr(warp_stream, "FRAMES_PER_LAUNCH", together)
     frames = walk(())
     leaky = IDEAL._replace(leak_hz=30.0, hot_fraction=0.1, hot_hz=200.0)
     leak = leaks(jax.random.key(1), SHAPE[1:], leaky)

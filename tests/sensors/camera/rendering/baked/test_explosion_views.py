@@ -171,9 +171,9 @@ def test_windows_show_what_whole_images_show(puffs, sides, monkeypatch):
         camera(distortion=np.array([-0.25, 0.05, 0.002, -0.001, 0.0])),
         camera(place=(3.0, -3.0, 60.0)),
     ]
-    monkeypatch.setattr(fireball_module, "SMALL", 10**6)
+    monkeypatch.setattr(fireball_module, "WHOLE_IMAGE", 10**6)
     whole = [np.asarray(layer(views, scene_of(), eye, 0.1)) for eye in eyes]
-    monkeypatch.setattr(fireball_module, "SMALL", 64)
+    monkeypatch.setattr(fireball_module, "WHOLE_IMAGE", 64)
     eqx.clear_caches()
     jax.clear_caches()
     for eye, wanted in zip(eyes, whole, strict=True):
