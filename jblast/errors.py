@@ -46,12 +46,12 @@ def shown(value: Any, width: int = 60) -> str:
 
 
 def whole_number(text: str) -> int | None:
-    """Return the number that a text of 1 to 18 digits states; None for other text.
+    """Return the number that 1 to 18 digits state, zeros in front aside; else None.
 
     `str.isdigit` also accepts digits that `int` refuses ("²") or reads as others ("٣"),
     and `int` refuses thousands of digits. 18 digits fit into 64 bits.
     """
-    return int(text) if re.fullmatch("[0-9]{1,18}", text) else None
+    return int(text) if re.fullmatch("0{0,64}[0-9]{1,18}", text) else None
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

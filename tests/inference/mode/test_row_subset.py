@@ -125,7 +125,7 @@ def test_many_paths_with_effects_make_a_log_long(paths):
     assert count_effects(scene, layout, {"positive_impulse_pa_s": "swisdak"}) == 1
 
 
-@pytest.mark.parametrize(("limit", "most"), [("HELD", 30), ("WORK", 200)])
+@pytest.mark.parametrize(("limit", "most"), [("MAX_EFFECT_NUMBERS", 30), ("WORK", 200)])
 def test_more_rows_times_effects_than_can_be_held_are_refused(monkeypatch, limit, most):
     monkeypatch.setattr(f"jblast.inference.posterior.posterior.{limit}", most)
     rows = [
@@ -149,7 +149,7 @@ def test_what_is_kept_from_the_compiler_changes_no_reading(monkeypatch):
     before = posterior.misfit(z), information_of_layout(*args)
     jax.clear_caches()
     # `import jblast.sensors.record as ...` gives the function of that name
-    monkeypatch.setattr(sys.modules["jblast.sensors.layout"], "LONG", 0)
+    monkeypatch.setattr(sys.modules["jblast.sensors.layout"], "CONSTANT_ROWS", 0)
     after = posterior.misfit(z), information_of_layout(*args)
     # the same sums, perhaps in another order
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, 1e-12), before, after)
