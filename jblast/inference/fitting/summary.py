@@ -26,6 +26,7 @@ from jblast.inference.fitting.suspects import (
     Refit,
     accused_sensors,
     explained_by,
+    is_contradicted,
     lies_far,
     more_to_free,
     other_explanations,
@@ -177,7 +178,7 @@ def summary_of(
     wrong: tuple[WrongSensor, ...] = ()
     # Rows left out do not identify what all rows leave open: null directions, or a
     # bearing without a range, are no reason to search for a wrong sensor.
-    is_far = lies_far(solution) and sure.bearing is None
+    is_far = lies_far(solution) and (sure.bearing is None or is_contradicted(solution))
     is_solved = converged and bool(valid.any())
     if not is_solved or is_far or (p is not None and p < FITS):
         wrong = explained_by(observations, solution, answered, refit)

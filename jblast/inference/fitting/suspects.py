@@ -188,6 +188,27 @@ def lies_far(solution: Solution) -> bool:
     return bool(np.min(np.asarray(reach)) > np.asarray(layout_size(posterior)))
 
 
+def is_contradicted(solution: Solution) -> bool:
+    """Return whether the densest optimum is not the answer and does not fit the log.
+
+    Places far from a small array can win by the extent of their range against one
+    among the sensors that a single wrong reading contradicts.
+    """
+    z = _densest(solution)
+    if np.array_equal(z, solution.laplace.z):
+        return False
+    posterior = solution.posterior.weighed(jnp.asarray(z))
+    left = standardised_residuals(posterior, z)
+    p = p_value(*chi_squared(posterior, z, left, z.size))
+    return p is not None and p < FITS
+
+
+def _densest(solution: Solution) -> Float[np.ndarray, " free"]:
+    """Return the optimum of the highest density."""
+    density = np.asarray(solution.optima.log_density)
+    return np.asarray(solution.optima.z)[np.nanargmax(density)]
+
+
 def suspects(observations: Observations, solution: Solution) -> list[Suspect]:
     """Return every clock that is not free, and every sensor of other rows than it."""
     clocks = np.array(observations.clocks())
@@ -232,7 +253,7 @@ def _falls(solution: Solution, possible: Sequence[Suspect]) -> list[float]:
 
     Nothing is returned where predictions have no slopes.
     """
-    linear = _linear_fit(solution.posterior, solution.laplace.z)
+    linear = _linear_fit(solution.posterior, _densest(solution))
     if linear is None:
         return []
     basis, left = linear
@@ -276,7 +297,7 @@ def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged
     exchanged without one of which it would fall most (`MAX_SUSPECTS`), and only
     exchanges that lower it are returned: of an honest log none.
     """
-    posterior, z = solution.posterior, solution.laplace.z
+    posterior, z = solution.posterior, _densest(solution)
     names = np.array(observations.sensor, object)
     place = observations.position
     placed = np.isnan(observations.slant_range) & np.isfinite(place).all(axis=1)

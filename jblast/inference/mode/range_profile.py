@@ -17,6 +17,10 @@ of 5.5 m/kg^(1/3), with the variance of `SCALED_RANGES`. Without it the range is
 determined by masses that arrival times do not constrain: negligible ones, or some of
 $e^{90}$ kg. Where $\ell$ does not fall far out, the range has no upper bound: the
 bearing is the answer.
+
+An optimum of the search whose place is known better than the steps between ranges is a
+peak between them. It counts with its own volume, by Laplace's method over the range as
+well.
 """
 
 import math
@@ -24,12 +28,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jblast.inference.mode.laplace import NORMAL_Q95, climbed
 from jblast.inference.mode.search import HOPELESS, Optima
 from jblast.inference.mode.starts import layout_size, typical_step
-from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.fisher_information import by_kernel, information
 from jblast.inference.posterior.posterior import Posterior
 from jblast.parameters import CHARGE_POSITION
 from jblast.scene import Free
@@ -56,6 +60,12 @@ NEAREST_STEP = -5
 """Number of the nearest range: 0.13 widths from the middle of the sensors."""
 ALL_DIRECTIONS_STEP = 6
 """Number of the range at which all directions are tried: 11 widths."""
+RESOLVED = 0.5 * STEP
+"""The sum over ranges is accurate to 2 % for a normal with at least this standard
+deviation in ln of the range. A narrower optimum is a peak by itself."""
+NEGLIGIBLE = 0.05
+"""Probability of all other places below which a peak is the answer: half of what a
+90 % interval leaves out."""
 DETERMINED = 0.5
 """A bearing with a larger standard deviation is not determined [rad], as for the
 direction of a front (`signals.arrays`)."""
@@ -88,8 +98,13 @@ class RangeProfile(NamedTuple):
         bearing: Of the charge from the middle, clockwise from north [rad].
         bearing_sd: Its standard deviation at this range [rad].
         z: Coordinates.
-        spread: Root of the covariance of the coordinates at this range, one column for
-            the bearing and for each other number.
+        is_peak: Which places are optima over the range as well.
+        part: Place of each normal approximation: one by each correlation function of
+            neighbouring paths.
+        share: Its share in the likelihood of the place.
+        offset: Its middle, from the coordinates of the place.
+        spread: Root of its covariance: at this range, with a column of zeros at the
+            end; of a peak with the range free.
     """
 
     width_m: float
@@ -101,14 +116,18 @@ class RangeProfile(NamedTuple):
     bearing: Float[np.ndarray, " place"]
     bearing_sd: Float[np.ndarray, " place"]
     z: Float[np.ndarray, "place free"]
-    spread: Float[np.ndarray, "place free column"]
+    is_peak: Bool[np.ndarray, " place"]
+    part: Int[np.ndarray, " part"]
+    share: Float[np.ndarray, " part"]
+    offset: Float[np.ndarray, "part free"]
+    spread: Float[np.ndarray, "part free free"]
 
     def by_range(self) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return the ranges, and ln of the likelihood over all optima of each."""
         levels = np.unique(self.level)
         at = [self.level == level for level in levels]
         return (
-            np.array([self.range_m[of][0] for of in at]),
+            np.array([self.range_m[of].mean() for of in at]),
             np.array([np.logaddexp.reduce(self.log_likelihood[of]) for of in at]),
         )
 
@@ -138,6 +157,12 @@ class RangeProfile(NamedTuple):
             )
         )
 
+    @property
+    def peaks_suffice(self) -> bool:
+        """Whether a place that is no peak is improbable."""
+        weight = np.exp(self.log_likelihood - self.log_likelihood.max())
+        return bool(weight[~self.is_peak].sum() < NEGLIGIBLE * weight.sum())
+
     def others(self) -> list[int]:
         """Return places of other bearings that are nearly as probable as the best."""
         best = self.best
@@ -153,11 +178,20 @@ class RangeProfile(NamedTuple):
     ) -> Float[np.ndarray, "draw free"]:
         """Draw coordinates: the range by its likelihood, the others about it."""
         weight = np.exp(self.log_likelihood - self.log_likelihood.max())
-        place = rng.choice(len(weight), count, p=weight / weight.sum())
+        weight = weight[self.part] * self.share
+        part = rng.choice(len(weight), count, p=weight / weight.sum())
+        place = self.part[part]
         aside = rng.uniform(-0.5, 0.5, count) * STEP
         noise = rng.standard_normal((count, self.spread.shape[2]))
-        about = np.einsum("dfc,dc->df", self.spread[place], noise)
-        return self.z[place] + aside[:, None] * self.along()[place] + about
+        about = np.einsum("dfc,dc->df", self.spread[part], noise)
+        middle = self.z[place] + self.offset[part]
+        return middle + aside[:, None] * self.along()[place] + about
+
+    def sds(self, place: int) -> Float[np.ndarray, " free"]:
+        """Return the standard deviations of the coordinates about a place."""
+        of = self.part == place
+        squared = self.offset[of] ** 2 + np.sum(self.spread[of] ** 2, axis=2)
+        return np.sqrt(self.share[of] @ squared)
 
     def bearings(
         self,
@@ -183,10 +217,11 @@ class RangeProfile(NamedTuple):
     def along(self) -> Float[np.ndarray, "place free"]:
         """Return how coordinates change with ln of the range, by differences."""
         along = np.zeros_like(self.z)
-        for place, level in enumerate(self.level):
+        for place in np.flatnonzero(~self.is_peak):
             found = []
             for aside in (-1, 1):
-                beside = np.flatnonzero(self.level == level + aside)
+                level = self.level[place] + aside
+                beside = np.flatnonzero((self.level == level) & ~self.is_peak)
                 if not len(beside):
                     continue
                 off = np.abs(_turned(self.bearing[beside], self.bearing[place]))
@@ -218,9 +253,7 @@ def with_best_range(
     off = _turned(np.arctan2(away[:, 0], away[:, 1]), profile.bearing[best])
     far = np.log(np.linalg.norm(away, axis=1) / profile.range_m[best])
     near = (np.abs(off) < 2 * profile.bearing_sd[best]) & (np.abs(far) < STEP)
-    reach = np.hypot(
-        np.linalg.norm(profile.spread[best], axis=1), STEP * profile.along()[best]
-    )
+    reach = np.hypot(profile.sds(best), STEP * profile.along()[best])
     near &= np.all(np.abs(z - profile.z[best]) < SPREADS * reach, axis=1)
     near &= np.isfinite(density)
     added = [*profile.others()] if near.any() else [best, *profile.others()]
@@ -242,9 +275,8 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
 
     Returns:
         The profile; None where the place is not free over the plane, there are several
-        charges, the best optimum is nearer than the width of the array and far places
-        are improbable, or the range is known better than these steps resolve, where a
-        normal describes it.
+        charges, far places are improbable beside the best optimum, or the range is
+        known better than these steps resolve, where a normal describes it.
     """
     at = _free_place(posterior)
     if at is None:
@@ -258,19 +290,25 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     optima = np.asarray(found.z)[density > density[0] - HOPELESS]
     ranges = np.linalg.norm(optima[:, at] - middle, axis=1)
     walker = _Walker(posterior, at, middle, width)
-    if not (ranges[0] > width or walker.is_open_from(optima[0])):
+    first = walker.peak_of(optima[0])
+    if not (ranges[0] > width or walker.is_open_from(optima[0], first)):
         return None
-    for z, distance in zip(optima, ranges, strict=True):
-        walker.follow(z, walker.level_of(distance))
-    z = (
-        walker.levels[ALL_DIRECTIONS_STEP][0].z
-        if ALL_DIRECTIONS_STEP in walker.levels
-        else optima[0]
-    )
+    peaks = [first, *map(walker.peak_of, optima[1:])]
+    # peaks first: a place at the range of a level is part of a peak beside it
+    for peak, distance in zip(peaks, ranges, strict=True):
+        if peak is not None:
+            walker.add(peak, walker.level_of(distance))
+    for z, peak, distance in zip(optima, peaks, ranges, strict=True):
+        if peak is None:
+            walker.follow(z, walker.level_of(distance))
+    there = walker.levels.get(ALL_DIRECTIONS_STEP)
+    z = there[0].z if there else optima[0]
     for turned in walker.around(z, ALL_DIRECTIONS_STEP):
         walker.follow(turned, ALL_DIRECTIONS_STEP)
     profile = walker.profile()
-    if profile is None or profile.is_open:
+    if profile is None or profile.peaks_suffice:
+        return None
+    if profile.is_open:
         return profile
     height = profile.by_range()[1]
     is_resolved = np.sum(height > height.max() - HOPELESS) >= MIN_STEPS
@@ -303,7 +341,10 @@ class _Place(NamedTuple):
     bearing: float
     bearing_sd: float
     z: Float[np.ndarray, " free"]
-    spread: Float[np.ndarray, "free column"]
+    is_peak: bool
+    share: Float[np.ndarray, " part"]
+    offset: Float[np.ndarray, "part free"]
+    spread: Float[np.ndarray, "part free free"]
 
 
 class _Walker:
@@ -335,10 +376,14 @@ class _Walker:
         """Return a range by its number [m]."""
         return self.width * math.exp(level * STEP)
 
-    def is_open_from(self, z) -> bool:
+    def is_open_from(self, z, peak: _Place | None) -> bool:
         """Return whether a far place is nearly as probable as one among the sensors.
 
         One place is tried, in the direction of the plane front that fits the arrivals.
+
+        Args:
+            z: The place among the sensors.
+            peak: The same, if it is one.
         """
         layout = self.posterior.layout
         rows = np.array(layout.quantity) == "air_arrival_s"
@@ -352,7 +397,8 @@ class _Walker:
         far = np.array(z)
         far[self.at] = self.middle - slowness
         distance = float(np.linalg.norm(z[self.at] - self.middle))
-        here = self._climbed(self._at_range(z, self.range_of(self.level_of(distance))))
+        nearest = self.range_of(NEAREST_STEP)
+        here = peak or self._climbed(self._at_range(z, max(distance, nearest)))
         there = self._climbed(self._at_range(far, self.range_of(ALL_DIRECTIONS_STEP)))
         if here is None or there is None:
             return False
@@ -373,7 +419,7 @@ class _Walker:
                 near = place.z
                 if k == level:
                     z = near
-                if not self._is_new(place, k):
+                if not self.add(place, k):
                     break
                 top = max(p.log_likelihood for of in self.levels.values() for p in of)
                 if place.log_likelihood < top - HOPELESS:
@@ -381,7 +427,7 @@ class _Walker:
                 if place.bearing_sd > DETERMINED:  # nor is anything farther out
                     break
 
-    def _is_new(self, place: _Place, level: int) -> bool:
+    def add(self, place: _Place, level: int) -> bool:
         """Add a place to its level, and return True, unless its bearing is there."""
         there = self.levels.setdefault(level, [])
         for other in there:
@@ -413,18 +459,63 @@ class _Walker:
         the optima on either side count, and not the saddle between them.
         """
         rows = [(k, p) for k in sorted(self.levels) for p in self.levels[k]]
-        known = [(k, p) for k, p in rows if p.bearing_sd < DETERMINED]
+        known = [(k, p) for k, p in rows if p.bearing_sd < DETERMINED or p.is_peak]
         rows = known or rows
         if not rows:
             return None
         level = np.array([k for k, _ in rows])
+        range_m = [
+            np.linalg.norm(p.z[self.at] - self.middle)
+            if p.is_peak
+            else self.range_of(k)
+            for k, p in rows
+        ]
         return RangeProfile(
             self.width,
             self.at,
             self.middle,
             level,
-            np.array([self.range_of(k) for k, _ in rows]),
-            *(np.array(column) for column in zip(*(p for _, p in rows), strict=True)),
+            np.array(range_m),
+            np.array([p.log_likelihood for _, p in rows]),
+            np.array([p.bearing for _, p in rows]),
+            np.array([p.bearing_sd for _, p in rows]),
+            np.array([p.z for _, p in rows]),
+            np.array([p.is_peak for _, p in rows]),
+            np.repeat(np.arange(len(rows)), [len(p.share) for _, p in rows]),
+            np.concatenate([p.share for _, p in rows]),
+            np.concatenate([p.offset for _, p in rows]),
+            np.concatenate([p.spread for _, p in rows]),
+        )
+
+    def peak_of(self, z) -> _Place | None:
+        """Return an optimum of the search as a peak; None if the ranges resolve it."""
+        z = np.array(z)
+        away = z[self.at] - self.middle
+        distance = max(float(np.linalg.norm(away)), self.range_of(NEAREST_STEP))
+        known = np.asarray(information(self.posterior.weighed(jnp.asarray(z)), z))
+        known = known + np.diag(
+            1 / np.square(self._largest_sds(distance, math.pi * distance))
+        )
+        if not np.isfinite(known).all():
+            return None
+        covariance = np.linalg.inv(known)
+        of_place = covariance[np.ix_(self.at, self.at)]
+        if np.linalg.eigvalsh(of_place)[-1] > (RESOLVED * distance) ** 2:
+            return None
+        tangent = np.array([away[1], -away[0]]) / distance**2
+        value = float(self.posterior.log_density(jnp.asarray(z))) + self._belief(z)[0]
+        volume = 0.5 * math.log(2 * math.pi) - 0.5 * np.linalg.slogdet(known)[1]
+        # over an area, where the prior is flat in ln of the range and in bearing
+        volume -= 2 * math.log(distance) + math.log(STEP)
+        return _Place(
+            float(value + volume),
+            math.atan2(away[0], away[1]) % (2 * math.pi),
+            math.sqrt(tangent @ of_place @ tangent),
+            z,
+            True,
+            np.ones(1),
+            np.zeros((1, len(z))),
+            np.linalg.cholesky(covariance)[None],
         )
 
     def _at_range(self, z, distance: float):
@@ -441,7 +532,7 @@ class _Walker:
 
     def _climbed(self, z) -> _Place | None:
         """Return the optimum at a fixed range; None where the climb ended before it."""
-        z, value, promised = climbed(
+        z, _, promised = climbed(
             self.posterior,
             z,
             lambda z: self._known(self.posterior, z),
@@ -450,18 +541,51 @@ class _Walker:
             gain=GAIN,
             belief=self._belief,
         )
-        known, basis = self._known(self.posterior.weighed(jnp.asarray(z)), z)
-        if promised > UNFINISHED or not np.isfinite([value, *known.ravel()]).all():
+        if promised > UNFINISHED:
+            return None
+        parts = self._parts(z)
+        if parts is None:
             return None
         away = z[self.at] - self.middle
-        covariance = np.linalg.inv(known)
+        log_likelihood, offset, covariance, basis = parts
+        share = np.exp(log_likelihood - log_likelihood.max())
+        share /= share.sum()
+        turn = offset[:, 0] - share @ offset[:, 0]
+        root = basis @ np.linalg.cholesky(covariance)
         return _Place(
-            float(value - 0.5 * np.linalg.slogdet(known)[1]),
+            float(np.logaddexp.reduce(log_likelihood)),
             math.atan2(away[0], away[1]) % (2 * math.pi),
-            math.sqrt(covariance[0, 0]),
+            math.sqrt(share @ (covariance[:, 0, 0] + turn**2)),
             z,
-            basis @ np.linalg.cholesky(covariance),
+            False,
+            share,
+            offset @ basis.T,
+            np.pad(root, ((0, 0), (0, 0), (0, 1))),
         )
+
+    def _parts(self, z):
+        """Return a normal approximation by each correlation function at a range.
+
+        Weighed by their densities at one place, the rough functions count too little:
+        their bearings are wide. Each is followed to its optimum by one Newton step, of
+        a standard deviation at most, within which its normal holds.
+        """
+        basis, least = self._directions(z)
+        density, slope, known = (
+            np.asarray(of) for of in by_kernel(self.posterior, jnp.asarray(z))
+        )
+        value, its_slope = self._belief(z)
+        known = basis.T @ known @ basis + np.diag(least)
+        slope = (slope + its_slope) @ basis
+        if not all(np.isfinite(of).all() for of in (density, slope, known)):
+            return None
+        covariance = np.linalg.inv(known)
+        step = np.einsum("kij,kj->ki", covariance, slope)
+        length = np.sqrt(np.einsum("ki,ki->k", step, slope))
+        part = 1 / np.maximum(1.0, length)
+        gain = (part - 0.5 * part**2) * length**2
+        log_likelihood = density + value + gain - 0.5 * np.linalg.slogdet(known)[1]
+        return log_likelihood, part[:, None] * step, covariance, basis
 
     def _belief(self, z):
         """Return ln of the density of a free mass given the range, and its gradient.
@@ -471,32 +595,39 @@ class _Walker:
         slope = np.zeros(len(z))
         if self.mass < 0:
             return 0.0, slope
-        middle, sd = self._of_mass(z)
+        distance = float(np.linalg.norm(z[self.at] - self.middle))
+        distance = max(distance, self.range_of(NEAREST_STEP))
+        middle = 3 * (math.log(distance) - np.mean(np.log(SCALED_RANGES)))
+        sd = self._largest_sds(distance, math.pi)[self.mass]
         off = (z[self.mass] - middle) / sd
         slope[self.mass] = -off / sd
         return -0.5 * off**2, slope
 
-    def _of_mass(self, z):
-        """Return mean and standard deviation of ln of the mass, given the range."""
-        low, high = np.log(SCALED_RANGES)
-        away = math.log(float(np.linalg.norm(z[self.at] - self.middle)))
-        return 3 * (away - (low + high) / 2), 3 * (high - low) / math.sqrt(12)
-
     def _known(self, posterior, z):
         """Return the information of bearing and other numbers, and their directions."""
+        basis, least = self._directions(z)
+        matrix = np.asarray(information(posterior, jnp.asarray(z)))
+        return basis.T @ matrix @ basis + np.diag(least), basis
+
+    def _directions(self, z):
+        """Return the directions of bearing and other numbers, and prior information."""
         east, north = z[self.at] - self.middle
         basis = np.zeros((len(z), 1 + len(self.others)))
         basis[self.at, 0] = north, -east  # per radian, clockwise
         basis[self.others, 1 + np.arange(len(self.others))] = 1.0
-        least = 1 / (WIDEST_STEP * self.steps[self.others]) ** 2
+        sds = self._largest_sds(math.hypot(east, north), math.pi)
+        return basis, np.append(math.pi, sds[self.others]) ** -2
+
+    def _largest_sds(self, distance: float, of_place: float):
+        """Return the standard deviations of coordinates that no data determine."""
+        sds = WIDEST_STEP * self.steps
+        sds[self.at] = of_place
         if self.time >= 0:  # a typical step is that of the layout, not of the range
-            far = max(1.0, math.hypot(east, north) / self.size)
-            least[self.others == self.time] /= far**2
+            sds[self.time] *= max(1.0, distance / self.size)
         if self.mass >= 0:
-            least[self.others == self.mass] = self._of_mass(z)[1] ** -2
-        least = np.append(math.pi**-2, least)
-        matrix = np.asarray(information(posterior, jnp.asarray(z)))
-        return basis.T @ matrix @ basis + np.diag(least), basis
+            low, high = np.log(SCALED_RANGES)
+            sds[self.mass] = 3 * (high - low) / math.sqrt(12)
+        return sds
 
     def _moved(self, z, step):
         """Turn the place about the sensors, and move the other numbers."""

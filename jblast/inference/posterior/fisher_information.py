@@ -7,6 +7,8 @@ reading passes it. The dependence of the size of the errors on the parameters al
 carries information. It is left out: it is small, and no layout is planned for it.
 """
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -80,6 +82,25 @@ def information(
     """Return the Fisher information of the data and the priors."""
     jacobian = whitened_jacobian(posterior, z)
     return jacobian.T @ jacobian
+
+
+@kept
+def by_kernel(
+    posterior: Posterior, z: Float[Array, " free"]
+) -> tuple[
+    Float[Array, " kernel"],
+    Float[Array, "kernel free"],
+    Float[Array, "kernel free free"],
+]:
+    """Return ln of the density by each correlation function, slopes and information."""
+    density = posterior.log_densities(z)
+    slope = jax.jacfwd(posterior.log_densities)(z)
+    if len(density) == 1:
+        return density, slope, information(posterior, z)[None]
+    known = jax.vmap(
+        lambda weights: information(replace(posterior, kernels=weights), z)
+    )
+    return density, slope, known(jnp.eye(len(density)))
 
 
 @jax.jit

@@ -178,11 +178,19 @@ class Posterior(eqx.Module):
     @kept
     def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
         """Return ln of the posterior density per unit of $z$, up to a constant."""
+        return logsumexp(self.log_densities(z))
+
+    def log_densities(self, z: Float[Array, " free"]) -> Float[Array, " kernel"]:
+        """Return ln of the share of each correlation function in the density.
+
+        There is one where these are not weighed by the data.
+        """
         recording = self._recording(z)
         if self._has_neighbours(recording):
-            likelihood = logsumexp(self._of_kernels(recording)) - math.log(len(KERNELS))
+            likelihood = self._of_kernels(recording) - math.log(len(KERNELS))
         else:
-            likelihood = self._log_likelihood(self._misfit(recording, self.kernels))
+            misfit = self._misfit(recording, self.kernels)
+            likelihood = self._log_likelihood(misfit)[None]
         more = 0.0 if self.correction is None else self.correction(z)
         return likelihood + more + self.parameters.log_prior(z)
 

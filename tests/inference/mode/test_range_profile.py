@@ -35,7 +35,11 @@ def profile_of(log_likelihood, bearing=0.5, *, bearing_sd=0.02):
         np.full(count, bearing),
         np.full(count, bearing_sd),
         z,
-        bearing_sd * tangent[:, :, None],
+        np.zeros(count, bool),
+        np.arange(count),
+        np.ones(count),
+        np.zeros((count, 2)),
+        np.stack([bearing_sd * tangent, np.zeros((count, 2))], axis=2),
     )
 
 
