@@ -120,7 +120,8 @@ def importance(
 
 def _numbers_of_a_draw(posterior: Posterior, normal: Laplace) -> int:
     """Return about how many numbers are held for the density of one draw."""
-    misfit = jax.eval_shape(posterior.misfit, jnp.asarray(normal.z))
+    # computed rather than traced for its shape: this program is compiled by now
+    misfit = posterior.misfit(jnp.asarray(normal.z))
     return misfit.loading.size + 8 * misfit.residual.size
 
 
