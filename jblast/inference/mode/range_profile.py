@@ -197,7 +197,7 @@ class RangeProfile(NamedTuple):
         self,
         z: Float[np.ndarray, "draw free"],
         place: int,
-    ) -> Float[np.ndarray, " draw"]:
+    ) -> Float[np.ndarray, " nearer"]:
         """Return how far the bearings of draws are from that of a place [rad].
 
         Draws that are nearer to another bearing that is as probable are left out.
@@ -492,7 +492,8 @@ class _Walker:
         z = np.array(z)
         away = z[self.at] - self.middle
         distance = max(float(np.linalg.norm(away)), self.range_of(NEAREST_STEP))
-        known = np.asarray(information(self.posterior.weighed(jnp.asarray(z)), z))
+        weighed = self.posterior.weighed(jnp.asarray(z))
+        known = np.asarray(information(weighed, jnp.asarray(z)))
         known = known + np.diag(
             1 / np.square(self._largest_sds(distance, math.pi * distance))
         )

@@ -184,3 +184,54 @@ def test_a_small_charge_among_the_sensors_is_not_taken_for_a_large_one_far_away(
     distance = found.summary.derived["range_m"]
     assert distance.q05 < 70.4
     assert math.isnan(distance.q95) or distance.q95 > 70.4
+
+
+RING = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100), (-110, -60))
+RING_TIMES = (2.1735, 2.1801, 2.2273, 2.236, 2.4361, 2.3318)
+"""Of 20 kg at (-6.8, 4.3) m, with errors of 1 % of the travel time."""
+
+
+@pytest.mark.slow
+def test_a_place_among_the_sensors_between_two_ranges_is_not_lost():
+    # at the ranges beside it the times are off by ten standard deviations, more than
+    # at places 10 km away
+    log = observed(
+        list("abcdef"),
+        ["air_arrival_s"] * 6,
+        RING_TIMES,
+        [1e-3] * 6,
+        position=np.array([(*place, 0.0) for place in RING]),
+    )
+    found = fit(log, free_scene())
+    assert "bearing_deg" not in found.summary.derived
+    east = found.summary.estimates["charge_east_m"]
+    north = found.summary.estimates["charge_north_m"]
+    assert east.q05 < -6.8 < east.q95
+    assert north.q05 < 4.3 < north.q95
+
+
+def test_a_peak_suffices_unless_other_places_are_probable():
+    found = profile_of([-4.0, 0.0, -4.0])
+    peak = found._replace(is_peak=np.array([False, True, False]))
+    assert peak.peaks_suffice
+    assert not found.peaks_suffice
+    assert not peak._replace(log_likelihood=np.array([-3.0, 0.0, -3.0])).peaks_suffice
+
+
+def test_draws_follow_the_shares_of_normal_approximations():
+    # of one place a narrow part and a wide one that is moved
+    one = profile_of([0.0], bearing_sd=0.01)
+    two = one._replace(
+        part=np.array([0, 0]),
+        share=np.array([0.75, 0.25]),
+        offset=np.array([[0.0, 0.0], [3.0, 0.0]]),
+        spread=np.concatenate([one.spread, 4 * one.spread]),
+    )
+    z = two.draws(40_000, np.random.default_rng(0))
+    assert z[:, 0].mean() == pytest.approx(one.z[0, 0] + 0.75, abs=0.03)
+    sd = 0.01 * 10.0 * math.cos(0.5)
+    expected = math.sqrt(0.75 * sd**2 + 0.25 * 16 * sd**2 + 0.75 * 0.25 * 9)
+    assert z[:, 0].std() == pytest.approx(expected, rel=0.02)
+    assert two.sds(0)[0] == pytest.approx(
+        math.sqrt(0.75 * sd**2 + 0.25 * (16 * sd**2 + 9)), rel=1e-9
+    )
