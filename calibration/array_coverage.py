@@ -16,6 +16,9 @@ addition; independent normal errors of 20 us. A second set has the aperture abov
 the range and independent errors of 1 %. Layouts are numbered, each with a random key of
 its own, so that parts of them can be fitted separately.
 
+Where an array cannot distinguish two bearings, as a line of sensors, the true one has to
+be inside either interval.
+
 With `--grid` the fit is not used. For every fifth layout the posterior is summed over a
 grid of ln of the range (steps of 0.2, from 0.3 to 1,000 widths of the array), bearing
 (1 degree) and ln of the mass (scaled distances of 0.3 to 100 m/kg^(1/3)), flat in all
@@ -67,7 +70,10 @@ BEARINGS, MASSES = 360, 33
 SCALED_RANGES = 0.3, 100.0
 WIDE = 5.0
 """A range whose 90 % interval spans a larger factor counts as unknown."""
-ANSWERS = ("answer", "east", "north", "time", "bearing", "range", "exit", "east_width")
+ANSWERS = (
+    *("answer", "east", "north", "time", "bearing", "bearings"),
+    *("range", "exit", "east_width"),
+)
 
 
 def layout(rng: np.random.Generator, *, large: bool):
@@ -173,11 +179,16 @@ def one(number: int) -> dict:
     summary = found.summary
     row |= {name: "" for name in ANSWERS} | {"exit": found.exit_code}
     if "bearing_deg" in summary.derived:
-        bearing = summary.derived["bearing_deg"]
         true = math.degrees(math.atan2(-middle[0], -middle[1]))
-        off = (true - bearing.q50 + 180) % 360 - 180
         row["answer"] = "bearing"
-        row["bearing"] = int(bearing.q05 <= bearing.q50 + off <= bearing.q95)
+        row["bearing"] = 0
+        for name in ("bearing_deg", "other_bearing_deg"):
+            bearing = summary.derived.get(name)
+            if bearing is not None:
+                off = (true - bearing.q50 + 180) % 360 - 180
+                inside = bearing.q05 <= bearing.q50 + off <= bearing.q95
+                row["bearing"] |= int(inside)
+                row["bearings"] = 1 + (name == "other_bearing_deg")
         distance = summary.derived["range_m"]
         farthest = math.inf if math.isnan(distance.q95) else distance.q95
         row["range"] = int(distance.q05 <= math.hypot(*middle) <= farthest)
@@ -227,10 +238,11 @@ def table(rows: list[dict]) -> list[str]:
         place = [r for r in of if r["answer"] == "place"]
         alone = [r for r in of if r["answer"] == "bearing"]
         none = sum(r["answer"] == "none" for r in of)
+        two = sum(str(r.get("bearings")) == "2" for r in alone)
         lines.append(
             f"{label:28s} {len(of):4d} layouts; place {len(place):3d}: east "
             f"{share(place, 'east')}, north {share(place, 'north')}, time "
-            f"{share(place, 'time')}; bearing alone {len(alone):3d}: "
+            f"{share(place, 'time')}; bearing alone {len(alone):3d} ({two} with two): "
             f"{share(alone, 'bearing')}, range {share(alone, 'range')}; neither {none}"
         )
     return lines

@@ -164,14 +164,18 @@ class RangeProfile(NamedTuple):
         return bool(weight[~self.is_peak].sum() < NEGLIGIBLE * weight.sum())
 
     def others(self) -> list[int]:
-        """Return places of other bearings that are nearly as probable as the best."""
+        """Return places of other bearings that are nearly as probable as the best.
+
+        Bearings whose distributions overlap are one.
+        """
         best = self.best
-        return [
-            int(place)
-            for place in np.flatnonzero(self.level == self.level[best])
-            if place != best
-            and self.log_likelihood[place] > self.log_likelihood[best] - FALLEN
-        ]
+        off = np.abs(_turned(self.bearing, self.bearing[best]))
+        apart = off > 2 * SAME_BEARING_SD * np.hypot(
+            self.bearing_sd, self.bearing_sd[best]
+        )
+        probable = self.log_likelihood > self.log_likelihood[best] - FALLEN
+        there = self.level == self.level[best]
+        return np.flatnonzero(there & apart & probable).tolist()
 
     def draws(
         self, count: int, rng: np.random.Generator
