@@ -16,8 +16,8 @@ addition; independent normal errors of 20 us. A second set has the aperture abov
 the range and independent errors of 1 %. Layouts are numbered, each with a random key of
 its own, so that parts of them can be fitted separately.
 
-Where an array cannot distinguish two bearings, as a line of sensors, the true one has to
-be inside either interval.
+Where an array cannot distinguish two bearings, as with a line of sensors, the true one
+has to be inside either interval.
 
 With `--grid` the fit is not used. For every fifth layout the posterior is summed over a
 grid of ln of the range (steps of 0.2, from 0.3 to 1,000 widths of the array), bearing
