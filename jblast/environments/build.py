@@ -10,7 +10,7 @@ from jblast.environments.episode import (
     Randomisation,
     default_world,
 )
-from jblast.environments.tasks.table import TASKS
+from jblast.environments.tasks import TASKS
 from jblast.errors import InputError, nearest
 from jblast.missions import Guidance
 from jblast.scene import Air, ByCount, Uniform, WorldSpec

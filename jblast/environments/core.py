@@ -30,8 +30,7 @@ from jblast.environments.episode import (
     vehicle_in,
     window_of,
 )
-from jblast.environments.tasks.table import TASKS
-from jblast.environments.tasks.task import Seen, distance
+from jblast.environments.tasks import TASKS, Seen, distance
 from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
 from jblast.vehicle.rollout import Now

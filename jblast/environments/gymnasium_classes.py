@@ -15,7 +15,7 @@ from jblast.environments.build import environment_params
 from jblast.environments.core import actions_of, reset, step
 from jblast.environments.episode import EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
-from jblast.environments.tasks.mission import default_guidance
+from jblast.environments.tasks import default_guidance
 from jblast.errors import InputError, shown
 
 _RESET, _STEP = eqx.filter_jit(reset), eqx.filter_jit(step)

@@ -3,13 +3,13 @@
 from jblast.missions.guidance import (
     Guidance as Guidance,
     GuidanceHistory as GuidanceHistory,
+    Legs as Legs,
     MissionControl as MissionControl,
     Progress as Progress,
     replay as replay,
 )
-from jblast.missions.legs import Legs as Legs
-from jblast.missions.limits import Limits as Limits
 from jblast.missions.mission import (
+    Limits as Limits,
     Mission as Mission,
     grid_plan as grid_plan,
     mission_of as mission_of,

@@ -21,9 +21,14 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from jblast.errors import InputError
-from jblast.missions.guidance import CALIBRATE_S, IDLE_S, LANDED_S, Guidance
-from jblast.missions.legs import FIELDS, Legs
-from jblast.missions.limits import CEILING_M, FARTHEST_M, MOST_LEGS, Limits
+from jblast.missions.guidance import (
+    CALIBRATE_S,
+    FIELDS,
+    IDLE_S,
+    LANDED_S,
+    Guidance,
+    Legs,
+)
 from jblast.missions.plan import (
     GLOBAL,
     JUMP,
@@ -44,6 +49,12 @@ from jblast.missions.plan import (
 from jblast.observations.places import Frame
 from jblast.scene import Place
 
+FARTHEST_M = 20e3
+"""From home: past it the ground is no plane (31 m at 20 km), and no battery lasts."""
+CEILING_M = 4000.0
+"""Above home: one density of air stands for all heights."""
+MOST_LEGS = 5000
+"""Of a plan, its jumps unrolled."""
 MOST_LANES = 1000
 ON_GROUND_M = 0.5
 """How far from the ground's height a home may lie; it is then taken as on it."""
@@ -148,6 +159,34 @@ def _plan(
     rows.append((RETURN, MISSION, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     items = tuple(Item(n, *row) for n, row in enumerate(rows, start=1))
     return Plan(items, home, hover_speed_m_s=speed_m_s)
+
+
+class Limits(NamedTuple):
+    """Defaults for a mission whose plan leaves them out.
+
+    In brackets PX4's parameters for multicopters, whose defaults they are (from
+    memory).
+
+    Attributes:
+        speed_m_s: Over ground [MPC_XY_CRUISE].
+        climb_m_s: [MPC_Z_V_AUTO_UP].
+        descent_m_s: [MPC_Z_V_AUTO_DN].
+        landing_m_s: Of the last metres [MPC_LAND_SPEED].
+        acceleration_m_s2: Of the set point, in all directions [MPC_ACC_HOR is 3].
+        acceptance_m: Of a waypoint that has no radius of its own; declared: PX4 has
+            10 m, for aeroplanes too.
+        return_m: Least height above home of the way back [RTL_RETURN_ALT].
+        slow_below_m: Height from which a landing goes slowly [MPC_LAND_ALT2].
+    """
+
+    speed_m_s: float = 5.0
+    climb_m_s: float = 3.0
+    descent_m_s: float = 1.5
+    landing_m_s: float = 0.7
+    acceleration_m_s2: float = 2.0
+    acceptance_m: float = 1.0
+    return_m: float = 30.0
+    slow_below_m: float = 5.0
 
 
 @dataclass(frozen=True)

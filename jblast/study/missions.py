@@ -34,7 +34,6 @@ from jblast.missions import (
     replay,
 )
 from jblast.missions.guidance import ARMED, ENDED, FLYING
-from jblast.missions.limits import TOUCH_M_S
 from jblast.missions.mission import geodetic
 from jblast.observations.places import Frame
 from jblast.progress import counted
@@ -87,6 +86,8 @@ EACH_ROW_S = 0.02
 SHARE, EACH_S, LEAST_S, UNIT_S = 0.05, 10.0, 10.0, 20.0
 """Of time beyond what was planned: a share of it, for each blast, in any case; all of
 it in whole units, as each other duration is another program."""
+TOUCH_M_S = 1.5
+"""Greatest speed of a landing, else it is a crash. Declared: twice `landing_m_s`."""
 AFTER_S = 1.0
 """Time stored after the vehicle is disarmed."""
 WATCHED_S = 10.0

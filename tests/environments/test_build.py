@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import pytest
 
 from jblast.environments import Randomisation, environment_params
-from jblast.environments.tasks.mission import default_guidance
+from jblast.environments.tasks import default_guidance
 from jblast.errors import InputError
 from jblast.scene import Normal, Uniform, WorldSpec
 from jblast.scene.random_blasts import ByCount, ByRate

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jblast.environments.episode import vehicle_in
-from jblast.environments.tasks.mission import default_guidance
+from jblast.environments.tasks import default_guidance
 from jblast.missions import Guidance, MissionControl, Progress
 from jblast.missions.guidance import FLYING
 from jblast.scene import Charge, Scene

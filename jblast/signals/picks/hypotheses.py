@@ -84,8 +84,9 @@ ODD = 4.0
 """Standard deviations of a squared misfit from which on one pulse is not all."""
 CORNER = 0.3
 """Of a high-pass, times the duration of the positive phase, to begin with."""
-NEAREST = 4.0
-"""A further front is as many samples, and two rises, behind the first."""
+SECOND_FRONT_SAMPLES = 4.0
+"""Smallest distance of a further front behind the first, in addition to two rise times
+[samples]."""
 SIDES = (1, 2, 4, 8)
 """Bins on either side of a step."""
 PLACE = CENTRE.size + FURTHER.index("ln_corner")
@@ -205,7 +206,10 @@ def with_what_shows(
             shown, anew, lambda: (unmoved, jnp.inf + price, plain)
         )
         # a further front within the first one's rise is only a rise of another form
-        apart = jnp.exp(found.y[LAG]) > NEAREST + 2.0 * natural_of(found.y).rise
+        apart = (
+            jnp.exp(found.y[LAG])
+            > SECOND_FRONT_SAMPLES + 2.0 * natural_of(found.y).rise
+        )
         apart |= more.follows == 0
         heard = (more.rings == 0) | (jnp.exp(found.y[OMEGA]) < HIGHEST)
         taken = shown & (cost < best[0]) & apart & heard
@@ -327,7 +331,7 @@ def _step(bins: Bins, apart, case: Case, rise):
     # plain differences again, as far as noise is white
     weight = jnp.square(case.weight * gain)
     value = apart * case.weight * gain
-    late = bins.start.astype(apart.dtype) > NEAREST + 2.0 * rise
+    late = bins.start.astype(apart.dtype) > SECOND_FRONT_SAMPLES + 2.0 * rise
     sums = jnp.concatenate([jnp.zeros_like(value[:1]), jnp.cumsum(value)])
     weights = jnp.concatenate([jnp.zeros_like(weight[:1]), jnp.cumsum(weight)])
     n = value.shape[0]

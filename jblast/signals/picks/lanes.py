@@ -21,8 +21,8 @@ from jblast.signals.picks.hypotheses import (
 )
 from jblast.signals.picks.model import Optimum, drift_at, larger_misfit_ratio
 from jblast.signals.picks.preparation import (
+    FITTED_DURATIONS,
     LEAST_REACH,
-    REACH,
     SHORTER,
     Bins,
     Prepared,
@@ -164,7 +164,9 @@ def pick_lanes(
                 fits = found.found & found.converged & (found.misfit < AGAIN)
                 better = jnp.where(flawed, fits, better)
                 chosen = either(better, found, before)
-                first = jnp.where(jnp.isinf(longest), REACH * duration, reach)
+                first = jnp.where(
+                    jnp.isinf(longest), FITTED_DURATIONS * duration, reach
+                )
                 return SHORTER * duration, first, chosen
 
             return lax.cond(odd, anew, lambda: (longest, reach, before)), None

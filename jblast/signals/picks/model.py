@@ -38,8 +38,8 @@ from jblast.signals.picks.unknowns import (
     pulse_by,
 )
 
-TOGETHER = 8
-"""Bins whose differences are summed, to see what is slow."""
+SUMMED_BINS = 8
+"""Bins whose differences are summed to test for slow trends."""
 SLOW_UNKNOWNS = 9.0
 """All but arrival and rise."""
 FARTHEST_MEMORY = 300.0
@@ -213,7 +213,7 @@ def larger_misfit_ratio(
     """Return that or the same of neighbours together, whichever is larger.
 
     Where a baseline is not the model's, what moves slowly is small in each bin, and all
-    of it goes into duration and impulse; of `TOGETHER` bins' sum it is as many times
+    of it goes into duration and impulse; of `SUMMED_BINS` bins' sum it is as many times
     more.
 
     Args:
@@ -237,13 +237,13 @@ def _ratio(apart, case: Case):
 
 
 def _slow_ratio(apart, case: Case):
-    """Return the same of `TOGETHER` neighbours' sums."""
+    """Return the same of `SUMMED_BINS` neighbours' sums."""
     used = (case.weight > 0) & (case.clipped == 0)
     kind = apart.dtype
     apart = jnp.where(used, apart, 0.0)
-    short = -apart.shape[0] % TOGETHER
-    blocks = jnp.pad(apart, (0, short)).reshape(-1, TOGETHER)
-    counts = jnp.pad(used.astype(kind), (0, short)).reshape(-1, TOGETHER)
+    short = -apart.shape[0] % SUMMED_BINS
+    blocks = jnp.pad(apart, (0, short)).reshape(-1, SUMMED_BINS)
+    counts = jnp.pad(used.astype(kind), (0, short)).reshape(-1, SUMMED_BINS)
     count = jnp.sum(counts, axis=1)
     squares = jnp.square(jnp.sum(blocks, axis=1)) / jnp.maximum(count, 1.0)
     many = jnp.sum((count > 0).astype(kind))

@@ -38,10 +38,10 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from jblast.signals.picks.unknowns import CENTRE, Form
 
-REACH = 4.5
-"""The stretch that is fitted ends as many durations behind the front: past the negative
-phase of the priors."""
-LONGER = 24.0 / REACH
+FITTED_DURATIONS = 4.5
+"""Length of the fitted interval behind the front, in durations: past the negative phase
+of the priors."""
+LONGER = 24.0 / FITTED_DURATIONS
 """And of the stretch over which a high-pass is looked for: one with its corner at the
 inverse of the duration shortens the positive phase fivefold, and this is 4.5 of the
 durations before it."""
@@ -52,8 +52,8 @@ SHORTER = 0.5
 second search begins from one of this share of the duration at most."""
 CLEAR = 12.0
 """An earlier step is another front when it is as many times the rms of those before."""
-SHARE = 0.3
-"""And as large a share of the largest step."""
+STEP_SHARE = 0.3
+"""And this share of the largest step."""
 LARGEST_WIDTH = 2048
 FIRST = 64
 """One of so many parts of a record, the first, gives the level at its beginning."""
@@ -80,8 +80,9 @@ CONTINUED_DECAYS = (0.2, 0.5, 1.2, 3.0)
 """Of members that continue below zero: the smaller, the more of them is there."""
 BEFORE, BEHIND = 1.5, 4.0
 """Extent of a member before and behind the front, in durations."""
-NEAR = 0.999
-"""A sample of this share of the full scale is clipped: codes end a bit below it."""
+CLIPPED_FROM = 0.999
+"""A sample above this share of the full scale is clipped: codes end slightly below
+it."""
 IN_A_ROW = 3
 """Without a full scale, as many equal samples that no other exceeds are."""
 LEAST_SUCTION = 0.03
@@ -287,7 +288,7 @@ def prepared(
     kept = jnp.maximum(front.sample - toe.astype(front.sample.dtype), front.sample // 2)
     noise = noise_before(share, kept)
     before = jnp.maximum(BEFORE * duration, 64.0).astype(front.sample.dtype)
-    reach = jnp.maximum(REACH * duration, LEAST_REACH)
+    reach = jnp.maximum(FITTED_DURATIONS * duration, LEAST_REACH)
     first = jnp.maximum(front.sample - before, ORDER)
     bound, unusable = _clipped_bins(bins, clipped, front.sample)
     white = means_in_bins(bins, whitened(noise, share), front.sample)
@@ -442,7 +443,7 @@ def _earlier(steps: _Steps, found: Front) -> Front:
     noise = jnp.sqrt(squares / jnp.maximum(many, 1).astype(before.dtype))
     clear = (
         (other.step > CLEAR * noise)
-        & (other.step > SHARE * found.step)
+        & (other.step > STEP_SHARE * found.step)
         & (many >= 16)
         & (noise > 0)
     )
@@ -724,8 +725,8 @@ def clipped_samples(
     index = jnp.arange(samples.shape[-1])
     inside = jnp.expand_dims(index, range(count.ndim)) < count[..., None]
     if full_scale is not None:
-        high = inside & (samples >= NEAR * full_scale)
-        low = inside & (samples <= -NEAR * full_scale)
+        high = inside & (samples >= CLIPPED_FROM * full_scale)
+        low = inside & (samples <= -CLIPPED_FROM * full_scale)
     else:
         top = jnp.max(samples, axis=-1, keepdims=True)
         bottom = jnp.min(samples, axis=-1, keepdims=True)

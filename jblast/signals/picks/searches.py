@@ -72,17 +72,17 @@ not: far from its own optimum the right one is worse than a wrong one at its bes
 LOWER = 0.1
 """A search begins there if ln posterior is higher by as much, and counts if it ends
 higher by as much."""
-FAR = 2.0
-"""Standard deviations that the duration is moved by, to see whether they are true."""
-LONG = 0.05
-"""Of ln duration, from which on that is looked at."""
+DURATION_STEP_SD = 2.0
+"""Shift of the duration by which its standard error is tested [sd]."""
+DURATION_SD_TESTED = 0.05
+"""Standard error of ln duration from which on it is tested."""
 HOLD = 1e4
 """Weight of its prior there, over the usual one."""
 FIRST, SHORT, AGAIN, ELSEWHERE, HELD = range(5)
 """The searches, in their order."""
-APART = 1.5
-"""Of two arrivals that are tried [samples]."""
-ARRIVALS = np.arange(-24.0, 64.0, APART)
+ARRIVAL_STEP = 1.5
+"""Distance of two arrivals that are tried [samples]."""
+ARRIVALS = np.arange(-24.0, 64.0, ARRIVAL_STEP)
 """From where the front was seen [samples]."""
 ARRIVAL_RISES = np.array([0.5, 1.5, 4.0, 10.0, 25.0])
 """Tried with each [samples]."""
@@ -163,8 +163,10 @@ def _wider(held: Optimum, dearer: Float[Array, ""]) -> Float[Array, ""]:
 
     Where the way to a longer pulse costs less than a parabola, the error is larger.
     """
-    dearer = jnp.maximum(2.0 * dearer, (FAR / WIDEST) ** 2)
-    return jnp.where(held.converged, (FAR**2 / dearer - 1.0) / FAR**2, 0.0)
+    dearer = jnp.maximum(2.0 * dearer, (DURATION_STEP_SD / WIDEST) ** 2)
+    return jnp.where(
+        held.converged, (DURATION_STEP_SD**2 / dearer - 1.0) / DURATION_STEP_SD**2, 0.0
+    )
 
 
 class Elsewhere(NamedTuple):
@@ -279,9 +281,9 @@ def _search(
     held, far = kind == HELD, kind == ELSEWHERE
     there = _elsewhere(bins, case, best, far)
     sd = jnp.sqrt(best.covariance[DURATION, DURATION])
-    longer = best.y + FAR / sd * best.covariance[:, DURATION]
+    longer = best.y + DURATION_STEP_SD / sd * best.covariance[:, DURATION]
     asked = jnp.where(kind == AGAIN, before.poor, ~before.sure)
-    asked = jnp.where(held, sd > LONG, jnp.where(far, there.asked, asked))
+    asked = jnp.where(held, sd > DURATION_SD_TESTED, jnp.where(far, there.asked, asked))
     moved = case.centre.at[DURATION].set(longer[DURATION])
     mine = case._replace(
         centre=jnp.where(held, moved, case.centre), hold=jnp.where(held, HOLD, 0.0)
@@ -405,7 +407,7 @@ def elsewhere(
     made = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), made)
     here = jax.tree.map(lambda x: x[0], profiled(bins, y[None, :], case))
     steps = np.gradient(np.log(ARRIVAL_RISES))
-    cell = jnp.repeat(jnp.asarray(APART * steps, kind), arrivals.size)
+    cell = jnp.repeat(jnp.asarray(ARRIVAL_STEP * steps, kind), arrivals.size)
     levels = (here.cost - made.cost) / widened + made.width - here.width
     levels = jnp.where(jnp.isfinite(levels), levels, -jnp.inf)
     top = jnp.maximum(jnp.max(levels), 0.0)
@@ -414,7 +416,7 @@ def elsewhere(
     own = 2.0 * np.pi * widened
     spread = covariance[0, 0] * covariance[4, 4] - jnp.square(covariance[0, 4])
     own = own * jnp.sqrt(jnp.maximum(spread, 0.0))
-    own = jnp.minimum(own, APART * float(np.max(steps))) * jnp.exp(-top)
+    own = jnp.minimum(own, ARRIVAL_STEP * float(np.max(steps))) * jnp.exp(-top)
     off = made.y[:, 0] - y[0]
     weight = weight / (jnp.sum(weight) + own)
     best = jnp.argmin(made.cost)

@@ -1,0 +1,383 @@
+r"""The tasks of environments: start, aim, observations and reward of each, by name.
+
+**Hover**: hold a position through blasts. Observations: position and velocity relative
+to the target (3, 3), attitude as a matrix (9), body rates (3). Reward of a step: $1 -
+|e|$ with the distance $e$ in metres, less 0.02 times the body rate in rad/s. An episode
+ends where the vehicle is farther off than `far_m`, or on the ground.
+
+**Rates**: follow requested body rates, the task of GymFC. An episode draws body rates,
+uniform within `rate_rad_s` about each axis; the vehicle flies freely. Observations:
+requested less actual rates (3), actual rates (3), both over `rate_rad_s`, and rotor
+speeds over the greatest (4). Reward of a step: 1 less the mean of the absolute errors
+over `rate_rad_s`.
+
+**Mission**: follow the set point of a plan's legs (`jblast.missions`). An episode
+begins on the ground at home, armed. Observations: position and velocity relative to the
+set point (3, 3), attitude (9), body rates (3), and the vector from the set point to the
+leg's goal (3). Reward of a step: $1 - |e|$. An episode ends where the vehicle is
+farther off than `far_m`, or has landed at the mission's end.
+
+**Detect**: raise an alarm for a blast, from a microphone and an event camera on board.
+A controller holds the vehicle's position; the action (1) is an alarm where it is
+positive. Observations, of the last step:
+
+- level of the greatest overpressure at the vehicle, with noise of the rotors, over
+  20 µPa, in units of 100 dB;
+- the natural logarithm of 1 plus the number of camera events. A flash gives five events
+  for each pixel on the fireball's disc, $\frac{\pi}{4} (2 f r / R)^2$ pixels with $r =
+  1.75\,m Q^{1/3}$ and $f = 260$ pixels, in the step of the detonation. The background
+  adds ten events, and the sum has its square root as noise. This is a simple count:
+  `jblast.sensors.camera` draws events in full;
+- seconds since the last alarm, 1 at most.
+
+An alarm within 0.5 s of an arrival without an earlier alarm earns 1; one without an
+arrival costs 0.1; an arrival without an alarm in that time costs 1.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
+
+from jblast.constants import FLIGHT_GRAVITY
+from jblast.environments.episode import (
+    OF_READINGS,
+    Action,
+    Aim,
+    EnvironmentParams,
+    EnvironmentState,
+    load_of,
+)
+from jblast.missions import Guidance, Limits, Progress, grid_plan, mission_of
+from jblast.missions.guidance import ENDED, FLYING, SetPoint
+from jblast.scene import Place
+from jblast.vehicle import State
+from jblast.vehicle.loads.blast_wave import overpressure
+from jblast.vehicle.state import (
+    Number,
+    StateComponents,
+    Vector,
+    components,
+    dot,
+    joined,
+    rotation,
+    three,
+)
+from jblast.world import Blasts
+
+TURNING = 0.02
+"""Cost of a body rate of 1 rad/s in a step; declared."""
+IN_TIME_S, FALSE_ALARM = 0.5, 0.1
+"""Time for an alarm after an arrival [s], and the cost of a false one; declared."""
+REFERENCE_PA, NOISE_PA, BACKGROUND = 20e-6, 2.0, 10.0
+"""Reference of sound levels [Pa]. Noise of the rotors [Pa] and camera events of the
+background in a step; both declared."""
+FIREBALL_M, FOCAL_PX, EVENTS_A_PIXEL = 1.75, 260.0, 5.0
+"""Fireball's radius of 1 kg [m], focal length [px], events of a lit pixel; declared."""
+
+Seen = tuple[Number, ...]
+Started = tuple[StateComponents, PyTree[Array]]
+
+
+class Judged(NamedTuple):
+    """Result of a step.
+
+    Attributes:
+        reward: Of the step.
+        terminated: Whether the episode is over by itself.
+        task: Memory of the task afterwards.
+    """
+
+    reward: Float[Array, ""]
+    terminated: Bool[Array, ""]
+    task: PyTree[Array]
+
+
+class Task(NamedTuple):
+    """A task, as functions without memory of their own.
+
+    Attributes:
+        command: Its default mode of command.
+        target_m: Target: east, north, up.
+        episode_s: Duration of an episode.
+        actions: Numbers of an action; None: as many as the mode of command has.
+        start: Of a key and the params: motion and memory at the start.
+        aim: Of params and state: where to be in this step, and its memory afterwards.
+        observe: Of params and state: observations besides the motion.
+        judge: Of params, the state after the step, the action and the aim.
+    """
+
+    command: str
+    target_m: tuple[float, float, float]
+    episode_s: float
+    actions: int | None
+    start: Callable[[PRNGKeyArray, EnvironmentParams], Started]
+    aim: Callable[[EnvironmentParams, EnvironmentState], tuple[Aim, PyTree[Array]]]
+    observe: Callable[[EnvironmentParams, EnvironmentState], Seen]
+    judge: Callable[[EnvironmentParams, EnvironmentState, Action, Aim], Judged]
+
+
+def _start_hover(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
+    dtype = params.target_m.dtype
+    off = jax.random.uniform(key, (3,), dtype, -1.0, 1.0)
+    return _at_rest(params, params.target_m + params.spread_m * off), ()
+
+
+def _observe_hover(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+    motion = state.now.motion
+    place, speed = _error_from(motion, _at_target(params, state)[0])
+    return (*place, *speed, *_attitude_and_rates(motion))
+
+
+def _judge_hover(
+    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
+) -> Judged:
+    motion = state.now.motion
+    off = distance(motion, aim)
+    reward = 1.0 - off - TURNING * _length(motion.body_rate)
+    down = motion.position[2] <= params.ground_up_m
+    return Judged(reward, (off > params.far_m) | down, ())
+
+
+def _start_rates(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
+    dtype = params.target_m.dtype
+    wanted = params.rate_rad_s * jax.random.uniform(key, (3,), dtype, -1.0, 1.0)
+    return _at_rest(params, params.target_m), three(wanted)
+
+
+def _rate_errors(params: EnvironmentParams, state: EnvironmentState) -> Vector:
+    x, y, z = (
+        (requested - actual) / params.rate_rad_s
+        for requested, actual in zip(
+            state.task, state.now.motion.body_rate, strict=True
+        )
+    )
+    return x, y, z
+
+
+def _observe_rates(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+    motion, most = state.now.motion, params.vehicle.rotor_speed_max_rad_s
+    rates = (rate / params.rate_rad_s for rate in motion.body_rate)
+    speeds = (speed / most for speed in motion.rotor_speed)
+    return (*_rate_errors(params, state), *rates, *speeds)
+
+
+def _judge_rates(
+    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
+) -> Judged:
+    x, y, z = _rate_errors(params, state)
+    reward = 1.0 - (jnp.abs(x) + jnp.abs(y) + jnp.abs(z)) / 3
+    down = state.now.motion.position[2] <= params.ground_up_m
+    return Judged(reward, down, state.task)
+
+
+def default_guidance() -> Guidance:
+    """Return the guidance of a small flight: two lanes of 12 m, 6 m up, and back."""
+    home = Place(0.0, 0.0, 0.0)
+    plan = grid_plan(home, width_m=12.0, depth_m=6.0, spacing_m=6.0, up_m=6.0)
+    return mission_of(plan, limits=Limits(return_m=6.0)).guidance
+
+
+def _guidance(params: EnvironmentParams) -> Guidance:
+    guidance = params.guidance
+    assert guidance is not None, "environment_params gives a mission its guidance"
+    return guidance
+
+
+def _start_mission(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
+    guidance = _guidance(params)
+    begun = guidance.start()
+    begun = begun._replace(phase=begun.phase + FLYING)
+    return _at_rest(params, guidance.legs.start_m[0], stands=True), begun
+
+
+def _aim_mission(
+    params: EnvironmentParams, state: EnvironmentState
+) -> tuple[Aim, PyTree[Array]]:
+    progress: Progress = state.task
+    point, after = _guidance(params)(joined(state.now.motion), progress, params.step_s)
+    return Aim(point, progress.yaw_rad), after
+
+
+def _observe_mission(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+    aim, motion = _aim_mission(params, state)[0], state.now.motion
+    place, speed = _error_from(motion, aim)
+    goal = _guidance(params).legs.goal_m[state.task.leg] - aim.point.position_m
+    return (*place, *speed, *_attitude_and_rates(motion), *goal)
+
+
+def _judge_mission(
+    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
+) -> Judged:
+    off = distance(state.now.motion, aim)
+    over = (off > params.far_m) | (state.task.phase == ENDED)
+    return Judged(1.0 - off, over, state.task)
+
+
+class Answered(NamedTuple):
+    """Alarms up to now.
+
+    Attributes:
+        blasts: Arrivals with an alarm, and missed ones.
+        since_s: Since the last alarm.
+    """
+
+    blasts: Bool[Array, " blast"]
+    since_s: Float[Array, ""]
+
+
+def _start_detect(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
+    count = params.world.occurrence.count  # pyright: ignore[reportAttributeAccessIssue] (held by environment_params)
+    answered = Answered(jnp.zeros(count, bool), jnp.ones_like(params.step_s))
+    return _at_rest(params, params.target_m), answered
+
+
+def _observe_detect(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+    place, step = jnp.stack(state.now.motion.position), params.step_s
+    end = state.steps.astype(step.dtype) * step
+    key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), OF_READINGS)
+    noise = jax.random.normal(jax.random.fold_in(key, state.steps), (2,), step.dtype)
+
+    def of(numbers: Blasts) -> tuple[Array, Array]:
+        load = load_of(params, state.episode.wind_m_s, numbers)
+        (blast,) = load.blasts
+        since = end - load.arrival_time_s(place)[0]
+        begins = jnp.where(since < step, 0.0, since - step)
+        # the wave falls from its front on: the loudest of a step is at its beginning
+        share = overpressure(
+            load.wave_of(blast, place), jnp.where(since < 0, -1.0, begins)
+        )
+        away = jnp.sqrt(jnp.sum(jnp.square(place - blast.position_m)))
+        disc = 2 * FOCAL_PX * FIREBALL_M * jnp.cbrt(blast.mass_kg) / away
+        flash = (blast.time_s <= end) & (blast.time_s > end - step)
+        lit = EVENTS_A_PIXEL * math.pi / 4 * jnp.square(disc)
+        return load.pressure_pa * jnp.abs(share), jnp.where(flash, lit, 0.0)
+
+    pressures, flashes = jax.vmap(of)(state.episode.blasts)
+    heard = jnp.abs(NOISE_PA * noise[0]) + jnp.sum(pressures)
+    events = BACKGROUND + jnp.sum(flashes)
+    # a Poisson count as a normal one: a sampler of counts has no fixed cost in a batch
+    events = jnp.maximum(events + jnp.sqrt(events) * noise[1], 0.0)
+    decibels = 20 * jnp.log10(heard / REFERENCE_PA + 1.0)
+    return decibels / 100, jnp.log1p(events), state.task.since_s
+
+
+def _judge_detect(
+    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
+) -> Judged:
+    answered, step = state.task, params.step_s
+    end = state.steps.astype(step.dtype) * step
+    place = jnp.stack(state.now.motion.position)
+
+    def arrival(blast: Blasts) -> Array:
+        return load_of(params, state.episode.wind_m_s, blast).arrival_time_s(place)[0]
+
+    since = end - jax.vmap(arrival)(state.episode.blasts)
+    alarm = action[0] > 0
+    open_now = (since >= 0) & (since <= IN_TIME_S) & ~answered.blasts
+    missed = (since > IN_TIME_S) & ~answered.blasts
+    hit = alarm & jnp.any(open_now)
+    reward = jnp.where(hit, 1.0, jnp.where(alarm, -FALSE_ALARM, 0.0))
+    reward = reward - jnp.sum(missed.astype(step.dtype))
+    after = Answered(
+        answered.blasts | missed | (open_now & alarm),
+        jnp.where(alarm, 0.0, jnp.minimum(answered.since_s + step, 1.0)),
+    )
+    down = state.now.motion.position[2] <= params.ground_up_m
+    return Judged(reward.astype(step.dtype), down, after)
+
+
+def _at_target(
+    params: EnvironmentParams, state: EnvironmentState
+) -> tuple[Aim, PyTree[Array]]:
+    """Return the aim of a vehicle that hovers at the target, and the same memory."""
+    still = jnp.zeros_like(params.target_m)
+    point = SetPoint(params.target_m, still, still)
+    return Aim(point, jnp.zeros_like(params.step_s)), state.task
+
+
+def _at_rest(
+    params: EnvironmentParams, place: Float[Array, "3"], *, stands: bool = False
+) -> StateComponents:
+    """Return a level vehicle at rest, whose rotors carry its weight, or stand."""
+    vehicle = params.vehicle
+    weight = vehicle.mass_kg * FLIGHT_GRAVITY / 4
+    speed = jnp.sqrt(weight / vehicle.thrust_coefficient)
+    still = jnp.zeros_like(place)
+    level = jnp.asarray([0.0, 0.0, 0.0, 1.0], place.dtype)
+    speeds = jnp.broadcast_to(0 * speed if stands else speed, (4,))
+    return components(State(place, still, level, still, speeds))
+
+
+def _attitude_and_rates(motion: StateComponents) -> Seen:
+    """Return the matrix, body to world, row by row, and the body's rates [rad/s]."""
+    x, y, z = rotation(motion.quaternion)
+    return (*x, *y, *z, *motion.body_rate)
+
+
+def _error_from(motion: StateComponents, aim: Aim) -> tuple[Vector, Vector]:
+    """Return the position and velocity of a vehicle relative to its aim [m, m/s]."""
+    place, speed = aim.point.position_m, aim.point.velocity_m_s
+    x, y, z = (a - b for a, b in zip(motion.position, place, strict=True))
+    u, v, w = (a - b for a, b in zip(motion.velocity, speed, strict=True))
+    return (x, y, z), (u, v, w)
+
+
+def distance(motion: StateComponents, aim: Aim) -> Float[Array, ""]:
+    """Return the distance of a vehicle from its aim [m], with a slope of 0 there."""
+    return _length(_error_from(motion, aim)[0])
+
+
+def _length(vector: Vector) -> Float[Array, ""]:
+    """Return the length of a vector, with a slope of 0 at 0."""
+    square = dot(vector, vector)
+    some = square > 0
+    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+
+
+TASKS: dict[str, Task] = {
+    "Hover": Task(
+        "thrust_rates",
+        (0.0, 0.0, 10.0),
+        10.0,
+        None,
+        _start_hover,
+        _at_target,
+        _observe_hover,
+        _judge_hover,
+    ),
+    "Rates": Task(
+        "rotor_speeds",
+        (0.0, 0.0, 60.0),
+        2.0,
+        None,
+        _start_rates,
+        _at_target,
+        _observe_rates,
+        _judge_rates,
+    ),
+    "Mission": Task(
+        "hold",
+        (0.0, 0.0, 0.0),
+        60.0,
+        None,
+        _start_mission,
+        _aim_mission,
+        _observe_mission,
+        _judge_mission,
+    ),
+    "Detect": Task(
+        "hold",
+        (0.0, 0.0, 10.0),
+        10.0,
+        1,
+        _start_detect,
+        _at_target,
+        _observe_detect,
+        _judge_detect,
+    ),
+}
+"""The tasks by their names."""

@@ -1,1 +1,0 @@
-"""Tasks of a lane: hover, follow rates, fly a mission, detect a blast."""
