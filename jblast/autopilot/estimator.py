@@ -79,6 +79,7 @@ TURN, PLACE, MOVES, RATE_BIAS, FORCE_BIAS = (slice(3 * n, 3 * n + 3) for n in ra
 """Parts of an error: attitude about the body's axes [rad], position [m], velocity
 [m/s], what gyroscope [rad/s] and accelerometer [m/s2] are off by."""
 SIZE = 15
+"""Of an error: five vectors."""
 
 
 class Thrown(NamedTuple):

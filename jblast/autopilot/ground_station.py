@@ -41,18 +41,24 @@ ACCEPTED, REFUSED, DENIED, UNSUPPORTED, IN_PROGRESS = 0, 1, 2, 3, 5
 """MAV_RESULT; REFUSED is TEMPORARILY_REJECTED."""
 WARNING = 4
 """MAV_SEVERITY."""
+# as PX4 sends: MAV_COMP_ID_AUTOPILOT1 of the first vehicle
 SYSTEM, COMPONENT = 1, 1
+# MAV_TYPE and MAV_AUTOPILOT
 QUADROTOR, PX4 = 2, 12
 CUSTOM, GUIDED, SAFETY_ARMED = 1, 8, 128
 """Bits of the base mode."""
 MODE_MISSION, MODE_LOITER = 4 << 16 | 4 << 24, 4 << 16 | 3 << 24
+"""PX4's custom modes: main mode AUTO in the third byte, its sub-mode in the fourth."""
 STANDBY, ACTIVE = 3, 4
+"""MAV_STATE."""
 EACH_S = 0.1
 """Between two rows of telemetry."""
 HEARTBEAT_S = 1.0
+"""Between two heartbeats: the protocol's rate."""
 RETRY_S, RETRIES = 1.5, 5
 """As the protocol recommends."""
 MOST_ITEMS = 1000
+"""Of an uploaded mission; declared."""
 MISSION_ACCEPTED, ERROR, MISSION_UNSUPPORTED, NO_SPACE, INVALID, SEQUENCE = (
     0,
     1,

@@ -67,6 +67,7 @@ SYSTEM, COMPONENT = 1, 51
 FIRST_S = 1.0
 """How long the first answer is waited for: who is ready misses no turn."""
 FIX_3D, SATELLITES = 3, 12
+"""GPS_FIX_TYPE_3D_FIX, and satellites as of an open sky."""
 STATE_LENGTH = 17
 """Numbers of a state."""
 CORNERS = ((1, -1), (-1, 1), (1, 1), (-1, -1))
@@ -79,6 +80,7 @@ PLACE = Place(47.397742, 8.545594, 0.0)
 PERIOD_S = 0.004
 """Of a turn: PX4's simulators send 250 samples a second."""
 PERIOD_US = round(1e6 * PERIOD_S)
+"""The same [us], as clocks of messages count."""
 INERTIAL, FIELD, AIR = 0b111111, 0b111000000, 0b1101000000000
 """Bits of `fields_updated`: accelerometer and gyroscope, magnetometer, barometer with
 its temperature."""
@@ -92,6 +94,7 @@ STATE = (
     *("alt", "vx", "vy", "vz", "ind_airspeed", "true_airspeed", "xacc", "yacc", "zacc"),
 )
 MOST_16 = 32_767.0
+"""Largest whole number of 16 bits, as messages hold."""
 TURN = np.array([1.0, 1.0, 0.0, 0.0]) / np.sqrt(2)
 """North-east-down to east-north-up (x, y, z, w): half a turn about their middle."""
 FLIP = np.array([1.0, 0.0, 0.0, 0.0])

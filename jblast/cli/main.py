@@ -17,8 +17,7 @@ from jblast.cli.parsers import parsed, root_parser
 from jblast.cli.progress_line import progress_told
 from jblast.errors import InputError
 
-CLOSED_PIPE = 128 + 13
-INTERRUPTED = 128 + 2
+CLOSED_PIPE, INTERRUPTED = 128 + 13, 128 + 2
 """What a shell expects of a command that SIGPIPE or SIGINT ended."""
 
 

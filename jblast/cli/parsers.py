@@ -19,6 +19,7 @@ from jblast.errors import InputError, closest, nearest
 
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?([:,].*)?$", re.IGNORECASE)
 WIDTH = 79
+"""Of lines of help: that of a terminal of 80 columns."""
 PROLOGUE = "Differentiable blast physics: fit a blast from sensor recordings."
 EPILOGUE = (
     "Start with: jblast fit OBSERVATIONS.csv, or jblast calc --mass 15 --range 20. "

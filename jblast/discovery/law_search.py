@@ -35,8 +35,11 @@ MAX_VALUE = 1e100
 MIN_ROWS = 20
 """Smallest number of rows: with fewer, noise is not separable from the motion."""
 DEGREE = 2
+"""Default: many equations of motion have products of two columns."""
 DEGREES = (1, 6)
+"""Least and most columns of a product."""
 ENSEMBLES = (FEWEST_OF_INTERVAL, 10_000)
+"""Fewest and most members; the most is declared."""
 MOST_TERMS = 100
 """Candidates: more are neither found fast nor told apart."""
 

@@ -23,20 +23,25 @@ from jblast.waves import sedov_taylor_shock_radius
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Shares of a state's standard deviation; of the radius itself for a shock."""
 SEEDS = 20
+"""Noisy records of each level of noise; an extracted share is then known to 0.1."""
 MEMBERS = 40
 """Of each ensemble: enough for what is most likely, and for rough quantiles."""
 ROWS_APART_S = 0.02
 """Time between two rows of a flight [s]: 50 a second, as a flight log has."""
-GUST_M_S = 14.0
-GUST_PERIOD_S = 4.0
+GUST_M_S, GUST_PERIOD_S = 14.0, 4.0
+"""Size and period of a wind; declared."""
 FLIGHT_S = 16.0
 """A wind that swings four times to each side while the vehicle hovers, level."""
 COMMANDS = (0.9, 1.1, 0.95, 1.2, 0.8, 1.05, 0.85, 1.15)
 """Rotor speeds asked for one after another, as shares of the speed at hover."""
 COMMAND_S = 0.4
+"""Duration of each: the lag of a motor is a small part of it."""
 SHOCK_S = (4e-4, 25e-3)
+"""Times from first to last: those of Taylor's pictures of Trinity are 0.1 to 62 ms."""
 SHOCK_ROWS = 60
+"""Evenly spaced in the logarithm of time; declared."""
 SHOCK_KG = 20e6
+"""TNT equivalent of Trinity: 20 kilotons."""
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ FEWEST_ROWS = 4
 PIECES = 4
 """Pieces of quadrature in a half width, at least: a gap between rows may be wider."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
+"""Gauss's rule of three points in each piece, exact to degree 5."""
 PENALTIES = np.logspace(-1.0, 12.0, 27)
 """Tried, for rows one unit of time apart; the last gives a straight line."""
 FREEST = 0.5

@@ -23,8 +23,7 @@ from jblast.discovery.sparse_regression import grown_terms, powers
 
 EXPONENTS = (0.0, -0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
 """Powers of R looked among; the first is a constant speed."""
-STEEPEST = -6.0
-FLATTEST = 1.0
+STEEPEST, FLATTEST = -6.0, 1.0
 """Between these the one exponent is looked for."""
 
 

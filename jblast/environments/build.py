@@ -20,6 +20,7 @@ from jblast.vehicle.controllers import gains_controller
 from jblast.vehicle.quadrotor import in_precision
 
 STEP_S = 0.01
+"""Default of a step; declared: 100 actions a second."""
 MOST_DELAY = 10
 """Steps that an action may be late."""
 

@@ -51,6 +51,7 @@ from jblast.vehicle.state import three
 IDLE_SHARE = 0.2
 """Of the speed at which the rotors carry the weight; declared."""
 CALIBRATING, ARMED, FLYING, ENDED = range(4)
+"""Phases, in their order."""
 PHASES = ("calibrating", "armed", "flying", "disarmed")
 CALIBRATE_S, IDLE_S = 2.0, 1.0
 """How long the first two last; declared (COM_SPOOLUP_TIME is 1 s)."""
@@ -61,6 +62,8 @@ LOW_M, SLOW_M_S, LANDED_S = 0.05, 0.3, 0.5
 TURN_RAD_S = 0.7853981633974483
 """Most that the heading turns [MPC_YAWRAUTO_MAX, 45 degrees a second]."""
 AT_END_M = 1e-6
+"""Rounding of the path length: the set point of a leg that waits reaches its end in the
+limit."""
 
 
 class Legs(eqx.Module):

@@ -56,6 +56,7 @@ CEILING_M = 4000.0
 MOST_LEGS = 5000
 """Of a plan, its jumps unrolled."""
 MOST_LANES = 1000
+"""Of a grid; declared: with two corners each they stay within `MOST_LEGS`."""
 ON_GROUND_M = 0.5
 """How far from the ground's height a home may lie; it is then taken as on it."""
 SHORTEST_M = 1e-3

@@ -49,6 +49,7 @@ Parameters = tuple[
     float | None,
     float | None,
 ]
+# MAV_CMD of the items that are flown, without NAV or DO
 WAYPOINT, LOITER, TURNS, LOITER_TIME = 16, 17, 18, 19
 RETURN, LAND, TAKEOFF, JUMP, SPEED = 20, 21, 22, 177, 178
 NOT_FLOWN = {
@@ -84,6 +85,7 @@ NOT_FLOWN = {
 }
 """Some that are not, so that a message can name them."""
 GLOBAL, MISSION, RELATIVE = 0, 2, 3
+"""MAV_FRAME."""
 FRAMES = {GLOBAL: "above the sea", MISSION: "no place", RELATIVE: "above home"}
 """Of an item's place (MAV_FRAME)."""
 FRAMES_NOT_FLOWN = {

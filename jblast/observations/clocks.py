@@ -35,6 +35,8 @@ VALUE_UTC = "value_utc"
 SECOND = 1_000_000_000
 """Nanoseconds."""
 HALF_DAY = 12 * 3600 * SECOND
+"""Times of day that fall by more than this passed midnight; by less they are out of
+order."""
 YEARS = (1800, 2200)
 """Range of years of clock times; outside it a time zone has no meaning."""
 _DAY = re.compile(r"(\d{4})-(\d{2})-(\d{2})[T ]\s*")

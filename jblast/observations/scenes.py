@@ -39,6 +39,7 @@ from jblast.scene.uncertain import NO_SCENE
 from jblast.waves.propagation import standard_atmosphere
 
 PLACE = CHARGE_POSITION[:2]
+"""Free without a position of the charge; its height is the ground's unless stated."""
 ONE_CLOCK_SD = 5.0
 """Flash times that differ by more standard deviations are of different clocks."""
 _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}

@@ -73,14 +73,21 @@ from jblast.signals.samples import checked_positive, checked_samples, checked_te
 RESIDUAL = 1e-8
 """Of a solution, relative: a share of 1e-16 of the signal-to-noise ratio."""
 MOST_ROUNDS = 2000
+"""Most rounds of conjugate gradients; declared. Noise whose spectrum spans too many
+decades needs more, and is refused."""
 HOUR_S = 3600.0
+"""Seconds of an hour."""
 FALSE_ALARMS_PER_HOUR = 1.0
+"""Default of each channel; declared."""
 ACCURACY = 1e-9
+"""Of a threshold, in standard deviations: far below what moves the rate of alarms."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+"""Of the mean over the phase in Rice's formula; its integrand is smooth."""
 HALF_WIDTH = 16
 """Samples either side that a value between samples is made of."""
 FINE = 32
 """Parts of a sample in which the maximum is looked for before a parabola is laid."""
+# band-limited interpolation, tabulated once: an arrival is needed to parts of a sample
 _OFFSETS = np.arange(-FINE, FINE + 1) / FINE
 _AWAY = _OFFSETS[:, None] - np.arange(-HALF_WIDTH, HALF_WIDTH + 1)
 _WINDOWED = np.sinc(_AWAY) * np.cos(0.5 * np.pi * _AWAY / (HALF_WIDTH + 1)).clip(0) ** 3
@@ -88,8 +95,12 @@ _INTERPOLATION = _WINDOWED / _WINDOWED.sum(axis=1, keepdims=True)
 """From samples to parts of a sample. A window less smooth than the cube of a cosine has
 ripples that move the flat maximum of a slow pulse by a tenth of a sample."""
 BLOCK_S = 0.1
+"""Default of a stream, and so its delay [s]; declared."""
 LEARN_S = 10.0
+"""Default for the part of a stream that its noise is measured in [s]; declared."""
 ODD = (1, 3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135)
+"""Factors of fast lengths: without prime factors above 5 the transform has no slow
+pass."""
 
 
 class MatchedKernel(NamedTuple):

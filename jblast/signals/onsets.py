@@ -15,11 +15,14 @@ from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.signals.sta_lta import ON
 
 SHORT_BINS, LONG_BINS = 5, 500
+"""Windows after and before an onset: the defaults of `sta_lta`, 5 ms and 0.5 s."""
 BIN_S, BIN_SAMPLES = 0.001, 4
 """A bin is a millisecond, or so many samples where these take longer."""
 BEFORE_S, AFTER_S = 0.5, 1.5
 """Of a stretch about an onset; where samples are few, `MIN_SAMPLES` of them."""
 MIN_SAMPLES = 4096
+"""Smallest number of samples of a stretch; declared. A quarter lies before the
+onset."""
 QUIETER = 0.1
 """Onsets whose peak is below this share of the loudest one's (20 dB) are left out."""
 SILENT = 1e-12

@@ -62,13 +62,18 @@ to 8 m behind it, or the recompression at the end of the suction."""
 SHIFT_S = 0.005
 """Shift of a pulse or an oscillation from the arrival [s], either side."""
 FREQUENCIES_HZ = (30.0, 6000.0)
+"""Of the oscillations that are tried in place of a pulse; declared."""
 PER_OCTAVE = 2.5
+"""Oscillations that are tried in an octave: a third of the frequency apart, the width
+of a resonance of the lowest quality."""
 QUALITIES = (3.0, 6.0, 15.0)
 """Of the oscillations. From a quality of 3 on the second cycle has a third of the first
 one's amplitude; less is nearly a blast's pulse and suction."""
 LEAD_S = 0.002
 """A Gaussian low-pass of 600 Hz begins so long before the front [s]: 7 sd."""
 FITTED = 6
+"""Parameters of a fit: template, band, arrival and size of the pulse, delay and size of
+the second one."""
 MOST_MISFIT = 1.25
 """Accepts 98 of 104 simulated blasts after absorption, reflection, reverberation,
 high-pass and clipping, and 8 of 585 other arrivals; 1.0 accepts 94 and 8, 0.8 accepts

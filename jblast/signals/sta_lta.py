@@ -17,7 +17,10 @@ from jblast.errors import InputError, argument
 from jblast.signals.samples import checked_positive, checked_samples
 
 SHORT_S = 0.005
+"""Default, declared: of the order of the positive phase of 1 kg."""
 LONG_S = 0.5
+"""Default, declared: a hundred short windows, so that its own scatter is small beside
+theirs."""
 ON, OFF = 10.0, 2.0
 """Power ratios at which a trigger goes on, and off."""
 

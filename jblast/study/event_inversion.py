@@ -35,7 +35,9 @@ MASS, START = 100.0, 0.12
 TIMES = np.arange(76) * 4e-3
 """Of the frames [s]; the fireball grows by 1/e in 4.6 ms."""
 THRESHOLDS = (0.2, 0.2)
+"""Changes of the logarithm of light of an event; typical of event cameras."""
 HEIGHT, WIDTH = 18, 24
+"""Size of the film [px]: it keeps the example to seconds."""
 STAGES = ((0.5, 40e-3), (0.2, 15e-3), (0.1, 5e-3), (0.1, 0.1e-3))
 """Temperature, and the time smoothed over [s], one stage after another."""
 MOST_STEPS = 200

@@ -39,6 +39,7 @@ KEYS = (
 MOST_UNTIL_KNOWN = 100_000_000
 """Default samples of a study that ends by its targets."""
 MOST_VALUES = 100_000
+"""Largest number of values of an axis; declared."""
 RANGE_KEYS = ("from", "to", "count", "scale")
 SCALES = ("linear", "log")
 Design = Literal["random", "sobol", "latin", "grid"]

@@ -60,7 +60,9 @@ METRICS = (
 )
 """Numbers of a flight: those of `vehicle.FlightMetrics`, and one of `Flown`."""
 QUANTILES = (0.05, 0.5, 0.95)
+"""Middle and 90 % interval."""
 TOLERANCE_M = 0.05
+"""Default for the path error within which a vehicle has recovered; declared."""
 WINDOW_S = 5e-5
 """An acceleration is a mean over so long: a tenth of what a front takes to cross."""
 WINDOWS = np.arange(-20.0, 80.0)

@@ -67,6 +67,7 @@ from jblast.vehicle import (
 from jblast.vehicle.quadrotor import in_precision
 
 GROUND_UP_M = 0.0
+"""Height of the ground: scenes count heights from it."""
 CHUNK = {"cpu": 2048, "gpu": 16_384}
 """Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
 encounter_along = kept(encounter_of)
@@ -89,6 +90,7 @@ ROW_S = 0.02
 """Most time between two rows, however long the flight: peaks are of a tenth of a second
 and more."""
 MOST_VEHICLES = 10_000_000
+"""Largest number; the metrics of as many take about a gigabyte."""
 BOTH_HOLDS = ("with_integral", "without_integral")
 """Flown by default."""
 

@@ -82,6 +82,7 @@ peaks; the rest stand for all of them, at even ranks."""
 TUNING_STEP_S, AFTER_S = 1e-3, -2.0
 """Longest step; how much shorter a flight is than `jblast fly` makes it."""
 FACTORS = 9
+"""Factors of a search: eight of gains, and the lead of the motors."""
 POWER, TAIL = 24.0, 8.0
 """Of the norms over a flight's rows, and over the flights."""
 RIDGE, WAY_BACK = 1e-3, 0.5

@@ -74,6 +74,8 @@ Points = Literal["random", "sobol"]
 DEFENSIVE = 0.1
 """Share of samples that are drawn from the prior itself."""
 GOLDEN = 0.6180339887498949
+"""The inverse of the golden ratio: its multiples fill (0, 1) as evenly as one number
+can."""
 BLOCK = 65_536
 """Samples drawn at once."""
 Margin = Callable[[Float[Array, " dimension"]], Float[Array, ""]]
@@ -82,6 +84,8 @@ STEPS = 20
 """Most steps of a search. Where the edge curves much they converge slowly, and the
 remainder is not worth its calls: a point is the middle of a part of the samples."""
 CUTS = 0.5 ** np.array([0, 1, 2, 4, 6])
+"""Shares of a step, down to 1/64, that are tried together: one call of a batch in place
+of a line search."""
 BATCH = 8
 """Searches that run together."""
 STARTS = 32

@@ -32,18 +32,24 @@ from scipy.special import factorial, ndtri
 from jblast.study.statistics import LEVEL
 
 RESAMPLES = 200
+"""Of a bootstrap: some 10 beyond each bound of a 90 % interval."""
 GROUPS = 100
+"""Groups of samples that a bootstrap draws: sums of products are made once a group."""
 MOST_ROWS = 4000
 """Samples that an expansion is fitted to; of more, so many evenly chosen."""
 LEAST_ROWS = 30
+"""Fewer samples have no expansion; declared."""
 DISAGREEMENT = 0.1
 """Difference of first and total index, or of shares by slope and by variance, that
 is reported.
 """
 DEGREES = range(1, 11)
+"""Of the polynomials that are tried."""
 ROWS_A_TERM = 5
 """Samples to a coefficient, at least."""
 MOST_TERMS = 200
+"""Coefficients of an expansion beyond its first degree: the cost of a bootstrap grows
+with the cube."""
 PATIENCE = 3
 """Degrees that are no better, after which none higher is tried."""
 FAMILIES = ("hermite", "legendre")

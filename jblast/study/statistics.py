@@ -50,13 +50,17 @@ same state to the last bit."""
 SLAB = 16 * BLOCK
 """Values counted at once: counts are whole, so that any number will do."""
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+"""Of an outcome, by default: middle, half, 90 % and 98 % of the samples."""
 State = TypeVar("State")
 BITS = 7
+"""Of a size's fraction that a bin has: 128 bins to a factor of two."""
 LEAST, MOST = -40, 40
 """Exponents of two between which sizes are told apart."""
 SIDE = (MOST - LEAST) << BITS
+"""Bins of one sign."""
 BINS = 2 * SIDE + 1
 """Bins: below zero, the one about zero, above; the outermost hold what is beyond."""
+# half a bin, relative to its lower bound
 RELATIVE_ERROR = 2.0 ** -(BITS + 1)
 LAYOUTS = {"float64": (np.int64, 52, 1023), "float32": (np.int32, 23, 127)}
 """Of a binary number: the integer of its bits, digits of its fraction, bias."""

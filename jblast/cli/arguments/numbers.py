@@ -12,6 +12,7 @@ from collections.abc import Callable
 from jblast.errors import InputError, shown, whole_number
 
 MOST_ROWS = 100_000
+"""Of a table by FROM:TO:COUNT; declared."""
 EITHER = re.compile(r"\d+,\d+[^\d,:]*")
 """15,5 or 33,5lb: two numbers, or one as most of Europe writes it."""
 SIZES = (1e-30, 1e30)

@@ -18,6 +18,8 @@ from jblast.parameters import PARAMETERS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NOT_FOUND, DOUBTFUL = 3, 4
+"""Exit codes: nothing was found; computed, but there is a doubt."""
 FIGURES = (".png", ".svg", ".pdf")
 """What a name of a figure may end in."""
 OTHERWISE = {

@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import DOUBTFUL, path
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -52,4 +52,4 @@ def run(asked: argparse.Namespace) -> int:
         sys.stdout.write(text + "\n")
     else:
         sys.stdout.write(choice_text(choice))
-    return 0 if choice.met else 4
+    return 0 if choice.met else DOUBTFUL

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jblast.cli.arguments.numbers import positive, positive_of_any_size
-from jblast.cli.arguments.options import given, path
+from jblast.cli.arguments.options import NOT_FOUND, given, path
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
     from jblast.signals.detect_files import FilmDetections, SoundDetections
 
-NOT_FOUND = 3
 Answer = tuple[dict[str, Any], str, Callable[[Path, str], list[str]]]
 
 

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import seed, share
-from jblast.cli.arguments.options import given, path, save_figure
+from jblast.cli.arguments.options import DOUBTFUL, given, path, save_figure
 from jblast.files import refuse_existing, save_text, writing
 
 FILES = ("discovery.json", "discovery.png")
@@ -119,7 +119,7 @@ def run(asked: argparse.Namespace) -> int:
     sys.stdout.write(text if asked.json else discovery_text(found, again, further))
     if asked.out and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
-    return 0 if search.certain else 4
+    return 0 if search.certain else DOUBTFUL
 
 
 def _names(words: str) -> list[str]:

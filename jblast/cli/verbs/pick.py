@@ -10,10 +10,8 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.logs import add_records, picked
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import NOT_FOUND, path
 from jblast.files import refuse_existing, writing
-
-NOT_FOUND = 3
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import positive, seed
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import DOUBTFUL, path
 from jblast.cli.progress_line import serve_line
 from jblast.errors import InputError, read_text
 
@@ -174,7 +174,7 @@ def _over_mavlink(asked: argparse.Namespace) -> int:
         answer, words, short = document(watched), watched_text(watched), False
     text = json.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     sys.stdout.write(text if asked.json else words)
-    return 4 if short else 0
+    return DOUBTFUL if short else 0
 
 
 def served(world: "DrawnWorld", options: "Options") -> "ServedAnswer":

@@ -17,11 +17,15 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import number, positive, positive_of_any_size, seed
-from jblast.cli.arguments.options import names_to_free, path
+from jblast.cli.arguments.options import (
+    DOUBTFUL,
+    NOT_FOUND,
+    names_to_free,
+    path,
+)
 from jblast.errors import InputError
 from jblast.files import writing
 
-NOT_FOUND, DOUBTFUL = 3, 4
 OF_GAINS = ("margin_db", "margin_deg", "delay", "motor_lead", "vehicles", "seed")
 OF_RECORDS = ("recorded", "sensor", "full_scale", "fps", "start", "background")
 

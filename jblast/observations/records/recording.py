@@ -51,7 +51,9 @@ GAP = 1.75
 RATE_TOLERANCE = 0.01
 """Largest shift of the last sample by a rounded rate, in steps."""
 START = datetime(1970, 1, 1, tzinfo=UTC)
+"""Zero of instants: POSIX time."""
 BILLION = 1_000_000_000
+"""Nanoseconds of a second."""
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Bits = int | Literal["float"]
 """Of a sample: 8, 16, 24 or 32 as whole numbers, or floats of 32 bits."""
 MOST_CHANNELS = 8
+"""Largest number of channels; declared."""
 SUBTYPES = {
     "WAV": {8: "PCM_U8", 16: "PCM_16", 24: "PCM_24", 32: "PCM_32", "float": "FLOAT"},
     "FLAC": {8: "PCM_S8", 16: "PCM_16", 24: "PCM_24"},

@@ -82,8 +82,9 @@ SIDE = 17
 MAX_LOG_CHANGE = 0.3
 """Changes of the logarithm are clipped to this before that mean is taken."""
 FROM = 0.1
-"""Where no more than `FEW_FRAMES` changes are as large, nothing is done."""
-FEW_FRAMES = 20
+"""Where no more than `FEW_PIXELS` changes are as large, nothing is done."""
+FEW_PIXELS = 20
+"""A local mean, over 289 pixels, hardly moves by so few changes in a whole image."""
 CLIP = 3.0
 """For the camera's motion changes are clipped at so many times their mean size."""
 EVERY = 2
@@ -405,7 +406,7 @@ def own_change(change: Image) -> Image:
     Args:
         change: Of the logarithm of light.
     """
-    if np.count_nonzero(change > FROM) <= FEW_FRAMES:
+    if np.count_nonzero(change > FROM) <= FEW_PIXELS:
         return change
     clipped = np.clip(change, np.float32(-MAX_LOG_CHANGE), np.float32(MAX_LOG_CHANGE))
     return change - _mean(_mean(clipped, 0), 1)

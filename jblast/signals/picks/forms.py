@@ -62,13 +62,17 @@ SPREADS = np.sqrt([1.0 / 20.0, 1.0 / 28.0, 1.0 / 12.0, 1.0 / 12.0, 1.0 / RISEN**
 CENTRES = np.array([0.5, 0.5, 0.5, 0.5, 1.0 / RISEN])
 """Mean time of that slope [rises]."""
 RISE_PRIOR = np.array([1.0, 1.0, 1.0, 1.0, 2.0]) / 6.0
+"""A smooth rise, a linear and an exponential one are equally probable; the first two
+have two forms each."""
 NEGATIVE_PRIOR = np.full(4, 0.25)
+"""The four negative phases are equally probable."""
 BEYOND = 0.02
 """Standard deviation of arrival and time of the peak by forms beyond these [rises]: the
 start of half a cosine, fitted by a cubic of equal spread, is off by 0.013."""
 APERTURE = 1.0 / 12.0
 """Variance in time of the mean over a sample [samples squared]."""
 FIRST_RISE = 3
+"""Place of the first form of `FORMS` with another rise."""
 LONGEST_RISE = 0.5
 """Of the positive phase, to begin with."""
 FORMS = (

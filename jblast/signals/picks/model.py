@@ -46,6 +46,7 @@ FARTHEST_MEMORY = 300.0
 """Time constants from the front that a high-pass is followed over: exponents stay
 within double precision."""
 MOST_STEPS = 60
+"""Of a search from a poor start; a good one takes about a dozen."""
 TOLERANCE = 1e-3
 """Ends with the step before which the way left to an optimum is this long [standard
 deviations, as they are widened by the misfit]: behind it a tenth or less is left."""
@@ -60,6 +61,8 @@ an optimum, whatever the slopes."""
 PATIENT = 10
 """Steps by which a search is to be as good as what stands already."""
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-1, 1e-10, 1e6
+"""Of a unit diagonal, at the start and its bounds: below the least a step is Gauss and
+Newton's to rounding, above the most it moves nothing."""
 SMALL_DAMPING = 1e-2
 """Of a unit diagonal: no end is seen from a step that is damped more."""
 Misfit = Callable[[Float[Array, " unknown"], Case], Float[Array, " term"]]

@@ -35,6 +35,7 @@ from jblast.signals.picks.lanes import LanePicks, pick_lanes
 from jblast.signals.picks.preparation import clipped_samples
 
 LEAST_SAMPLES = 16
+"""Pulse and drift have 11 unknowns, and the noise has its own."""
 UNEVEN = 1e-3
 """Times are even where none is farther off than this share of a sample (and of the
 digits that they are written in)."""
@@ -67,7 +68,9 @@ NAMES = (
 IN_LOG = 4
 """The first ones go into a log with their covariance."""
 QUIET_SHARE = 0.1
+"""Share of a record, its first part, that `eye_pick` takes the noise from; declared."""
 THRESHOLD = 5.0
+"""Standard deviations of that noise from which on `eye_pick` sees a front; declared."""
 
 
 class Pick(eqx.Module):

@@ -55,6 +55,7 @@ CLEAR = 12.0
 STEP_SHARE = 0.3
 """And this share of the largest step."""
 LARGEST_WIDTH = 2048
+"""Longest mean on either side of a step [samples]: twelve widths in all."""
 FIRST = 64
 """One of so many parts of a record, the first, gives the level at its beginning."""
 ORDER = 4
@@ -74,6 +75,7 @@ SHORTEST = 3.0
 STEP = 1.3
 """From one duration of the bank to the next."""
 DECAYS = (0.3, 2.5)
+"""Decay coefficients of the bank: the laws have 0.4 to 2.9 (`unknowns`)."""
 RISES = (0.0, 0.25)
 """Shares of the duration."""
 CONTINUED_DECAYS = (0.2, 0.5, 1.2, 3.0)

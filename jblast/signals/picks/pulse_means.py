@@ -89,6 +89,7 @@ SINE = (
     8.33333333332211858878e-3,
     -1.66666666666666307295e-1,
 )
+"""Coefficients of Cephes' `sin.c`, from the highest power, to a quarter of pi."""
 COSINE = (
     -1.13585365213876817300e-11,
     2.08757008419747316778e-9,
@@ -97,6 +98,7 @@ COSINE = (
     -1.38888888888730564116e-3,
     4.16666666666665929218e-2,
 )
+"""Likewise of the cosine."""
 
 
 def means_over(bins: Bins, pulse: Pulse, form: Form) -> Float[Array, " bin"]:

@@ -108,6 +108,7 @@ OMEGA = CENTRE.size
 LEAST_PEAK = 0.02
 """Least peak of a trial pulse [share of the largest sample]."""
 DRIFTS = CENTRE.size - PULSE_UNKNOWNS
+"""Unknowns of the drift: level, slope, bend, twist."""
 Numbers = TypeVar("Numbers")
 
 

@@ -51,8 +51,11 @@ NAMES = (
     "twist",
 )
 CENTRE = np.array([0.0, 0.0, 3.0, 0.6, 0.0, 0.3, np.log(2.4), *[0.0] * 4])
+"""Middles of the priors in the order of `NAMES`; flat ones have any."""
 SPREAD = np.array([1e3, 5.0, 5.0, 0.7, 2.0, 0.2, 0.5, 1.0, 0.5, 0.3, 0.2])
+"""Standard deviations of the same; those of flat priors do not act."""
 PULSE_UNKNOWNS = 7
+"""The first of `NAMES`; the rest is the drift."""
 FURTHER = (
     *("ln_omega", "logit_damping", "ln_lag", "ln_height", "ln_stretch"),
     *("ln_corner", "shift"),
@@ -62,11 +65,14 @@ of a sensor that rings; lag [samples], peak and duration, both over the first on
 a further front; corner of an unstated high-pass [1/sample]; step of the
 baseline at the front, over the peak."""
 FURTHER_CENTRE = np.array([0.0, -3.0, 3.0, np.log(0.5), 0.0, -5.0, 0.0])
+"""In the order of `FURTHER`; frequency and lag are replaced by those that are seen."""
 FURTHER_SPREAD = np.array([0.3, 1.0, 0.7, 1.0, 0.3, 1.5, 0.1])
 """Frequency and lag are believed to be where they are seen. A zero that shifts by
 more than some tenths of the peak is a broken gauge."""
 RISES = SMOOTH, SMOOTHER, LINEAR, CONCAVE, EXPONENTIAL = 0, 1, 2, 3, 4
+"""Forms of a rise, by the number that `Form` holds."""
 NEGATIVES = CUBIC, HALF_SINE, TRIANGLE, CONTINUED = 0, 1, 2, 3
+"""Forms of a negative phase, by the number that `Form` holds."""
 RISEN = 3.0
 """Time constants that an exponential rise is counted as: it reaches 95 % in them."""
 LEAST_DECAY = 0.05

@@ -51,7 +51,11 @@ from jblast.waves.propagation import (
 )
 
 RATE_HZ, SECONDS, BEFORE_S = 2000.0, 1.0, 0.02
+"""Sampling rate, length of the record, and its part before the arrival [s]; declared. A
+second contains the pulse and suction of some tons."""
 FALSE_ALARMS_PER_HOUR = 1.0
+"""The default of `jblast detect`; not imported, because a study would load the
+detectors with it."""
 BAND = 4096
 """Places of a band that the mean of a spectrum is taken over."""
 OPTIONS = {

@@ -32,6 +32,7 @@ RETRIES = 5
 AHEAD = 3
 """Tasks of a worker that are handed out before their turn."""
 CONNECT_S = 10.0
+"""Time for a scheduler to answer; declared."""
 Task = Callable[[str, int], str]
 """From the store and the number of a tile to the version that wrote it."""
 

@@ -41,7 +41,9 @@ Points = Callable[[int, int], Float[np.ndarray, "draw dimension"]]
 OF_NUMBERS = 0
 """Folded into a sample's key for the draws of the scene's numbers."""
 ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
+"""Of Threefry-2x32, by turns of five rounds (Salmon et al. 2011)."""
 PARITY = np.uint32(0x1BD11BDA)
+"""Of its key schedule, from Skein."""
 ONE = np.uint64(0x3FF0000000000000)
 """Bits of 1.0."""
 LOWEST_UNIFORM = np.nextafter(-1.0, 0.0)

@@ -63,6 +63,7 @@ STATUS = {
 }
 """Of an error; of any other `INVALID_ARGUMENT`."""
 SOON_S = 0.1
+"""Declared: after the loop has handled the call's end."""
 TOO_SLOW = f"too slow: {CAPACITY} packets waited for it, which is all that may"
 
 

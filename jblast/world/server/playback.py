@@ -64,6 +64,7 @@ STRAIGHT_S = 30.0
 """How long one who reports its motion is taken to go straight on."""
 NAME = "entity"
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
+"""Attitude of an entity without one: level, ahead to the east."""
 SILENCE_PA = 1e-9
 """What is quieter at either end of a stretch is left out: 86 dB below what is heard."""
 GROUND_LASTS = 50.0

@@ -35,6 +35,7 @@ CAPACITY = 256
 RATES_HZ = (1.0, 1000.0)
 """Least and most packets a second."""
 MOST_ENTITIES = 10_000
+"""Registered at once; declared."""
 REMEMBERED = 1000
 """Of those who were dropped so many are remembered, the latest."""
 SENSES = ("flash", "ground", "pressure", "sound", "force")
@@ -43,6 +44,7 @@ SAMPLED = {"pressure", "sound"}
 SAMPLES_HZ = (100.0, 192_000.0)
 """Least and most samples a second of who senses pressure or sound."""
 LONGEST_NAME = 64
+"""Characters of a name; declared."""
 MOST_KNOTS = 4096
 """Places of a path, at most."""
 Numbers = Sequence[float | int] | Float[np.ndarray, "..."]
