@@ -99,14 +99,18 @@ class Mock:
         self._control = partial(jax.jit(control), arrays)
         self._memory, self._sender = hold.start(), Sender(1, 1)
         still = jnp.zeros(3)
-        self._reported: Any = state_reported(hold.origin, _rest(), still, still)
+        level = jnp.array([0.0, 0.0, 0.0, 1.0])
+        rest = State(still, still, level, still, jnp.zeros(4))
+        self._reported: Any = state_reported(hold.origin, rest, still, still)
         # made before the simulator waits for it
         self._control(self._reported, self._memory, 0.0)
 
     def answer(self, message: Message) -> bytes | None:
         """Return the controls that answer a message; None: it waits for more."""
         if message.name == "HIL_STATE_QUATERNION":
-            self._reported = _numbers(message)
+            said = message.values
+            rest = (said[name] for name in STATE[4:])
+            self._reported = np.array([*said["attitude_quaternion"], *rest])
         if message.name != "HIL_SENSOR":
             return None
         stamp = message.values["time_usec"]
@@ -142,13 +146,3 @@ def fly_mock(address: tuple[str, int], mock: Mock, turns: int) -> int:
                     link.sendall(said)
                     answered += 1
     return answered
-
-
-def _numbers(message: Message) -> Float[np.ndarray, "18"]:
-    said = message.values
-    return np.array([*said["attitude_quaternion"], *(said[name] for name in STATE[4:])])
-
-
-def _rest() -> State:
-    level = jnp.array([0.0, 0.0, 0.0, 1.0])
-    return State(jnp.zeros(3), jnp.zeros(3), level, jnp.zeros(3), jnp.zeros(4))

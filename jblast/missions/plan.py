@@ -332,16 +332,13 @@ def read_waypoint_list(text: str, source: str) -> Plan:
 def _line(item: Item, *, current: bool) -> str:
     # what is not said is 0 in this form: a yaw of nothing would be north, so nan
     said = [
-        ("nan" if n == 3 else "0") if value is None else _written(value)
+        ("nan" if n == 3 else "0")
+        if value is None
+        else repr(int(value) if value == int(value) else value)
         for n, value in enumerate(item.params)
     ]
     head = [item.number, int(current), item.frame, item.command]
     return "\t".join([*map(str, head), *said, str(int(item.auto_continue))])
-
-
-def _written(value: float) -> str:
-    """Return the shortest text that is read back as the same number."""
-    return repr(int(value)) if value == int(value) else repr(value)
 
 
 def _whole(text: str, at: str) -> int:

@@ -328,7 +328,8 @@ def _compared(
         rows = tuple(row for pair in pairs for row in reversed(pair))
         return [Doubt("sensor_copied", rows, {}, (one, other))]
     for i, j in pairs:
-        if _clocks_differ(observations, i, j):
+        timed = observations.quantity[i] in CLOCK_TIMES
+        if timed and observations.clock[i] != observations.clock[j]:
             continue
         apart, allowed = _difference(observations, i, j)
         if apart > allowed:
@@ -356,11 +357,6 @@ def _difference(observations: Observations, i: int, j: int) -> tuple[float, floa
     if (value <= 0).any():  # angles and differences
         return float(abs(value[1] - value[0])), error or float("inf")
     return float(abs(np.log(value[1] / value[0]))), max(error, float(np.log(FACTOR)))
-
-
-def _clocks_differ(observations: Observations, i: int, j: int) -> bool:
-    timed = observations.quantity[i] in CLOCK_TIMES
-    return timed and observations.clock[i] != observations.clock[j]
 
 
 def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:

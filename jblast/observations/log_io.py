@@ -223,7 +223,7 @@ def _with_samples_from(folder: Path, observations: Observations) -> Observations
 def _columns(observations: Observations) -> dict[str, list[str]]:
     """Return the text of every column that is needed or not empty."""
     texts = {
-        name: [_digits(x) for x in column]
+        name: ["" if math.isnan(x) else repr(float(x)) for x in column]
         if isinstance(column, np.ndarray)
         else [quoted(x) for x in column]
         for name, column in typed_columns(observations).items()
@@ -277,10 +277,6 @@ def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
     if isinstance(column, np.ndarray):
         return not np.isnan(column).all()
     return any(column)
-
-
-def _digits(number: float) -> str:
-    return "" if math.isnan(number) else repr(float(number))
 
 
 def to_pandas(observations: Observations) -> Any:

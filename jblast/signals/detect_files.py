@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.errors import InputError, argument
 from jblast.observations import Observations
@@ -368,7 +367,11 @@ def _target(
         sound = _read_template(path)
         words = f"the template {Path(path).name}"
         keys: dict[str, Any] = {"name": "matched_filter", "template": path}
-        return lambda rate_hz: [_at_rate(sound, rate_hz)], Method(words, keys)
+
+        def at_rate(rate_hz: float) -> list[np.ndarray]:
+            return [resampled(sound.samples[0], sound.rate_hz, rate_hz)]
+
+        return at_rate, Method(words, keys)
     if mass_kg and range_m:
         words = f"the pulse of {mass_kg:g} kg of TNT at {range_m:g} m"
         keys = {"name": "matched_filter"}
@@ -398,11 +401,6 @@ def _read_template(file: str) -> SoundRecord:
             f"{file}: expected a template that can be heard, got one value throughout"
         )
     return sound
-
-
-def _at_rate(sound: SoundRecord, rate_hz: float) -> Float[np.ndarray, " tap"]:
-    """Return a template's samples at the rate of a recording."""
-    return resampled(sound.samples[0], sound.rate_hz, rate_hz)
 
 
 def _check_length(channel: Channel, samples: int, what: str) -> None:

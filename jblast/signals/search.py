@@ -156,35 +156,17 @@ def search(
     )
 
 
-def quiet_noise(
-    samples: Float[np.ndarray, " sample"],
-    template: Float[np.ndarray, " tap"],
-    rate_hz: float,
-    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
-) -> NoiseSpectrum:
-    """Measure the noise in what is left of a recording without the bangs in it.
-
-    Where bangs take up more than half of it, it is that of all of it.
-
-    Args:
-        samples: Of one channel.
-        template: What bangs look like.
-        rate_hz: Of both [Hz].
-        false_alarms_per_hour: As for the search [1/h].
-
-    Raises:
-        InputError: Template or recording cannot be used.
-    """
-    return _quieted(samples, template, rate_hz, false_alarms_per_hour)[0]
-
-
 def _quieted(
     samples: Float[np.ndarray, " sample"],
     template: Float[np.ndarray, " tap"],
     rate_hz: float,
     false_alarms_per_hour: float,
 ) -> tuple[NoiseSpectrum, Filtered | None]:
-    """Return that noise, and what was heard in it where that is all of the noise."""
+    """Return the noise of a recording without the bangs in it.
+
+    Where bangs take up more than half of it, it is the noise of all of it, and the
+    filter's output by that is returned, too.
+    """
     noise = noise_spectrum(samples, rate_hz)
     filtered = matched_filter(samples, template, rate_hz, noise_spectrum=noise)
     threshold = threshold_for(filtered.kernel, false_alarms_per_hour)
@@ -223,7 +205,8 @@ def search_as_stream(
         InputError: Template or recording cannot be used.
     """
     learnt = channel.samples[: max(round(LEARN_S * channel.rate_hz), template.size)]
-    noise = quiet_noise(learnt, template, channel.rate_hz, false_alarms_per_hour)
+    # bangs in it are left out, so that they do not raise the threshold
+    noise, _ = _quieted(learnt, template, channel.rate_hz, false_alarms_per_hour)
     listening = stream(
         template,
         channel.rate_hz,

@@ -399,7 +399,9 @@ def read_axes(
         if not _is_number(key):
             words.append(Axis(key, _words(key, value, scene, where)))
         elif isinstance(value, dict) and "count" not in value:
-            drawn.append(Drawn(key, _prior(key, value, where)))
+            low, high, scale = _ends(key, value, where)
+            prior = LogUniform(low, high) if scale == "log" else Uniform(low, high)
+            drawn.append(Drawn(key, prior))
         elif isinstance(value, dict):
             numbers.append(Axis(key, _range(key, value, where)))
         else:
@@ -451,11 +453,6 @@ def _ends(key: str, value: dict[str, Any], where: str) -> tuple[float, float, st
     if scale == "log" and not low > 0:
         raise InputError(f"{where} from: expected above 0 on a log scale, got {low:g}")
     return low, high, scale
-
-
-def _prior(key: str, value: dict[str, Any], where: str) -> Prior:
-    low, high, scale = _ends(key, value, where)
-    return LogUniform(low, high) if scale == "log" else Uniform(low, high)
 
 
 def _range(key: str, value: dict[str, Any], where: str) -> tuple[float, ...]:

@@ -403,16 +403,16 @@ def thrown_by_blasts(
     rows = eqx.tree_at(
         lambda flight: flight.time_s, jax.tree.map(lambda x: 0, trajectory), None
     )
+
+    def one(
+        control: EstimatedControl, flight: Trajectory, came_s: Array, period_s: Array
+    ) -> Thrown:
+        return thrown(followed(control, flight, period_s), flight.time_s, came_s)
+
     several = eqx.filter_jit(
-        eqx.filter_vmap(_thrown_by_estimate, in_axes=(eqx.if_array(0), rows, 0, None))
+        eqx.filter_vmap(one, in_axes=(eqx.if_array(0), rows, 0, None))
     )
     return several(control, trajectory, arrival_s, period), None
-
-
-def _thrown_by_estimate(
-    control: EstimatedControl, flight: Trajectory, arrival_s: Array, period_s: Array
-) -> Thrown:
-    return thrown(followed(control, flight, period_s), flight.time_s, arrival_s)
 
 
 def flight_seconds(

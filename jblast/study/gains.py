@@ -34,7 +34,7 @@ from scipy.optimize import OptimizeResult, minimize
 
 from jblast.errors import InputError
 from jblast.progress import in_words
-from jblast.scene import Scene, UncertainScene, VehicleSpec
+from jblast.scene import UncertainScene, VehicleSpec
 from jblast.study.flight_results import (
     FlightLoad,
     Options,
@@ -594,7 +594,7 @@ def drawn_flights(
     scenes = drawn_scenes(uncertain, vehicles, seed)
     scenes, notes = with_bursts_at_start(scenes, spec)
     seconds = flight_seconds(scenes, spec, uncertain.source, options)
-    load = eqx.filter_vmap(_load)(scenes)
+    load = eqx.filter_vmap(lambda scene: load_of(scene, None))(scenes)
     start = start_of(spec)
     came = jax.vmap(arrival_at, (0, None, None))(load, spec.held, start.quaternion)
     return (
@@ -669,7 +669,3 @@ def _outcomes(gains: Gains, flights: DrawnFlights):
         ground_up_m=GROUND_UP_M,
     )
     return metrics, trajectory.time_s, path_error(trajectory, flights.target_m)
-
-
-def _load(scene: Scene) -> FlightLoad:
-    return load_of(scene, None)

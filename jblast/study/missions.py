@@ -618,7 +618,9 @@ def waypoints_of(
                 reached=bool(near.any()),
                 time_s=when if math.isfinite(when) else math.nan,
                 error_m=least if math.isfinite(least) else math.nan,
-                path_error_rms_m=_rms(on_way),
+                path_error_rms_m=float(np.sqrt(np.mean(np.square(on_way))))
+                if on_way.size
+                else math.nan,
                 path_error_max_m=float(on_way.max()) if on_way.size else math.nan,
             )
         )
@@ -687,7 +689,3 @@ def _goal(mission: Mission, visit: int) -> Float[np.ndarray, "3"]:
 
 def _first(rows: Bool[np.ndarray, " time"], time: Float[np.ndarray, " time"]) -> float:
     return float(time[np.argmax(rows)]) if rows.any() else math.inf
-
-
-def _rms(values: Float[np.ndarray, " row"]) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan

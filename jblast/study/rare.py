@@ -310,26 +310,17 @@ def _checked(
         many = searches_needed(len(design.points)) > MOST_STARTS
         if not np.any(far) or many:
             break
-        design, new = _grown(margin, design, beyond[far])
-        if not new:
+        more = extended(margin, design, beyond[far][:BATCH])
+        if all(near(point, design.points) for point in more.points):
+            # no search explains these starts
+            design = more._replace(complete=False)
             break
+        design = more
     if design.complete:
         return design, usual, hits
     share = max(OPEN_EXTERIOR, float(np.sum(far)) / max(int(np.sum(hits)), 1))
     wide = mixture_about(middles, defensive, radius=radius, exterior=share)
     return design, wide, hits
-
-
-def _grown(
-    margin: Margin, design: DesignPoints, start: Float[np.ndarray, "start dimension"]
-) -> tuple[DesignPoints, bool]:
-    """Return design points after more searches, and whether these ended at a new one.
-
-    If they did not, no search explains their starts: it is incomplete.
-    """
-    more = extended(margin, design, start[:BATCH])
-    new = any(not near(point, design.points) for point in more.points)
-    return (more if new else more._replace(complete=False)), new
 
 
 class _Drawn(NamedTuple):

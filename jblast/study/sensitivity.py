@@ -315,7 +315,9 @@ def expansion_of(
     inputs: Float[np.ndarray, "sample input"], values: Float[np.ndarray, " sample"]
 ) -> Expansion:
     """Fit expansions of several degrees, and return that which predicts best."""
-    ranks = uniform_scores(inputs)
+    from scipy.stats import rankdata
+
+    ranks = (rankdata(inputs, axis=0) - 0.5) / len(inputs)
     best: list[Expansion] = []
     for family in FAMILIES:
         own: list[Expansion] = []
@@ -346,15 +348,6 @@ def fit(
     off = (values - design @ found) / left
     variance = np.var(values)
     return found, float(1 - np.mean(off**2) / variance) if variance > 0 else 0.0
-
-
-def uniform_scores(
-    inputs: Float[np.ndarray, "sample input"],
-) -> Float[np.ndarray, "sample input"]:
-    """Return the rank of each value, from 0 to 1."""
-    from scipy.stats import rankdata
-
-    return (rankdata(inputs, axis=0) - 0.5) / len(inputs)
 
 
 def powers_of(inputs: int, degree: int) -> Int[np.ndarray, "term input"]:

@@ -244,12 +244,11 @@ def perceived(
         for charge, time in zip(scene.charges, arrivals.times_s[wave][row], strict=True)
         if np.isfinite(time) and (entity != CAMERA or charge.name not in out_of_view)
     ]
-    seen = sorted((one for one in found if one.time_s < seconds), key=_order)
+    seen = sorted(
+        (one for one in found if one.time_s < seconds),
+        key=lambda one: (one.time_s, one.entity, one.sense),
+    )
     return tuple(seen), len(found) - len(seen)
-
-
-def _order(one: Perceived) -> tuple[float, str, str]:
-    return one.time_s, one.entity, one.sense
 
 
 def _senses(sensor: Sensor) -> tuple[tuple[str, str], ...]:

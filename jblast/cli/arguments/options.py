@@ -7,6 +7,7 @@ messages. JAX is imported inside functions only: --help does not wait for it.
 
 import argparse
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +45,23 @@ OTHERWISE = {
     "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",
 }
 """Arguments of Python whose options have another name."""
+
+
+def check_out(directory: Path, names: Iterable[str], *, force: bool) -> None:
+    """Refuse a directory that cannot be written to, before anything is computed.
+
+    Args:
+        directory: Where to write; it is made.
+        names: Of the files to write.
+        force: Whether they may be overwritten.
+
+    Raises:
+        InputError: It cannot be written to, or holds one of the files.
+    """
+    with writing(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        refuse_existing(directory / name, force=force)
 
 
 def path(text: str) -> str:

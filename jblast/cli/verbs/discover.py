@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import seed, share
-from jblast.cli.arguments.options import DOUBTFUL, given, path, save_figure
-from jblast.files import refuse_existing, save_text, writing
+from jblast.cli.arguments.options import DOUBTFUL, check_out, given, path, save_figure
+from jblast.files import save_text
 
 FILES = ("discovery.json", "discovery.png")
 
@@ -86,7 +86,7 @@ def run(asked: argparse.Namespace) -> int:
 
     check_search(**given(asked, degree="degree", ensemble="members"))
     if asked.out:
-        _check_out(Path(asked.out), force=asked.force)
+        check_out(Path(asked.out), FILES, force=asked.force)
     search = discover_law(
         asked.trajectory,
         states=_names(asked.state),
@@ -115,7 +115,8 @@ def run(asked: argparse.Namespace) -> int:
         from jblast.report.discovery_figures import discovery_figure
 
         figure = discovery_figure(found, again, data.time_s, data.states)
-        _write(Path(asked.out), text, figure)
+        save_text(text, Path(asked.out) / FILES[0])
+        save_figure(figure, Path(asked.out) / FILES[1])
     sys.stdout.write(text if asked.json else discovery_text(found, again, further))
     if asked.out and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
@@ -125,17 +126,3 @@ def run(asked: argparse.Namespace) -> int:
 def _names(words: str) -> list[str]:
     """Return the names that stand between commas."""
     return [name.strip() for name in words.split(",") if name.strip()]
-
-
-def _check_out(directory: Path, *, force: bool) -> None:
-    """Refuse a directory that cannot be written to, before anything is computed."""
-    with writing(directory):
-        directory.mkdir(parents=True, exist_ok=True)
-    for name in FILES:
-        refuse_existing(directory / name, force=force)
-
-
-def _write(directory: Path, text: str, figure) -> None:
-
-    save_text(text, directory / FILES[0])
-    save_figure(figure, directory / FILES[1])

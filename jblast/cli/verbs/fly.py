@@ -152,7 +152,11 @@ def run(asked: argparse.Namespace) -> int:
     flown = fly_scene(
         uncertain,
         vehicles=asked.vehicles,
-        controllers=named_in(asked.controllers),
+        controllers=None
+        if asked.controllers is None
+        else tuple(
+            word.strip() for word in asked.controllers.split(",") if word.strip()
+        ),
         seconds=asked.seconds,
         step_s=asked.step,
         tolerance_m=asked.tolerance,
@@ -216,13 +220,6 @@ def _mission(asked: argparse.Namespace, flight: "MissionFlight") -> Answer:
         mission_text(flight),
         lambda text, directory: write_mission(flight, text, directory),
     )
-
-
-def named_in(words: str | None) -> tuple[str, ...] | None:
-    """Return the controllers that are named, with commas between; None: none are."""
-    if words is None:
-        return None
-    return tuple(word.strip() for word in words.split(",") if word.strip())
 
 
 def check_plan_out(asked: argparse.Namespace, *, has_mission: bool) -> None:

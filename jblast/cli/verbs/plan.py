@@ -52,7 +52,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--at",
         metavar="EAST,NORTH",
-        type=_pair,
+        type=lambda text: _numbers(text, "EAST,NORTH", 2, 2),
         default=(0.0, 0.0),
         help="middle of the pattern, from home [m] (default: 0,0)",
     )
@@ -113,10 +113,6 @@ def _radius_and_turns(text: str) -> tuple[float, ...]:
             f"expected a RADIUS other than 0 and positive TURNS, got {text!r}"
         )
     return radius, turns
-
-
-def _pair(text: str) -> tuple[float, ...]:
-    return _numbers(text, "EAST,NORTH", 2, 2)
 
 
 def _home(text: str) -> tuple[float, ...]:

@@ -8,8 +8,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.options import path, save_figure
-from jblast.files import refuse_existing, save_text, writing
+from jblast.cli.arguments.options import check_out, path, save_figure
+from jblast.files import save_text
 
 FILES = ("stability.csv", "stability.md", "stability.png")
 
@@ -41,7 +41,7 @@ def run(asked: argparse.Namespace) -> int:
 
     areas = list(dict.fromkeys(map(area_named, asked.areas))) or list(AREAS)
     if asked.out:
-        _check_out(asked.out, force=asked.force)
+        check_out(Path(asked.out), FILES, force=asked.force)
     from jblast.cli.jax_start import start_jax
 
     start_jax()
@@ -59,14 +59,6 @@ def run(asked: argparse.Namespace) -> int:
     if asked.out and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
     return 0
-
-
-def _check_out(directory: str, *, force: bool) -> None:
-    """Refuse a directory that cannot be written to, before anything is measured."""
-    with writing(directory):
-        Path(directory).mkdir(parents=True, exist_ok=True)
-    for name in FILES:
-        refuse_existing(Path(directory) / name, force=force)
 
 
 def _write(directory: Path, modes) -> None:

@@ -21,7 +21,6 @@ from jaxtyping import Float
 from jblast.errors import InputError, shown
 from jblast.observations.records.recording import (
     Recording,
-    SampleColumns,
     Scaling,
     channel_names,
     columns_of,
@@ -67,7 +66,9 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
         length=samples.shape[1],
         read=lambda start, stop: samples[:, start:stop],
         start_s=start_s,
-        notes=_notes(columns),
+        notes=(f"columns left out, not pressure: {', '.join(columns.left_out)}",)
+        if columns.left_out
+        else (),
         first_line=int(lines[0]),
     )
     return (recording,)
@@ -80,12 +81,6 @@ def is_stations(path: Path) -> bool:
     except InputError:
         return False
     return "sensor" in (name.strip().lower() for name in names)
-
-
-def _notes(columns: SampleColumns) -> tuple[str, ...]:
-    if not columns.left_out:
-        return ()
-    return (f"columns left out, not pressure: {', '.join(columns.left_out)}",)
 
 
 class Table(NamedTuple):
@@ -178,7 +173,9 @@ def table_at(path: Path) -> Table:
     Raises:
         InputError: It is no text, or has no names above its numbers.
     """
-    encoding = _encoding(path)
+    with path.open("rb") as file:
+        marked = file.read(2) in (b"\xff\xfe", b"\xfe\xff")
+    encoding = "utf-16" if marked else "utf-8-sig"
     head: list[tuple[int, str]] = []
     try:
         for number, line in lines_of(path, encoding):
@@ -268,12 +265,6 @@ def lines_of(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
             stripped = line.strip()
             if stripped and not stripped.startswith("#"):
                 yield number, stripped
-
-
-def _encoding(path: Path) -> str:
-    with path.open("rb") as file:
-        start = file.read(4)
-    return "utf-16" if start[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
 
 
 def cells_of(line: str, separator: str | None) -> list[str]:

@@ -207,7 +207,13 @@ def record_files(
             files.append(name)
             continue
         held = [path for path in sorted(name.iterdir()) if _is_seen(path, stations)]
-        records = [path for path in held if is_record(path) and not _is_table(path)]
+        tables = (".csv", ".tsv", ".txt")  # of sensors, or a log
+        records = [
+            path
+            for path in held
+            if is_record(path)
+            and not (path.suffix.lower() in tables and is_stations(path))
+        ]
         if not records:
             raise InputError(
                 f"{name}: expected a folder of records of samples, got "
@@ -223,8 +229,3 @@ def _is_seen(path: Path, stations: str | None) -> bool:
     if path.name.startswith(".") or not path.is_file():
         return False
     return not (stations and Path(stations).exists() and path.samefile(stations))
-
-
-def _is_table(path: Path) -> bool:
-    """Return whether a text is a table of sensors or a log."""
-    return path.suffix.lower() in (".csv", ".tsv", ".txt") and is_stations(path)

@@ -75,7 +75,9 @@ def _arrays(path: Path) -> dict[str, dict[str, np.ndarray]]:
     except NotImplementedError:  # version 7.3 is HDF5
         return _arrays_of_hdf5(path)
     except (MatReadError, ValueError, OSError) as error:
-        if _is_hdf5(path):  # without the first lines that MATLAB writes
+        import h5py
+
+        if h5py.is_hdf5(path):  # without the first lines that MATLAB writes
             return _arrays_of_hdf5(path)
         raise InputError(
             f"{path}: expected a .mat file, which SciPy cannot make of it ({error})"
@@ -94,13 +96,6 @@ def _arrays(path: Path) -> dict[str, dict[str, np.ndarray]]:
                 if np.issubdtype(struct[field].dtype, np.number)
             }
     return found
-
-
-def _is_hdf5(path: Path) -> bool:
-    """Return whether h5py can open a file."""
-    import h5py
-
-    return bool(h5py.is_hdf5(path))
 
 
 def _arrays_of_hdf5(path: Path) -> dict[str, dict[str, np.ndarray]]:

@@ -55,7 +55,11 @@ def open_netcdf(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
                 str(n): str(v.attrs.get("units", "")) or word_and_unit(str(n))[1]
                 for n, v in file.variables.items()
             }
-            wanted = [name for name, unit in units.items() if _is_pressure(unit)]
+            wanted = [
+                name
+                for name, unit in units.items()
+                if pressure_factor(unit) is not None or volts_factor(unit) is not None
+            ]
             refuse_two_units([(n, units[n]) for n in wanted], f"{path}: variables")
             pieces += [_piece(path, group, file, name, units) for name in wanted]
         held += [f"{group}{n} ({u or 'no units'})" for n, u in units.items()]
@@ -70,10 +74,6 @@ def open_netcdf(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
             f"got {shown(', '.join(held)) if held else 'no variable'}"
         )
     return recordings_of(path, pieces, scaling, left_out(others))
-
-
-def _is_pressure(unit: str) -> bool:
-    return pressure_factor(unit) is not None or volts_factor(unit) is not None
 
 
 def _is_classic(path: Path) -> bool:

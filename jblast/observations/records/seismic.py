@@ -57,20 +57,18 @@ def _piece(path: Path, trace: Any) -> Piece:
     label = f"trace {trace.id}"
     samples = np.asarray(trace.data)[None]
     epoch, start_s = epoch_and_start(int(trace.stats.starttime.ns))
+    # SAC's step has 32 bits: the rate with the fewest digits that it cannot distinguish
+    rate_hz = trace.stats.sampling_rate
+    roundings = (float(f"{rate_hz:.{digits}g}") for digits in range(1, 17))
+    rate_hz = next(r for r in roundings if abs(r / rate_hz - 1.0) < SINGLE)
     return Piece(
         label=label,
         unit=_unit(path, label, trace.stats),
         channels=1,
         length=samples.shape[1],
         read=lambda start, stop: samples[:, start:stop],
-        clock=SampleClock(start_s, _rate(trace.stats.sampling_rate), epoch),
+        clock=SampleClock(start_s, rate_hz, epoch),
     )
-
-
-def _rate(rate_hz: float) -> float:
-    """Return a rate with as few digits as SAC's step, of 32 bits, tells."""
-    roundings = (float(f"{rate_hz:.{digits}g}") for digits in range(1, 17))
-    return next(r for r in roundings if abs(r / rate_hz - 1.0) < SINGLE)
 
 
 def _unit(path: Path, label: str, stats: Any) -> str:

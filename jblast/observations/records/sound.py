@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -407,7 +407,7 @@ def missing_bytes(path: Path) -> int:
         while len(head := file.read(8)) == 8:
             name, size = struct.unpack("<4sI", head)
             if name == b"ds64":
-                long_size = _data_size(file)
+                _, long_size = struct.unpack("<QQ", file.read(16))
                 file.seek(size - 16, 1)
                 continue
             if name == b"data":
@@ -416,9 +416,3 @@ def missing_bytes(path: Path) -> int:
                 return max(promised - there, 0)
             file.seek(size + size % 2, 1)  # chunks begin at even places
     return 8 - len(head)  # not even the head of the samples
-
-
-def _data_size(file: BinaryIO) -> int:
-    """Return the size of the samples that a chunk `ds64` tells, read up to there."""
-    _, size = struct.unpack("<QQ", file.read(16))
-    return size

@@ -51,7 +51,7 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
                 for channel in group.channels()
                 if len(channel)
             ]
-            wanted = [one for one in found if _is_pressure(one[2])]
+            wanted = [one for one in found if holds_pressure(str(one[2].get(UNIT, "")))]
             if not found:
                 raise InputError(f"{path}: expected TDMS with channels, got none")
             if not wanted:
@@ -87,10 +87,6 @@ def _piece(
         read=read,
         clock=_clock(path, file, group, name, properties),
     )
-
-
-def _is_pressure(properties: Properties) -> bool:
-    return holds_pressure(str(properties.get(UNIT, "")))
 
 
 def _seconds(properties: Properties) -> float | None:

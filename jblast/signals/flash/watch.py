@@ -181,7 +181,9 @@ class Watch:
         for tiles, count in zip(self._tiles, self._counts, strict=True):
             if number < count:
                 row, column = divmod(number, len(tiles.lefts))
-                return _box_of(tiles, row, column, self.shape)
+                left, top = int(tiles.lefts[column]), int(tiles.tops[row])
+                right, bottom = left + tiles.side, top + tiles.side
+                return left, top, min(right, self.shape[1]), min(bottom, self.shape[0])
             number -= count
         raise AssertionError
 
@@ -212,7 +214,12 @@ class Tiles:
     def __init__(self, shape: tuple[int, int], side: int):
         """Lay tiles over images of a shape."""
         self.side = side
-        self.tops, self.lefts = (_starts(size, side) for size in shape)
+        # half a side apart, and one at the far edge
+        lasts = [max(size - side, 0) for size in shape]
+        self.tops, self.lefts = (
+            np.unique(np.append(np.arange(0, last, max(side // 2, 1)), last))
+            for last in lasts
+        )
         self._bottoms = np.minimum(self.tops + side, shape[0])
         self._rights = np.minimum(self.lefts + side, shape[1])
         self._rows = np.arange(len(self.tops))[:, None]
@@ -251,14 +258,6 @@ class Tiles:
 
     def _within(self, sums: np.ndarray) -> np.ndarray:
         return sums[:, self._rights] - sums[:, self.lefts]
-
-
-def _box_of(
-    tiles: Tiles, row: int, column: int, shape: tuple[int, int]
-) -> tuple[int, int, int, int]:
-    left, top = int(tiles.lefts[column]), int(tiles.tops[row])
-    right, bottom = left + tiles.side, top + tiles.side
-    return left, top, min(right, shape[1]), min(bottom, shape[0])
 
 
 class Brightening:
@@ -320,11 +319,6 @@ def _running(rows: np.ndarray) -> np.ndarray:
     out = np.zeros((rows.shape[0], rows.shape[1] + 1), np.int32)
     np.cumsum(rows, axis=1, out=out[:, 1:])
     return out
-
-
-def _starts(size: int, side: int) -> Int[np.ndarray, " tile"]:
-    last = max(size - side, 0)
-    return np.unique(np.append(np.arange(0, last, max(side // 2, 1)), last))
 
 
 class Cusum:

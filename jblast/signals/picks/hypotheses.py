@@ -408,14 +408,10 @@ def unstated_high_pass(
     none = Unstated(shown.best, case, jnp.zeros_like(shown.share))
     if case.high_pass is not None:
         return none
-    asked = _balanced(ready, formed) & (shown.case.passed == 0)
-    return lax.cond(asked, lambda: _compared(bins, formed, shown, case), lambda: none)
-
-
-def _balanced(ready: Prepared, formed: Formed) -> Bool[Array, ""]:
-    """Return whether the net impulse may be zero."""
     impulse = natural_of(formed.best.y, formed.case.form).impulse
-    return jnp.abs(ready.net) < SURE * ready.net_sd + NET * impulse
+    balanced = jnp.abs(ready.net) < SURE * ready.net_sd + NET * impulse
+    asked = balanced & (shown.case.passed == 0)
+    return lax.cond(asked, lambda: _compared(bins, formed, shown, case), lambda: none)
 
 
 def _compared(bins: Bins, formed: Formed, shown: Shown, case: Case) -> Unstated:

@@ -116,7 +116,8 @@ def pick_records(
     groups: dict[tuple[int, bool], list[int]] = defaultdict(list)
     for place, record in enumerate(records):
         _check(record)
-        groups[_length(record), record.high_pass_hz is not None].append(place)
+        length = filled_length(min(record.samples.size, LONGEST))
+        groups[length, record.high_pass_hz is not None].append(place)
     found: dict[int, Pick] = {}
     for (length, passed), places in groups.items():
         found |= _picked([records[i] for i in places], places, length, passed)
@@ -223,11 +224,6 @@ def _began(
         pick,
         known,
     )
-
-
-def _length(record: PressureRecord) -> int:
-    """Return the length that a record is filled up to."""
-    return filled_length(min(record.samples.size, LONGEST))
 
 
 def stretch_begin(record: PressureRecord, length: int) -> int:

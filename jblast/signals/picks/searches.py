@@ -295,7 +295,7 @@ def _search(
         begin = lax.cond(
             held | far,
             lambda: jnp.where(held, longer, there.start),
-            lambda: best_pulse(bins, here, case),
+            lambda: _best(bins, _about(here, jnp.asarray(SHIFTS, here.dtype)), case),
         )
         return optimum_of(of, begin, mine)
 
@@ -428,19 +428,6 @@ def elsewhere(
         jnp.sum(weight * off * off),
         made.y[jnp.argmax(weight * off * off)],
     )
-
-
-def best_pulse(
-    bins: Bins, start: Float[Array, " unknown"], case: Case
-) -> Float[Array, " unknown"]:
-    """Return where to begin with a pulse.
-
-    Args:
-        bins: Where the record is looked at.
-        start: By the bank.
-        case: The record.
-    """
-    return _best(bins, _about(start, jnp.asarray(SHIFTS, start.dtype)), case)
 
 
 def best_ring(

@@ -9,7 +9,6 @@ import shutil
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -43,7 +42,11 @@ def merged(
     first = found[0]
     for other in found[1:]:
         _refuse_other(first, other)
-    seeds = [_seeds_of(store) for store in found]
+    # a store that was merged has the seeds of its parts, in their order
+    seeds = [
+        list(store.attributes.get("seeds", [store.attributes["seed"]]))
+        for store in found
+    ]
     if all(one == seeds[0] for one in seeds):
         return _parts(found, Path(out))
     whole = [seed for one in seeds for seed in one]
@@ -67,11 +70,6 @@ def _refuse_twice(stores: Sequence[str | os.PathLike[str]]) -> None:
             )
 
 
-def _seeds_of(store: Store) -> list[int]:
-    """Return the seeds whose samples a store has, one after another."""
-    return list(store.attributes.get("seeds", [store.attributes["seed"]]))
-
-
 def _opened(path: str | os.PathLike[str]) -> Store:
     store = open_store(path)
     if store is None:
@@ -82,7 +80,9 @@ def _opened(path: str | os.PathLike[str]) -> Store:
 def _refuse_other(first: Store, other: Store) -> None:
     """Refuse a store whose samples are not of the same kind."""
     a, b = first.attributes, other.attributes
-    studies = [_without_seed(str(said["study"])) for said in (a, b)]
+    studies = [tomllib.loads(str(said["study"])) for said in (a, b)]
+    for study in studies:
+        study.pop("seed", None)  # the key of a table stays
     different = [name for name in LIKE if a[name] != b[name]]
     if studies[0] != studies[1]:
         different.insert(0, "study")
@@ -91,13 +91,6 @@ def _refuse_other(first: Store, other: Store) -> None:
             f"{other.path}: expected a store of the study of {first.path}, but for the "
             f"seed; got another {', '.join(different) or 'layout'}"
         )
-
-
-def _without_seed(text: str) -> dict[str, Any]:
-    """Return the tables of a study without its seed; a key of a table stays."""
-    tables = tomllib.loads(text)
-    tables.pop("seed", None)
-    return tables
 
 
 def _begun(first: Store, out: Path, rows: int, more: dict[str, object]) -> Store:

@@ -56,7 +56,9 @@ def outcomes_named(
                     f"{source}: outcomes: {shown(name)} is code that would be run: "
                     f"expected {argument('allow_code')} with it"
                 )
-            found.append(own_outcome(name))
+            _function(name)  # refused here, before anything is drawn
+            words = f"{name.removeprefix(CODE)} of each sample"
+            found.append(Outcome(name, "1", words, "own"))
         elif name in OUTCOMES:
             found.append(OUTCOMES[name])
         else:
@@ -74,16 +76,6 @@ def families_of(outcomes: Sequence[Outcome]) -> dict[str, tuple[Family, list[str
         family = FAMILIES[outcome.family]
         found.setdefault(family.name, (family, []))[1].append(outcome.name)
     return found
-
-
-def own_outcome(name: str) -> Outcome:
-    """Return the outcome of a name that begins with `CODE`.
-
-    Raises:
-        InputError: There is no such module or function.
-    """
-    _function(name)
-    return Outcome(name, "1", f"{name.removeprefix(CODE)} of each sample", "own")
 
 
 def prepare(setting: Setting) -> Prepared:

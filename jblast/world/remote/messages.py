@@ -85,7 +85,9 @@ def _announced(message: Any) -> Announcement:
         charge,
         message.revision,
         BlastArrivals(message.flash_s, message.ground_s, message.air_s),
-        _pulse_of(message.pulse) if message.HasField("pulse") else None,
+        AirPulse(*(getattr(message.pulse, name) for name in AirPulse._fields))
+        if message.HasField("pulse")
+        else None,
         message.burst,
         (message.pressure_mass_kg, message.impulse_mass_kg),
         _profile_of(message.force) if message.HasField("force") else None,
@@ -99,11 +101,6 @@ def _slice_of(message: Any, columns: int = 1) -> Slice:
     values = np.array(message.values)
     shape = (-1,) if columns == 1 else (-1, columns)
     return Slice(message.first, message.rate_hz, values.reshape(shape))
-
-
-def _pulse_of(message: Any) -> AirPulse:
-    """Return the air shock that a message holds."""
-    return AirPulse(*(getattr(message, name) for name in AirPulse._fields))
 
 
 def _record_of(message: Any) -> Record:
