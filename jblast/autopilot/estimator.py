@@ -439,12 +439,18 @@ def corrected(estimate: Estimate, numbers: Numbers) -> Estimate:
         carried: tuple[Array, Array], one: Numbers
     ) -> tuple[tuple[Array, Array], None]:
         error, spread = carried
+        # numbers one after another: their noises are independent, so no matrix is
+        # inverted
         left = one.off - one.rows @ error
         across = spread @ one.rows
         expected = one.rows @ across + jnp.square(one.deviation)
+        # a straggler counts as if it were `GATE` standard deviations off: a fix that is
+        # far off moves the estimate slowly, where a filter that refused it would never
+        # return
         expected = jnp.maximum(expected, jnp.square(left / GATE))
         gain = jnp.where(one.comes, across / expected, 0.0)
         after = spread - jnp.outer(gain, across)
+        # rounding makes it asymmetric, and after thousands of turns indefinite
         return (error + gain * left, (after + after.T) / 2), None
 
     start = (jnp.zeros(SIZE), estimate.covariance)
@@ -525,6 +531,8 @@ def past_rows(estimate: Estimate) -> Float[Array, "6 15"]:
     past = estimate.past
     age, known = past.age_s, past.age_s > 0
     attitude = quaternion_matrix(estimate.quaternion)
+    # the mean acceleration since the fix stands for all of it: the past needs no
+    # history of its own
     gained = (estimate.velocity_m_s - past.velocity_m_s) / jnp.where(known, age, 1.0)
     pull = jnp.where(known, gained, 0.0) + jnp.array([0.0, 0.0, FLIGHT_GRAVITY])
     one = jnp.eye(3)
@@ -570,6 +578,7 @@ def carried_on(
 ) -> Estimate:
     """Return where an estimate goes in a sample; its spread stays."""
     turn = (rate_rad_s - estimate.rate_bias) * period_s
+    # by the attitude in the middle of the sample: of second order in its length
     half = quaternion_product(estimate.quaternion, rotation_quaternion(turn / 2))
     pull = quaternion_matrix(half) @ (force_m_s2 - estimate.force_bias)
     gain = (pull - jnp.array([0.0, 0.0, FLIGHT_GRAVITY])) * period_s
@@ -637,6 +646,7 @@ def noise_gained(
             jnp.square(imu.accelerometer_walk) * period_s * one,
         ]
     )
+    # a push moves velocity and, half a sample's worth, position: both errors are one
     both = jnp.square(push) * period_s / 2 * jnp.eye(3)
     spread = jnp.diag(gained)
     return spread.at[PLACE, MOVES].set(both).at[MOVES, PLACE].set(both)
@@ -701,6 +711,7 @@ def aligned(key: PRNGKeyArray, true: State, deviations: Float[Array, "15"]) -> E
         deviations: One standard deviation of each number of the error.
     """
     off = deviations * jax.random.normal(key, (SIZE,))
+    # the instruments draw their own biases: the estimate of these begins at zero
     off = off.at[RATE_BIAS].set(0.0).at[FORCE_BIAS].set(0.0)
     zero = jnp.zeros(3)
     exact = Estimate(

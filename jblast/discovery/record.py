@@ -86,7 +86,9 @@ def windows(time: Float[np.ndarray, " row"], half: float) -> Windows:
         half: Half width of a window, in the unit of the times.
     """
     span = time[-1] - time[0] - 2.0 * half
+    # overlapping, or some rows would count for more than others
     count = min(MAX_WINDOWS, 1 + int(np.ceil(PER_HALF_WIDTH * span / half)))
+    # no piece crosses a row, where interpolated inputs have a kink
     places, weights = _quadrature(time, half / PIECES)
     centres = np.linspace(time[0] + half, time[-1] - half, count)
     first = np.searchsorted(places, centres - half)
@@ -181,6 +183,8 @@ def trajectory_record(
 
     def sides(states: Float[np.ndarray, "row state"], curves: Curves) -> Sides:
         at = curves.at(cut.time)
+        # the curve by quadrature and its residuals by the rows: together no noise is
+        # lost, and none is smoothed twice
         left = cut.derivative @ at + cut.of_rows @ (states - curves.value)
         return Sides(np.column_stack([at, *between]), left)
 
@@ -351,6 +355,7 @@ def smoothed(
 
     Errors are taken as independent from row to row, and equal.
     """
+    # in rows: the penalties then suit any unit of time
     scaled = (time - time[0]) / float(np.mean(np.diff(time)))
     rows, count = states.shape
     probes = _probes(scaled)
@@ -358,6 +363,8 @@ def smoothed(
     penalty, freedom = np.zeros(count), np.zeros(count)
     for tried in PENALTIES:
         passed = _smooth(scaled, np.column_stack([states, probes]), tried)
+        # generalised cross-validation; the trace by random signs (Hutchinson), since
+        # the matrix itself is as large as the rows squared
         free = 2.0 + float(np.sum(probes * passed[:, count:]))
         over = np.mean((states - passed[:, :count]) ** 2, axis=0)
         score = over / max(1.0 - free / rows, 1.0 / rows) ** 2
@@ -388,6 +395,7 @@ def _probes(time: Float[np.ndarray, " row"]) -> Float[np.ndarray, "row probe"]:
     else:
         probes = np.random.default_rng(0).choice([-1.0, 1.0], (rows, PROBES))
         probes /= np.sqrt(PROBES)
+    # a spline passes straight lines as they are: their part of the trace is 2, exactly
     line = np.linalg.qr(np.column_stack([np.ones(rows), time]))[0]
     return probes - line @ (line.T @ probes)
 

@@ -88,6 +88,8 @@ def shock_slowing(
 def _one_power(record: Record, sides: Sides) -> tuple[float, float]:
     """Return the exponent that leaves least over, and how much that is, relative."""
     left = sides.left[:, 0]
+    # over the first radius: high powers of metres would overflow, and the factor takes
+    # it up
     log_radius = np.log(sides.columns[:, 0] / record.smooth[0, 0])
 
     def over(exponent: float) -> float:

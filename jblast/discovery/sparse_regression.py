@@ -104,6 +104,7 @@ def least_squares(
     Where the terms leave more over than the noise explains, the standard deviations
     grow by that factor.
     """
+    # terms may be nearly collinear: the pseudo-inverse keeps the least coefficients
     inverse = np.linalg.pinv(regression.terms[:, kept])
     found = inverse @ left
     over = np.mean((left - regression.terms[:, kept] @ found) ** 2)
@@ -148,6 +149,7 @@ def sparse_terms(
         sure = kept & (sds > 0.0)
         certain[sure] = np.abs(coefficients[sure]) / sds[sure]
         worst = np.argmin(certain)
+        # one at a time: what is left becomes more certain with each that goes
         if certain[worst] >= SIGNIFICANT:
             break
         kept[worst] = False

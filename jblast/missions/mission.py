@@ -97,6 +97,7 @@ def grid_plan(
     Raises:
         InputError: There are too many lanes.
     """
+    # a depth of whole spacings has no further lane by rounding
     lanes = 1 + math.ceil(depth_m / spacing_m - 1e-9)
     if lanes > MOST_LANES:
         raise InputError(
@@ -525,6 +526,7 @@ def _arc(
     ahead = float(np.linalg.norm(end - start))
     if min(length, ahead) <= SHORTEST_M:
         return None
+    # rounding leaves the product of two unit vectors above one
     angle = math.acos(float(np.clip(way @ onward, -1.0, 1.0)))
     if angle > math.pi - STRAIGHT:
         return None
@@ -600,6 +602,7 @@ def _speed(stop: Stop, way: Vector) -> float:
 def _brake(rows: list[dict], acceleration: float) -> None:
     """Set the speeds at the ends of legs that are passed."""
     allowed = 0.0  # at the start of the leg after
+    # from the last leg back: what is allowed at an end depends on all that follows
     for row in reversed(rows):
         if row["waits"]:
             row["end_speed_m_s"] = 0.0

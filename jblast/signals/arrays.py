@@ -195,6 +195,7 @@ def relative_times(
     spectra = np.fft.rfft((samples - samples.mean(axis=1, keepdims=True)) * fade)
     noise = np.asarray(noise_variance, float) * np.sum(fade**2)
     loudest = np.max(np.abs(spectra) ** 2, axis=1, keepdims=True)
+    # a simulated record may have no noise at all, and no weight is infinite
     noise = np.maximum(noise, QUIETEST * loudest)
     gain, sound = _gain_and_sound(np.abs(spectra) ** 2, noise)
     spectra, noise = spectra / np.sqrt(gain)[:, None], noise / gain[:, None]
@@ -253,6 +254,7 @@ def _combined(pairs: dict[tuple[int, int], PairDelay], count: int) -> RelativeTi
     variance = np.array([delay.sigma**2 for delay in known.values()])
     share = np.array([delay.share for delay in known.values()])
     weighed = design.T / variance
+    # delays leave the mean time open: the pseudo-inverse sets it to zero
     gives = np.linalg.pinv(weighed @ design) @ weighed
     # an error of one record moves all its pairs; that of a product moves its own alone
     own = np.zeros(count)
@@ -301,6 +303,8 @@ def pair_delay(
         expected = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0)
     psi[[0, -1]] = 0.0  # no phase is defined there
     expected = np.where(psi > 0, expected, 0.0)
+    # first the maximum, then the sum in phase there: its height is compared with what
+    # noise alone sums to
     lag = _greatest_lag(psi * cross, rate_hz, largest_s)
     spectrum = psi * cross * np.exp(1j * omega * lag)
     by_chance = np.sqrt(0.5 * np.sum(expected**2 * noise[0] * noise[1]))
@@ -500,6 +504,7 @@ def _averaged(
 ) -> Float[np.ndarray, "2 2"]:
     """Return the covariance of angles about the best fit, averaged over fits."""
     evidence = np.array([fit.log_evidence for fit in fits])
+    # relative to the largest: the exponentials of a long record underflow
     weights = np.exp(evidence - evidence.max())
     total = np.zeros((2, 2))
     for fit, weight in zip(fits, weights / weights.sum(), strict=True):
@@ -554,6 +559,8 @@ class PlaneWave(NamedTuple):
         inside = inside - (inside @ normal) * normal
         rest = 1.0 - inside @ inside
         side = -1.0 if self.slowness @ normal < 0 else 1.0
+        # a front seen along the plane may be measured as slower than sound: the root
+        # stays real, and the slope along the normal finite
         toward = inside + side * np.sqrt(max(rest, 1e-4)) * normal
         return Front(toward / np.linalg.norm(toward), 0.0)
 
@@ -573,6 +580,7 @@ class PlaneWave(NamedTuple):
         """Return the front of least chi-squared near one, by damped Gauss-Newton."""
         damping, misfit = 1e-3, self.misfit(front)
         for _ in range(STEPS):
+            # on the tangent plane: angles have a pole overhead
             tangent = _tangent(front.toward)
             slope = self._slope(front, tangent)
             hessian = slope.T @ self.information @ slope
@@ -609,6 +617,8 @@ class PlaneWave(NamedTuple):
             hessian = hessian[:2, :2]
         else:
             hessian[2, 2] += self.log_sd**-2
+        # of a line or a plane of microphones one direction has no information: a huge
+        # variance, not a singular matrix
         least = 1e-12 * np.trace(hessian) * np.eye(len(hessian))
         return np.linalg.inv(hessian + least)[:2, :2]
 
@@ -654,6 +664,7 @@ def angles_of(toward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
 
 def _tangent(toward: np.ndarray) -> np.ndarray:
     """Return two unit vectors across a direction and across each other."""
+    # the axis that is farthest from it: the product cannot vanish
     least = np.eye(3)[np.argmin(np.abs(toward))]
     first = np.cross(toward, least)
     first /= np.linalg.norm(first)

@@ -309,6 +309,8 @@ def solve_toeplitz(
     def covariance(x: np.ndarray) -> np.ndarray:
         return np.fft.irfft(np.fft.rfft(x, size) * variances, size)[:n]
 
+    # the circulant of the same noise: close to the matrix but for its corners, and its
+    # inverse is two transforms
     def precondition(x: np.ndarray) -> np.ndarray:
         return np.fft.irfft(np.fft.rfft(x) / near, n)
 
@@ -355,6 +357,7 @@ def scaled_kernel(
         size: Samples of their transform.
         rate_hz: Sampling rate [Hz].
     """
+    # by the spectrum (Parseval): no second filter for the slopes
     omega = 2 * np.pi * np.fft.rfftfreq(size, 1 / rate_hz)
     twice = np.full(omega.size, 2.0 / size)
     twice[0] /= 2

@@ -99,7 +99,9 @@ def noise_spectrum(
                 f"{argument('segment_s')}: expected windows of at least 8 samples, "
                 f"seven of them half overlapping in {samples.size} samples, got {size}"
             )
+    # half overlapping (Welch 1967): a Hann window uses the middle of each
     windows = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
+    # a recorder that was off has no noise, and would lower the density of the rest
     alive = np.ptp(windows, axis=1) > 0
     if alive.sum() < LEAST_SEGMENTS:
         raise InputError(
@@ -183,9 +185,11 @@ def whitening_taps(noise: NoiseSpectrum, rate_hz: float) -> Float[np.ndarray, " 
         noise: Its spectrum.
         rate_hz: Sampling rate [Hz].
     """
+    # eight times finer than the spectrum: the cepstrum of a coarse one is aliased
     lines = int(np.ceil(8 * rate_hz / float(noise.frequency_hz[1])))
     size = 2 ** int(np.ceil(np.log2(max(lines, 64))))
     cepstrum = np.fft.irfft(-0.5 * np.log(bin_variances(noise, size, rate_hz)), size)
+    # folded onto positive times: what is causal is of minimum phase
     cepstrum[1 : size // 2] *= 2
     cepstrum[size // 2 + 1 :] = 0.0
     taps = np.fft.irfft(np.exp(np.fft.rfft(cepstrum)), size)

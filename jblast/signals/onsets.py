@@ -183,6 +183,7 @@ def _ratios(
     before = (squares[ends] - squares[ends - LONG_BINS]) / n_before - mean**2
     power = (squares[ends + SHORT_BINS] - squares[ends]) / n_after
     shift = (sums[ends + SHORT_BINS] - sums[ends]) / n_after
+    # about the mean before: a step of the baseline is loud, too
     now = power - 2.0 * mean * shift + mean**2
     # after silence what is heard is loud, but what rounding leaves of it is not
     floor = SILENT * squares[-1] / bins.size

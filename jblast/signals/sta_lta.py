@@ -70,6 +70,7 @@ def sta_lta(
             f"and the long time to be the longer, got {short_s:g} and {long_s:g} s"
         )
     samples = checked_samples("recording", recording, least=short + long)
+    # running sums: the cost does not depend on the windows
     sums = np.concatenate([[0.0], np.cumsum((samples - np.median(samples)) ** 2)])
     after = (sums[long + short :] - sums[long:-short]) / short
     before = (sums[long:-short] - sums[: -long - short]) / long
@@ -101,6 +102,7 @@ def triggers(
     low = np.flatnonzero(ratio < off)
     found, at = [], 0
     above = np.flatnonzero(ratio > on)
+    # from trigger to trigger, not from sample to sample: an hour has few of them
     while (nth := np.searchsorted(above, at)) < above.size:
         start = int(above[nth])
         after = np.searchsorted(low, start)

@@ -241,6 +241,7 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
         seen.append((float(value), np.array(x)))
         now(f"{wish.vehicles} blasts flown with slopes, {len(seen)} times")
         if not np.isfinite(value):
+            # a crash has no slope: a large value, from which the line search steps back
             return 10.0, np.zeros(FACTORS)
         return float(value), np.nan_to_num(np.asarray(slope))
 
@@ -269,6 +270,7 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
         start = search(lambda x: (float(x @ x), 2 * x), start, 1e-6).x
         if (room(start) < -SLACK).any():
             raise InputError(_unreachable(uncertain, wish, gains, lag, dead))
+    # a candidate by itself: the search may find nothing better
     peak(start)
     found = search(peak, start, 2e-4)
     allowed = [

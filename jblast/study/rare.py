@@ -418,6 +418,8 @@ def mixture_about(
             f"defensive: expected a share above 0 and at most 1, got {defensive:g}"
         )
     left = (1.0 - defensive) * (1.0 - exterior)
+    # shares by the density at each point, relative to the largest: far out all
+    # underflow
     logs = -0.5 * np.sum(points**2, axis=1)
     relative = np.exp(logs - logs.max(initial=-np.inf))
     found = left * relative / relative.sum() if len(points) else relative

@@ -344,6 +344,7 @@ def fit(
     root = np.linalg.cholesky(gram)
     rotated = solve_triangular(root, design.T, lower=True, check_finite=False)
     found = solve_triangular(root.T, rotated @ values, check_finite=False)
+    # leave-one-out residuals by the leverages: one fit in place of one a sample
     left = np.maximum(1 - np.sum(rotated**2, axis=0), 1e-12)
     off = (values - design @ found) / left
     variance = np.var(values)

@@ -336,6 +336,8 @@ def wilson_interval(
     some = count > 0
     number = np.where(some, count, 1.0)
     found = np.where(some, share, 0.5)
+    # Wilson's interval (1927): it stays within 0 and 1, and has a width where no sample
+    # is true
     middle = found + z**2 / (2 * number)
     half = z * np.sqrt(found * (1 - found) / number + z**2 / (4 * number**2))
     scale = 1 + z**2 / number
@@ -417,6 +419,8 @@ def bin_of(offset: Float[Array | np.ndarray, "..."]) -> Int[Array | np.ndarray, 
     """Return the bin of a distance from the origin; that of NaN means nothing."""
     xp = offset.__array_namespace__()
     kind, digits, bias = LAYOUTS[str(offset.dtype)]
+    # the exponent and the first digits of a binary number are a logarithmic scale: no
+    # logarithm is taken
     size = xp.abs(offset).view(kind) >> (digits - BITS)
     place = xp.clip(size - ((bias + LEAST) << BITS), -1, SIDE - 1) + 1
     return SIDE + xp.where(offset < 0, -place, place)
@@ -456,6 +460,7 @@ def counted(
     given = None if weights is None else np.asarray(weights)
     found = []
     for lane, own in zip(rows.T, origin.reshape(-1), strict=True):
+        # a view as whole numbers needs its values side by side
         offset = np.ascontiguousarray(lane - own if own else lane)
         known, shares = ~np.isnan(offset), given
         if not known.all():
@@ -528,6 +533,7 @@ def sketch_quantiles(
         high = np.clip(origin + edges[held + 1], least, most)
         upto = np.cumsum(own[held])
         rank = np.clip(np.asarray(shares) * upto[-1], 0, upto[-1])
+        # rounding of weights may leave the last rank above their sum
         at = np.minimum(np.searchsorted(upto, rank), held.size - 1)
         before = upto[at] - own[held][at]
         within = (rank - before) / own[held][at]
@@ -613,6 +619,7 @@ def merge_moments(a: Moments, b: Moments) -> Moments:
         weight = w_a + w_b
         share = w_b / xp.where(weight > 0, weight, 1)
         step = mean_b - mean_a
+        # Chan, Golub and LeVeque (1979): sums of squares about zero would cancel
         squares = squares_a + squares_b + step**2 * w_a * share
         return weight, mean_a + step * share, squares
 

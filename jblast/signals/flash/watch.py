@@ -238,6 +238,7 @@ class Tiles:
             fallen: Likewise.
             bright: Likewise.
         """
+        # running sums: a tile costs four values, whatever its size
         new, lost, held = (self._banded(sums) for sums in (lit, fallen, bright))
         new_sums, lost_sums, held_sums = (_running(v) for v in (new, lost, held))
         first_sums = _running(held * self._column)
@@ -279,6 +280,8 @@ class Brightening:
         """
         size = np.abs(change)
         if not self._frames:
+            # 1.48 times the median of absolute values is the deviation of normal noise;
+            # a film may also begin with a still
             self._noise += max(1.4 * float(np.median(size)), 1e-3)
         self._frames += 1
         total = self._sum
@@ -295,6 +298,7 @@ class Brightening:
         self._bright &= self._left > 0
         # what just became bright teaches nothing of the noise
         size[self._left > 0] = 0.0
+        # clipped: one flicker does not blind a pixel for a second
         np.minimum(size, 3.0 * self._noise + 0.02, out=size)
         learnt = np.float32(1.0 / min(self._frames + FIRST, PIXEL_LEARNT))
         self._noise += learnt * np.where(self._left > 0, 0.0, size - self._noise)
@@ -382,9 +386,11 @@ class Cusum:
         self.begun = np.where(self._sum > 0.0, self.begun + 1, 0)
         # what may be a blast teaches nothing of the noise
         teaches = np.minimum(lit, 2.0 * usual) - self._mean
+        # the more evidence, the slower the noise is learnt
         self._mean += teaches * (1.0 / TILE_LEARNT) / (1.0 + self._sum)
         self._kept[self._frame % self._stays] = self._sum
         self._frame += 1
+        # the least of the last frames: a light that goes out at once is no fireball
         self.statistic = self._kept.min(axis=0)
         return self.statistic
 
@@ -452,12 +458,14 @@ class EgoMotion:
             np.subtract(both[:, 2:], both[:, :-2], out=across[:, 1:-1])
         if self.shape[0] > 2:
             np.subtract(both[2:], both[:-2], out=down[1:-1])
+        # an affine motion and a gain: shake, turn and zoom of a camera, and clouds
         rows = self._rows
         for i, gradient in enumerate((across, down)):
             rows[i] = gradient[self._some].ravel()
             for j, place in enumerate(self._few):
                 np.multiply(rows[i], place, out=rows[2 + 2 * i + j])
         few = change[self._some].ravel()
+        # a bright flash is not motion, and would turn the whole image
         most = CLIP * float(np.abs(few).mean()) + 1e-6
         clipped = np.clip(few, -most, most)
         square = (rows @ rows.T).astype(float)

@@ -164,6 +164,7 @@ def low_passed(
     sums = jnp.cumsum(steps) - steps
     before = sums * jnp.exp(-corner * start)
     passed = corner * bins.width.astype(kind)
+    # the mean over the bin; by expm1, because bins are short against its time constant
     kept = -jnp.expm1(-passed) / passed
     return before * kept + means * (1.0 - kept)
 
@@ -244,6 +245,7 @@ def _slow_ratio(apart, case: Case):
     used = (case.weight > 0) & (case.clipped == 0)
     kind = apart.dtype
     apart = jnp.where(used, apart, 0.0)
+    # zeros to whole blocks: they enter no sum
     short = -apart.shape[0] % SUMMED_BINS
     blocks = jnp.pad(apart, (0, short)).reshape(-1, SUMMED_BINS)
     counts = jnp.pad(used.astype(kind), (0, short)).reshape(-1, SUMMED_BINS)
@@ -289,6 +291,8 @@ def optimum_of(
         hopeless: A search whose cost is above this after `PATIENT` steps ends; its
             optimum is not needed.
     """
+    # the search has no slopes of its own: those of its end are of the implicit function
+    # (`_settled`), whatever its steps
     still = lax.stop_gradient(case)
     begin = lax.stop_gradient(start)
     found = _search(misfit, begin, still, most_steps, hopeless)
@@ -326,6 +330,8 @@ def _expansion(misfit: Misfit, y, apart, cost, case: Case) -> _Expansion:
     # a row an unknown: what is done to each of them runs along the bins
     slopes = jax.vmap(moved)(jnp.eye(y.size, dtype=y.dtype))
     information = slopes @ slopes.T
+    # unknowns differ by orders of magnitude: with ones on the diagonal a damping means
+    # the same for each
     scale = 1.0 / jnp.sqrt(jnp.diagonal(information))
     return _Expansion(
         cost=cost,
@@ -357,6 +363,7 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Opt
             lambda: state.here,
         )
         y = jnp.where(better, state.tried, state.y)
+        # Marquardt's factors (1963)
         damping = jnp.where(better, 0.1 * state.damping, 10.0 * state.damping)
         damping = jnp.clip(damping, LEAST_DAMPING, MOST_DAMPING)
         move = -jnp.linalg.solve(here.information + damping * unit, here.slope)

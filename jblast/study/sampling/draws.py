@@ -81,6 +81,8 @@ def points_of(
         def latin(begin: int, count: int) -> np.ndarray:
             if not made:
                 made.append(qmc.LatinHypercube(dimensions, rng=seed).random(draws))
+            # a last block is filled up with the last draw: each length is a program of
+            # its own
             rows = np.minimum(np.arange(begin, begin + count), draws - 1)
             return _scores(made[0][rows])
 
@@ -120,6 +122,7 @@ def _grid(dimensions: int, draws: int, source: str) -> Points:
 
 def _scores(unit: np.ndarray) -> np.ndarray:
     """Return standard normal coordinates, the corners of the cube left out."""
+    # the finest step of a number near one: 0 and 1 would be infinite
     tiny = 2.0**-53
     return ndtri(np.clip(unit, tiny, 1 - tiny))
 
