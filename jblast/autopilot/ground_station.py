@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.autopilot.logs import (
     FlightRecord,
@@ -379,6 +378,8 @@ class Telemetry:
         attitude = dict(zip(names, [*angles, *rates], strict=True))
         lat, lon, alt = self._places[row]
         heading = round(100 * float(np.degrees(angles[2]) % 360)) % 36_000
+        # whole centimetres a second, north, east, down, in 16 bits
+        moves = np.clip(np.round(100 * self._moves[row]), -32_767, 32_767).astype(int)
         return [
             sender.pack("ATTITUDE", time_boot_ms=boot, **attitude),
             sender.pack(
@@ -389,7 +390,7 @@ class Telemetry:
                 alt=round(1e3 * alt),
                 relative_alt=round(1e3 * float(self._ups[row])),
                 hdg=heading,
-                **_speeds(self._moves[row]),
+                **dict(zip(("vx", "vy", "vz"), moves.tolist(), strict=True)),
             ),
         ]
 
@@ -422,12 +423,6 @@ def _stamped_frames(record: FlightRecord, has_mission: bool) -> Iterator[bytes]:
         if has_mission and telemetry.item(row) != item:
             item = telemetry.item(row)
             yield stamped(time_s, sender.pack("MISSION_CURRENT", seq=item))
-
-
-def _speeds(ned_m_s: Float[np.ndarray, "3"]) -> dict[str, int]:
-    """Return whole centimetres a second, north, east, down."""
-    whole = np.clip(np.round(100 * ned_m_s), -32_767, 32_767).astype(int)
-    return dict(zip(("vx", "vy", "vz"), whole.tolist(), strict=True))
 
 
 def _to(sender: Sender, who: tuple[int, int], name: str, **fields: object) -> bytes:

@@ -99,7 +99,6 @@ def noise_spectrum(
                 f"{argument('segment_s')}: expected windows of at least 8 samples, "
                 f"seven of them half overlapping in {samples.size} samples, got {size}"
             )
-    # half overlapping (Welch 1967): a Hann window uses the middle of each
     windows = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
     # a recorder that was off has no noise, and would lower the density of the rest
     alive = np.ptp(windows, axis=1) > 0

@@ -280,8 +280,8 @@ class Brightening:
         """
         size = np.abs(change)
         if not self._frames:
-            # 1.48 times the median of absolute values is the deviation of normal noise;
-            # a film may also begin with a still
+            # nearly the deviation of normal noise, 1.48 medians of absolute values; the
+            # least is for a film that begins with a still
             self._noise += max(1.4 * float(np.median(size)), 1e-3)
         self._frames += 1
         total = self._sum
