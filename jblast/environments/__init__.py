@@ -7,8 +7,12 @@ from jblast.errors import InputError
 from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
-    from jblast.environments.build import environment_params as environment_params
-    from jblast.environments.core import Step as Step, reset as reset, step as step
+    from jblast.environments.core import (
+        Step as Step,
+        environment_params as environment_params,
+        reset as reset,
+        step as step,
+    )
     from jblast.environments.episode import (
         COMMANDS as COMMANDS,
         EnvironmentParams as EnvironmentParams,
@@ -34,7 +38,7 @@ _HOMES = {
     "QuadrotorEnv": "jblast.environments.gymnasium_classes",
     "Randomisation": "jblast.environments.episode",
     "Step": "jblast.environments.core",
-    "environment_params": "jblast.environments.build",
+    "environment_params": "jblast.environments.core",
     "reset": "jblast.environments.core",
     "reset_lanes": "jblast.environments.lanes",
     "step": "jblast.environments.core",

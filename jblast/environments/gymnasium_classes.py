@@ -11,8 +11,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from jblast.environments.build import environment_params
-from jblast.environments.core import actions_of, reset, step
+from jblast.environments.core import actions_of, environment_params, reset, step
 from jblast.environments.episode import EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
 from jblast.environments.tasks import default_guidance
