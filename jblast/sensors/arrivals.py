@@ -440,6 +440,8 @@ class RecordedSound(eqx.Module):
         """Return the mean overpressure from start to stop since the arrival [Pa]."""
         dtype = self.samples.dtype
         edges = jnp.asarray(np.arange(self.samples.size + 1) / self.rate, dtype)
+        # A mean is a difference of the running integral: two look-ups, however long the
+        # interval is.
         until = jnp.pad(jnp.cumsum(self.samples) / self.rate, (1, 0))
         passed = [jnp.interp(time, edges, until) for time in (start, stop)]
         return (passed[1] - passed[0]) / (stop - start)

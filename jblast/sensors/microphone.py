@@ -574,6 +574,8 @@ def rotor_phase(
     mean = 0.5 * (rotors.speed[1:] + rotors.speed[:-1])
     turned = step * mean / (2 * math.pi)
     none = jnp.zeros_like(rotors.speed[:1])
+    # Whole turns are dropped before the sum: after thousands of turns float32 would
+    # have lost the phase.
     turns = jnp.concatenate([none, jnp.cumsum(turned - jnp.floor(turned), axis=0)])
     shape = (rotors.speed.shape[1], rotors.amplitude.size)
     offset = 2 * math.pi * jax.random.uniform(key, shape)

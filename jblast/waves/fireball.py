@@ -131,6 +131,7 @@ def fireball_radius(
     """
     mass, time, growth = as_float_arrays(charge_mass, time, growth_time)
     largest = LARGEST_RADIUS * jnp.cbrt(mass)
+    # by expm1: the first instants keep their digits
     return -largest * jnp.expm1(-jnp.maximum(time, 0.0) / growth)
 
 

@@ -137,6 +137,7 @@ def start_sedov(
     pressure = 2.0 * ambient.density * speed**2 / (gamma + 1.0)
     _refuse_weak(pressure, ambient.pressure, radius)
     if length is None:
+        # The spacing of the mesh is no property of the flow: it has no derivative.
         length = jax.lax.stop_gradient(jnp.cbrt(energy / ambient.pressure))
     mesh = GradedMesh(
         label=jnp.zeros_like(radius),

@@ -214,6 +214,7 @@ def march(
     return March(before, history, _where_lost(before, after, flow.gas))
 
 
+# nothing is donated: a stretch that fails is done again from its first state
 @functools.partial(eqx.filter_jit, donate="none")
 def _stretch(state, flow, end, stride, courant, gauges):
     return run(
