@@ -39,3 +39,6 @@ FOOT = 0.3048
 PSI = 44482216152605 / 6451600000
 """A pound-force per square inch [Pa], 4.4482216152605 N over (0.0254 m)^2, exact and
 rounded once. NIST SP 811 (2008), appendix B."""
+
+BAR = 1e5
+"""A bar [Pa]. Exact."""

@@ -47,7 +47,8 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
             temporary.chmod(stat.S_IMODE(mode))
         yield temporary
         if durable:
-            _flush(temporary)
+            with temporary.open("rb") as file:
+                os.fsync(file.fileno())
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
@@ -97,12 +98,6 @@ def _created(target: Path) -> Path:
         except FileExistsError:
             continue
         return temporary
-
-
-def _flush(path: Path) -> None:
-    """Wait until a file's content is on the disk."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
 
 
 def refuse_existing(path: str | os.PathLike[str], *, force: bool) -> None:

@@ -244,7 +244,6 @@ THROUGH_FILES = re.compile(r"with (\(\s*)?replacing\(")
 ALLOWED = {
     "autopilot/logs.py": "a log, which is added to as a flight goes on",
     "cli/main.py": "into os.devnull",
-    "sensors/camera/bake/blender_program.py": "a log, which is added to",
     "sensors/camera/bake/blender_simulate.py": "within Blender, which has no jblast",
     **dict.fromkeys(
         (

@@ -8,6 +8,7 @@ from typing import Any
 
 import jax
 
+# The least of several repeats: other load on a machine can only lengthen a call.
 REPEATS = 7
 MIN_SECONDS = 2e-3
 """Shorter calls are repeated until they last this long [s]."""

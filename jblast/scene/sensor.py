@@ -27,6 +27,7 @@ VECTORS = {
 """Components of a sensor's vectors."""
 RATE_HZ = 48_000.0
 """Default sample rate [Hz]."""
+# Converters of 8 bits are the coarsest in use; 32 bits exceed any noise floor.
 FEWEST_BITS, MOST_BITS = 8, 32
 Saturation = Literal["clip", "compress"]
 

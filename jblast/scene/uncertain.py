@@ -223,7 +223,13 @@ def leaf_of(scene: Scene, name: str) -> Any:
     """Return the leaf of one of a scene's numbers, which may be a batch or None."""
     base, _, label = name.partition(".")
     if base == CLOCK_OFFSET:
-        return _clock_offset(scene, label)
+        for clock in _each(scene.clocks):
+            if clock.name == label:
+                return clock.offset_s
+        for sensor in _each(scene.sensors):
+            if sensor.name == label:
+                return sensor.clock_offset_s
+        raise KeyError(label)
     holder: Any = scene
     if label:
         named = next(charge for charge in scene.charges if charge.name == label)
@@ -231,16 +237,6 @@ def leaf_of(scene: Scene, name: str) -> Any:
     one = PARAMETERS[base]
     leaf, index = attrgetter(one.attribute)(holder), one.key.index
     return leaf if index is None or not isinstance(leaf, tuple) else leaf[index]
-
-
-def _clock_offset(scene: Scene, name: str) -> Any:
-    for clock in _each(scene.clocks):
-        if clock.name == name:
-            return clock.offset_s
-    for sensor in _each(scene.sensors):
-        if sensor.name == name:
-            return sensor.clock_offset_s
-    raise KeyError(name)
 
 
 def _each(nodes: Any) -> tuple[Any, ...]:

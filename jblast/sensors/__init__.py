@@ -30,19 +30,17 @@ if TYPE_CHECKING:
         pressure_gauge as pressure_gauge,
     )
     from jblast.sensors.arrivals import (
+        RecordedSound as RecordedSound,
         Track as Track,
+        even_overpressure as even_overpressure,
         heard as heard,
+        overpressure as overpressure,
     )
+    from jblast.sensors.gauge import sampled_by as sampled_by
     from jblast.sensors.law_choice import (
         choose_laws as choose_laws,
         resolve_laws as resolve_laws,
     )
-    from jblast.sensors.pressure_history import (
-        RecordedSound as RecordedSound,
-        even_overpressure as even_overpressure,
-        overpressure as overpressure,
-    )
-    from jblast.sensors.sampled import sampled_by as sampled_by
     from jblast.sensors.simulated_readings import (
         observe as observe,
         readings as readings,
@@ -57,20 +55,20 @@ if TYPE_CHECKING:
 HOMES = {
     "DEFAULT_RECORD_LAWS": "jblast.sensors.wave_paths",
     "Heard": "jblast.sensors.wave_paths",
-    "RecordedSound": "jblast.sensors.pressure_history",
+    "RecordedSound": "jblast.sensors.arrivals",
     "Track": "jblast.sensors.arrivals",
     "anemometer": "jblast.sensors.anemometer",
     "choose_laws": "jblast.sensors.law_choice",
-    "even_overpressure": "jblast.sensors.pressure_history",
+    "even_overpressure": "jblast.sensors.arrivals",
     "geophone": "jblast.sensors.geophone",
     "heard": "jblast.sensors.arrivals",
     "observe": "jblast.sensors.simulated_readings",
-    "overpressure": "jblast.sensors.pressure_history",
+    "overpressure": "jblast.sensors.arrivals",
     "pressure_gauge": "jblast.sensors.pressure_gauge",
     "readings": "jblast.sensors.simulated_readings",
     "record_laws": "jblast.sensors.wave_paths",
     "resolve_laws": "jblast.sensors.law_choice",
-    "sampled_by": "jblast.sensors.sampled",
+    "sampled_by": "jblast.sensors.gauge",
     "simulate": "jblast.sensors.simulated_readings",
 }
 

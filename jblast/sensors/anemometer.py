@@ -207,15 +207,8 @@ def _block(
         x = pulse_mean(pulse, edges[:-1], edges[1:]) / gust.ambient_pressure
         plane = plane_wave_wind(x, gust.sound_speed)
         middle = 0.5 * (edges[:-1] + edges[1:]) - pulse.arrival_time
-        wind = wind + plane + gust.afterflow * _impulse_until(pulse, middle)
+        still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
+        passed = jnp.where(middle > 0, middle, 1.0)
+        mean = pulse_mean(still, jnp.zeros_like(passed), passed)
+        wind = wind + plane + gust.afterflow * jnp.where(middle > 0, passed * mean, 0.0)
     return chain_block(gauge.chain, state, index, wind)
-
-
-def _impulse_until(
-    pulse: Pulse, since: Float[Array, " sample"]
-) -> Float[Array, " sample"]:
-    """Return the impulse from a wave's arrival until some time since it [Pa s]."""
-    still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
-    passed = jnp.where(since > 0, since, 1.0)
-    mean = pulse_mean(still, jnp.zeros_like(passed), passed)
-    return jnp.where(since > 0, passed * mean, 0.0)

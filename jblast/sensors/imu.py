@@ -87,7 +87,7 @@ def felt(
         quaternion: Instrument to body (x, y, z, w).
     """
     velocity, rate, attitude = (
-        _at(edges_s, flight.time_s, rows)
+        jax.vmap(jnp.interp, (None, None, 1), 1)(edges_s, flight.time_s, rows)
         for rows in (flight.velocity_m_s, flight.body_rate_rad_s, flight.quaternion)
     )
     turned = jax.vmap(quaternion_matrix)(attitude)
@@ -133,15 +133,6 @@ def _cross(
     rates: Float[Array, "row 3"], arm: Float[Array, "3"]
 ) -> Float[Array, "row 3"]:
     return jnp.cross(rates, jnp.broadcast_to(arm, rates.shape))
-
-
-def _at(
-    when: Float[Array, " edge"],
-    times: Float[Array, " row"],
-    rows: Float[Array, "row axis"],
-) -> Float[Array, "edge axis"]:
-    """Return columns between their rows."""
-    return jax.vmap(jnp.interp, (None, None, 1), 1)(when, times, rows)
 
 
 def read(key: PRNGKeyArray, imu: Imu, true: Felt) -> Felt:

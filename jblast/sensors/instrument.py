@@ -347,6 +347,8 @@ def quantised(
     codes = 2.0 ** (instrument.bits - 1)
     step = instrument.full_scale / codes
     limited = jnp.clip(samples, -instrument.full_scale, instrument.full_scale - step)
+    # Straight-through derivative: that of rounding is zero almost everywhere, and
+    # would hide the signal from a fit.
     return limited + lax.stop_gradient(step * jnp.round(limited / step) - limited)
 
 

@@ -46,10 +46,9 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key
 
 from jblast.errors import InputError, shown
 from jblast.scene import Ambient, Instrument, Scene, Sensor
-from jblast.sensors.arrivals import Track, heard
+from jblast.sensors.arrivals import RecordedSound, Track, counted_from, heard, wave_mean
 from jblast.sensors.gauge import edges_of, rate_of
 from jblast.sensors.instrument import Chain, chain_block, chain_start, instrument_chain
-from jblast.sensors.pressure_history import RecordedSound, counted_from, wave_mean
 from jblast.sensors.samples import (
     BLOCK,
     DB_OF_OCTAVE,
@@ -459,7 +458,9 @@ def blast_waves(
             found.append(BlastWave(wave.pulse))
             continue
         transfer = scale = None
-        if wave_paths.absorption and _may_be_absorbed(wave):
+        # inside jit any wave may be absorbed
+        absorbed = isinstance(wave.absorbed, Tracer) or bool(np.asarray(wave.absorbed))
+        if wave_paths.absorption and absorbed:
             transfer = _transfer(scene, wave, rate)
         if sound is not None:
             named = record_laws(scene, laws)
@@ -504,11 +505,6 @@ def _mean(wave: BlastWave, edges: Float[Array, " edge"]) -> Float[Array, " sampl
     if wave.sound is not None and wave.scale is not None:
         return wave.scale * wave.sound.mean(start - arrival, stop - arrival)
     return wave_mean(pulse._replace(arrival_time=arrival), start, stop)
-
-
-def _may_be_absorbed(wave: Heard) -> bool:
-    """Whether absorption may act on a wave; inside jit it always may."""
-    return isinstance(wave.absorbed, Tracer) or bool(np.asarray(wave.absorbed))
 
 
 @eqx.filter_jit
@@ -578,6 +574,8 @@ def rotor_phase(
     mean = 0.5 * (rotors.speed[1:] + rotors.speed[:-1])
     turned = step * mean / (2 * math.pi)
     none = jnp.zeros_like(rotors.speed[:1])
+    # Whole turns are dropped before the sum: after thousands of turns float32 would
+    # have lost the phase.
     turns = jnp.concatenate([none, jnp.cumsum(turned - jnp.floor(turned), axis=0)])
     shape = (rotors.speed.shape[1], rotors.amplitude.size)
     offset = 2 * math.pi * jax.random.uniform(key, shape)

@@ -44,7 +44,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 KERNELS = np.array(
     [
@@ -181,7 +181,8 @@ def split(
 
 def _split_by_anchors(place, placed, weights):
     """Split many paths by what some of them share with all."""
-    anchors = _spread(len(place))
+    # Anchors are evenly spread over the rows of a log.
+    anchors = np.linspace(0, len(place) - 1, ANCHORS).astype(int)
     nugget = jnp.sqrt(jnp.finfo(place.dtype).eps)
     at, is_placed = place[anchors], placed[anchors]
     among = placed[:, None] & is_placed[None, :]
@@ -196,11 +197,6 @@ def _split_by_anchors(place, placed, weights):
     columns = columns * jnp.sqrt(share + nugget)[None, :]
     own = 1 - jnp.sum(jnp.square(columns), axis=1)
     return jnp.maximum(own, nugget), columns
-
-
-def _spread(count: int) -> Int[np.ndarray, " anchor"]:
-    """Return which paths are anchors: evenly spread over the rows of a log."""
-    return np.linspace(0, count - 1, ANCHORS).astype(int)
 
 
 def kernel_weights(

@@ -233,7 +233,10 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             valid = valid & joined(holds, n)
             record_variance = record_variance + joined(variances, n)
         lost = opaque_constant(here) & never
-        value = jnp.where(lost, opaque_constant(_nothing(layout.quantity)), value)
+        sizeless = np.where(np.isin(layout.quantity, ADDITIVE), np.nan, 0.0)
+        # a charge that never happens has no size, and its times are infinite
+        absent = np.where(np.isin(layout.quantity, CLOCK_TIMES), np.inf, sizeless)
+        value = jnp.where(lost, opaque_constant(absent), value)
         valid = valid | lost
     some = ~(record_variance <= 0)  # a scatter that is no number is not none
     record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)
@@ -249,17 +252,6 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         placed,
         tuple(fields),
     )
-
-
-def _rows_of(path: Path, rows: np.ndarray) -> Path:
-    """Pick the rows of every field that has rows; what all share stays a scalar."""
-    return jax.tree.map(lambda x: picked(x, rows) if x.ndim else x, path)
-
-
-def _nothing(quantity: Sequence[str]) -> np.ndarray:
-    """Return what is read of a charge that never happens."""
-    sizeless = np.where(np.isin(quantity, ADDITIVE), np.nan, 0.0)
-    return np.where(np.isin(quantity, CLOCK_TIMES), np.inf, sizeless)
 
 
 def _is_zero(sd: object) -> bool:
@@ -289,6 +281,11 @@ def path_effects(
             if not _is_zero(of_path):
                 found.add((name, shot))
     return frozenset(found)
+
+
+def _rows_of(path: Path, rows: np.ndarray) -> Path:
+    """Pick the rows of every field that has rows; what all share stays a scalar."""
+    return jax.tree.map(lambda x: picked(x, rows) if x.ndim else x, path)
 
 
 def _path_scatter(law: Law, scene: Scene, layout: Layout, row: int):

@@ -306,5 +306,6 @@ def student_errors(
     """
     least = jnp.finfo(jnp.zeros(()).dtype).tiny
     u, v = jax.random.uniform(key, (2, count), minval=least)
+    # u^(-2/nu) - 1 by expm1: it cancels for u near 1
     length = jnp.sqrt(freedom * jnp.expm1(-2.0 / freedom * jnp.log(u)))
     return length * jnp.cos(2.0 * math.pi * v)

@@ -375,7 +375,14 @@ def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> 
     for name, values in given.items():
         for value in values:
             if not isinstance(value, Each):
-                _check_alone(name, value)
+                field = next(
+                    (n for kind, n in VECTORS.items() if isinstance(value, kind)), None
+                )
+                if field is not None and getattr(value, field).ndim != 1:
+                    raise InputError(
+                        f"{name}: expected {field} of the shape (3,), or a batch "
+                        f"wrapped in Each, got {getattr(value, field).shape}"
+                    )
                 continue
             if not batch:
                 raise InputError(f"{name}: expected Each beside a batch, got one state")
@@ -385,20 +392,6 @@ def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> 
                         f"{name}: expected Each of arrays that begin with {batch}, as "
                         f"the state does, got {array.shape}"
                     )
-
-
-def _check_alone(name: str, value: Any) -> None:
-    """Refuse what is built in and has axes of a batch.
-
-    Raises:
-        InputError: It has.
-    """
-    field = next((n for kind, n in VECTORS.items() if isinstance(value, kind)), None)
-    if field is not None and getattr(value, field).ndim != 1:
-        raise InputError(
-            f"{name}: expected {field} of the shape (3,), or a batch wrapped in Each, "
-            f"got {getattr(value, field).shape}"
-        )
 
 
 def flies_on_warp(backend: str, flight: Flight, dtype: np.dtype) -> bool:

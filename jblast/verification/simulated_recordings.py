@@ -75,6 +75,7 @@ MIN_OPACITY = 0.02
 """Opacity from which a pixel is the fire's."""
 RATE = 48000.0
 """Samples a second [Hz]."""
+# Few logs, as each is picked and fitted; the seed fixes them.
 LOGS, SEED = 5, 3
 OUTLIER_SD = 4.0
 """A normal error is beyond this once in 16,000 [sd]."""

@@ -41,8 +41,11 @@ from jblast.waves.laws.kinney_graham import (
     kinney_graham_pressure as kinney_graham_pressure,
     kinney_graham_shock_speed as kinney_graham_shock_speed,
 )
-from jblast.waves.laws.light import light_arrival_time as light_arrival_time
-from jblast.waves.laws.line_of_sight import bearing as bearing, elevation as elevation
+from jblast.waves.laws.line_of_sight import (
+    bearing as bearing,
+    elevation as elevation,
+    light_arrival_time as light_arrival_time,
+)
 from jblast.waves.laws.negative_phase_rigby import (
     rigby_negative_duration as rigby_negative_duration,
     rigby_reflected_negative_impulse as rigby_reflected_negative_impulse,

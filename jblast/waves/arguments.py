@@ -24,6 +24,7 @@ from jaxtyping import Float
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
+# An angle of incidence: 0 is face-on, a right angle side-on.
 QUADRANT = Bounds(at_least=0.0, at_most=math.pi / 2)
 
 P = ParamSpec("P")

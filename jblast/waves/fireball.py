@@ -131,6 +131,7 @@ def fireball_radius(
     """
     mass, time, growth = as_float_arrays(charge_mass, time, growth_time)
     largest = LARGEST_RADIUS * jnp.cbrt(mass)
+    # by expm1: the first instants keep their digits
     return -largest * jnp.expm1(-jnp.maximum(time, 0.0) / growth)
 
 
@@ -151,7 +152,10 @@ def fireball_rise(
     start = STANDARD_GRAVITY * (1.0 - lightness) / (lightness + 0.5)
     final = 2.0 / 3.0 * jnp.sqrt(STANDARD_GRAVITY * LARGEST_RADIUS * jnp.cbrt(mass))
     x = jnp.maximum(time, 0.0) * start / final
-    return final**2 / start * _log_cosh(x)
+    # ln cosh x: exact near zero, without overflow far from it
+    near = jnp.log1p(2.0 * jnp.square(jnp.sinh(0.5 * jnp.minimum(x, 1.0))))
+    far = x + jnp.log1p(jnp.exp(-2.0 * x)) - math.log(2.0)
+    return final**2 / start * jnp.where(x < 1.0, near, far)
 
 
 def smoke_drift_time(
@@ -215,10 +219,3 @@ def fireball(
         temperature=air + (HOTTEST - air) * jnp.exp(-part * cooled),
         optical_depth=jnp.where(begun, depth, 0.0),
     )
-
-
-def _log_cosh(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return ln cosh x for x >= 0: exact near zero, without overflow far from it."""
-    near = jnp.log1p(2.0 * jnp.square(jnp.sinh(0.5 * jnp.minimum(x, 1.0))))
-    far = x + jnp.log1p(jnp.exp(-2.0 * x)) - math.log(2.0)
-    return jnp.where(x < 1.0, near, far)

@@ -75,6 +75,8 @@ REFERENCE_TEMPERATURE = 293.15
 """Reference temperature of ISO 9613-1:1993 [K]."""
 ISO_DECIBELS_PER_NEPER = 8.686
 """The rounded `DECIBELS_PER_NEPER` of ISO 9613-1:1993 [dB]."""
+# Where ISO 9613-1:1993 states an accuracy of 10 % (clause 7): -20 to 50 C, below 200
+# kPa. The frequencies are those of its tables.
 ISO_FREQUENCIES = (50.0, 10e3)
 ISO_TEMPERATURES = (253.15, 323.15)
 ISO_HIGHEST_PRESSURE = 200e3

@@ -407,6 +407,8 @@ def ground_pulse_velocity_mean(
     # of a sample that contains the arrival only the part after it counts
     inside = jnp.minimum(_since_arrival(pulse, stop), stop - start)
     u, delta = first / pulse.time_constant, inside / pulse.time_constant
+    # by expm1: a sample is much shorter than the time constant, and a difference of
+    # exponentials would cancel
     rise = u**2 * jnp.expm1(-delta) + (2.0 * u + delta) * delta * jnp.exp(-delta)
     return pulse.amplitude * jnp.exp(-u) * rise / (stop - start)
 

@@ -490,6 +490,7 @@ def late_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return $g(b)$, the integral weighted with time."""
     series = [(-1.0) ** n / (math.factorial(n) * (n + 2)) for n in range(SERIES_TERMS)]
     near, b = _split(decay)
+    # it cancels near b = 0, where the series takes its place
     far = (-jnp.expm1(-b) / b - jnp.exp(-b)) / b
     return jnp.where(near, _polynomial(series, jnp.where(near, decay, 0.0)), far)
 

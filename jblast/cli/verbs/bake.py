@@ -76,8 +76,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Simulate, render and write what is missing; say what was written."""
-    from jblast.sensors.camera.bake.baking import Baking
-    from jblast.sensors.camera.bake.blender_program import found
+    from jblast.sensors.camera.bake.baking import Baking, blender_found
     from jblast.sensors.camera.bake.recipe import Recipe
 
     recipe = Recipe(
@@ -89,7 +88,7 @@ def run(asked: argparse.Namespace) -> int:
         sampling=asked.sampling,
     )
     baking = Baking(recipe, Path(asked.out))
-    program, version = found(asked.blender)
+    program, version = blender_found(asked.blender)
     with writing(asked.out):
         baking.begin(force=asked.force)
         files = baking.make(program, version)

@@ -75,7 +75,7 @@ def run(asked: argparse.Namespace) -> int:
 
     start_jax()
     from jblast.report.film import EventsAnswer, as_json, dark_film, events_text
-    from jblast.sensors.camera.files.film_events import film_to_events
+    from jblast.sensors.camera.film import film_to_events
 
     noise = asked.noise == "on"
     made = film_to_events(

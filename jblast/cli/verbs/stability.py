@@ -37,7 +37,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Measure, print, and return the exit code."""
-    from jblast.verification.stability.areas import AREAS, area_named
+    from jblast.verification.stability.failure import AREAS, area_named
 
     areas = list(dict.fromkeys(map(area_named, asked.areas))) or list(AREAS)
     if asked.out:
@@ -47,7 +47,7 @@ def run(asked: argparse.Namespace) -> int:
     start_jax()
     from jblast.progress import stages
     from jblast.report.stability import stability_json, stability_text
-    from jblast.verification.stability.areas import failure_modes_of
+    from jblast.verification.stability.failure import failure_modes_of
 
     begin, modes = stages(dict.fromkeys(areas, 1.0)), {}
     for area in areas:

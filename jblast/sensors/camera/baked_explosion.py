@@ -232,7 +232,9 @@ def explosion_layer(
     mass = charge.tnt_mass("fireball_radius_m")
     phase = charge.since(time) / fireball_duration(mass)
     plane = plane_of(charge, rays, ball)
-    glow = heat_light(ball, appearance)
+    heat = jnp.arange(256, dtype=ball.temperature.dtype) / 255.0
+    light = blackbody_light(ball.air + heat * (ball.temperature - ball.air))
+    glow = light / appearance.white
     day = (appearance.daylight / appearance.white).astype(glow.dtype)
     frames, parts = views.frames_at(phase)
     sides, shares = views.views_towards(-plane.sight)
@@ -319,18 +321,6 @@ def _between(
     above = (1.0 - right) * texel(0) + right * texel(1)
     below = (1.0 - right) * texel(width) + right * texel(width + 1)
     return (1.0 - low) * above + low * below
-
-
-def heat_light(ball: Cloud, appearance: Appearance) -> Float[Array, "256 3"]:
-    """Return the light of every heat of 8 bits at an instant, full scale 1.
-
-    Args:
-        ball: The law's fireball.
-        appearance: Its white is full scale.
-    """
-    heat = jnp.arange(256, dtype=ball.temperature.dtype) / 255.0
-    light = blackbody_light(ball.air + heat * (ball.temperature - ball.air))
-    return light / appearance.white
 
 
 def texel_light(

@@ -13,25 +13,37 @@ That bounds the events of an ideal camera, whose levels are fixed. A pixel that 
 takes its next reference from the light between two instants, and an error of the light
 in a steep interval moves an event in a slow one. For such a camera the error of the
 light is bounded, too.
+
+A recorded film is converted into a file of the events that an event camera would send,
+block by block.
 """
 
 import math
+import os
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jblast.errors import InputError, argument
+from jblast.files import refuse_existing, writing
+from jblast.progress import counted
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.billboards import ViewSet
-from jblast.sensors.camera.events.ideal import DARKEST
-from jblast.sensors.camera.files.recordings import MovingBackground
+from jblast.sensors.camera.events.ideal import DARKEST, count_below, grey_table
+from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
+from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.files.event_files import Written, check_suffix, write_events
+from jblast.sensors.camera.files.recordings import MovingBackground, open_recording
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.geometry import CameraPath, pixels_moved
 from jblast.sensors.camera.image import BACKGROUND, bare, bloom, images, luminance
@@ -64,6 +76,8 @@ BLOCK = 16
 QUIET = 1e-3
 """Thresholds that all pixels together may pass in an interval where nothing happens."""
 Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
+THRESHOLD = (0.2, 0.2)
+"""Default change of the logarithm of light that gives an event, up and down."""
 
 
 @dataclass(frozen=True)
@@ -253,20 +267,15 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     if isinstance(film.background, MovingBackground):
         found.append(start + film.background.times)
     if film.path is not None:
-        found.append(_moved_on(film.camera, film.path))
+        moved = np.asarray(pixels_moved(film.camera, film.path), float)
+        wanted = np.arange(0.0, moved[-1], MOVED)
+        found.append(np.interp(wanted, moved, np.asarray(film.path.time, float)))
     even = np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / step))))
     inside = np.concatenate([even, *found])
     inside = np.unique(inside[(inside >= start) & (inside <= stop)])
     # two that rounding alone keeps apart are one
     apart = np.diff(inside, prepend=-np.inf) > 1e-9 * (stop - start)
     return inside[apart]
-
-
-def _moved_on(camera: Camera, path: CameraPath) -> Float[np.ndarray, " time"]:
-    """Return when the picture of the ground has moved on by another `MOVED` pixels."""
-    moved = np.asarray(pixels_moved(camera, path), float)
-    wanted = np.arange(0.0, moved[-1], MOVED)
-    return np.interp(wanted, moved, np.asarray(path.time, float))
 
 
 class Interval(NamedTuple):
@@ -374,3 +383,113 @@ def _is_fine(length: float, light, bounds: _Bounds) -> bool:
         # with its middle an interval is off by a quarter of that
         bad |= off > 4.0 * bounds.light
     return bool(passed[bad].sum() <= LEFT * passed.sum())
+
+
+class ConvertedFilm(NamedTuple):
+    """Events of a film, as they were written.
+
+    Attributes:
+        frames: Number of frames.
+        width: Of a frame [px].
+        height: Of a frame [px].
+        frames_hz: Frames a second.
+        seconds: From the first frame to the last.
+        threshold: Change of the logarithm of light that gives an event, up and down.
+        written: Numbers of events.
+        bits: Bit depth of the frames; None of floats.
+        darkest: Linear light, as a fraction of full scale, below which changes give no
+            events.
+        below_darkest: Share of the pixel values that are darker than that.
+    """
+
+    frames: int
+    width: int
+    height: int
+    frames_hz: float
+    seconds: float
+    threshold: tuple[float, float]
+    written: Written
+    bits: int | None
+    darkest: float
+    below_darkest: float
+
+
+def film_to_events(
+    film: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    fps: float | None = None,
+    threshold: tuple[float, float] = THRESHOLD,
+    noise: bool = True,
+    seed: int = 0,
+    srgb: bool = False,
+    darkest: float | None = None,
+    force: bool = False,
+) -> ConvertedFilm:
+    """Write the events of a film, block by block, as `jblast events` does.
+
+    Args:
+        film: Folder of PNG frames or of .npy files of linear light, or a video.
+        out: File of events: .h5 (HDF5 in the layout of DSEC), .npz, .raw or .aedat4.
+        fps: Frames a second; a folder needs it.
+        threshold: Change of the logarithm of light that gives an event, up and down.
+        noise: Whether the camera has its imperfections.
+        seed: Of the noise.
+        srgb: Whether grey values of PNG frames are sRGB; else they are linear light.
+        darkest: Linear light, as a fraction of full scale, below which changes give no
+            event; default: half a step of the frames' bits, 1e-6 of floats.
+        force: Whether the file may be overwritten.
+
+    Raises:
+        InputError: The film cannot be read, the file cannot be written, or an argument
+            cannot be used.
+    """
+    check_suffix(Path(out))
+    refuse_existing(out, force=force)
+    opened = open_recording(os.fspath(film), fps, srgb=srgb)
+    if srgb and opened.is_video:
+        raise InputError(
+            f"{argument('srgb')}: is said of PNG frames; {film} names its own curve"
+        )
+    darkest = opened.darkest if darkest is None else darkest
+    if darkest == 0.0:
+        raise InputError(
+            f"{argument('darkest')}: expected a number above 0 and at most 1, got 0"
+        )
+    through, dark = counted(len(opened), "frames"), 0
+
+    def blocks() -> Iterator[Any]:
+        nonlocal dark
+        done = 0
+        for times, frames in opened.blocks(decoded=False):
+            dark += count_below(frames, darkest, srgb=srgb)
+            yield times, frames
+            done += len(times)
+            through(done)
+
+    table = grey_table(srgb=srgb, darkest=darkest)
+    if noise:
+        key, shape = jax.random.key(seed), (opened.height, opened.width)
+        model = NoiseModel()
+        events = noisy_stream(
+            key, blocks(), shape, threshold, model, table=table, darkest=darkest
+        )
+    else:
+        events = stream_events(blocks(), threshold, table=table, darkest=darkest)
+    seconds = float(opened.times[-1])
+    with writing(out):
+        written = write_events(
+            Path(out), events, opened.width, opened.height, duration_s=seconds
+        )
+    return ConvertedFilm(
+        frames=len(opened),
+        width=opened.width,
+        height=opened.height,
+        frames_hz=opened.frames_hz,
+        seconds=seconds,
+        threshold=threshold,
+        written=written,
+        bits=opened.bits,
+        darkest=darkest,
+        below_darkest=dark / (len(opened) * opened.width * opened.height),
+    )

@@ -262,6 +262,7 @@ def unfolded(
         point: Without distortion: x/z, y/z [-].
         distortion: k1, k2, p1, p2, k3 [-].
     """
+    # the answer is yes or no, and has no derivative
     point, distortion = jax.lax.stop_gradient((point, distortion))
 
     def step(n, clear):

@@ -125,6 +125,8 @@ WIDTH = 1.5
 """Standard deviation of the window [px]."""
 WINDOW_REACH = 5
 """Half width of the window [px]."""
+# Constants of the structural similarity of Wang et al. (2004), IEEE Trans. Image
+# Process. 13:600: (0.01 L)^2 and (0.03 L)^2 with full scale L = 1.
 C1, C2 = 0.01**2, 0.03**2
 Grey = Float[np.ndarray, "height width"]
 

@@ -133,7 +133,12 @@ def render(
         if number < 1:
             raise InputError(f"{name}: expected at least 1, got {number}")
     if depth is not None:
-        depth = _checked_depth(as_float_array(depth), camera)
+        depth = as_float_array(depth)
+        expected = (camera.height, camera.width)
+        if depth.shape != expected:
+            raise InputError(f"depth: expected shape {expected}, got {depth.shape}")
+        if not isinstance(depth, Tracer) and not (np.asarray(depth) >= 0).all():
+            raise InputError("depth: expected distances, got a negative one or NaN")
     size = (camera.height, camera.width, 3)
     source: Any = background
     if not callable(background):
@@ -266,15 +271,6 @@ def _check_times(times: Float[Array, "..."]) -> None:
         raise InputError(
             f"times: expected times in order, got {after:g} s after {before:g} s"
         )
-
-
-def _checked_depth(depth: Float[Array, "..."], camera: Camera) -> Float[Array, "..."]:
-    expected = (camera.height, camera.width)
-    if depth.shape != expected:
-        raise InputError(f"depth: expected shape {expected}, got {depth.shape}")
-    if not isinstance(depth, Tracer) and not (np.asarray(depth) >= 0).all():
-        raise InputError("depth: expected distances, got a negative one or NaN")
-    return depth
 
 
 def exposed(

@@ -237,7 +237,9 @@ class PositionHold(Readied):
         along = jnp.maximum(dot(pull, upward), THRUST_FLOOR * FLIGHT_GRAVITY)
         thrust = vehicle.mass_kg * along
         heading = _heading((jnp.cos(self.yaw_rad), jnp.sin(self.yaw_rad)), attitude)
-        wanted = _attitude(pull, heading)
+        b_3 = _unit(pull)
+        b_2 = _unit(cross(b_3, (*heading, jnp.zeros_like(heading[0]))))
+        wanted = cross(b_2, b_3), b_2, b_3
         error, w = _error(wanted, attitude), three(state.body_rate_rad_s)
         inertia = rows(vehicle.inertia_kg_m2)
         turn = (
@@ -282,13 +284,6 @@ def _heading(aim: tuple[Array, Array], attitude: MatrixRows) -> tuple[Array, Arr
     along, across = aim[0] * x + aim[1] * y, aim[1] * x - aim[0] * y
     far, side = along < jnp.abs(across), jnp.where(across < 0, -1, 1)
     return jnp.where(far, x - side * y, aim[0]), jnp.where(far, y + side * x, aim[1])
-
-
-def _attitude(pull: Vector, heading: tuple[Array, Array]) -> MatrixRows:
-    """Columns of the attitude whose z is along a pull; x looks along a heading."""
-    b_3 = _unit(pull)
-    b_2 = _unit(cross(b_3, (*heading, jnp.zeros_like(heading[0]))))
-    return cross(b_2, b_3), b_2, b_3
 
 
 def _error(wanted: MatrixRows, attitude: MatrixRows) -> Vector:

@@ -67,6 +67,7 @@ from jblast.waves.waveform import blast_pulse
 
 FIRST, LAST = 0.07, 1000.0
 """Scaled distances that the curves span [m/kg^(1/3)]."""
+# Of the nodes in ln Z: 2 % of distance, which resolves the curvature of the laws.
 SPACING = 0.02
 RANGE = {"surface": (0.178, 40.0), "free-air": (0.147, 36.975)}
 """Scaled distances at which all laws hold: durations start later than pressures, and

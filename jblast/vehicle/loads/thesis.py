@@ -50,6 +50,7 @@ from jblast.waves.laws.kingery_bulmash import (
 from jblast.waves.laws.wu_hao import wu_hao_air_arrival_time
 from jblast.waves.paths import slant_range
 
+# As in the thesis, whose loads this module reproduces.
 SOUND_SPEED_M_S = 340.0
 DISTANCES_M = np.array([8.660254, 17.320508])
 MOMENTS_N_M_S = np.array(

@@ -58,9 +58,12 @@ EVERY = 4
 """Of the views that are looked at between frames."""
 Pair = tuple[ExplosionViews, int, int]
 """The set that has a view, the view, and the frame."""
+# The least of five: other load can only lengthen a call.
 REPEATS = 5
+# Frames a call: as many as the film has, so that one call is timed.
 BLOCK = 32
 BOTH = (THRESHOLD, THRESHOLD)
+# From slow motion of a telephone to a laboratory camera.
 FPS = (100, 300, 1000, 3000, 10000)
 SOLVED = 1e-9
 """Crossings are solved for to this [s]: no error below it is told."""
@@ -279,13 +282,10 @@ def stamp_errors(found: Sent) -> tuple[Float[np.ndarray, " event"], int, int]:
     known, _, when = analytic()
     order = np.lexsort((found.time, found.pixel))
     pixel, time = found.pixel[order], found.time[order]
-    right = whole & (np.bincount(pixel, minlength=whole.size) == _counts(known))
+    events, truth = (np.bincount(p, minlength=whole.size) for p in (pixel, known))
+    right = whole & (events == truth)
     off = np.abs(time[right[pixel]] - when[right[known]])
     return off, int(whole.sum()), int((whole & ~right).sum())
-
-
-def _counts(pixel: np.ndarray) -> np.ndarray:
-    return np.bincount(pixel, minlength=SHAPE[0] * SHAPE[1])
 
 
 def stamp_points(repeats: int = REPEATS) -> list[BenchmarkPoint]:

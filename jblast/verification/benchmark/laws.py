@@ -51,7 +51,7 @@ from jblast.verification.benchmark.chart import (
 )
 from jblast.waves.curves import log_sound_fraction
 from jblast.waves.euler import March, decay_at, point_source_march
-from jblast.waves.euler.point_source_run import ORDERS
+from jblast.waves.euler.run import ORDERS
 from jblast.waves.laws.point_source import log_overpressure_ratio, point_source_arrival
 from jblast.waves.paths import Path
 from jblast.waves.waveform import (
@@ -65,7 +65,9 @@ PLACES = (0.5, 2.0, 10.0)
 """Scaled distances lambda of the gauges: 1.9, 0.17 and 0.02 ambient pressures."""
 END = 12.5
 """Lambda of the shock when the negative phase at the last of them is over."""
+# Meshes that double, so that the order of convergence can be read from them.
 CELLS = (50, 100, 200)
+# Twice the finest measured mesh.
 REFERENCE = 400
 SAMPLES = 256
 MANY = 4096
@@ -383,19 +385,14 @@ register_benchmark(
 )
 
 
-def law_seconds(quantity: str, name: str) -> float:
-    """Return what a reading by a law costs, many at once, in float64 [s]."""
-    law = law_for(quantity, name)
-    path = _many_paths()
-    compiled = eqx.filter_jit(lambda path: call(law.function, path))
-    return seconds(lambda: compiled(path)) / POINTS
-
-
 def method_seconds(quantity: str, method: str) -> float:
     """Return what a reading by a method costs [s]."""
     if method == errors.SOLVER:
         return errors.seconds_of_run()
-    return law_seconds(quantity, method)
+    law = law_for(quantity, method)
+    path = _many_paths()
+    compiled = eqx.filter_jit(lambda path: call(law.function, path))
+    return seconds(lambda: compiled(path)) / POINTS
 
 
 def _many_paths() -> Path:

@@ -49,7 +49,14 @@ BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)
 
 def event_failures() -> list[FailureMode]:
     """Measure every failure mode."""
-    return [_sum(), _rounded(), _cut(), _short(), _warm(), *lens_failures()]
+    return [
+        _sum(),
+        _rounded(),
+        _cut(),
+        _short(),
+        _warm(),
+        *[behind_failure(), fold_failure()],
+    ]
 
 
 def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " event"]]:
@@ -205,11 +212,6 @@ def _warm() -> FailureMode:
         response=verified("holds", still_count(last) < 0.1 * FALSE, "smooth counts"),
         message=f"fit_events cools down to {last:g}: {still_count(last):.1g} a frame",
     )
-
-
-def lens_failures() -> list[FailureMode]:
-    """Measure both."""
-    return [behind_failure(), fold_failure()]
 
 
 def wide_camera(distortion=BARREL) -> Camera:

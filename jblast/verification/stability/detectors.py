@@ -102,8 +102,20 @@ WINDOWS = 60
 def record_failures() -> list[FailureMode]:
     """Measure every failure mode of picks."""
     return [
-        _noise(),
-        _coloured(),
+        _row(
+            "pick, white noise",
+            PICK_SNRS,
+            noise_shares(),
+            "peak over noise, and less",
+            words=lambda snr: f"{snr:g}",
+        ),
+        _row(
+            f"pick, noise of which each sample has {COLOUR:g} of the last",
+            PICK_SNRS,
+            noise_shares(COLOUR),
+            "peak over noise, and less",
+            words=lambda snr: f"{snr:g}",
+        ),
         _rise(),
         _rate(),
         _wander(),
@@ -164,26 +176,6 @@ def _row(
         response=verified("marks" if bad.any() else "holds", seen, method),
         message=f"{message}far off and called good: {shares.unmarked[unmarked]:.0%} at "
         f"most, at {words(levels[unmarked])}",
-    )
-
-
-def _noise() -> FailureMode:
-    return _row(
-        "pick, white noise",
-        PICK_SNRS,
-        noise_shares(),
-        "peak over noise, and less",
-        words=lambda snr: f"{snr:g}",
-    )
-
-
-def _coloured() -> FailureMode:
-    return _row(
-        f"pick, noise of which each sample has {COLOUR:g} of the last",
-        PICK_SNRS,
-        noise_shares(COLOUR),
-        "peak over noise, and less",
-        words=lambda snr: f"{snr:g}",
     )
 
 

@@ -1,7 +1,7 @@
 """A failure mode of a method: its condition, its effect, and jblast's response.
 
 Its boundary is found as a root, or as the value where a condition changes from true to
-false.
+false. The map of failure modes has areas, each with the functions that measure it.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import root_scalar
 
-from jblast.errors import whole_number
+from jblast.errors import InputError, nearest, shown, whole_number
+from jblast.lazy import resolved
 
 Response = Literal["marks", "refuses", "falls back", "holds"]
 """What jblast does where a method fails; "holds" where that is avoided altogether."""
@@ -159,3 +160,78 @@ def verified(response: Response, seen: bool | np.bool_, what: str) -> Response:
             f"{what}: jblast was seen not to do what it should: {response}"
         )
     return response
+
+
+_MODULES = "jblast.verification.stability"
+AREAS = {
+    "laws": (f"{_MODULES}.laws:law_failures",),
+    "wave forms": (f"{_MODULES}.waveforms:wave_form_failures",),
+    "gradients": (f"{_MODULES}.laws:gradient_failures",),
+    "clocks": (f"{_MODULES}.laws:clock_failures",),
+    "solver": (f"{_MODULES}.waveforms:solver_failures",),
+    "fits": (
+        f"{_MODULES}.fits:poor_start_failures",
+        f"{_MODULES}.fits:collinear_failure",
+        f"{_MODULES}.fits:one_place_failure",
+        f"{_MODULES}.fits:outlier_failure",
+        f"{_MODULES}.fits:null_direction_failure",
+    ),
+    "walks": (
+        f"{_MODULES}.fits:found_failure",
+        f"{_MODULES}.fits:weighed_failure",
+        f"{_MODULES}.fits:mirror_failure",
+        f"{_MODULES}.fits:null_failure",
+        f"{_MODULES}.fits:endless_failure",
+        f"{_MODULES}.fits:bent_failure",
+    ),
+    "events": (f"{_MODULES}.camera:event_failures",),
+    "flights": (f"{_MODULES}.flights:flight_failures",),
+    "detectors": (
+        f"{_MODULES}.detectors:detector_failures",
+        f"{_MODULES}.detectors:flash_failures",
+    ),
+    "records": (f"{_MODULES}.detectors:record_failures",),
+}
+"""Functions that measure the failure modes of each area, by place (`jblast.lazy`).
+
+Names of areas are listed without JAX, and MCMC is measured without Warp.
+"""
+
+
+def area_named(word: str) -> str:
+    """Return an area by its name, hyphens and underscores read as spaces.
+
+    Raises:
+        InputError: There is no such area; the message lists all.
+    """
+    name = word.strip().lower().replace("-", " ").replace("_", " ")
+    if name not in AREAS:
+        known = [area.replace(" ", "-") for area in AREAS]
+        raise InputError(
+            f"area {shown(word)}: expected one of {', '.join(known)}"
+            f"{nearest(word, known)}"
+        )
+    return name
+
+
+def measures_of(area: str) -> tuple[Callable[[], FailureMode | list[FailureMode]], ...]:
+    """Return the functions that measure the failure modes of an area.
+
+    Args:
+        area: A name of `AREAS`.
+    """
+    return tuple(resolved(place) for place in AREAS[area])
+
+
+def failure_modes_of(area: str) -> list[FailureMode]:
+    """Measure the failure modes of one area, here and now.
+
+    Args:
+        area: A name of `AREAS`.
+    """
+    found = [measure() for measure in measures_of(area)]
+    return [
+        mode
+        for one in found
+        for mode in ([one] if isinstance(one, FailureMode) else one)
+    ]

@@ -74,6 +74,8 @@ SIGMA = 1e-3
 """Of a recorder's arrivals [s]."""
 FINE = 1e-6
 """Of the best recorder's [s]."""
+# Clocks that count from a start-up, from an hour ago and from 1970: float32 resolves 4
+# us, 0.2 ms and 128 s.
 TIMES = {"60 s": 60.0, "1 h": 3600.0, "Unix time": 1.7e9}
 MASS = 15.0
 """Charge of the examples [kg]: the thesis' own."""
@@ -81,12 +83,14 @@ SHORT = 0.3
 """A duration off by more than this is called wrong [-]."""
 THESIS_FREQUENCY = 500.0 / (2.0 * math.pi)
 """Frequency of the thesis' blast [Hz]: 500 rad/s."""
+# The standard atmosphere at sea level, half saturated.
 AIR = {"temperature": 288.15, "pressure": 101325.0, "relative_humidity": 0.5}
 GAMMA = 1.4
 DENSITY = 1.225
 """Of standard air [kg/m3]."""
 OFF = 0.1
 """A pressure off by more than this is called wrong [-]."""
+# Energies of sources are stated in MJ.
 MEGAJOULE = 1e6
 CURVES = {
     "peak_overpressure_pa": "incident_pressure",

@@ -83,6 +83,8 @@ from jblast.waves.euler.state import (
     swept_radius,
 )
 
+# The upwind-biased scheme of third order (van Leer 1985): of the kappa family, the only
+# member whose interpolation is a parabola through cell means.
 KAPPA = 1.0 / 3.0
 DIVISION_GUARD = 1e-30
 """Prevents 0/0 where nothing changes; far below any square that matters."""
@@ -145,7 +147,13 @@ def step(
     """
     cells = primitives(state, flow.gas)
     front = _front(cells, flow)
-    limit = courant * _largest_step(state, flow, cells, front)
+    # No wave crosses a cell in one step. The limit is zero where a cell has no volume,
+    # and NaN, by the root, where a pressure is below zero.
+    sound = wave_mass_flux(cells, jnp.zeros_like(cells.density), flow.gas)
+    outer = area(state.radius[1:], flow.geometry)
+    crossing = outer * sound / front.speed[None] + flow.mesh.sweeping(state.clock)[1:]
+    crossed = jnp.where(state.volume > 0.0, state.mass / crossing, 0.0)
+    limit = courant * jnp.min(crossed, axis=0)
     alive = state.alive & (limit > 0.0)
     wanted = jnp.minimum(jnp.where(alive, limit, 0.0), end - state.clock)
     # The steps are held while parameters vary: a derivative is that of the steps taken.
@@ -185,23 +193,6 @@ def _front(cells: Primitives, flow: Flow) -> Front:
     return Front(jnp.ones_like(still), cells.pressure[-1], still)
 
 
-def _largest_step(
-    state: FlowState,
-    flow: Flow,
-    cells: Primitives,
-    front: Front,
-) -> Float[Array, "..."]:
-    """Return the advance of the clock in which no wave crosses a cell.
-
-    Zero where a cell has no volume; NaN, by a root, where a pressure is below zero.
-    """
-    sound = wave_mass_flux(cells, jnp.zeros_like(cells.density), flow.gas)
-    outer = area(state.radius[1:], flow.geometry)
-    crossing = outer * sound / front.speed[None] + flow.mesh.sweeping(state.clock)[1:]
-    crossed = jnp.where(state.volume > 0.0, state.mass / crossing, 0.0)
-    return jnp.min(crossed, axis=0)
-
-
 def _rates(
     state: FlowState,
     flow: Flow,
@@ -218,7 +209,10 @@ def _rates(
     time = advance / front.speed
     areas = area(state.radius, flow.geometry)
     impulse = areas * time[None]
-    number, at = cells.density.shape[0], worked_out_faces()
+    number = cells.density.shape[0]
+    # On a CPU fluxes are worked out at the two ends too, and dropped: cutting the ends
+    # off first would keep XLA from joining the loops.
+    at = slice(None) if jax.default_backend() == "cpu" else slice(1, -1)
     flux = face_flux(
         Primitives(*(q[at] for q in left)),
         Primitives(*(q[at] for q in right)),
@@ -467,14 +461,6 @@ def materialized(values: T) -> T:
     return jax.tree.map(
         lambda x: _backward(x) if jnp.issubdtype(x.dtype, jnp.floating) else x, values
     )
-
-
-def worked_out_faces() -> slice:
-    """Return at which faces fluxes are worked out: on a CPU at the two ends too.
-
-    There they are dropped, for cutting the ends off first would undo the joining.
-    """
-    return slice(None) if jax.default_backend() == "cpu" else slice(1, -1)
 
 
 @jax.custom_jvp

@@ -26,7 +26,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.constants import STANDARD_PRESSURE
+from jblast.constants import BAR, STANDARD_PRESSURE
 from jblast.registry import Law, declared_scatter, register
 from jblast.waves.arguments import checked
 from jblast.waves.curves import LogCurve, ReciprocalPolynomial
@@ -36,7 +36,6 @@ from jblast.waves.scaling import (
     scaled_distance,
 )
 
-BAR = 1e5
 NEAREST_Z = 0.05
 """Start of the curve [m/kg^(1/3)]: about the surface of a charge of TNT."""
 

@@ -22,7 +22,7 @@ Against Kingery and Bulmash (free air): 1.27 (Z = 0.05), 1.34 (0.08), 1.07 (0.3)
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.constants import STANDARD_PRESSURE
+from jblast.constants import BAR, STANDARD_PRESSURE
 from jblast.registry import Law, declared_scatter, register
 from jblast.waves.arguments import checked
 from jblast.waves.curves import LogCurve, ReciprocalPolynomial
@@ -32,7 +32,6 @@ from jblast.waves.scaling import (
     scaled_distance,
 )
 
-BAR = 1e5
 PRINTED = (
     (0.05, 0.3, (0.0, 14.072, 5.540, -0.357, 0.00625)),
     (0.3, 1.0, (0.0, 6.194, -0.326, 2.132)),

@@ -221,6 +221,7 @@ def _log_fraction_near(log_lambda):
         binomial *= -(n + 0.5) / (n + 1.0)
     for term in reversed(terms[1:]):
         total = (total + term) * w
+    # the sum is small near the source, and log1p keeps its digits
     return math.log(0.4 / math.sqrt(a)) + 1.5 * log_lambda + xp.log1p(total)
 
 

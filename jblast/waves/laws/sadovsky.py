@@ -43,6 +43,7 @@ def _cubic(first: float, second: float, third: float) -> LogCurve:
     return LogCurve((ReciprocalPolynomial(*RANGE, terms),))
 
 
+# Coefficients as printed, in kgf/cm^2 over powers of Z.
 CURVES = {"surface": _cubic(0.95, 3.9, 13.0), "free-air": _cubic(0.84, 2.7, 7.0)}
 
 

@@ -17,7 +17,7 @@ from jblast.report.fit.document import fit_document
 from jblast.report.flights import flights_answer
 from jblast.report.world_files import run_world
 from jblast.sensors.camera.files.event_files import EVENT_FORMATS, Written, read_events
-from jblast.sensors.camera.files.film_events import film_to_events
+from jblast.sensors.camera.film import film_to_events
 from jblast.signals.detect_files import EVENT_FILES, SoundDetections, recording_kind
 from jblast.study.filming import FilmOptions, film_of
 from jblast.study.flight_results import Flights

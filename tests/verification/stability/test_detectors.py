@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from jblast.verification.stability import detectors
-from jblast.verification.stability.areas import AREAS
+from jblast.verification.stability.failure import measures_of
 
 
 def test_detectors_are_entered_into_the_map():
-    assert AREAS["detectors"]() == (
+    assert measures_of("detectors") == (
         detectors.detector_failures,
         detectors.flash_failures,
     )

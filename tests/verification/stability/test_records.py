@@ -7,12 +7,12 @@ from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks.pick import NAMES
 from jblast.verification.simulated_recordings import Shares, is_far_off
 from jblast.verification.stability import detectors
-from jblast.verification.stability.areas import AREAS
+from jblast.verification.stability.failure import measures_of
 from tests.inference.records.made import record_pick
 
 
 def test_records_are_entered_into_the_map():
-    assert AREAS["records"]() == (detectors.record_failures,)
+    assert measures_of("records") == (detectors.record_failures,)
 
 
 def test_levels_go_from_harmless_to_hopeless():

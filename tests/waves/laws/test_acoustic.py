@@ -3,7 +3,7 @@ import numpy as np
 from jblast.constants import LIGHT_SPEED, STANDARD_SOUND_SPEED
 from jblast.registry import law_for
 from jblast.waves.laws.acoustic import acoustic_arrival_time, acoustic_valid
-from jblast.waves.laws.light import light_arrival_time, light_valid
+from jblast.waves.laws.line_of_sight import light_arrival_time, light_valid
 
 
 def test_sound_takes_range_over_speed():

@@ -17,6 +17,8 @@ import os
 import random
 import sys
 
+# Directions turned by the golden angle never line up: the most even spread for any
+# count (Vogel 1979, Math. Biosci. 44:179).
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 SOOT, DUST = (0.21, 0.185, 0.16), (0.6, 0.48, 0.35)
 """Colours of what comes from fuel, and of the ground [-]."""
@@ -26,7 +28,9 @@ VISIBLE = 0.02
 
 def main() -> None:
     """Build the scene, bake it, save it and write down what was found."""
-    die_with_parent()
+    # Blender ends when the process that started it ends (Linux only).
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(1, 9, 0, 0, 0)
     with open(sys.argv[sys.argv.index("--") + 1], encoding="utf-8") as file:
         config = json.load(file)
     import bpy  # pyright: ignore[reportMissingImports] (Blender's own)
@@ -52,12 +56,6 @@ def main() -> None:
     with open(config["baked"] + ".part", "w", encoding="utf-8") as file:
         json.dump(seen, file)
     os.replace(config["baked"] + ".part", config["baked"])
-
-
-def die_with_parent() -> None:
-    """End when the one who started this ends (Linux; elsewhere it goes on)."""
-    with contextlib.suppress(AttributeError, OSError):
-        ctypes.CDLL(None).prctl(1, 9, 0, 0, 0)
 
 
 def add_fire(bpy, physics: dict, draw: random.Random) -> None:

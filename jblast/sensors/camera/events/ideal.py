@@ -206,7 +206,9 @@ def reset_events(
         lambda v: v.astype(dtype), (log_frames, times, both, first)
     )
     period = as_float_array(refractory_s).astype(dtype)
-    runs, _ = reset_runs(log_frames, times, both, period, let_go(first))
+    runs, _ = reset_runs(
+        log_frames, times, both, period, Held(first, jnp.full_like(first, -jnp.inf))
+    )
 
     def when(cell, nth, sign):
         del sign
@@ -407,11 +409,6 @@ class Runs(eqx.Module):
     count: Int[Array, "interval ..."]
     first: Float[Array, "interval ..."]
     pace: Float[Array, "interval ..."]
-
-
-def let_go(level: Float[Array, "..."]) -> Held:
-    """Return pixels with these references, none of them held."""
-    return Held(level, jnp.full_like(level, -jnp.inf))
 
 
 def reset_runs(

@@ -91,7 +91,13 @@ def stream_events(
             if not len(times):
                 continue
             shape = shape or frames.shape[1:]
-            _check(times, time, frames, shape)
+            if not (np.diff(times, prepend=time) > 0.0).all():
+                raise InputError("frames: expected times that rise from frame to frame")
+            if frames.shape[1:] != shape:
+                raise InputError(
+                    f"frames: expected {shape[1]} x {shape[0]} pixels as in the "
+                    f"first, got {frames.shape[2]} x {frames.shape[1]}"
+                )
             check_light(frames, seen)
             time, width, seen = times[-1], shape[1], seen + len(times)
             if not strips:
@@ -107,17 +113,6 @@ def stream_events(
             found = [job.result() for job in jobs]
         if found:
             yield gathered(found, width)
-
-
-def _check(times, before, frames, shape) -> None:
-    """Refuse times out of order, and frames of another size."""
-    if not (np.diff(times, prepend=before) > 0.0).all():
-        raise InputError("frames: expected times that rise from frame to frame")
-    if frames.shape[1:] != shape:
-        raise InputError(
-            f"frames: expected {shape[1]} x {shape[0]} pixels as in the first, got "
-            f"{frames.shape[2]} x {frames.shape[1]}"
-        )
 
 
 class Found(NamedTuple):

@@ -38,6 +38,8 @@ EVENT = np.dtype(
 """An event as the schema's struct: the time first, three empty bytes at the end."""
 PACKET = 1 << 16
 """Events of a packet: a reader holds one at a time."""
+# Number of the one stream in the header below; a file without a table of packets states
+# -1 for its position.
 STREAM = 0
 NO_TABLE = -1
 TREE = """<dv version="2.0">
@@ -67,7 +69,10 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
             holds no events, or those of several cameras.
     """
     dv = needed("dv_processing", "aedat4", path, "AEDAT4 is read")
-    _check_begin(path)
+    with path.open("rb") as begun:
+        begin = begun.read(12)
+    if begin != b"#!AER-DAT4.0":
+        raise InputError(f"{path}: expected an AEDAT4 file, got none of that format")
     try:
         file = dv.io.MonoCameraRecording(str(path))
         stream = _stream(path, file)
@@ -93,13 +98,6 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
         for name, kind in TYPES.items()
     }
     return recorded(path, columns, size)
-
-
-def _check_begin(path: Path) -> None:
-    with path.open("rb") as file:
-        begin = file.read(12)
-    if begin != b"#!AER-DAT4.0":
-        raise InputError(f"{path}: expected an AEDAT4 file, got none of that format")
 
 
 def _stream(path: Path, file: Any) -> str:

@@ -45,6 +45,7 @@ VECT_BASE_X = 0x3
 """Column and sign of the vectors that follow, in the same bits."""
 VECT_12, VECT_8 = 0x4, 0x5
 """Which of the next 12 or 8 columns have an event; the next vector goes on there."""
+# EVT 3.0 sends time in two halves of 12 bits, each in a word of its own.
 TIME_LOW = 0x6
 TIME_HIGH = 0x8
 """Lower and upper 12 bits of 24 bits of microseconds; beyond, they begin again."""
@@ -165,7 +166,14 @@ def read_evt3(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
     with path.open("rb") as file:
         header = read_header(path, file)
         octets = os.fstat(file.fileno()).st_size - file.tell()
-        _check_length(path, octets, header.words)
+        if octets % 2 or (header.words is not None and octets != 2 * header.words):
+            amount = (
+                "whole words" if header.words is None else f"{2 * header.words:,} bytes"
+            )
+            raise InputError(
+                f"{path}: expected a whole EVT 3.0 file, {amount} after its header, "
+                f"got {octets:,} bytes"
+            )
         decoder = Decoder()
         parts = [
             {name: part[name].astype(kind) for name, kind in TYPES.items()}
@@ -190,15 +198,6 @@ def _blocks(path: Path, file) -> Iterator[UInt16[np.ndarray, " word"]]:
                 f"0x{int(np.argmax(kinds)):x}"
             )
         yield words
-
-
-def _check_length(path: Path, octets: int, words: int | None) -> None:
-    if octets % 2 or (words is not None and octets != 2 * words):
-        amount = "whole words" if words is None else f"{2 * words:,} bytes"
-        raise InputError(
-            f"{path}: expected a whole EVT 3.0 file, {amount} after its header, got "
-            f"{octets:,} bytes"
-        )
 
 
 @dataclass

@@ -172,7 +172,12 @@ def open_video(path: str | Path, *, even: bool = True) -> Video:
         except ffmpeg_error() as error:
             raise cut_short(path, f"frame 0: {error.strerror}") from None
         _check_frame(path, frame)
-        turns = _quarter_turns(path, frame)
+        if frame.rotation % 90:
+            raise InputError(
+                f"{path}: expected a video to be shown turned by a multiple of 90 "
+                f"degrees, got {frame.rotation}"
+            )
+        turns = frame.rotation // 90 % 4
         bits = max(part.bits for part in frame.format.components)
         size = frame.width, frame.height
         width, height = size if turns % 2 == 0 else size[::-1]
@@ -192,16 +197,6 @@ def _check_frame(path: Path, frame: Any) -> None:
             f"{path}: expected whole frames, got interlaced ones, whose rows are of "
             "two times; convert it (ffmpeg -i IN -vf yadif OUT)"
         )
-
-
-def _quarter_turns(path: Path, frame: Any) -> int:
-    """Return by how many quarters a frame is to be turned counterclockwise."""
-    if frame.rotation % 90:
-        raise InputError(
-            f"{path}: expected a video to be shown turned by a multiple of 90 degrees, "
-            f"got {frame.rotation}"
-        )
-    return frame.rotation // 90 % 4
 
 
 def _rgb(frame: Any, *, deep: bool) -> np.ndarray:

@@ -290,6 +290,8 @@ def explosion_views(
     corners = np.minimum(np.searchsorted(chosen, corners[kept]), len(chosen) - 1)
     inverses = inverses[kept]
     boxes, heights = _extents(texels, anchors[:, 1])
+    # least squares over the views, with the cosines of their elevations
+    level = ups[:, 2]
     return ExplosionViews(
         frames=jnp.asarray(texels),
         direction=directions,
@@ -297,7 +299,7 @@ def explosion_views(
         radius=radii,
         spread=_spread(texels),
         box=boxes,
-        height=_height(heights / radii, ups[:, 2]),
+        height=(level @ (heights / radii) / max(float(level @ level), 1e-6)),
         phase=index.phases,
         anchor=anchors,
         corners=jnp.asarray(corners),
@@ -404,18 +406,6 @@ def _spread(
     some = np.expand_dims(opaque.any((-2, -1)), -1)
     shape = np.stack([mixed, tall], axis=-1) / wide[..., None]
     return np.where(some, shape, [0.0, 1.0])
-
-
-def _height(
-    raised: Float[np.ndarray, "view frame"], level: Float[np.ndarray, " view"]
-) -> Float[np.ndarray, " frame"]:
-    """Return the height of the cloud's middle over its radius, by all views.
-
-    Args:
-        raised: By how much it is above the burst in a picture, over the radius.
-        level: Cosine of each view's elevation.
-    """
-    return level @ raised / max(float(level @ level), 1e-6)
 
 
 def explosion_index(directory: Path) -> ExplosionIndex:

@@ -5,8 +5,7 @@ import pytest
 
 from jblast.cli.verbs import stability
 from jblast.report.stability import stability_markdown, stability_text
-from jblast.verification.stability.areas import AREAS
-from jblast.verification.stability.failure import FailureMode, verified
+from jblast.verification.stability.failure import AREAS, FailureMode, verified
 from tests.cli.child import told
 
 

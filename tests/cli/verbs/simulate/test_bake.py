@@ -2,7 +2,7 @@ import tomllib
 
 import pytest
 
-from jblast.sensors.camera.bake import blender_program
+from jblast.sensors.camera.bake import baking
 from tests.sensors.camera.bake.fake_blender import installed
 
 SMALL = ("--views", "2", "--frames", "3", "--size", "16")
@@ -10,7 +10,7 @@ SMALL = ("--views", "2", "--frames", "3", "--size", "16")
 
 @pytest.fixture
 def command(jblast, tmp_path, monkeypatch) -> tuple[str, ...]:
-    monkeypatch.setattr(blender_program, "LOOK_S", 0.02)
+    monkeypatch.setattr(baking, "LOOK_S", 0.02)
     program = str(installed(tmp_path))
     return ("bake", "--out", jblast.path("set"), *SMALL, "--blender", program)
 

@@ -9,7 +9,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.progress import Listener, heard_by
-from jblast.sensors.camera.bake import blender_program
+from jblast.sensors.camera.bake import baking
 from jblast.sensors.camera.bake.baking import WORK, Baking, read_sheet
 from jblast.sensors.camera.bake.coding import frames_of_sheet
 from jblast.sensors.camera.bake.recipe import Recipe
@@ -23,7 +23,7 @@ PICTURES = 8  # of a view: four frames, twice
 @pytest.fixture
 def blender(tmp_path, monkeypatch) -> str:
     """A program that draws balls; it waits for nobody."""
-    monkeypatch.setattr(blender_program, "LOOK_S", 0.02)
+    monkeypatch.setattr(baking, "LOOK_S", 0.02)
     return str(installed(tmp_path))
 
 
@@ -236,9 +236,9 @@ def test_progress_is_told_in_steps_and_pictures(blender, tmp_path):
 def test_blender_that_is_not_there_is_one_message(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="on the PATH, found none"):
-        blender_program.found(None)
+        baking.blender_found(None)
     with pytest.raises(InputError, match="at /nowhere/blender, found none"):
-        blender_program.found("/nowhere/blender")
+        baking.blender_found("/nowhere/blender")
 
 
 @pytest.mark.parametrize(
@@ -248,11 +248,11 @@ def test_blender_that_is_not_there_is_one_message(monkeypatch, tmp_path):
 def test_another_program_or_an_old_one_is_refused(blender, monkeypatch, says, words):
     monkeypatch.setenv("FAKE_VERSION", says)
     with pytest.raises(InputError, match=words):
-        blender_program.found(blender)
+        baking.blender_found(blender)
 
 
 def test_blender_is_found_with_its_version(blender):
-    assert blender_program.found(blender) == (blender, "3.4.1")
+    assert baking.blender_found(blender) == (blender, "3.4.1")
 
 
 def test_directions_of_ones_own_are_part_of_the_recipe(blender, tmp_path, monkeypatch):

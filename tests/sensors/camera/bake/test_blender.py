@@ -6,8 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.bake.baking import Baking, read_sheet
-from jblast.sensors.camera.bake.blender_program import found
+from jblast.sensors.camera.bake.baking import Baking, blender_found, read_sheet
 from jblast.sensors.camera.bake.coding import frames_of_sheet
 from jblast.sensors.camera.bake.recipe import PHYSICS, Recipe
 
@@ -20,7 +19,7 @@ def test_blender_bakes_fire_that_grows_and_then_smoke(tmp_path):
     recipe = Recipe(views=2, frames=5, size=48, physics=PHYSICS | TINY)
     baking = Baking(recipe, tmp_path / "set")
     baking.begin(force=False)
-    files = baking.make(*found(None))
+    files = baking.make(*blender_found(None))
     assert files == ["views.toml", "00.webp", "01.webp"]
     assert not list(tmp_path.glob("*.bin"))
     index = tomllib.loads((tmp_path / "set/views.toml").read_text())

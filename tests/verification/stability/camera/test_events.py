@@ -5,12 +5,12 @@ import pytest
 
 from jblast.verification.simulated_recordings import analytic
 from jblast.verification.stability import camera
-from jblast.verification.stability.areas import AREAS
 from jblast.verification.stability.camera import behind_failure, fold_failure
+from jblast.verification.stability.failure import measures_of
 
 
 def test_events_are_entered_into_the_map():
-    assert AREAS["events"]() == (camera.event_failures,)
+    assert measures_of("events") == (camera.event_failures,)
 
 
 def test_whole_counts_keep_their_digits_ten_times_as_long_as_a_sum():

@@ -6,11 +6,11 @@ import pytest
 from jblast.verification.stability import (
     flights,
 )
-from jblast.verification.stability.areas import AREAS
+from jblast.verification.stability.failure import measures_of
 
 
 def test_flights_are_entered_into_the_map():
-    assert AREAS["flights"]() == (flights.flight_failures,)
+    assert measures_of("flights") == (flights.flight_failures,)
 
 
 def test_a_summed_clock_runs_away_in_single_precision_and_ours_does_not():

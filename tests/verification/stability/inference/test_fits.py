@@ -8,10 +8,8 @@ import pytest
 from jblast.inference import fit
 from jblast.inference.fitting.unidentified import AMBIGUITY, other_modes
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.verification.stability import (
-    fits,
-)
-from jblast.verification.stability.areas import AREAS
+from jblast.verification.stability import fits
+from jblast.verification.stability.failure import measures_of
 from jblast.verification.stability.fits import (
     SOLVERS,
     TOLERANCE,
@@ -22,9 +20,9 @@ from jblast.verification.stability.fits import (
 
 
 def test_fits_are_entered_into_the_map():
-    assert fits.poor_start_failures in AREAS["fits"]()
-    assert fits.outlier_failure in AREAS["fits"]()
-    assert fits.collinear_failure in AREAS["fits"]()
+    assert fits.poor_start_failures in measures_of("fits")
+    assert fits.outlier_failure in measures_of("fits")
+    assert fits.collinear_failure in measures_of("fits")
 
 
 @pytest.fixture(scope="module")

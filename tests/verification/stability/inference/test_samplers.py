@@ -11,29 +11,35 @@ from jblast.inference.importance import MAX_QUANTILE_ERROR
 from jblast.inference.mcmc.convergence import LONG_ENOUGH
 from jblast.inference.mcmc.ensemble import LongRidge, SeveralModes
 from jblast.report.fit.findings import all_words
-from jblast.verification.stability import walks
-from jblast.verification.stability.areas import AREAS
-from jblast.verification.stability.fits import circle, solved_log, wu_hao_told
-from jblast.verification.stability.walks import LESSER, SEPARATED_SD, STEPS
+from jblast.verification.stability import fits
+from jblast.verification.stability.failure import measures_of
+from jblast.verification.stability.fits import (
+    LESSER,
+    SEPARATED_SD,
+    STEPS,
+    circle,
+    solved_log,
+    wu_hao_told,
+)
 
 
 def test_walks_are_entered_into_the_map():
-    assert walks.bent_failure in AREAS["walks"]()
-    assert walks.found_failure in AREAS["walks"]()
+    assert fits.bent_failure in measures_of("walks")
+    assert fits.found_failure in measures_of("walks")
 
 
 @pytest.mark.slow
 def test_the_stretch_move_finds_a_near_mode_and_misses_a_far_one():
-    near = walks.share_beyond(walks.from_one(4.0).kept(), 4.0)
+    near = fits.share_beyond(fits.from_one(4.0).kept(), 4.0)
     # 750 steps of 64 walkers, some 85 steps to a draw: a standard error of 0.02
     assert near == pytest.approx(LESSER, abs=0.1)
-    far = walks.share_beyond(walks.from_one(SEPARATED_SD).kept(), SEPARATED_SD)
+    far = fits.share_beyond(fits.from_one(SEPARATED_SD).kept(), SEPARATED_SD)
     assert far < 0.1 * LESSER
 
 
 def test_walkers_started_in_both_modes_stay_and_emcee_finds_nothing_wrong():
-    walk = walks.from_both(SEPARATED_SD)
-    assert walks.share_beyond(walk.kept(), SEPARATED_SD) == pytest.approx(0.5, abs=0.02)
+    walk = fits.from_both(SEPARATED_SD)
+    assert fits.share_beyond(walk.kept(), SEPARATED_SD) == pytest.approx(0.5, abs=0.02)
     assert walk.own_tau * LONG_ENOUGH < STEPS  # emcee's own condition is met
     assert walk.judged.tau.max() * LONG_ENOUGH > 10 * STEPS
     assert not walk.judged.reached(1.0)
@@ -41,22 +47,22 @@ def test_walkers_started_in_both_modes_stay_and_emcee_finds_nothing_wrong():
 
 @pytest.mark.slow  # by default inference/mcmc/test_run.py: from mode to mode
 def test_the_walk_of_jblast_gives_each_mode_its_share():
-    found = walks.by_jblast(SEPARATED_SD)
+    found = fits.by_jblast(SEPARATED_SD)
     assert found.reached
-    share = walks.share_beyond(found.chain[found.convergence.warm_up :], SEPARATED_SD)
+    share = fits.share_beyond(found.chain[found.convergence.warm_up :], SEPARATED_SD)
     error = np.sqrt(LESSER * (1 - LESSER) / found.convergence.ess[0])
     assert share == pytest.approx(LESSER, abs=4 * error)
 
 
 @pytest.mark.slow
 def test_the_boundary_lies_between_modes_that_are_found_and_not():
-    mode = walks.found_failure()
-    assert walks.MODE_SEPARATIONS[0] < mode.boundary < SEPARATED_SD
+    mode = fits.found_failure()
+    assert fits.MODE_SEPARATIONS[0] < mode.boundary < SEPARATED_SD
 
 
 @pytest.mark.slow
 def test_no_walker_sees_a_mirror_image_that_jblast_gives_its_half():
-    by = walks.mirror()
+    by = fits.mirror()
     assert by.beyond == 0
     assert by.bare.judged.reached(0.05)  # the chain alone is a good one
     assert by.ours.converged
@@ -69,8 +75,8 @@ def test_no_walker_sees_a_mirror_image_that_jblast_gives_its_half():
 
 @pytest.mark.slow
 def test_a_walk_over_a_null_direction_looks_converged_and_is_refused():
-    walk = walks.along_the_null(walks.LONG)
-    assert walk.judged.tau.max() * LONG_ENOUGH < walks.LONG
+    walk = fits.along_the_null(fits.LONG)
+    assert walk.judged.tau.max() * LONG_ENOUGH < fits.LONG
     assert walk.judged.r_hat.max() < 1.01
     # ln of a mass: from nothing to more than there is
     assert np.ptp(walk.kept()[..., 0]) > 1000
@@ -84,9 +90,9 @@ def test_a_walk_over_a_null_direction_looks_converged_and_is_refused():
 
 @pytest.mark.slow
 def test_a_ridge_without_end_is_walked_on_and_on_and_called_improper():
-    mode = walks.endless_failure()
+    mode = fits.endless_failure()
     assert mode.boundary < LONG_ENOUGH
-    _, walk = walks.endless()
+    _, walk = fits.endless()
     assert not walk.converged
     assert any(isinstance(f, LongRidge) and f.is_endless for f in walk.findings)
     assert walk.ridge is not None
@@ -95,11 +101,11 @@ def test_a_ridge_without_end_is_walked_on_and_on_and_called_improper():
 
 @pytest.mark.slow
 def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
-    mode = walks.bent_failure()
-    assert walks.off_at(1.5 * mode.boundary) < MAX_QUANTILE_ERROR
-    assert walks.off_at(mode.boundary / 1.5) > MAX_QUANTILE_ERROR
+    mode = fits.bent_failure()
+    assert fits.off_at(1.5 * mode.boundary) < MAX_QUANTILE_ERROR
+    assert fits.off_at(mode.boundary / 1.5) > MAX_QUANTILE_ERROR
     close, wide = (
-        solved_log(circle(radius), 30.0, 60.0, 0.0) for radius in (walks.CLOSE, 10.0)
+        solved_log(circle(radius), 30.0, 60.0, 0.0) for radius in (fits.CLOSE, 10.0)
     )
     answers = [
         fit(asked.log, asked.uncertain, noise="gaussian", posterior=method).summary
