@@ -310,8 +310,12 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     for turned in walker.around(z, ALL_DIRECTIONS_STEP):
         walker.follow(turned, ALL_DIRECTIONS_STEP)
     profile = walker.profile()
-    if profile is None or profile.peaks_suffice:
+    if profile is None:
         return None
+    if profile.peaks_suffice:
+        # with another peak than the densest first, of which no interval may exist
+        is_first = np.array_equal(profile.z[profile.best], optima[0])
+        return None if is_first else profile
     if profile.is_open:
         return profile
     height = profile.by_range()[1]
@@ -546,7 +550,9 @@ class _Walker:
             gain=GAIN,
             belief=self._belief,
         )
-        if promised > UNFINISHED:
+        known, _ = self._known(self.posterior.weighed(jnp.asarray(z)), z)
+        # at the edge of what converges one program ends in NaN where another does not
+        if promised > UNFINISHED or not np.isfinite(known).all():
             return None
         parts = self._parts(z)
         if parts is None:
