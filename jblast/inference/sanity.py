@@ -8,7 +8,8 @@ Three checks compare rows with blasts of any mass:
 - speeds: the front runs at the speed of sound or faster. So a wave from anywhere
   reaches two positions at most $d / (c - w)$ apart in time, $d$ their distance, $c$ the
   speed of sound in the coldest air and $w$ a wind against the wave. From a known charge
-  it takes no longer than that, and no less than a law gives next to the charge;
+  it takes no longer than that, and no less than a law gives next to the charge. All
+  arrivals together give a speed from wherever they agree best;
 - consensus: a row that disagrees with the blast on which most rows of its shot agree
   (see `consensus`).
 
@@ -37,6 +38,7 @@ from jblast.inference.consensus import (
     MAX_MASS,
     MIN_MASS,
     PRICE,
+    SIGMAS,
     WITH_MASS,
     Agreement,
     Readings,
@@ -58,6 +60,7 @@ from jblast.observations.scenes import for_log
 from jblast.quantities import QUANTITIES, TIMED
 from jblast.scene import Charge, UncertainScene
 from jblast.waves.fireball import LARGEST_RADIUS
+from jblast.waves.propagation import sound_speed_of
 
 OF_ALL = ("not_at_the_origin", "not_at_time_0", "clock_of_one_row")
 """Warnings that concern no row."""
@@ -69,6 +72,12 @@ TWO_SIDED: Mapping[str, str] = {
     "radius_shrinks": "the radius before",
 }
 """Doubts about one row by another one, which is not doubted itself."""
+MAX_REFLECTION = 8.0
+"""Largest ratio of a reflected to an incident peak: a strong shock in an ideal gas with
+a heat capacity ratio of 1.4."""
+BESIDE_A_RISE = ("place_in_feet", "off_by_factor")
+"""Doubts that a rise of up to `MAX_REFLECTION` is reported beside: a distance in feet
+changes a peak by a factor of 3 to 6, and one peak cannot decide."""
 IN_THE_FIREBALL = 1e4
 """Within the fireball of more than this [kg] nobody sets a gauge (declared)."""
 RISES = 2.0
@@ -90,6 +99,20 @@ SLOWEST = float(
 SLOWEST_FAR = 180.0
 """Past `FAR`, through the thermosphere [m/s]: the least celerity of infrasound
 (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
+TRAVEL_SCATTER = 0.01
+"""Scatter of travel times about a law, of a shot and of a path, as laws declare it."""
+SURE_SPEED_SD = 3.0
+"""Standard deviations by which the speed of all arrivals is below that of sound: chance
+alone gives 1 in 700."""
+OWN_FAULT_SD = 4.0
+"""An arrival farther than this from the common speed has a fault of its own: chance
+alone gives 1 in 16,000."""
+MAX_MEASURED = 1e9
+"""Larger times [s] and distances [m] are of no blast; their squares may overflow."""
+SINGULAR = 1e14
+"""Condition of normal equations beyond which rounding decides."""
+SPARE_ARRIVALS = 2
+"""Arrivals beyond the unknowns of a common speed: one wrong clock is then noticed."""
 MAX_COMPARED = 1000
 """Arrivals that are compared in pairs."""
 HALF_HOUR = 1800.0
@@ -187,6 +210,11 @@ def _of_shot(
         if column is not None:
             return [column, *slow_between(readings)]
     doubted = [supposed.doubt] if supposed.doubt else []
+    # else each arrival has a speed of its own
+    if supposed.origin is None or np.isnan(supposed.distance).any():
+        start = np.zeros(3) if found is None else found.place
+        slowest = _slowest(uncertain)
+        doubted += slow_together(readings, supposed.distance, start, slowest)
     divided = []
     if found is not None and found.holds():
         doubted += _named(observations, readings, laws, found)
@@ -273,18 +301,23 @@ def _divided(readings: Readings, found: Agreement) -> list[Doubt]:
 def _once(found: list[Doubt]) -> list[Doubt]:
     """Keep one doubt a row, the first, which names most; none by a doubted row.
 
-    That no blast explains a shot is kept if it concerns one more row.
+    That no blast explains a shot is kept if it concerns one more row, a rise of peaks
+    if what else is doubted of its larger peak explains the rise no better.
     """
-    seen: set[int] = set()
+    seen: dict[int, str] = {}
     kept = []
     for doubt in found:
         rows = set(doubt.rows)
-        is_new = bool(rows - seen) if doubt.kind == "of_no_one_blast" else False
+        is_new = bool(rows - {*seen}) if doubt.kind == "of_no_one_blast" else False
+        if doubt.kind == "peak_rises" and seen.get(doubt.rows[0]) in BESIDE_A_RISE:
+            ratio = doubt.numbers["value"] / doubt.numbers["nearer"]
+            is_new = doubt.rows[1] not in seen and ratio <= MAX_REFLECTION
         if doubt.kind in OF_ALL:
             kept.append(doubt)
-        elif is_new or not seen & rows:
+        elif is_new or not {*seen} & rows:
             kept.append(doubt)
-            seen.update(doubt.rows if doubt.kind not in TWO_SIDED else doubt.rows[:1])
+            its = doubt.rows if doubt.kind not in TWO_SIDED else doubt.rows[:1]
+            seen |= dict.fromkeys(its, doubt.kind)
     return kept
 
 
@@ -346,8 +379,9 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
         nearer = np.searchsorted(far, far, side="left") - 1
         low = at[np.maximum(nearer, 0)]
         # of heavy tails one reading makes the rise: each of them may, on either side
-        scatter = -SCATTER * float(stdtrit(4, BY_CHANCE / (2 * len(here))))
-        allowed = scatter + np.hypot(error, error[low])
+        quantile = -float(stdtrit(4, BY_CHANCE / (2 * len(here))))
+        stated = np.hypot(error, error[low]) / SIGMAS  # independent of the scatter
+        allowed = quantile * np.hypot(SCATTER, stated)
         rises = (value > value[low]) & (spread - spread[low] > allowed)
         rising = np.flatnonzero((nearer >= 0) & rises)
         if rising.size:
@@ -415,6 +449,84 @@ def slow_between(readings: Readings) -> list[Doubt]:
         found.append(Doubt("too_slow_between", rows, numbers))
         bad[worst] = bad[:, worst] = False
     return found
+
+
+def slow_together(
+    readings: Readings,
+    distance: Float[np.ndarray, " n"],
+    start: Float[np.ndarray, "3"],
+    slowest: float,
+) -> list[Doubt]:
+    """Return the arrivals of a clock that together imply a speed below that of sound.
+
+    The times are fitted by a time of origin plus slowness times distance. Where all
+    agree with a low speed, none of them is to be blamed.
+
+    Args:
+        readings: The rows of a shot.
+        distance: From the charge of each [m]; NaN where its place is fitted, too.
+        start: East, north, up from which a place is searched [m]; up is kept.
+        slowest: Speed of sound against the wind [m/s].
+    """
+    air = np.array([q == "air_arrival_s" for q in readings.quantity], bool)
+    air &= ~readings.bound
+    its_clock = readings.clock[air]
+    if not its_clock.size:
+        return []
+    here = np.flatnonzero(air & (readings.clock == np.bincount(its_clock).argmax()))
+    here = here[:MAX_COMPARED]
+    at, time, known = readings.position[here], readings.value[here], distance[here]
+    placed = not np.isnan(known).any()
+    unknowns = 2 if placed else 4
+    if len(here) < unknowns + SPARE_ARRIVALS:
+        return []
+    measured = np.column_stack([time, known if placed else at])
+    if not (np.abs(measured) < MAX_MEASURED).all():  # a NaN is not, either
+        return []
+    from scipy.optimize import least_squares  # logs without such arrivals do without
+
+    def apart(x: np.ndarray) -> np.ndarray:
+        if placed:
+            return known
+        return np.linalg.norm(at - np.array([x[2], x[3], start[2]]), axis=1)
+
+    middle = np.zeros(2) if placed else at[:, :2].mean(axis=0)
+    found = []
+    for place in (start[:2], middle):
+        travel = apart(np.array([0.0, 0.0, *place])) / slowest
+        sd = np.hypot(readings.error[here] / SIGMAS, TRAVEL_SCATTER * travel)
+        sd = np.hypot(sd, CLOCK_STEP)
+
+        def misfit(x: np.ndarray, sd: np.ndarray = sd) -> np.ndarray:
+            return (x[0] + x[1] * apart(x) - time) / sd
+
+        begin = np.array([float(np.mean(time - travel)), 1.0 / slowest, *place])
+        scale = np.array([float(travel.max()), 1.0 / slowest, *([slowest] * 2)])
+        found.append(
+            least_squares(misfit, begin[:unknowns], x_scale=scale[:unknowns] + 1e-12)
+        )
+    best = min(found, key=lambda one: one.cost)
+    square = best.jac.T @ best.jac
+    determined = np.linalg.cond(square) < SINGULAR
+    if not (best.success and determined and best.x[1] > 0.0):
+        return []
+    own = float(np.sqrt(np.linalg.inv(square)[1, 1])) / best.x[1]
+    speed, share = 1.0 / best.x[1], float(np.hypot(own, TRAVEL_SCATTER))
+    far = float(apart(best.x).max()) > FAR
+    slowest = min(slowest, SLOWEST_FAR) if far else slowest
+    too_fast = speed * (1.0 + SURE_SPEED_SD * share) >= slowest
+    if too_fast or np.abs(best.fun).max() > OWN_FAULT_SD:
+        return []
+    rows = tuple(int(row) for row in readings.row[here])
+    numbers = {"speed_m_s": float(speed), "slowest_m_s": slowest}
+    return [Doubt("slow_together", rows, numbers)]
+
+
+def _slowest(uncertain: UncertainScene) -> float:
+    """Return the speed of sound in the air of a scene, against a gale [m/s]."""
+    if {"air_sound_speed_m_s", "air_temperature_k"} & set(uncertain.beliefs):
+        return SLOWEST
+    return float(sound_speed_of(uncertain.scene.air)) - GALE
 
 
 def speeds_doubted(

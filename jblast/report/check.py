@@ -358,6 +358,16 @@ def _slow_between(doubt: Doubt, log: Observations) -> str:
     )
 
 
+def _slow_together(doubt: Doubt, _: Observations) -> str:
+    numbers = doubt.numbers
+    return (
+        f"the {len(doubt.rows)} air arrivals together imply a speed of "
+        f"{numbers['speed_m_s']:.0f} m/s from one place, slower than sound "
+        f"({numbers['slowest_m_s']:.0f} m/s or more): positions, a unit, or "
+        "temperature and wind of the scene are wrong"
+    )
+
+
 OF_MAGNITUDES: dict[str, Callable[[Doubt, Observations], str]] = {
     "no_mass_gives_it": _no_mass,
     "mass_of_no_blast": _no_blast,
@@ -365,6 +375,7 @@ OF_MAGNITUDES: dict[str, Callable[[Doubt, Observations], str]] = {
     "peak_rises": _rises,
     "radius_shrinks": _shrinks,
     "too_slow_between": _slow_between,
+    "slow_together": _slow_together,
     "too_slow": _slow,
     "too_fast": _fast,
 }

@@ -23,6 +23,12 @@ standard deviations from zero that chance explains it less often than a poor fit
 Ranges of laws: a number is extrapolated if rows outside the range of their laws hold
 more than half of its information. Laws of buried charges are checked at the depth that
 few draws exceed, not only at the optimum.
+
+Independent paths: the scatter of more than `path_scatter.MAX_PATHS` paths is taken as
+independent. Independent errors average out over neighbours, correlated ones do not, so
+intervals are then too narrow. Where the charge lies farther from the middle of the
+sensors than these are apart, all paths are neighbours, and the likelihood draws the
+charge towards the sensors as well.
 """
 
 import inspect
@@ -42,7 +48,11 @@ from jblast.constants import (
     STANDARD_SOUND_SPEED,
 )
 from jblast.inference.consensus import FAR
-from jblast.inference.fitting.findings import FlatGround, SlowerThanSound
+from jblast.inference.fitting.findings import (
+    FlatGround,
+    PathsTakenAsIndependent,
+    SlowerThanSound,
+)
 from jblast.inference.fitting.goodness_of_fit import POOR
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.fitting.unidentified import requested
@@ -57,12 +67,14 @@ from jblast.inference.posterior.parameters import Finding
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.inference.sanity import COLDEST
 from jblast.observations import Observations
-from jblast.parameters import CLOCK_OFFSET, PARAMETERS
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
 from jblast.quantities import TIMES, made_with
 from jblast.registry import law_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout, components
-from jblast.sensors.record import clock_offsets
+from jblast.sensors.path_scatter import MAX_PATHS
+from jblast.sensors.record import clock_offsets, record
+from jblast.sensors.simulated_readings import paths_of
 from jblast.waves.propagation import sound_speed_of
 
 WIND = PARAMETERS["wind_east_m_s"].spread.amount
@@ -333,6 +345,36 @@ def flat_ground(
         float(error[worst]),
         float(sigmas[worst]),
     )
+
+
+def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | None:
+    """Return how many neighbouring paths were taken as independent, if any were."""
+    posterior, parameters = solution.posterior, solution.posterior.parameters
+    layout = posterior.layout
+    if len(layout.quantity) <= MAX_PATHS:
+        return None
+    scene = parameters.scene_at(jnp.asarray(solution.laplace.z))
+    # traced alone, as only the names of what scatters from path to path are needed
+    recording = eqx.filter_eval_shape(record, scene, layout, dict(posterior.laws))
+    position, given = np.asarray(layout.position), np.asarray(layout.slant_range) > 0
+    most, beyond = 0, False
+    for _, quantity, shot in recording.fields:
+        rows, first, _ = paths_of(layout, quantity, shot)
+        one_each = rows[first]
+        # paths without a direction are independent of all others
+        near = one_each[~given[one_each]]
+        is_ranged = scene.charges[shot].range_m is not None
+        if is_ranged or len(one_each) <= MAX_PATHS or len(near) < 2:
+            continue
+        most = max(most, len(near))
+        charge = scene.charges[shot]
+        place = {f"{name}{scene.label(charge)}" for name in CHARGE_POSITION[:2]}
+        if place & {*parameters.names}:
+            level = position[near, :2]
+            away = np.asarray(charge.position_m)[:2] - level.mean(axis=0)
+            # the diagonal of the box, as pairs of a million sensors are too many
+            beyond |= bool(np.hypot(*away) > np.hypot(*np.ptp(level, axis=0)))
+    return PathsTakenAsIndependent(most, MAX_PATHS, beyond) if most else None
 
 
 def valid_at_depth(

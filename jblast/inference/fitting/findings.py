@@ -277,6 +277,22 @@ class FlatGround(Finding):
 
 
 @dataclass(frozen=True)
+class PathsTakenAsIndependent(Finding):
+    """The scatter of neighbouring paths was taken as independent: they are too many.
+
+    Attributes:
+        paths: How many there are.
+        limit: Largest number whose correlation is taken into account.
+        beyond_array: Whether a fitted place lies farther from the middle of the sensors
+            than these are apart.
+    """
+
+    paths: int
+    limit: int
+    beyond_array: bool
+
+
+@dataclass(frozen=True)
 class ClocksTakenToAgree(Finding):
     """Clocks of a log that are neither fitted nor given, and were taken to agree.
 

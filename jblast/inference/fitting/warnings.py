@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from jblast.inference.fitting.assumptions import (
     flat_ground,
+    paths_taken_as_independent,
     slower_than_sound,
     still_air,
 )
@@ -79,6 +80,9 @@ def warnings_of(
     slow = slower_than_sound(observations, solution)
     if slow is not None:
         findings.append(slow)
+    many = paths_taken_as_independent(solution)
+    if many is not None and many.beyond_array:
+        findings.append(many)
     if against:
         findings.append(PriorConflict(against))
     if not valid.all():
@@ -110,8 +114,12 @@ def warnings_of(
 
 def assumptions_of(solution: Solution) -> tuple[Finding, ...]:
     """Return what an answer takes for granted, with what that is worth."""
-    still = still_air(solution)
-    return (still,) if still else ()
+    still, many = still_air(solution), paths_taken_as_independent(solution)
+    found: list[Finding] = [still] if still else []
+    # beside a small array it is a warning
+    if many is not None and not many.beyond_array:
+        found.append(many)
+    return tuple(found)
 
 
 def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:

@@ -285,6 +285,25 @@ def _(finding: fitting.ClocksTakenToAgree) -> str:
 
 
 @words.register
+def _(finding: fitting.PathsTakenAsIndependent) -> str:
+    taken = (
+        f"the scatter of {finding.paths:,} paths was taken as independent, as that of "
+        f"more than {finding.limit:,} paths is"
+    )
+    remedy = f"fit {finding.limit:,} of them or fewer to take it into account"
+    if not finding.beyond_array:
+        return (
+            f"{taken}; neighbouring paths scatter alike, so intervals of position and "
+            f"time are too narrow; {remedy}"
+        )
+    return (
+        f"{taken}; the sensors are close together compared with the range, so their "
+        "paths scatter alike: the intervals of bearing and range are too narrow, and "
+        f"the range may be too small; {remedy}"
+    )
+
+
+@words.register
 def _(finding: fitting.FlashesSetAside) -> str:
     names = joined(finding.clocks)
     verb, clock = ("reads", "clock") if len(finding.clocks) == 1 else ("read", "clocks")

@@ -26,7 +26,7 @@ NUMBERS = (
     *("value", "other", "share", "apart_m", "early_s", "largest", "distance_m"),
     *("mass_kg", "fireball_m", "nearer", "nearer_m", "before", "late_s", "ratio"),
     *("slowest_m_s", "took_s", "fastest_m_s", "agree", "rows", "east_m", "north_m"),
-    *("factor", "lat_deg", "lon_deg"),
+    *("factor", "lat_deg", "lon_deg", "speed_m_s"),
 )
 FOUND_IN = [
     *(PACKAGE / "inference" / name for name in ("consensus.py", "sanity.py")),
