@@ -260,6 +260,8 @@ def with_best_range(
     reach = np.hypot(profile.sds(best), STEP * profile.along()[best])
     near &= np.all(np.abs(z - profile.z[best]) < SPREADS * reach, axis=1)
     near &= np.isfinite(density)
+    # at the edge of what converges one program ends in NaN where another does not
+    near[near] = [_is_regular(posterior, place) for place in z[near]]
     added = [*profile.others()] if near.any() else [best, *profile.others()]
     order = np.argsort(~near, kind="stable")
     heights = [float(posterior.log_density(jnp.asarray(profile.z[k]))) for k in added]
@@ -550,9 +552,7 @@ class _Walker:
             gain=GAIN,
             belief=self._belief,
         )
-        known, _ = self._known(self.posterior.weighed(jnp.asarray(z)), z)
-        # at the edge of what converges one program ends in NaN where another does not
-        if promised > UNFINISHED or not np.isfinite(known).all():
+        if promised > UNFINISHED or not _is_regular(self.posterior, z):
             return None
         parts = self._parts(z)
         if parts is None:
@@ -652,6 +652,12 @@ class _Walker:
         )
         moved[self.others] += step[1:]
         return moved
+
+
+def _is_regular(posterior: Posterior, z) -> bool:
+    """Return whether the information about a place is finite."""
+    z = jnp.asarray(z)
+    return bool(np.isfinite(np.asarray(information(posterior.weighed(z), z))).all())
 
 
 def _turned(bearing, other):
