@@ -1,6 +1,5 @@
 """The answer of `jblast tune`."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,9 +8,9 @@ from typing import Literal
 
 from jblast.inference.tuning.result import POOR, Note, Tuned
 from jblast.inference.tuning.unknowns import TUNABLES, names_known, tuned_value
-from jblast.json_values import plain
 from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
 from jblast.report.words import aligned, hanging, joined, parameter_words, rounded
+from jblast.results import Document
 from jblast.scene import parameter_named
 
 NOT_TOLD = "not told"
@@ -62,7 +61,7 @@ class TunedEstimate:
 
 
 @dataclass(frozen=True)
-class TuneAnswer:
+class TuneAnswer(Document):
     """An answer of jblast tune.
 
     Attributes:
@@ -231,12 +230,6 @@ def tune_answer(
         warnings=tuple(warnings_of(tuned)),
         files=files,
     )
-
-
-def as_json(answer: TuneAnswer) -> str:
-    """Return what `--json` prints, and tune.json holds."""
-    document = {"schema": 1} | plain(answer)
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def words_of(name: str) -> str:

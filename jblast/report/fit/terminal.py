@@ -31,12 +31,9 @@ from jblast.report.fit.document import (
     ambiguity_sentence,
     cure_sentence,
     determined_lines,
-    fit_document,
     null_direction_sentence,
     outlier_lines,
-    picks_entry,
     practically_unidentified,
-    provenance_entry,
 )
 from jblast.report.fit.findings import (
     all_words,
@@ -55,7 +52,6 @@ from jblast.report.fit.rows import (
     lower_bound_sentence,
     not_fitted,
 )
-from jblast.report.provenance import Provenance
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
     GAP,
@@ -121,28 +117,6 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
             numbers = _numbers(estimate)
             rows.append({"log": name, "parameter": parameter} | numbers | of_log)
     return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
-
-
-def answers_document(
-    answers: Mapping[str, Fit | InputError],
-    made: Mapping[str, Provenance] | None = None,
-    picks: Sequence[Any] | None = None,
-) -> dict[str, Any]:
-    """Return what `--json` prints: by log its answer, or its error.
-
-    Args:
-        answers: By log.
-        made: What each was made of, for a file: the same run prints the same.
-        picks: What the logs were picked from, if they were, as `jblast pick` prints
-            it.
-    """
-    logs = {
-        name: {"error": str(fit)} if isinstance(fit, InputError) else fit_document(fit)
-        for name, fit in answers.items()
-    }
-    for name, of in (made or {}).items():
-        logs[name] |= provenance_entry(of)
-    return {"schema": 1, "logs": logs, **picks_entry(picks)}
 
 
 def _numbers(estimate: Estimate) -> dict[str, float]:
