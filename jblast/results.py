@@ -88,7 +88,7 @@ class Document(Answer):
     """An answer with the version of its schema.
 
     Attributes:
-        schema: Version of the schema.
+        schema: 1, the version of its schema.
     """
 
     schema: Literal[1] = field(default=1, init=False)
@@ -142,9 +142,8 @@ def to_frame(results: Iterable[Any], words: Words = NO_WORDS) -> Any:
 
     rows = list(results)
     frame = pandas.json_normalize([entries(row, words) for row in rows])
-    frame.attrs["units"] = {
-        name: unit for name, (_, unit) in described(type(rows[0])).items() if unit
-    }
+    said = described(type(rows[0])) if rows else {}
+    frame.attrs["units"] = {name: unit for name, (_, unit) in said.items() if unit}
     return frame
 
 

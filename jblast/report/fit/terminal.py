@@ -47,7 +47,9 @@ from jblast.report.fit.place import earth_lines
 from jblast.report.fit.rows import (
     Accepted,
     compare,
+    estimate_rows,
     estimates_of,
+    fitted_words,
     log_name,
     lower_bound_sentence,
     not_fitted,
@@ -233,20 +235,18 @@ def _intervals(fit: Fit) -> list[str]:
 
 
 def _title(fit: Fit) -> str:
-    n, free = fit.summary.n_observations, fit.summary.free
     of = f" of {log_name(fit)}" if log_name(fit) else ""
-    fitted = joined([parameter_words(name) for name in free])
-    recordings = "recording" if n == 1 else "recordings"
-    title = f"Fit{of}: {n} {recordings}, {fitted or 'nothing'} fitted"
+    recordings, fitted = fitted_words(fit.summary)
+    title = f"Fit{of}: {recordings}, {fitted} fitted"
     return "\n".join(textwrap.wrap(title, WIDTH))
 
 
 def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
     rows = [("Estimates", "value", "90 % interval", "accepted" if accepted else "")]
-    for name, estimate in found.estimates.items():
-        rows.append(_table_row(name, estimate, accepted))
-    for name, estimate in found.derived.items():
-        rows.append(_table_row(name, estimate, accepted))
+    rows += [
+        (f"  {one.name}", one.value, one.interval, one.accepted)
+        for one in estimate_rows(found, accepted)
+    ]
     indent = max(len(row[0]) for row in rows) + GAP
     lines = []
     whole, left = aligned(rows), aligned([row[:3] for row in rows])
@@ -258,20 +258,6 @@ def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
         else:
             lines += [left[i], *hanging(f"accepted: {row[3]}", 2, indent=indent)]
     return lines
-
-
-def _table_row(
-    name: str, estimate: Estimate, accepted: Accepted | None
-) -> tuple[str, str, str, str]:
-    printed = printed_estimate(name, estimate)
-    comparison = compare(name, estimate, accepted)
-    beside = (
-        f"{comparison.value}, {comparison.label}: {comparison.verdict}"
-        if comparison
-        else ""
-    )
-    words = f"  {parameter_words(name)}"
-    return words, printed.value_and_beside, printed.interval, beside
 
 
 def cannot_tell(
