@@ -86,5 +86,5 @@ def stability_markdown(modes: FailureModes) -> str:
 def stability_csv(modes: FailureModes) -> str:
     """Return one row a failure mode."""
     names = [one.metadata.get("key", one.name) for one in fields(FailureMode)]
-    every = (mode for found in modes.values() for mode in found)
-    return comma_separated([names, *map(astuple, every)])
+    every = (astuple(mode) for found in modes.values() for mode in found)
+    return comma_separated([names, *every])

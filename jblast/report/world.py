@@ -305,7 +305,7 @@ def world_answer(run: WorldRun) -> WorldAnswer:
         preset=None
         if preset is None
         else PresetTaken(preset.name, MARK, preset.source),
-        laws=run.world.scene.law,
+        laws=dict(run.world.scene.law),
         blasts=tuple(
             BlastDrawn(charge.name, time, (east, north, up), mass)
             for charge in run.world.charges
