@@ -21,7 +21,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 ORDER = [
     ("types", "constants", "lazy", "errors", "progress"),
     ("registry",),
-    ("addresses", "files", "json_values"),
+    ("addresses", "files", "results"),
     ("parameters", "quantities"),
     ("units",),
     ("kept_programs",),

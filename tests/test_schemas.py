@@ -13,13 +13,12 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import jblast
-from docs.generate import answer_schemas, answer_tables
+from docs.generate import documents
 from docs.generate.scene_schema import scene_schema
 from jblast.errors import InputError
 from jblast.fidelity import TakenLaw
 from jblast.inference.design.cramer_rao import (
     AddedDatum,
-    Bound,
     BoundSummary,
     Sensitivity,
 )
@@ -37,11 +36,10 @@ from jblast.inference.identifiability import (
     ResolvingDatum,
 )
 from jblast.inference.posterior.parameters import Estimate, Spread
-from jblast.json_values import plain
 from jblast.observations.check import Doubt
 from jblast.report.check import check_answer
 from jblast.report.choice import choice_answer
-from jblast.report.design import bound_document
+from jblast.report.design import BoundAnswer
 from jblast.report.discovery import (
     DiscoveryAnswer,
     ExchangeableTerms,
@@ -51,9 +49,10 @@ from jblast.report.discovery import (
     LeftOutTerm,
     NominalInterval,
 )
-from jblast.report.fit.document import answer_json, fit_document
-from jblast.report.picks import picks_document
+from jblast.report.fit.document import fit_answer, fit_document
+from jblast.report.picks import picks_answer
 from jblast.report.provenance import provenance_of
+from jblast.report.stability import StabilityAnswer
 from jblast.report.study_run import study_answer
 from jblast.scene.reader.scene import scene_from_document
 from jblast.signals.picks import log_of
@@ -119,12 +118,12 @@ def test_the_schema_of_a_fit_takes_every_answer():
     )
     made = (fit, example.three_parameters(), example.with_outliers())
     for one in (*made, replace(fit, summary=full)):
-        check(answer_schemas.fit(), fit_document(one))
+        check(documents.schema("fit"), fit_document(one))
     written = json.loads(
-        answer_json(fit, provenance_of([LOG], SCENE, ("jblast", "fit")))
+        fit_answer(fit, provenance_of([LOG], SCENE, ("jblast", "fit"))).to_json()
     )
     assert written["provenance"]["scene"]
-    check(answer_schemas.fit(), written)
+    check(documents.schema("fit"), written)
 
 
 def test_the_schema_of_picks_takes_what_was_picked_and_what_was_not():
@@ -132,14 +131,14 @@ def test_the_schema_of_picks_takes_what_was_picked_and_what_was_not():
     epoch = datetime(2020, 8, 4, 15, 8, tzinfo=UTC)
     later = found._replace(epoch=epoch, refused=(InputError("a.wav: is empty"),))
     for one in (found, later):
-        document = picks_document(one, log_of(one))
+        document = picks_answer(one, log_of(one)).to_dict()
         assert document["not_in_log"]
-        check(answer_schemas.pick(), document)
+        check(documents.schema("pick"), document)
         entries = fit_document(example.no_draws()) | {"picks": document["picks"]}
-        check(answer_schemas.fit(), entries)
+        check(documents.schema("fit"), entries)
     logs = {"a": fit_document(example.no_draws()), "b": {"error": "b.csv: is empty"}}
-    check(answer_schemas.fits(), {"schema": 1, "logs": logs})
-    check(answer_schemas.fits(), {"schema": 1, "logs": logs, "picks": []})
+    check(documents.schema("fits"), {"schema": 1, "logs": logs})
+    check(documents.schema("fits"), {"schema": 1, "logs": logs, "picks": []})
 
 
 def test_the_schema_of_a_bound_takes_every_answer():
@@ -173,20 +172,18 @@ def test_the_schema_of_a_bound_takes_every_answer():
         mass_exponents={"air_arrival_s": (-0.1, -0.2)},
         warnings=(NotAtOptimum(),),
     )
-    bound = Bound.__new__(Bound)  # a document takes nothing but its summary
-    object.__setattr__(bound, "summary", summary)
-    check(answer_schemas.bound(), bound_document(bound))
+    check(documents.schema("bound"), BoundAnswer(summary).to_dict())
 
 
 def test_the_schema_of_a_study_takes_one(tmp_path):
     ran = run_into(study_in(tmp_path), tmp_path / "store")
-    check(answer_schemas.study(), study_answer(ran).to_dict())
+    check(documents.schema("study"), study_answer(ran).to_dict())
 
 
 def test_the_schema_of_a_choice_takes_one():
     scene = jblast.read_scene(ROOT / "calibration/scenes/arrivals.toml")
     choice = jblast.choose(scene, "air_arrival_s", 0.01)
-    check(answer_schemas.choose(), choice_answer(choice).to_dict())
+    check(documents.schema("choose"), choice_answer(choice).to_dict())
 
 
 def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
@@ -220,11 +217,11 @@ def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
         repeated=(),
         reproduced=False,
     )
-    schema = answer_schemas.discover()
+    schema = documents.schema("discover")
     for one in (answer, replace(answer, one_degree_more=None)):
-        check(schema, {"schema": 1, **one.to_dict()})
+        check(schema, one.to_dict())
     assert answer.to_dict()["equations"]["u"]["misfit"] is None
-    unasked = {"schema": 1, **answer.to_dict(), "more": 1}
+    unasked = answer.to_dict() | {"more": 1}
     assert not Draft202012Validator(schema).is_valid(unasked)
 
 
@@ -233,24 +230,25 @@ def test_the_schema_of_a_check_takes_faults_and_warnings():
     odd = [Doubt("clock_of_one_row", (0,), {}, ("phone",))]
     for faults in ([], [InputError(f"{LOG}: line 3, column value: expected a number")]):
         answer = check_answer(log, faults, odd, ["2 values in kPa"])
-        check(answer_schemas.check(), {"schema": 1} | plain(answer))
+        check(documents.schema("check"), answer.to_dict())
 
 
 def test_the_schema_of_failure_modes_takes_one():
     mode = FailureMode("laws", "a law", "it ends", math.inf, "m", "", "marks", "so")
-    document = {"schema": 1, "areas": {"laws": [mode.to_dict()]}}
-    check(answer_schemas.stability(), plain(document))
+    document = StabilityAnswer({"laws": [mode]}).to_dict()
+    assert document["areas"]["laws"][0]["edge"] == "it ends"
+    check(documents.schema("stability"), document)
 
 
 @pytest.mark.parametrize(
     "name",
     [
         *("fit", "pick", "one_pick", "bound", "calc", "check", "choose", "fly"),
-        *("discover", "stability", "render", "events", "world", "serve"),
+        *("discover", "stability_mode", "render", "events", "world", "serve"),
         *("tune", "one_tuned"),
     ],
 )
 def test_every_key_of_an_answer_is_told(name):
-    table = getattr(answer_tables, name)()
+    table = documents.table(name)
     assert all(len(row.split("|")[2]) > 2 for row in table.splitlines())
     assert table.count("\n| `") >= (4 if name == "calc" else 8)

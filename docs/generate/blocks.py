@@ -6,42 +6,13 @@ writes, so that no page tells by hand what a table says.
 
 import re
 from collections.abc import Callable
+from functools import partial
 
-from docs.generate import answer_tables, command_line, scene_tables
+from docs.generate import command_line, documents, scene_tables
 
 MARKER = re.compile(r"^<!-- jblast: (\w+) -->$", re.MULTILINE)
 BLOCKS: dict[str, Callable[[], str]] = {
     "command_line": command_line.verbs,
-    "answer_of_fit": answer_tables.fit,
-    "answer_of_pick": answer_tables.pick,
-    "answer_of_one_pick": answer_tables.one_pick,
-    "answer_of_bound": answer_tables.bound,
-    "answer_of_calc": answer_tables.calc,
-    "inputs_of_calc": answer_tables.calc_inputs,
-    "answer_of_detect_film": answer_tables.detect_film,
-    "answer_of_one_flash": answer_tables.one_flash,
-    "answer_of_render": answer_tables.render,
-    "answer_of_events": answer_tables.events,
-    "answer_of_study": answer_tables.study,
-    "answer_of_one_outcome": answer_tables.one_outcome,
-    "answer_of_choose": answer_tables.choose,
-    "answer_of_fly": answer_tables.fly,
-    "answer_of_fly_mission": answer_tables.fly_mission,
-    "answer_of_discover": answer_tables.discover,
-    "answer_of_tune": answer_tables.tune,
-    "answer_of_one_tuned": answer_tables.one_tuned,
-    "answer_of_tune_gains": answer_tables.tune_gains,
-    "answer_of_tried_gains": answer_tables.tried_gains,
-    "answer_of_world": answer_tables.world,
-    "answer_of_study_report": answer_tables.study_report,
-    "answer_of_study_report_outcome": answer_tables.study_report_outcome,
-    "answer_of_study_report_shares": answer_tables.study_report_shares,
-    "answer_of_study_report_input": answer_tables.study_report_input,
-    "answer_of_serve": answer_tables.serve,
-    "answer_of_serve_mavlink": answer_tables.serve_mavlink,
-    "answer_of_serve_ground_station": answer_tables.serve_ground_station,
-    "answer_of_check": answer_tables.check,
-    "answer_of_stability": answer_tables.stability,
     "quantities": scene_tables.quantities,
     "units": scene_tables.units,
     "columns": scene_tables.columns,
@@ -52,6 +23,10 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "scene_words": scene_tables.words,
     "sensor_kinds": scene_tables.sensor_kinds,
     "explosives": scene_tables.explosives,
+    **{
+        f"answer_of_{name}": partial(documents.table, name)
+        for name in (*documents.DOCUMENTS, *documents.PARTS)
+    },
 }
 
 

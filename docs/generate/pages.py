@@ -3,9 +3,10 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from docs.generate import answer_schemas, api, notebooks, results, scene_schema
+from docs.generate import api, documents, notebooks, results, scene_schema
 from docs.generate.front_door import front_door
 
 ROOT = Path(__file__).parents[2]
@@ -17,29 +18,7 @@ ALSO = {
 """Pages that are files of the repository's root."""
 SCHEMAS = {
     "scene": scene_schema.scene_schema,
-    "fit": answer_schemas.fit,
-    "fits": answer_schemas.fits,
-    "pick": answer_schemas.pick,
-    "bound": answer_schemas.bound,
-    "check": answer_schemas.check,
-    "calc": answer_schemas.calc,
-    "calc_inverse": answer_schemas.calc_inverse,
-    "detect_film": answer_schemas.detect_film,
-    "render": answer_schemas.render,
-    "events": answer_schemas.events,
-    "study": answer_schemas.study,
-    "choose": answer_schemas.choose,
-    "fly": answer_schemas.fly,
-    "fly_mission": answer_schemas.fly_mission,
-    "discover": answer_schemas.discover,
-    "tune": answer_schemas.tune,
-    "tune_gains": answer_schemas.tune_gains,
-    "world": answer_schemas.world,
-    "study_report": answer_schemas.study_report,
-    "serve": answer_schemas.serve,
-    "serve_mavlink": answer_schemas.serve_mavlink,
-    "serve_ground_station": answer_schemas.serve_ground_station,
-    "stability": answer_schemas.stability,
+    **{name: partial(documents.schema, name) for name in documents.DOCUMENTS},
 }
 """JSON Schemas, by name."""
 

@@ -88,7 +88,7 @@ class Choice:
     Attributes:
         quantity: What was asked for.
         method: The cheapest method within the tolerance; else the best there is.
-        predicted_error: Its relative error; NaN if nothing is known.
+        predicted_error: Its relative error; null if nothing is known.
         tolerance: What was asked for, relative; zero asks for the best.
         met: Whether it suffices.
         cost_s: Seconds a reading.

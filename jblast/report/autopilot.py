@@ -1,15 +1,15 @@
 """The answer of `jblast serve` with an autopilot in lockstep, or a ground station."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from jblast.autopilot.ground_station import Watched
 from jblast.autopilot.lockstep import MOTOR_WORDS, Lockstep
 from jblast.autopilot.mavlink import Link
+from jblast.results import Document
 
 
 @dataclass(frozen=True)
-class LockstepAnswer:
+class LockstepAnswer(Document):
     """What came of a flight with an autopilot.
 
     Attributes:
@@ -44,7 +44,7 @@ class LockstepAnswer:
 
 
 @dataclass(frozen=True)
-class WatchedAnswer:
+class WatchedAnswer(Document):
     """What came of serving a ground station.
 
     Attributes:
@@ -113,11 +113,6 @@ def watched_answer(
         damaged=link.receiver.damaged,
         ended=watched.ended,
     )
-
-
-def document(answer: LockstepAnswer | WatchedAnswer) -> dict[str, Any]:
-    """Return what `--json` prints."""
-    return {"schema": 1} | asdict(answer)
 
 
 def lockstep_line(vehicle: str, scene: str, address: str, *, listens: bool) -> str:

@@ -20,6 +20,7 @@ from jblast.report.words import (
     quantity_words,
     significant,
 )
+from jblast.results import Document
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
@@ -89,7 +90,7 @@ class Warned:
 
 
 @dataclass(frozen=True)
-class CheckAnswer:
+class CheckAnswer(Document):
     """All that can be said of a log before it is fitted.
 
     Attributes:

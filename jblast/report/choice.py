@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 from jblast.fidelity.choose import Candidate, Choice, TakenLaw
 from jblast.fidelity.errors import MAX_DISTANCE, REFERENCES, SOLVER
-from jblast.json_values import entries
 from jblast.registry import LAWS
 from jblast.report.words import aligned, hanging
+from jblast.results import Answer, among
 
 ABSENT = "-"
 WIDTHS = (26, 14, 12)
@@ -54,46 +53,25 @@ def _row(candidate: Candidate) -> tuple[str, str, str, str]:
 
 
 @dataclass(frozen=True)
-class ChoiceAnswer:
-    """What suffices, or what comes nearest to it.
+class ChoiceAnswer(Answer):
+    """The answer of `jblast choose`.
 
     Attributes:
-        quantity: What was asked for.
-        method: The cheapest method within the tolerance; else the best there is.
+        choice: The method.
         reason: Why, in one sentence.
-        predicted_error: Its relative error; null if nothing is known.
-        tolerance: What was asked for, relative; zero asks for the best.
-        met: Whether it suffices.
-        cost_s: Seconds a reading.
-        candidates: All methods that were looked at, the cheapest first.
+        rest: Its error and cost, and the methods compared.
     """
 
-    quantity: str
-    method: str
+    choice: Choice = field(metadata=among("quantity", "method"))
     reason: str
-    predicted_error: float
-    tolerance: float
-    met: bool
-    cost_s: float
-    candidates: tuple[Candidate, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return entries(self)
+    rest: Choice = field(
+        metadata=among("predicted_error", "tolerance", "met", "cost_s", "candidates")
+    )
 
 
 def choice_answer(choice: Choice) -> ChoiceAnswer:
     """Return a choice with its reason in words."""
-    return ChoiceAnswer(
-        quantity=choice.quantity,
-        method=choice.method,
-        reason=reason_for(choice),
-        predicted_error=choice.predicted_error,
-        tolerance=choice.tolerance,
-        met=choice.met,
-        cost_s=choice.cost_s,
-        candidates=choice.candidates,
-    )
+    return ChoiceAnswer(choice, reason_for(choice), choice)
 
 
 def reason_for(choice: Choice) -> str:

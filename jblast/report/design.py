@@ -2,31 +2,25 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import ClassVar, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from jblast.inference.design.cramer_rao import (
     AddedDatum,
     Bound,
     BoundSummary,
-    Sensitivity,
 )
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.posterior.parameters import Estimate, Spread
-from jblast.json_values import plain
 from jblast.quantities import ADDITIVE
 from jblast.registry import LAWS
-from jblast.report.choice import law_reason, law_reasons
+from jblast.report.choice import law_reason
 from jblast.report.estimates import printed_estimate
-from jblast.report.fit.document import (
-    ambiguity_entries,
-    determined_entries,
-    determined_lines,
-    null_direction_entries,
-)
+from jblast.report.fit.document import WORDED, determined_lines
 from jblast.report.fit.findings import all_words
 from jblast.report.fit.terminal import cannot_tell, section
 from jblast.report.words import (
@@ -39,6 +33,7 @@ from jblast.report.words import (
     quantity_words,
     significant,
 )
+from jblast.results import AMONG, Document, Words, among
 
 SAID_OF_THE_MASS = {"air_arrival_s": "the air shock's travel time"}
 MOST_HELP = 6
@@ -241,57 +236,49 @@ def _row(datum: AddedDatum) -> tuple[str, str, str]:
     )
 
 
-def bound_document(bound: Bound) -> dict[str, Any]:
-    """Return what `jblast bound --json` prints, null for what is no finite number."""
-    found = bound.summary
-    return plain(
-        {
-            "schema": 1,
-            "at": found.at,
-            "law": found.law,
-            "law_reason": law_reasons(found.law_reason),
-            "law_valid": found.law_valid,
-            "parameters": {n: asdict(spread) for n, spread in found.parameters.items()},
-            "free": found.free,
-            "identifiable": found.identifiable,
-            "null_directions": null_direction_entries(found.null_directions),
-            "ambiguities": ambiguity_entries(found.ambiguities),
-            "determined": determined_entries(found.determined),
-            "noise": found.noise,
-            "n_observations": found.n_observations,
-            "help": [_added(datum) for datum in found.help],
-            "leans_on": [_sensitivity(entry) for entry in found.leans_on],
-            "mass_exponents": found.mass_exponents,
-            "warnings": all_words(found.warnings),
-        }
-    )
-
-
 def where(datum: AddedDatum) -> str:
     """Say where a datum would be recorded."""
     return f"at sensor {datum.sensor}" if datum.sensor else "off the sensors' line"
 
 
-def _added(datum: AddedDatum) -> dict[str, Any]:
-    return {
-        "quantity": datum.quantity,
-        "where": where(datum),
-        "position_m": datum.position,
-        "charge": datum.charge or None,
-        "sigma": datum.sigma,
-        "sigma_from": "default" if datum.is_default else "layout",
-        "law": datum.law,
-        "law_valid": datum.law_valid,
-        "parameter": datum.parameter,
-        **asdict(datum.left),
-    }
+@dataclass(frozen=True)
+class AddedRow:
+    """A row that could be added to a layout, and what it would leave unknown.
+
+    Attributes:
+        of: The quantity.
+        where: Its position, in words.
+        position_m: Its position; null in a scene without places.
+        charge: Name of the charge; null for a single one.
+        sigma: Its error: seconds, or relative.
+        sigma_from: Source of the error.
+        rest: Its law, and the number that it would constrain.
+        left: How far that may be off then.
+    """
+
+    of: AddedDatum = field(metadata=among("quantity"))
+    where: str
+    position_m: Float[np.ndarray, "3"] | None
+    charge: str | None
+    sigma: float
+    sigma_from: Literal["default", "layout"]
+    rest: AddedDatum = field(metadata=among("law", "law_valid", "parameter"))
+    left: Spread = field(metadata=AMONG)
 
 
-def _sensitivity(entry: Sensitivity) -> dict[str, Any]:
-    without = entry.without_prior
-    return {
-        "parameter": entry.parameter,
-        "on": entry.on,
-        "if_known": asdict(entry.if_known),
-        "without_prior": None if without is None else asdict(without),
-    }
+def _added(of: AddedDatum) -> AddedRow:
+    source = "default" if of.is_default else "layout"
+    charge = of.charge or None
+    return AddedRow(of, where(of), of.position, charge, of.sigma, source, of, of.left)
+
+
+@dataclass(frozen=True)
+class BoundAnswer(Document):
+    """The answer of `jblast bound`.
+
+    Attributes:
+        summary: Results of the bound.
+    """
+
+    words: ClassVar[Words] = {**WORDED, AddedDatum: _added}
+    summary: BoundSummary = field(metadata=AMONG)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from typing import Any
 
-from jblast.json_values import plain
 from jblast.report.words import aligned, joined
+from jblast.results import plain
 from jblast.signals.arrival_log import CONTRADICTED, WIDEST, ArrayFinding, Log
 from jblast.signals.matched_filter import Detection
 from jblast.signals.pulse_fit import PulseFit

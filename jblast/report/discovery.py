@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,8 +10,8 @@ from jblast.discovery.discover import DOUBTFUL, FEWEST_MEMBERS, Discovery, Repla
 from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import Outcome
 from jblast.discovery.shock import Slowing
-from jblast.json_values import plain
 from jblast.report.words import aligned, significant
+from jblast.results import Document
 
 COVERAGE = (0.73, 1.0)
 """Share of noisy records whose 90 % interval held the truth; least and greatest of the
@@ -312,7 +311,7 @@ class NominalInterval:
 
 
 @dataclass(frozen=True)
-class DiscoveryAnswer:
+class DiscoveryAnswer(Document):
     """What was asked, and what was found.
 
     Attributes:
@@ -344,10 +343,6 @@ class DiscoveryAnswer:
     interval: NominalInterval
     repeated: tuple[str, ...]
     reproduced: bool
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it; null is what is not a finite number."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def discovery_answer(

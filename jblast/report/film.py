@@ -1,10 +1,10 @@
 """The answers of `jblast render` and `jblast events`."""
 
-import json
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
-from jblast.json_values import ABSENT, AMONG, entries
+from jblast.results import ABSENT, AMONG, Answer
+from jblast.sensors.camera.files.event_files import Written
 
 Switch = Literal["on", "off"]
 
@@ -17,18 +17,14 @@ class FilmEvents:
         threshold: Changes of the logarithm of light that give an event, brighter and
             darker.
         noise: Whether the camera has its imperfections.
-        events: How many there are.
-        brighter: Number of events of increasing light.
-        darker: Number of events of decreasing light.
+        written: Numbers of events.
         stamps: How their times were found.
         stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
     """
 
     threshold: tuple[float, float]
     noise: Switch
-    events: int
-    brighter: int
-    darker: int
+    written: Written = field(metadata=AMONG)
     stamps: Literal["solved for", "interpolated", "of the frame"]
     stamp_error_s: float
 
@@ -51,7 +47,7 @@ class FilmFiles:
 
 
 @dataclass(frozen=True)
-class FilmAnswer:
+class FilmAnswer(Answer):
     """A film that was written.
 
     Attributes:
@@ -85,10 +81,6 @@ class FilmAnswer:
     lifted_m: float | None = field(metadata=ABSENT)
     files: FilmFiles
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return entries(self)
-
 
 def film_text(answer: FilmAnswer) -> str:
     """Return how much was written, how exact it is, and where it is."""
@@ -98,8 +90,7 @@ def film_text(answer: FilmAnswer) -> str:
     )
     if found := answer.found:
         summary += (
-            f": {found.events:,} events, {found.brighter:,} brighter and "
-            f"{found.darker:,} darker; times {found.stamps}, "
+            f": {_counts(found.written)}; times {found.stamps}, "
             f"within {1e6 * found.stamp_error_s:g} us"
         )
         if found.stamps != "solved for":
@@ -112,6 +103,13 @@ def film_text(answer: FilmAnswer) -> str:
     files = answer.files
     where = (files.frames, files.events, _video(answer), files.contact_sheet)
     return "\n".join([summary, *filter(None, where), ""])
+
+
+def _counts(written: Written) -> str:
+    return (
+        f"{written.events:,} events, {written.brighter:,} brighter and "
+        f"{written.darker:,} darker"
+    )
 
 
 def _video(answer: FilmAnswer) -> str | None:
@@ -137,7 +135,7 @@ def dark_film(share: float, darkest: float) -> str:
 
 
 @dataclass(frozen=True)
-class EventsAnswer:
+class EventsAnswer(Answer):
     """The events of frames, as they were written.
 
     Attributes:
@@ -151,9 +149,7 @@ class EventsAnswer:
         srgb: Whether grey values were taken for sRGB.
         noise: Whether the camera has its imperfections.
         seed: Of the noise; null without.
-        events: How many there are.
-        brighter: Number of events of increasing light.
-        darker: Number of events of decreasing light.
+        written: Numbers of events.
         bits: Bit depth of the values of the frames; null of floats.
         darkest: Linear light, as a fraction of full scale, below which changes give no
             events.
@@ -171,30 +167,18 @@ class EventsAnswer:
     srgb: bool
     noise: Switch
     seed: int | None
-    events: int
-    brighter: int
-    darker: int
+    written: Written = field(metadata=AMONG)
     bits: int | None
     darkest: float
     below_darkest: float
     warnings: tuple[str, ...]
     out: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return entries(self)
-
 
 def events_text(answer: EventsAnswer) -> str:
     """Return how many events there were, and where they are."""
     return (
         f"{answer.frames:,} frames of {answer.width} x {answer.height} pixels "
-        f"over {answer.duration_s:g} s: {answer.events:,} events, "
-        f"{answer.brighter:,} brighter and {answer.darker:,} darker\n"
+        f"over {answer.duration_s:g} s: {_counts(answer.written)}\n"
         f"{answer.out}\n"
     )
-
-
-def as_json(answer: FilmAnswer | EventsAnswer) -> str:
-    """Return what `--json` prints."""
-    return json.dumps(answer.to_dict(), indent=2, ensure_ascii=False) + "\n"

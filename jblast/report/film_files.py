@@ -217,7 +217,7 @@ def write_film(
             found = FilmEvents(
                 threshold=tuple(film.camera.threshold.tolist()),
                 noise="on" if noise else "off",
-                **written._asdict(),
+                written=written,
                 stamps=stamps.how,
                 stamp_error_s=stamps.error_s,
             )

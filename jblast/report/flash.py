@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, field
+from typing import Literal
 
-from jblast.json_values import entries
+from jblast.results import Document, among
+from jblast.signals.flash.fireball import Direction, Growth, Silhouette
 from jblast.signals.flash.search import Flash, FlashDetections, Rejected
 from jblast.signals.matched_filter import in_decibels
 
-if TYPE_CHECKING:  # it brings JAX
-    from jblast.signals.flash.fireball import Direction
 Kind = Literal["frames", "video", "events"]
 
 
@@ -57,18 +56,12 @@ class GrownTo:
     """A silhouette.
 
     Attributes:
-        time_s: When.
-        radius_px: Of the disc or half disc whose columns spread as much.
-        x_px: Mean column.
-        y_px: Mean row.
-        cut: Whether an edge of the image cuts it.
+        silhouette: The silhouette.
     """
 
-    time_s: float
-    radius_px: float
-    x_px: float
-    y_px: float
-    cut: bool
+    silhouette: Silhouette = field(
+        metadata=among("time_s", "radius_px", "x_px", "y_px", "cut")
+    )
 
 
 @dataclass(frozen=True)
@@ -76,37 +69,22 @@ class FlashSeen:
     """All that is known of a flash.
 
     Attributes:
-        time_s: First light, since frame 0 or the first event.
-        sigma_s: Its standard deviation.
-        frame: The first that shows it; of events the millisecond.
-        told_s: When it was told.
-        statistic: Of the test then.
-        x_px: The burst in the image.
-        x_sigma_px: Its standard deviation.
-        y_px: Down from the top.
-        y_sigma_px: Its standard deviation.
-        radius_px: Of the fireball when it has grown; null where it is not told.
-        radius_sigma_px: Its standard deviation.
-        growth_s: Time constant of its growth; null where it is not told.
-        growth_sigma_s: Its standard deviation.
+        light: First light.
+        alarm: First frame and alarm.
+        grown: Place and growth.
         direction: From the camera; null without a scene.
         growth: Its silhouettes.
     """
 
-    time_s: float
-    sigma_s: float
-    frame: int
-    told_s: float
-    statistic: float
-    x_px: float
-    x_sigma_px: float
-    y_px: float
-    y_sigma_px: float
-    radius_px: float | None
-    radius_sigma_px: float | None
-    growth_s: float | None
-    growth_sigma_s: float | None
-    direction: "DirectionSeen | None"
+    light: Growth = field(metadata=among("time_s", "sigma_s"))
+    alarm: Flash = field(metadata=among("frame", "told_s", "statistic"))
+    grown: Growth = field(
+        metadata=among(
+            *("x_px", "x_sigma_px", "y_px", "y_sigma_px", "radius_px"),
+            *("radius_sigma_px", "growth_s", "growth_sigma_s"),
+        )
+    )
+    direction: Direction | None
     growth: tuple[GrownTo, ...]
 
 
@@ -149,7 +127,7 @@ class Searched:
 
 
 @dataclass(frozen=True)
-class FlashAnswer:
+class FlashAnswer(Document):
     """What was seen.
 
     Attributes:
@@ -172,10 +150,6 @@ class FlashAnswer:
     recording: Searched
     flashes: tuple[FlashSeen, ...]
     warnings: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return {"schema": 1} | entries(self)
 
 
 def flash_text(answer: FlashAnswer) -> str:
@@ -205,34 +179,31 @@ def _searched(what: Searched) -> str:
 
 
 def _lines(flash: FlashSeen, number: int | None) -> list[str]:
-    digits = min(max(1 - math.floor(math.log10(flash.sigma_s)), 1), 9)
-    late = 1e3 * (flash.told_s - flash.time_s)
+    grown, seen_from = flash.grown, flash.direction
+    digits = min(max(1 - math.floor(math.log10(grown.sigma_s)), 1), 9)
+    late = 1e3 * (flash.alarm.told_s - grown.time_s)
     lines = [f"Blast {number}"] if number else []
     lines += [
-        f"first light  {flash.time_s:.{digits}f} ± {flash.sigma_s:.2g} s, frame "
-        f"{flash.frame}, told {late:.3g} ms later",
-        f"where        x {flash.x_px:.1f} ± {flash.x_sigma_px:.1f} px, "
-        f"y {flash.y_px:.1f} ± {flash.y_sigma_px:.1f} px",
+        f"first light  {grown.time_s:.{digits}f} ± {grown.sigma_s:.2g} s, frame "
+        f"{flash.alarm.frame}, told {late:.3g} ms later",
+        f"where        x {grown.x_px:.1f} ± {grown.x_sigma_px:.1f} px, "
+        f"y {grown.y_px:.1f} ± {grown.y_sigma_px:.1f} px",
     ]
-    if flash.direction is not None:
-        east, up = flash.direction.bearing_rad, flash.direction.elevation_rad
-        east_sd, up_sd = (
-            flash.direction.bearing_sd_rad,
-            flash.direction.elevation_sd_rad,
-        )
+    if seen_from is not None:
+        east, east_sd, up, up_sd = seen_from
         lines.append(
             f"direction    bearing {math.degrees(east):.2f} ± "
             f"{math.degrees(east_sd):.2g} degrees, elevation {math.degrees(up):.2f} ± "
             f"{math.degrees(up_sd):.2g} degrees"
         )
-    if flash.radius_px is not None and flash.growth_s is not None:
-        tau, tau_sd = 1e3 * flash.growth_s, 1e3 * (flash.growth_sigma_s or 0.0)
+    if grown.radius_px is not None and grown.growth_s is not None:
+        tau, tau_sd = 1e3 * grown.growth_s, 1e3 * (grown.growth_sigma_s or 0.0)
         lines.append(
-            f"grew to      {flash.radius_px:.1f} ± {flash.radius_sigma_px:.1f} px, "
+            f"grew to      {grown.radius_px:.1f} ± {grown.radius_sigma_px:.1f} px, "
             f"time constant {tau:.2f} ± {tau_sd:.2g} ms"
         )
     else:
-        last = flash.growth[-1]
+        last = flash.alarm.silhouettes[-1]
         lines.append(
             f"grew to      {last.radius_px:.1f} px at {last.time_s:.6g} s; no growth "
             "could be fitted"
@@ -240,28 +211,11 @@ def _lines(flash: FlashSeen, number: int | None) -> list[str]:
     return lines
 
 
-@dataclass(frozen=True)
-class DirectionSeen:
-    """From the camera to the burst, by the scene's pose and lens.
-
-    Attributes:
-        bearing_rad: Clockwise from north.
-        bearing_sd_rad: Its standard deviation, of the place in the image alone.
-        elevation_rad: Above the horizon.
-        elevation_sd_rad: Its standard deviation, likewise.
-    """
-
-    bearing_rad: float
-    bearing_sd_rad: float
-    elevation_rad: float
-    elevation_sd_rad: float
-
-
 def flash_answer(
     watched: FlashDetections,
     searched: Searched,
     false_alarms: float,
-    directions: "Sequence[Direction]" = (),
+    directions: Sequence[Direction] = (),
     warnings: Sequence[str] = (),
 ) -> FlashAnswer:
     """Return the answer on a film.
@@ -282,7 +236,13 @@ def flash_answer(
         method=Method("growth_cusum", false_alarms, watched.threshold),
         recording=searched,
         flashes=tuple(
-            _seen(flash, DirectionSeen(*directions[i]) if directions else None)
+            FlashSeen(
+                flash.growth,
+                flash,
+                flash.growth,
+                directions[i] if directions else None,
+                tuple(map(GrownTo, flash.silhouettes)),
+            )
             for i, flash in enumerate(watched.flashes)
         ),
         warnings=tuple(warnings),
@@ -294,27 +254,3 @@ def _arrival(flash: Flash) -> Arrival:
     decibels = in_decibels(flash.statistic)
     pixel = grown.x_px, grown.y_px
     return Arrival(grown.time_s, decibels, grown.sigma_s, pixel, flash.frame)
-
-
-def _seen(flash: Flash, direction: DirectionSeen | None) -> FlashSeen:
-    grown = flash.growth
-    return FlashSeen(
-        time_s=grown.time_s,
-        sigma_s=grown.sigma_s,
-        frame=flash.frame,
-        told_s=flash.told_s,
-        statistic=flash.statistic,
-        x_px=grown.x_px,
-        x_sigma_px=grown.x_sigma_px,
-        y_px=grown.y_px,
-        y_sigma_px=grown.y_sigma_px,
-        radius_px=grown.radius_px,
-        radius_sigma_px=grown.radius_sigma_px,
-        growth_s=grown.growth_s,
-        growth_sigma_s=grown.growth_sigma_s,
-        direction=direction,
-        growth=tuple(
-            GrownTo(s.time_s, s.radius_px, s.x_px, s.y_px, s.cut)
-            for s in flash.silhouettes
-        ),
-    )

@@ -8,7 +8,7 @@ by thrust is linear in this direction, and not in the quaternion.
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from jblast.autopilot.estimator import Thrown
-from jblast.json_values import plain
 from jblast.quantities import QUANTITIES
 from jblast.report.words import (
     WIDTH,
@@ -28,6 +27,7 @@ from jblast.report.words import (
     printed_number,
     significant,
 )
+from jblast.results import Document
 from jblast.study.flight_results import (
     EXPOSURES,
     METRICS,
@@ -43,7 +43,7 @@ from jblast.study.flight_results import (
     warnings_of,
 )
 from jblast.vehicle import Trajectory
-from jblast.vehicle.metrics import THRESHOLDS
+from jblast.vehicle.metrics import THRESHOLDS, Threshold
 
 WORLD, BODY, ROTORS = ("east", "north", "up"), "xyz", "1234"
 COLUMNS = {
@@ -338,19 +338,6 @@ class EstimateThrown:
 
 
 @dataclass(frozen=True)
-class Limit:
-    """A threshold of the vehicle.
-
-    Attributes:
-        value: Its value; null: nobody knows.
-        source: Where it comes from.
-    """
-
-    value: float | None
-    source: str
-
-
-@dataclass(frozen=True)
 class Outcome:
     """What became of one flight.
 
@@ -446,7 +433,7 @@ class OutcomeOfSeveral:
 
 
 @dataclass(frozen=True)
-class FlightsAnswer:
+class FlightsAnswer(Document):
     """How it was flown, what came, and what became of it.
 
     Attributes:
@@ -488,16 +475,12 @@ class FlightsAnswer:
     load: str
     drawn: Mapping[str, float | Quantiles]
     blasts: tuple[BlastMet | BlastMetBySeveral, ...]
-    thresholds: Mapping[str, Limit]
+    thresholds: Mapping[str, Threshold]
     scene_hold: str | None
     holds: Mapping[str, Outcome | OutcomeOfSeveral]
     estimator: str
     estimates: Mapping[str, tuple[EstimateThrown, ...]]
     warnings: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it; null is what is not a finite number."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
@@ -531,10 +514,7 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
             for name, values in flights.drawn.items()
         },
         blasts=tuple(blast(flights, first, n) for n in range(len(flights.blasts))),
-        thresholds={
-            name: Limit(limit.value, limit.source)
-            for name, limit in THRESHOLDS[vehicle.model].items()
-        },
+        thresholds=THRESHOLDS[vehicle.model],
         scene_hold=flights.own,
         holds={
             name: (_outcome_of_several if several else _outcome)(vehicle.model, flown)

@@ -1,7 +1,6 @@
 """Files of `jblast tune --gains --out`: the scene, and figures of both controllers."""
 
 import copy
-import json
 import tomllib
 from functools import partial
 from pathlib import Path
@@ -23,7 +22,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.gains import GainsAnswer, gains_answer, keys_of_gains
+from jblast.report.gains import gains_answer, keys_of_gains
 from jblast.report.tune_files import FIGURE, JSON, SCENE, moved, scene_text
 from jblast.study.gains import TunedGains, known_peaks
 
@@ -119,7 +118,8 @@ def write_gains(tuned: TunedGains, directory: Path, scene: str) -> tuple[str, ..
     names = [SCENE, JSON]
     if write_drawn(partial(gains_figure, tuned), directory / FIGURE) is not None:
         names.append(FIGURE)
-    write_text(directory / JSON, as_json(gains_answer(tuned, scene, tuple(names))))
+    answer = gains_answer(tuned, scene, tuple(names))
+    write_text(directory / JSON, answer.to_json())
     return tuple(names)
 
 
@@ -132,9 +132,3 @@ def with_gains(document: dict[str, Any], tuned: TunedGains) -> dict[str, Any]:
     for key, value in found.items():
         control[key] = list(value) if isinstance(value, tuple) else value
     return changed
-
-
-def as_json(answer: GainsAnswer) -> str:
-    """Return what `--json` prints, and tune.json holds."""
-    document = {"schema": 1} | answer.to_dict()
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -2,13 +2,13 @@
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from jblast.json_values import plain
 from jblast.report.words import WIDTH, aligned
+from jblast.results import Document
 from jblast.study.gains import Tried, TunedGains, known_peaks
 from jblast.vehicle import STEP_S, Gains, vehicle_of
 from jblast.vehicle.control.stability import LOOPS
@@ -80,7 +80,7 @@ class TriedGains:
 
 
 @dataclass(frozen=True)
-class GainsAnswer:
+class GainsAnswer(Document):
     """Gains before and after, and what they are worth.
 
     Attributes:
@@ -118,10 +118,6 @@ class GainsAnswer:
     converged: bool
     warnings: tuple[str, ...]
     files: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it; null is what is not a finite number."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def gains_text(answer: GainsAnswer) -> str:

@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.files import replacing
-from jblast.json_values import plain
 from jblast.observations.records.sound import Bits, write_sound_stream
 from jblast.report.words import (
     aligned,
@@ -24,6 +23,7 @@ from jblast.report.words import (
     law_words,
     printed_number,
 )
+from jblast.results import plain
 from jblast.scene import Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import clipping

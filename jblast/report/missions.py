@@ -3,20 +3,17 @@
 import math
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jblast.json_values import plain
 from jblast.missions.mission import geodetic
 from jblast.missions.plan import COMMANDS
 from jblast.report.flights import (
     BlastMet,
     EastNorthUpM,
     EstimateThrown,
-    Limit,
     estimate_lines,
     estimates_thrown,
 )
@@ -28,8 +25,9 @@ from jblast.report.words import (
     printed_number,
     significant,
 )
-from jblast.study.missions import WATCHED_S, Disturbance, MissionFlight
-from jblast.vehicle.metrics import THRESHOLDS
+from jblast.results import Document, among
+from jblast.study.missions import WATCHED_S, Disturbance, MissionFlight, Waypoint
+from jblast.vehicle.metrics import THRESHOLDS, Threshold
 
 
 def mission_text(flight: MissionFlight) -> str:
@@ -139,22 +137,19 @@ class BlastFlownThrough:
     """What one blast did; null where it came before or after the flight.
 
     Attributes:
-        charge: Its name; "" of one alone.
+        of: Its name.
         waypoint: Number of the item it came on the way to.
-        error_before_m: Path error as it came.
-        peak_deviation_m: Greatest path error until the next blast, 10 s at most.
-        peak_time_s: When, after it came.
-        recovery_time_s: Until the path error stayed within the tolerance; null: it
-            did not.
-        recovered: Whether it did.
+        rest: Path errors.
+        recovered: Whether the path error came back within the tolerance.
     """
 
-    charge: str
+    of: Disturbance = field(metadata=among("charge"))
     waypoint: int | None
-    error_before_m: float
-    peak_deviation_m: float
-    peak_time_s: float
-    recovery_time_s: float
+    rest: Disturbance = field(
+        metadata=among(
+            *("error_before_m", "peak_deviation_m", "peak_time_s", "recovery_time_s")
+        )
+    )
     recovered: bool | None
 
 
@@ -165,24 +160,20 @@ class WaypointFlown:
     Attributes:
         index: Number of the item in its plan.
         command: As MAVLink numbers it.
-        reached: Whether the vehicle came within the acceptance radius.
-        time_s: When, on the scene's clock; null: never.
-        error_m: Least distance from it.
-        path_error_rms_m: Of the distance from the set point on the way there.
-        path_error_max_m: Likewise, the greatest.
+        flown: Errors, and the time of arrival.
     """
 
     index: int
     command: int
-    reached: bool
-    time_s: float
-    error_m: float
-    path_error_rms_m: float
-    path_error_max_m: float
+    flown: Waypoint = field(
+        metadata=among(
+            *("reached", "time_s", "error_m", "path_error_rms_m", "path_error_max_m")
+        )
+    )
 
 
 @dataclass(frozen=True)
-class MissionAnswer:
+class MissionAnswer(Document):
     """What was flown, what came, and what became of it.
 
     Attributes:
@@ -238,12 +229,8 @@ class MissionAnswer:
     estimates: tuple[EstimateThrown, ...]
     peak_overpressure_pa: float
     peak_acceleration_m_s2: float
-    thresholds: Mapping[str, Limit]
+    thresholds: Mapping[str, Threshold]
     warnings: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it; null is what is not a finite number."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAnswer:
@@ -278,15 +265,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
         crashed=bool(flight.crash),
         crash=flight.crash,
         waypoints=tuple(
-            WaypointFlown(
-                one.item.number,
-                one.item.command,
-                one.reached,
-                one.time_s,
-                one.error_m,
-                one.path_error_rms_m,
-                one.path_error_max_m,
-            )
+            WaypointFlown(one.item.number, one.item.command, one)
             for one in flight.waypoints
         ),
         blasts=tuple(
@@ -297,7 +276,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
         estimates=_estimates(flight),
         peak_overpressure_pa=float(flight.exposure.peak_overpressure_pa),
         peak_acceleration_m_s2=float(flight.exposure.peak_acceleration_m_s2),
-        thresholds={n: Limit(limits[n].value, limits[n].source) for n in judged},
+        thresholds={name: limits[name] for name in judged},
         warnings=tuple(mission_warnings(flight)),
     )
 
@@ -351,11 +330,8 @@ def _estimates(flight: MissionFlight) -> tuple[EstimateThrown, ...]:
 def _through(flight: MissionFlight, one: Disturbance) -> BlastFlownThrough:
     flown = one.waypoint >= 0
     return BlastFlownThrough(
-        one.charge,
+        one,
         flight.waypoints[one.waypoint].item.number if flown else None,
-        one.error_before_m,
-        one.peak_deviation_m,
-        one.peak_time_s,
-        one.recovery_time_s,
+        one,
         math.isfinite(one.recovery_time_s) if flown else None,
     )

@@ -1,10 +1,9 @@
 """Files of `jblast pick --report`: figures of records and their pulses, and a page."""
 
-import json
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -28,7 +27,13 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.pages import page
-from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION, estimate_words, note_words
+from jblast.report.picks import (
+    RECORDS_ALT,
+    RECORDS_CAPTION,
+    PicksAnswer,
+    estimate_words,
+    note_words,
+)
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
 from jblast.signals.picks import NAMES, Gathered, Pick, PickLog, RecordPick
@@ -56,7 +61,7 @@ def write_picks(
     directory: Path,
     found: Gathered,
     log: PickLog,
-    document: dict[str, Any],
+    answer: PicksAnswer,
     lines: Sequence[str],
     made: Provenance,
 ) -> list[str]:
@@ -68,7 +73,7 @@ def write_picks(
         directory: Where to; made if it is not there.
         found: Picks that keep their samples.
         log: Their rows.
-        document: What `picks_document` made of them.
+        answer: What `picks_answer` made of them.
         lines: Further remarks.
         made: What they were made of.
 
@@ -79,8 +84,7 @@ def write_picks(
     stale = [directory / name for name in (JSON, LOG, PAGE)]
     for path in (*stale, *directory.glob(PICTURE.format("*"))):
         path.unlink(missing_ok=True)
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-    write_text(directory / JSON, text + "\n")
+    write_text(directory / JSON, answer.to_json())
     written = [JSON]
     if len(log.observations):
         write(directory / LOG, log.observations)

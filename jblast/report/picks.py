@@ -2,11 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, timedelta
-from typing import Any
 
-from jblast.json_values import plain
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
     aligned,
@@ -16,6 +14,7 @@ from jblast.report.words import (
     rounded,
     unit_for,
 )
+from jblast.results import Document
 from jblast.signals.picks import (
     NAMES,
     Gathered,
@@ -198,16 +197,6 @@ def _listed(names: list[str] | tuple[str, ...]) -> str:
     )
 
 
-def picks_document(found: Gathered, log: PickLog) -> dict[str, Any]:
-    """Return the document of what was picked.
-
-    Args:
-        found: Picks.
-        log: Their rows.
-    """
-    return plain({"schema": 1, **asdict(picks_answer(found, log))})
-
-
 @dataclass(frozen=True)
 class PickedValue:
     """A value and its standard deviation, in its unit.
@@ -265,7 +254,7 @@ class PickAnswer:
 
 
 @dataclass(frozen=True)
-class PicksAnswer:
+class PicksAnswer(Document):
     """What was picked from records of samples.
 
     Attributes:
@@ -290,7 +279,12 @@ class PicksAnswer:
 
 
 def picks_answer(found: Gathered, log: PickLog) -> PicksAnswer:
-    """Return what was picked, as data."""
+    """Return what was picked.
+
+    Args:
+        found: Picks.
+        log: Their rows.
+    """
     rows = log.observations
     shots = dict(zip(rows.record, rows.shot, strict=False))
     return PicksAnswer(

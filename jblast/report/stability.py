@@ -1,9 +1,8 @@
 """Failure modes of methods as text, Markdown, CSV and JSON."""
 
-import json
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, fields
 
-from jblast.json_values import plain
 from jblast.report.words import (
     capitalised,
     comma_separated,
@@ -11,7 +10,8 @@ from jblast.report.words import (
     markdown,
     printed_number,
 )
-from jblast.verification.stability.failure import KEYS, FailureMode
+from jblast.results import Document
+from jblast.verification.stability.failure import FailureMode
 
 FailureModes = Mapping[str, Sequence[FailureMode]]
 """By area."""
@@ -28,6 +28,17 @@ HEAD = (
     "",
     "![Where each method breaks](stability.png)",
 )
+
+
+@dataclass(frozen=True)
+class StabilityAnswer(Document):
+    """The answer of `jblast stability`.
+
+    Attributes:
+        areas: Failure modes by area.
+    """
+
+    areas: FailureModes
 
 
 def boundary_words(mode: FailureMode) -> str:
@@ -74,12 +85,6 @@ def stability_markdown(modes: FailureModes) -> str:
 
 def stability_csv(modes: FailureModes) -> str:
     """Return one row a failure mode."""
-    every = (mode for found in modes.values() for mode in found)
-    return comma_separated([KEYS, *(mode.to_dict().values() for mode in every)])
-
-
-def stability_json(modes: FailureModes) -> str:
-    """Return what `--json` prints."""
-    areas = {area: [mode.to_dict() for mode in found] for area, found in modes.items()}
-    document = plain({"schema": 1, "areas": areas})
-    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+    names = [one.metadata.get("key", one.name) for one in fields(FailureMode)]
+    every = (astuple(mode) for found in modes.values() for mode in found)
+    return comma_separated([names, *every])

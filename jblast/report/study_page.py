@@ -1,6 +1,5 @@
 """Results of a study on one page."""
 
-import json
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -31,13 +30,14 @@ from jblast.report.pages import page
 from jblast.report.study_columns import Lane, StudyAxis, StudyColumns, found_in, pooled
 from jblast.report.study_results import (
     LaneShares,
+    StudyReportAnswer,
     Table,
     cell_summaries,
     number_table,
     sensitivity_table,
     share_table,
     shares_of,
-    study_document,
+    study_report_answer,
     summaries_of,
     summary_of,
     text_lines,
@@ -122,9 +122,9 @@ class StudyReport:
         made = ((name, draw()) for name, draw in drawn.items())
         return {name: picture_of(of) for name, of in made if of is not None}
 
-    def document(self) -> dict[str, Any]:
+    def answer(self) -> StudyReportAnswer:
         """Return it for a program."""
-        return study_document(self.columns, self.overall, self.cells, self.shares)
+        return study_report_answer(self.columns, self.overall, self.cells, self.shares)
 
     def text(self) -> str:
         """Return it for a terminal."""
@@ -216,8 +216,7 @@ def write_report(report: StudyReport, directory: Path) -> None:
         OSError: One cannot be written.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(report.document(), indent=2, allow_nan=False)
-    write_text(directory / "report.json", text + "\n")
+    write_text(directory / "report.json", report.answer().to_json())
     for name, picture in report.pictures.items():
         write_bytes(directory / f"{name}.png", picture.png)
     write_text(directory / "report.html", report.page())

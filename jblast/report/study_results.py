@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.json_values import plain
 from jblast.report.study_columns import NAMES, QUANTILES, Lane, StudyColumns, found_in
+from jblast.results import Document
 from jblast.study.sensitivity import (
     SobolIndices,
     disagreement,
@@ -264,7 +264,7 @@ class SharesAnswer:
 
 
 @dataclass(frozen=True)
-class StudyReportAnswer:
+class StudyReportAnswer(Document):
     """A report on a study.
 
     Attributes:
@@ -294,19 +294,19 @@ class StudyReportAnswer:
     notes: tuple[str, ...]
 
 
-def study_document(
+def study_report_answer(
     columns: StudyColumns,
     overall: list[LaneSummary],
     cells: list[LaneSummary],
     shares: list[LaneShares],
-) -> dict[str, Any]:
+) -> StudyReportAnswer:
     """Return the document; what is not known, or infinite, is null."""
     said, names = columns.attributes, [axis.name for axis in columns.axes]
 
     def word(name: str) -> str | None:
         return None if said.get(name) is None else str(said[name])
 
-    answer = StudyReportAnswer(
+    return StudyReportAnswer(
         columns.total,
         bool(said.get("complete", False)),
         None if said.get("seed") is None else int(said["seed"]),
@@ -322,7 +322,6 @@ def study_document(
         tuple(_shares(one) for one in shares),
         tuple(columns.notes),
     )
-    return {"schema": 1} | plain(answer)
 
 
 def _outcome(one: LaneSummary, names: list[str]) -> OutcomeAnswer:

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from jblast.json_values import entries
 from jblast.report.words import aligned
+from jblast.results import Document
 from jblast.study.engine.store import Variable
 from jblast.study.engine.tiles import Moments
 from jblast.study.outcome.family import Outcome
@@ -46,11 +45,10 @@ class OutcomeKnown:
 
 
 @dataclass(frozen=True)
-class StudyAnswer:
+class StudyAnswer(Document):
     """A study, or what there is of it.
 
     Attributes:
-        schema: 1.
         store: Its folder.
         complete: Whether all samples are there.
         reached: Whether it ended because the standard errors asked for were reached.
@@ -61,7 +59,6 @@ class StudyAnswer:
         notes: Remarks on the calculation.
     """
 
-    schema: int
     store: str
     complete: bool
     reached: bool
@@ -70,10 +67,6 @@ class StudyAnswer:
     seconds: float
     outcomes: tuple[OutcomeKnown, ...]
     notes: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return entries(self)
 
 
 def run_text(answer: StudyAnswer) -> str:
@@ -133,7 +126,6 @@ def study_answer(ran: Ran) -> StudyAnswer:
     """Return what a run came to."""
     outcomes = [v for v in ran.store.variables if v.role == "outcome"]
     return StudyAnswer(
-        schema=1,
         store=str(ran.store.path),
         complete=ran.complete,
         reached=ran.reached,

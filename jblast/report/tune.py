@@ -1,17 +1,22 @@
 """The answer of `jblast tune`."""
 
-import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from jblast.inference.tuning.result import POOR, Note, Tuned
+from jblast.inference.tuning.result import (
+    POOR,
+    Explained,
+    Note,
+    Tuned,
+    TunedNumber,
+)
 from jblast.inference.tuning.unknowns import TUNABLES, names_known, tuned_value
-from jblast.json_values import plain
 from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
 from jblast.report.words import aligned, hanging, joined, parameter_words, rounded
+from jblast.results import AMONG, Document, among
 from jblast.scene import parameter_named
 
 NOT_TOLD = "not told"
@@ -40,29 +45,20 @@ class TunedEstimate:
     """A number that was looked for.
 
     Attributes:
-        value: The most probable one; null where the record does not tell it.
-        sd: Its standard deviation, in its unit; likewise.
-        q05: It is less with 5 %; likewise.
-        q95: It is less with 95 %; likewise.
-        unit: Of all of these.
-        before: Value of the scene, or start of the search.
-        fitted: What the tuned scene holds: the value, or where the search left what
-            the record does not tell.
+        found: Its value, with an interval.
+        unit: Of all its numbers.
+        rest: Its values before the search and in the tuned scene.
         key: Where it stands in a scene file.
     """
 
-    value: float | None
-    sd: float | None
-    q05: float | None
-    q95: float | None
+    found: TunedNumber = field(metadata=among("value", "sd", "q05", "q95"))
     unit: str
-    before: float
-    fitted: float
+    rest: TunedNumber = field(metadata=among("before", "fitted"))
     key: str
 
 
 @dataclass(frozen=True)
-class TuneAnswer:
+class TuneAnswer(Document):
     """An answer of jblast tune.
 
     Attributes:
@@ -76,13 +72,8 @@ class TuneAnswer:
             has them, by name; null where it has none.
         identifiable: Whether the record identifies all searched parameters.
         null_directions: Combinations that it does not constrain.
-        chi2: Sum of squares of what is left, each over its variance.
-        dof: What is expected of it.
-        tests: Probability of what is left, by what was looked at; below 0.001 the
-            record is poorly explained.
-        error: Of pictures, rms of what is left in steps of 8 bits; of events, the
-            typical one in thresholds; null of sound.
-        error_allowed: More counts as poorly explained.
+        explained: How well the record is explained; poorly if one of `tests` is below
+            0.001.
         converged: Whether the search ended of itself.
         warnings: Warnings, a sentence each.
         files: What was written.
@@ -97,11 +88,7 @@ class TuneAnswer:
     fixed: Mapping[str, float | None]
     identifiable: bool
     null_directions: tuple[NotTold, ...]
-    chi2: float
-    dof: int
-    tests: Mapping[str, float]
-    error: float | None
-    error_allowed: float | None
+    explained: Explained = field(metadata=AMONG)
     converged: bool
     warnings: tuple[str, ...]
     files: tuple[str, ...]
@@ -111,26 +98,27 @@ def tune_text(answer: TuneAnswer) -> str:
     """Return numbers with intervals, how well the record is explained, and doubts."""
     rows = [["", "value", "90 % interval", "unit", "before", ""]]
     for name, one in answer.estimates.items():
-        value, interval = NOT_TOLD, ""
-        if one.value is not None and one.sd is not None:
-            sd = max(one.sd, 1e-12 * abs(one.value))
-            value = rounded(one.value, sd)
-            ends = [rounded(end, sd) for end in (one.q05, one.q95) if end is not None]
+        value, interval, found = NOT_TOLD, "", one.found
+        if found.value is not None and found.sd is not None:
+            sd = max(found.sd, 1e-12 * abs(found.value))
+            value = rounded(found.value, sd)
+            ends = [rounded(x, sd) for x in (found.q05, found.q95) if x is not None]
             interval = " to ".join(ends)
         unit = "" if one.unit == "1" else one.unit
-        rows.append([name, value, interval, unit, f"{one.before:.4g}", one.key])
+        rows.append([name, value, interval, unit, f"{found.before:.4g}", one.key])
     lines = [f"{answer.recorded}: {_who(answer)}", *aligned(rows, right=(1, 4))]
     if decibels := _decibels(answer):
         lines.append(decibels)
     lines.append(_fixed(answer))
-    worst = min(answer.tests.items(), key=lambda item: item[1], default=None)
-    if answer.error is not None and answer.error_allowed is not None:
+    left = answer.explained
+    worst = min(left.tests.items(), key=lambda item: item[1], default=None)
+    if left.error is not None and left.error_allowed is not None:
         what = "steps of 8 bits" if answer.kind == "frames" else "thresholds"
         lines.append(
-            f"what is left: {answer.error:.2g} {what}; up to "
-            f"{answer.error_allowed:.2g} it is well explained"
+            f"what is left: {left.error:.2g} {what}; up to "
+            f"{left.error_allowed:.2g} it is well explained"
         )
-    explained = f"chi2 {answer.chi2:.6g} of {answer.dof:,} expected"
+    explained = f"chi2 {left.chi2:.6g} of {left.dof:,} expected"
     if worst is not None:
         explained += f"; least likely: {TESTS[worst[0]]}, p = {worst[1]:.2g}"
     lines.append(explained)
@@ -166,8 +154,9 @@ def _decibels(answer: TuneAnswer) -> str:
     levels = []
     for name in ("ambient_level_pa", "noise_pa"):
         one = answer.estimates.get(name)
-        if one is not None and one.value is not None and one.value > 0:
-            level = 20.0 * math.log10(one.value / 20e-6)
+        value = None if one is None else one.found.value
+        if value is not None and value > 0:
+            level = 20.0 * math.log10(value / 20e-6)
             levels.append(f"{words_of(name)} {level:.1f} dB")
     return f"{', '.join(levels)} re 20 µPa" if levels else ""
 
@@ -195,16 +184,7 @@ def tune_answer(
     index = tuned.problem.evidence.index
     sensor = tuned.scene.sensors[index].name if index >= 0 else None
     estimates = {
-        name: TunedEstimate(
-            one.value,
-            one.sd,
-            one.q05,
-            one.q95,
-            unit_of(name),
-            one.before,
-            one.fitted,
-            key_words(name, sensor),
-        )
+        name: TunedEstimate(one, unit_of(name), one, key_words(name, sensor))
         for name, one in tuned.numbers.items()
     }
     fixed = {}
@@ -222,21 +202,11 @@ def tune_answer(
         fixed=fixed,
         identifiable=tuned.is_identifiable,
         null_directions=tuple(NotTold(one.parameters) for one in tuned.null_directions),
-        chi2=tuned.explained.chi2,
-        dof=tuned.explained.dof,
-        tests=tuned.explained.tests,
-        error=tuned.explained.error,
-        error_allowed=tuned.explained.error_allowed,
+        explained=tuned.explained,
         converged=tuned.converged,
         warnings=tuple(warnings_of(tuned)),
         files=files,
     )
-
-
-def as_json(answer: TuneAnswer) -> str:
-    """Return what `--json` prints, and tune.json holds."""
-    document = {"schema": 1} | plain(answer)
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def words_of(name: str) -> str:

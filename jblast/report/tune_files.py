@@ -29,7 +29,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.tune import as_json, key_of, tune_answer
+from jblast.report.tune import key_of, tune_answer
 from jblast.scene.reader.tables import LISTS
 
 GREY = "#b0b0b0"
@@ -287,7 +287,7 @@ def write_tuned(
     if write_drawn(partial(tune_figure, tuned), directory / FIGURE) is not None:
         names.append(FIGURE)
     answer = tune_answer(tuned, scene, recorded, tuple(names))
-    write_text(directory / JSON, as_json(answer))
+    write_text(directory / JSON, answer.to_json())
     return tuple(names)
 
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from jblast.parameters import described
 from jblast.quantities import quantity_named
+from jblast.results import UNITS
 from jblast.units import si_factor
 
 GAP = 2
@@ -27,21 +28,6 @@ CUSTOMARY = {
 """The same of what Americans have units of their own for, by the endings of names."""
 SYMBOLS: dict[str, str] = {"in_s": "in/s", "ft_s": "ft/s", "psi_ms": "psi ms"}
 WIDTH = 96
-SUFFIXES = (
-    "_pa_s",
-    "_m_s2",
-    "_m_s",
-    "_rad",
-    "_deg",
-    "_kg",
-    "_pa",
-    "_px",
-    "_m",
-    "_s",
-    "_j",
-    "_k",
-)
-"""Unit suffixes of names, longest first: `_m_s` must be tried before `_s`."""
 LAW_WORDS = {
     "wu_hao": "Wu-Hao",
     "kingery_bulmash": "Kingery-Bulmash",
@@ -248,7 +234,7 @@ def behind(start: str, text: str) -> list[str]:
 def split_name(name: str) -> tuple[str, str, str]:
     """Split a parameter's name: `clock_offset_s.B` is ("clock_offset", "_s", "B")."""
     stem, _, label = name.partition(".")
-    for suffix in SUFFIXES:
+    for suffix in UNITS:
         if stem.endswith(suffix):
             return stem.removesuffix(suffix), suffix, label
     return stem, "", label

@@ -1,17 +1,18 @@
 """The answers of `jblast world` and `jblast serve`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
-from jblast.json_values import plain
 from jblast.observations import Observations
 from jblast.report.flights import EastNorthUpM, FlightsAnswer
 from jblast.report.provenance import Provenance
 from jblast.report.words import aligned, comma_separated, commented
+from jblast.results import AMONG, Document
 from jblast.scene import Charge
+from jblast.sensors.camera.files.event_files import Written
 from jblast.study.flight_results import Flights
 from jblast.world import DrawnWorld, Perceived, Preset
 from jblast.world.remote.serving import Options, Serving
@@ -39,7 +40,7 @@ class DroppedClient:
 
 
 @dataclass(frozen=True)
-class ServedAnswer:
+class ServedAnswer(Document):
     """What came of a server, when it was stopped.
 
     Attributes:
@@ -90,16 +91,126 @@ def serving_line(world: DrawnWorld, address: str, options: Options) -> str:
     )
 
 
-def served_document(answer: ServedAnswer) -> dict[str, Any]:
-    """Return what `--json` prints."""
-    return {"schema": 1} | asdict(answer)
-
-
 def served_text(answer: ServedAnswer) -> str:
     """Return the same for a terminal."""
     lines = [f"{answer.packets:,} packets sent, {answer.late:,} of them late"]
     lines += [f"dropped {one.entity or one.peer}: {one.why}" for one in answer.dropped]
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True)
+class BlastDrawn:
+    """A blast that happens.
+
+    Attributes:
+        shot: Its name: of a random one the number that it was drawn by.
+        time_s: When, on the common clock.
+        position_m: East, north, up.
+        mass_kg: Of the charge.
+    """
+
+    shot: str
+    time_s: float
+    position_m: EastNorthUpM
+    mass_kg: float
+
+
+@dataclass(frozen=True)
+class ImuWritten:
+    """What an inertial measurement unit wrote.
+
+    Attributes:
+        file: Its table, in the folder of the run.
+        rate_hz: Samples a second.
+        samples: How many.
+        clipped: Whether one stands at the end of its range.
+    """
+
+    file: str
+    rate_hz: float
+    samples: int
+    clipped: bool
+
+
+@dataclass(frozen=True)
+class FilmMade:
+    """What a world's camera wrote.
+
+    Attributes:
+        frames: How many.
+        width: Of each [px].
+        height: Of each [px].
+        written: Numbers of events.
+        stamps: How their times were found.
+        stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
+    """
+
+    frames: int
+    width: int
+    height: int
+    written: Written = field(metadata=AMONG)
+    stamps: Literal["solved for", "interpolated", "of the frame"]
+    stamp_error_s: float
+
+
+@dataclass(frozen=True)
+class PresetTaken:
+    """By which preset blasts act other than they do.
+
+    Attributes:
+        name: As it was asked for.
+        mark: What such a run is.
+        source: Where the preset comes from.
+    """
+
+    name: str
+    mark: str
+    source: str
+
+
+@dataclass(frozen=True)
+class WorldAnswer(Document):
+    """What was drawn, and what was perceived of it.
+
+    Attributes:
+        scene: The scene's file.
+        seed: Of all that is drawn.
+        seconds: When the world ended.
+        command: What was typed.
+        date: When it ran.
+        versions: Of jblast, jax and python.
+        scene_sha256: Of the scene's file.
+        preset: By which blasts act other than they do; null: none.
+        laws: By which law every quantity is made, for all senses alike.
+        blasts: Those that happen, in order of time.
+        perceived: Each first perception, in order of time.
+        not_perceived: How many come after the end.
+        readings: Rows of observations.csv.
+        flight: As of `jblast fly`; null where nothing flies.
+        sound: As of `jblast listen`; null where no sensor samples.
+        imu: By name, what each inertial measurement unit wrote; null where none flies.
+        camera: What it wrote; null where there is none.
+        warnings: Warnings, a sentence each.
+    """
+
+    scene: str
+    seed: int
+    seconds: float
+    command: str
+    date: str
+    versions: Mapping[str, str]
+    scene_sha256: str | None
+    preset: PresetTaken | None
+    laws: Mapping[str, str]
+    blasts: tuple[BlastDrawn, ...]
+    perceived: tuple[Perceived, ...]
+    not_perceived: int
+    readings: int
+    flight: FlightsAnswer | None
+    sound: Mapping[str, Any] | None
+    imu: Mapping[str, ImuWritten] | None
+    camera: FilmMade | None
+    warnings: tuple[str, ...]
 
 
 @dataclass
@@ -115,7 +226,7 @@ class WorldRun:
         late_readings: Waves that came after the end, and were not written down.
         flights: Of the vehicle; None where nothing flew.
         made: What it is made of.
-        flight: The document of the flights; None where nothing flew.
+        flight: The answer on the flights; None where nothing flew.
         sound: The document of the records of samples; None where there are none.
         imu: What each inertial measurement unit wrote; None where there is none.
         film: What the camera wrote; None where there is none.
@@ -130,10 +241,10 @@ class WorldRun:
     late_readings: int
     flights: Flights | None
     made: Provenance
-    flight: dict[str, Any] | None = None
+    flight: FlightsAnswer | None = None
     sound: dict[str, Any] | None = None
-    imu: dict[str, Any] | None = None
-    film: dict[str, Any] | None = None
+    imu: Mapping[str, ImuWritten] | None = None
+    film: FilmMade | None = None
     warnings: list[str] = field(default_factory=list)
 
 
@@ -180,38 +291,34 @@ def _more(count: int, printed: int, columns: int) -> Sequence[list[str]]:
     return [[f"and {count - printed} more", *[""] * (columns - 1)]]
 
 
-def world_document(run: WorldRun) -> dict[str, Any]:
-    """Return a world as JSON can hold it; what nobody has is null."""
+def world_answer(run: WorldRun) -> WorldAnswer:
+    """Return the answer on a world; what nobody has is null."""
     made, preset = run.made, run.world.preset
-    blasts = []
-    for charge in run.world.charges:
-        time, *place, mass = blast_numbers(charge)
-        blasts.append(
-            {"shot": charge.name, "time_s": time, "position_m": place, "mass_kg": mass}
-        )
-    return {"schema": 1} | plain(
-        {
-            "scene": run.world.source,
-            "seed": run.world.seed,
-            "seconds": run.seconds,
-            "command": made.command,
-            "date": made.date,
-            "versions": made.versions,
-            "scene_sha256": None if made.scene is None else made.scene.sha256,
-            "preset": None
-            if preset is None
-            else {"name": preset.name, "mark": MARK, "source": preset.source},
-            "laws": dict(run.world.scene.law),
-            "blasts": blasts,
-            "perceived": [one._asdict() for one in run.perceived],
-            "not_perceived": run.late,
-            "readings": 0 if run.readings is None else len(run.readings),
-            "flight": run.flight,
-            "sound": run.sound,
-            "imu": run.imu,
-            "camera": run.film,
-            "warnings": warnings_of(run),
-        }
+    return WorldAnswer(
+        scene=run.world.source,
+        seed=run.world.seed,
+        seconds=run.seconds,
+        command=made.command,
+        date=made.date,
+        versions=made.versions,
+        scene_sha256=None if made.scene is None else made.scene.sha256,
+        preset=None
+        if preset is None
+        else PresetTaken(preset.name, MARK, preset.source),
+        laws=dict(run.world.scene.law),
+        blasts=tuple(
+            BlastDrawn(charge.name, time, (east, north, up), mass)
+            for charge in run.world.charges
+            for time, east, north, up, mass in [blast_numbers(charge)]
+        ),
+        perceived=run.perceived,
+        not_perceived=run.late,
+        readings=0 if run.readings is None else len(run.readings),
+        flight=run.flight,
+        sound=run.sound,
+        imu=run.imu,
+        camera=run.film,
+        warnings=tuple(warnings_of(run)),
     )
 
 
@@ -275,139 +382,3 @@ def preset_notes(preset: Preset) -> list[str]:
             "sound by eq. 3.4: one blast comes at two times, as it does there"
         )
     return notes
-
-
-@dataclass(frozen=True)
-class BlastDrawn:
-    """A blast that happens.
-
-    Attributes:
-        shot: Its name: of a random one the number that it was drawn by.
-        time_s: When, on the common clock.
-        position_m: East, north, up.
-        mass_kg: Of the charge.
-    """
-
-    shot: str
-    time_s: float
-    position_m: EastNorthUpM
-    mass_kg: float
-
-
-@dataclass(frozen=True)
-class FirstPerceived:
-    """A blast as one sense of somebody had it first.
-
-    Attributes:
-        shot: Name of the blast.
-        entity: Of the sensor; "vehicle" or "camera".
-        sense: What was perceived.
-        time_s: When, on the common clock.
-    """
-
-    shot: str
-    entity: str
-    sense: str
-    time_s: float
-
-
-@dataclass(frozen=True)
-class ImuWritten:
-    """What an inertial measurement unit wrote.
-
-    Attributes:
-        file: Its table, in the folder of the run.
-        rate_hz: Samples a second.
-        samples: How many.
-        clipped: Whether one stands at the end of its range.
-    """
-
-    file: str
-    rate_hz: float
-    samples: int
-    clipped: bool
-
-
-@dataclass(frozen=True)
-class FilmMade:
-    """What a world's camera wrote.
-
-    Attributes:
-        frames: How many.
-        width: Of each [px].
-        height: Of each [px].
-        events: How many there are.
-        brighter: Number of events of increasing light.
-        darker: Number of events of decreasing light.
-        stamps: How their times were found.
-        stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
-    """
-
-    frames: int
-    width: int
-    height: int
-    events: int
-    brighter: int
-    darker: int
-    stamps: Literal["solved for", "interpolated", "of the frame"]
-    stamp_error_s: float
-
-
-@dataclass(frozen=True)
-class PresetTaken:
-    """By which preset blasts act other than they do.
-
-    Attributes:
-        name: As it was asked for.
-        mark: What such a run is.
-        source: Where the preset comes from.
-    """
-
-    name: str
-    mark: str
-    source: str
-
-
-@dataclass(frozen=True)
-class WorldAnswer:
-    """What was drawn, and what was perceived of it.
-
-    Attributes:
-        scene: The scene's file.
-        seed: Of all that is drawn.
-        seconds: When the world ended.
-        command: What was typed.
-        date: When it ran.
-        versions: Of jblast, jax and python.
-        scene_sha256: Of the scene's file.
-        preset: By which blasts act other than they do; null: none.
-        laws: By which law every quantity is made, for all senses alike.
-        blasts: Those that happen, in order of time.
-        perceived: Each first perception, in order of time.
-        not_perceived: How many come after the end.
-        readings: Rows of observations.csv.
-        flight: As of `jblast fly`; null where nothing flies.
-        sound: As of `jblast listen`; null where no sensor samples.
-        imu: By name, what each inertial measurement unit wrote; null where none flies.
-        camera: What it wrote; null where there is none.
-        warnings: Warnings, a sentence each.
-    """
-
-    scene: str
-    seed: int
-    seconds: float
-    command: str
-    date: str
-    versions: Mapping[str, str]
-    scene_sha256: str | None
-    preset: PresetTaken | None
-    laws: Mapping[str, str]
-    blasts: tuple[BlastDrawn, ...]
-    perceived: tuple[FirstPerceived, ...]
-    not_perceived: int
-    readings: int
-    flight: FlightsAnswer | None
-    sound: Mapping[str, Any] | None
-    imu: Mapping[str, ImuWritten] | None
-    camera: FilmMade | None
-    warnings: tuple[str, ...]

@@ -4,7 +4,6 @@
 options have their readings picked from their files (`world.picked_records`).
 """
 
-import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -28,11 +27,13 @@ from jblast.report.listen_files import provenance, write_tracks
 from jblast.report.provenance import provenance_of
 from jblast.report.words import comma_separated, commented
 from jblast.report.world import (
+    FilmMade,
+    ImuWritten,
     WorldRun,
     blasts_csv,
     perceived_csv,
     preset_words,
-    world_document,
+    world_answer,
 )
 from jblast.scene import Sensor, UncertainScene
 from jblast.scene.sensor_kinds import sampling_kinds
@@ -141,8 +142,7 @@ def run_world(
         flight = flight_of(flights)
         tracks = tracks_of(world.scene, flight)
         save_text(flight_csv(flights), directory / FLIGHT)
-        document = flights_answer(flights, scene=source, seed=seed)
-        answer = {"schema": 1} | document.to_dict()
+        answer = flights_answer(flights, scene=source, seed=seed)
     if arrivals is None or tracks:
         arrivals = arrivals_in(world, tracks)
     unseen = out_of_view(world.scene, flight)
@@ -198,9 +198,7 @@ def run_world(
         film,
         notes,
     )
-    document = world_document(came)
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-    save_text(text + "\n", directory / RUN)
+    save_text(world_answer(came).to_json(), directory / RUN)
     return came
 
 
@@ -287,7 +285,7 @@ def listened(
 
 def filmed(
     world: DrawnWorld, seconds: float, flight: Trajectory | None, directory: Path
-) -> dict[str, Any] | None:
+) -> FilmMade | None:
     """Write what the camera of a world sees: frames, and events.
 
     Frame 0 and the events begin at 0 on the common clock. Of all other frames those are
@@ -319,14 +317,8 @@ def filmed(
     rows = [["file", "time_s"]]
     rows += [[f"{n:0{digits}}.png", f"{t:.12g}"] for n, t in enumerate(film.times)]
     write_text(directory / "frames.csv", comma_separated(rows))
-    return {
-        "frames": len(numbers),
-        "width": camera.width,
-        "height": camera.height,
-        **written._asdict(),
-        "stamps": stamps.how,
-        "stamp_error_s": stamps.error_s,
-    }
+    size = camera.width, camera.height
+    return FilmMade(len(numbers), *size, written, stamps.how, stamps.error_s)
 
 
 def _frames(world: DrawnWorld, seconds: float, hz: float) -> np.ndarray:
@@ -342,7 +334,7 @@ def _frames(world: DrawnWorld, seconds: float, hz: float) -> np.ndarray:
 
 def write_imus(
     records: Sequence[ImuRecord], directory: Path, head: Sequence[str]
-) -> tuple[dict[str, Any] | None, list[str]]:
+) -> tuple[dict[str, ImuWritten] | None, list[str]]:
     """Write the samples of every unit, and return what JSON tells, and warnings.
 
     Args:
@@ -350,7 +342,7 @@ def write_imus(
         directory: Of the world.
         head: Comments above each table.
     """
-    entries: dict[str, Any] = {}
+    entries: dict[str, ImuWritten] = {}
     notes = []
     for record in records:
         name, rate = record.sensor.name, record.imu.rate
@@ -365,12 +357,7 @@ def write_imus(
         ]
         text = [COLUMNS, *([f"{x:.9g}" for x in row] for row in rows.tolist())]
         save_text(commented(comments) + comma_separated(text), directory / file)
-        entries[name] = {
-            "file": file,
-            "rate_hz": rate,
-            "samples": len(rows),
-            "clipped": record.clipped,
-        }
+        entries[name] = ImuWritten(file, rate, len(rows), record.clipped)
         if record.row_s > 1.5 / rate:
             notes.append(f"{name}: {STRAIGHT.format(row=record.row_s)}")
     return entries or None, notes

@@ -28,10 +28,10 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.constants import STANDARD_PRESSURE, TNT_DENSITY
 from jblast.errors import InputError
-from jblast.json_values import ABSENT, HIDDEN
 from jblast.kept_programs import kept
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
 from jblast.registry import LAWS, Law, call, names_for, total_scatter
+from jblast.results import ABSENT, HIDDEN
 from jblast.scene import Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.layout import Layout

@@ -105,7 +105,7 @@ class Disturbance:
         peak_deviation_m: Greatest path error until the next blast, 10 s at most.
         peak_time_s: When, after it came.
         recovery_time_s: From its arrival until the path error stayed within the
-            tolerance, over the same time; 0: it never left; infinite: it did not.
+            tolerance, over the same time; 0: it never left; null: it did not.
     """
 
     charge: str
@@ -125,10 +125,10 @@ class Waypoint:
         goal_m: Where to: east, north, up.
         reached: Whether the vehicle came within the acceptance radius; of a landing,
             whether it stood on the ground and its rotors as well.
-        time_s: When; NaN: never.
+        time_s: When, on the scene's clock; null: never.
         error_m: Least distance from it; of a landing, over ground at its end.
         path_error_rms_m: Root mean square of the distance from the set point on the
-            way there; NaN: it was not set out for.
+            way there; null: it was not set out for.
         path_error_max_m: The greatest.
     """
 

@@ -181,7 +181,7 @@ class Threshold(NamedTuple):
     """A number that an exposure is held against.
 
     Attributes:
-        value: In the unit of the exposure; None: unknown.
+        value: In the unit of the exposure; null: unknown.
         source: Where it is taken from, or that there is nothing.
     """
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from jblast.inference.fitting.fit import Fit
     from jblast.observations import Observations
     from jblast.observations.records.formats import Scaling
+    from jblast.report.picks import PicksAnswer
     from jblast.report.provenance import Provenance
     from jblast.signals.picks import PickedFiles
 
@@ -95,15 +96,13 @@ def write_answers(
     Raises:
         InputError: The directory cannot be written to.
     """
-    import json
-
-    from jblast.report.fit.terminal import answers_csv, answers_document
+    from jblast.report.fit.document import fits_answer
+    from jblast.report.fit.terminal import answers_csv
 
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        document = answers_document(answers, made, picks)
-        text = json.dumps(document, indent=1, allow_nan=False)
-        write_text(directory / "fits.json", text + "\n")
+        text = fits_answer(answers, made, picks).to_json()
+        write_text(directory / "fits.json", text)
         write_text(directory / "answers.csv", answers_csv(answers))
 
 
@@ -205,11 +204,11 @@ class FromRecords(NamedTuple):
         found = self.picked.found
         return records_figure(found.named(), found.picks)
 
-    def document(self) -> dict[str, Any]:
-        """Return what `jblast pick --json` would print."""
-        from jblast.report.picks import picks_document
+    def answer(self) -> "PicksAnswer":
+        """Return what `jblast pick` would print."""
+        from jblast.report.picks import picks_answer
 
-        return picks_document(self.picked.found, self.picked.log)
+        return picks_answer(self.picked.found, self.picked.log)
 
     def write(self, directory: Path) -> None:
         """Write log and document into a folder of a report.
@@ -217,17 +216,12 @@ class FromRecords(NamedTuple):
         Raises:
             InputError: It cannot be written.
         """
-        import json
-
         from jblast.observations import write
 
-        text = json.dumps(
-            self.document(), indent=2, ensure_ascii=False, allow_nan=False
-        )
         with writing(directory):
             directory.mkdir(parents=True, exist_ok=True)
             write(directory / "picks.csv", self.picked.observations())
-            write_text(directory / "picks.json", text + "\n")
+            write_text(directory / "picks.json", self.answer().to_json())
 
 
 def from_records(asked: argparse.Namespace) -> FromRecords | None:

@@ -59,10 +59,8 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages(shares | ({"the map": 6.0} if asked.map else {}))
     begin("starting")
     start_jax(quick=not asked.map)  # a map is drawn from thousands of places
-    import json
-
     from jblast.inference import bound
-    from jblast.report.design import bound_document, bound_text
+    from jblast.report.design import BoundAnswer, bound_text
     from jblast.scene import freed, read_scene, with_laws
     from jblast.sensors.law_choice import laws_named
 
@@ -82,8 +80,7 @@ def run(asked: argparse.Namespace) -> int:
 
         save_figure(bound_figure(bound_map(found)), asked.map)
     if asked.json:
-        text = json.dumps(bound_document(found), indent=1, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        sys.stdout.write(BoundAnswer(found.summary).to_json())
     else:
         sys.stdout.write(bound_text(found, plot=asked.map))
     return found.exit_code

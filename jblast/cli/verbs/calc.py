@@ -158,19 +158,16 @@ def _roots(
     asked: argparse.Namespace, question: "Question", quantity: str, law: str
 ) -> "tuple[str, Recommended | None]":
     """Answer with the range or the mass at which a quantity takes a value."""
-    from jblast.report.calculator.terminal import (
-        root_line,
-        roots_csv,
-        roots_json,
-        roots_text,
-    )
+    from jblast.report.calculator.answer import inverse_answer
+    from jblast.report.calculator.terminal import root_line, roots_csv, roots_text
     from jblast.sensors.calculator import recommended_root, roots
 
     found = {name: one for name, one in roots(question).items() if law in ("", name)}
     check_roots(question, found)
     recommended = recommended_root(question, found)
     if asked.json:
-        return roots_json(question, found, recommended), recommended
+        answer = inverse_answer(question, found, recommended)
+        return answer.to_json(), recommended
     if asked.csv or asked.table:
         return (roots_csv if asked.csv else roots_text)(question, found), recommended
     return root_line(question, recommended, found), recommended
@@ -180,10 +177,9 @@ def _forward(
     asked: argparse.Namespace, question: "Question", quantity: str, law: str
 ) -> "tuple[str, Recommended | None]":
     """Answer with quantities at ranges from masses."""
-    from jblast.report.calculator.answer import between_limits
+    from jblast.report.calculator.answer import between_limits, calculator_answer
     from jblast.report.calculator.terminal import (
         calculation_csv,
-        calculation_json,
         calculation_text,
         value_line,
     )
@@ -209,9 +205,8 @@ def _forward(
     if asked.csv:
         return calculation_csv(question, answer, apart), recommended
     if asked.json:
-        return calculation_json(
-            question, answer, other, apart, recommended
-        ), recommended
+        whole = calculator_answer(question, answer, other, apart, recommended)
+        return whole.to_json(), recommended
     return calculation_text(question, answer, other, apart), recommended
 
 

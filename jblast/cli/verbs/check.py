@@ -45,11 +45,8 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({"starting": 2.0, "reading": 0.3, "checking": 2.0})
     begin("starting")
     start_jax(quick=True)
-    import json
-
     import jblast.waves as _waves  # noqa: F401  which laws there are is asked below
     from jblast.inference.sanity import doubts
-    from jblast.json_values import plain
     from jblast.observations import read, write
     from jblast.observations.check import refusals, with_places
     from jblast.observations.table import SAMPLES
@@ -80,9 +77,7 @@ def run(asked: argparse.Namespace) -> int:
     understood = [*understood_lines(log.understood), *setting]
     answer = check_answer(placed, worded, odd, understood, readings)
     if asked.json:
-        document = {"schema": 1} | plain(answer)
-        text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(check_text(answer))
     if asked.out and not faults:

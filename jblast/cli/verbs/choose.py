@@ -39,8 +39,6 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({"starting": 2.0, "choosing": 1.0})
     begin("starting")
     start_jax(quick=True)
-    import json
-
     from jblast.fidelity import choose
     from jblast.report.choice import choice_answer, choice_text
     from jblast.scene import read_scene
@@ -48,8 +46,7 @@ def run(asked: argparse.Namespace) -> int:
     begin("choosing")
     choice = choose(read_scene(asked.scene), asked.quantity, asked.tolerance)
     if asked.json:
-        text = json.dumps(choice_answer(choice).to_dict(), indent=1, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        sys.stdout.write(choice_answer(choice).to_json())
     else:
         sys.stdout.write(choice_text(choice))
     return 0 if choice.met else DOUBTFUL

@@ -6,7 +6,6 @@ made from the laws of blasts; in frames, a video or events a flash that grows. E
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -137,9 +136,11 @@ def run(asked: argparse.Namespace) -> int:
         **of_film,
         **given(asked, false_alarms="false_alarms_per_hour"),
     )
+    from jblast.results import to_json
+
     is_sound = isinstance(found, SoundDetections)
     document, words, write = _of_sound(found) if is_sound else _of_film(found)
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = to_json(document)
     written = write(Path(asked.out), text) if asked.out else []
     if asked.json:
         sys.stdout.write(text)

@@ -80,8 +80,6 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
 
 def run(asked: argparse.Namespace) -> int:
     """Find, write, print; return the exit code."""
-    import json
-
     from jblast.discovery.law_search import check_search, discover_law
 
     check_search(**given(asked, degree="degree", ensemble="members"))
@@ -109,8 +107,7 @@ def run(asked: argparse.Namespace) -> int:
         members=search.members,
         seed=search.seed,
     )
-    document = {"schema": 1} | answer.to_dict()
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = answer.to_json()
     if asked.out:
         from jblast.report.discovery_figures import discovery_figure
 

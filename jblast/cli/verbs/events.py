@@ -74,7 +74,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
 
     start_jax()
-    from jblast.report.film import EventsAnswer, as_json, dark_film, events_text
+    from jblast.report.film import EventsAnswer, dark_film, events_text
     from jblast.sensors.camera.film import film_to_events
 
     noise = asked.noise == "on"
@@ -100,7 +100,7 @@ def run(asked: argparse.Namespace) -> int:
         srgb=asked.srgb,
         noise=asked.noise,
         seed=asked.seed if noise else None,
-        **made.written._asdict(),
+        written=made.written,
         bits=made.bits,
         darkest=made.darkest,
         below_darkest=below,
@@ -109,5 +109,5 @@ def run(asked: argparse.Namespace) -> int:
     )
     for warning in answer.warnings:
         sys.stderr.write(f"jblast: warning: {warning}\n")
-    sys.stdout.write(as_json(answer) if asked.json else events_text(answer))
+    sys.stdout.write(answer.to_json() if asked.json else events_text(answer))
     return 0

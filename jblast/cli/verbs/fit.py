@@ -105,7 +105,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.inference import fit, fit_each
     from jblast.inference.fitting.fit_input import fit_input, scene_named
     from jblast.report import check_directory, summary, write_report
-    from jblast.report.fit.document import fit_document, picks_entry
+    from jblast.report.fit.document import fit_answer
     from jblast.report.provenance import provenance_of
 
     out = Path(asked.out) if asked.out else None
@@ -128,7 +128,7 @@ def run(asked: argparse.Namespace) -> int:
         laws=asked.law,
         **reading_asked(asked),
     )
-    picks = recorded.document()["picks"] if recorded else None
+    picks = recorded.answer().picks if recorded else None
     begin("fitting")
     if len(logs) > 1:
         apart = () if recorded else files
@@ -152,7 +152,7 @@ def run(asked: argparse.Namespace) -> int:
         **scale,
     )
     if asked.json:
-        _print_json(fit_document(answer) | picks_entry(picks))
+        sys.stdout.write(fit_answer(answer, picks=picks).to_json())
     if out:
         begin("writing")
         with writing(out):
@@ -183,22 +183,16 @@ def _is_small(files: Sequence[str]) -> bool:
 
 def _many(answers, picks, out, made_of, asked: argparse.Namespace) -> int:
     """Print and write the answers of several logs; the worst decides the exit code."""
-    from jblast.report.fit.terminal import answers_document, answers_text
+    from jblast.report.fit.document import fits_answer
+    from jblast.report.fit.terminal import answers_text
 
     if out:
         write_answers(answers, out, made_of, picks)
     if asked.json:
-        _print_json(answers_document(answers, picks=picks))
+        sys.stdout.write(fits_answer(answers, picks=picks).to_json())
     else:
         sys.stdout.write(answers_text(answers))
     fits = [fit for fit in answers.values() if not isinstance(fit, InputError)]
     if not fits:
         raise InputError(f"none of {len(answers)} logs could be fitted")
     return 4 if len(fits) < len(answers) else max(fit.exit_code for fit in fits)
-
-
-def _print_json(document) -> None:
-    import json
-
-    text = json.dumps(document, indent=1, allow_nan=False)
-    sys.stdout.write(text + "\n")

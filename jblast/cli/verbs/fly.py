@@ -13,7 +13,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import positive, seed, vector
 from jblast.cli.arguments.options import given, path
@@ -22,11 +22,12 @@ from jblast.files import refuse_existing, save_text
 
 if TYPE_CHECKING:
     from jblast.autopilot.logs import FlightRecord
+    from jblast.results import Document
     from jblast.scene import Place
     from jblast.study.flight_results import Flights
     from jblast.study.missions import MissionFlight
 
-Answer = tuple[dict[str, Any], str, Callable[[str, Path], list[str]]]
+Answer = tuple["Document", str, Callable[[str, Path], list[str]]]
 
 
 def add_arguments(verb: argparse.ArgumentParser) -> None:
@@ -167,15 +168,13 @@ def run(asked: argparse.Namespace) -> int:
             asked, integrator="integrator", backend="backend", estimator="estimator"
         ),
     )
-    document, words, write = (
+    answer, words, write = (
         _mission(asked, flown)
         if isinstance(flown, MissionFlight)
         else _flights(asked, flown, uncertain.place)
     )
     begin("writing")
-    import json
-
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = answer.to_json()
     written = write(text, Path(asked.out)) if asked.out else []
     sys.stdout.write(text if asked.json else words)
     if written and not asked.json:
@@ -197,7 +196,7 @@ def _flights(
         write_logs(asked, hold_record(flights, place), has_mission=False)
     answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
     return (
-        {"schema": 1} | answer.to_dict(),
+        answer,
         flights_text(flights),
         lambda text, directory: write_flights(flights, text, directory),
     )
@@ -216,7 +215,7 @@ def _mission(asked: argparse.Namespace, flight: "MissionFlight") -> Answer:
         save_text(plan_text(flight.mission.plan, asked.plan_out), asked.plan_out)
     answer = mission_answer(flight, scene=asked.scene, seed=asked.seed)
     return (
-        {"schema": 1} | answer.to_dict(),
+        answer,
         mission_text(flight),
         lambda text, directory: write_mission(flight, text, directory),
     )

@@ -68,8 +68,6 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({"starting": 1.0, "recording": 4.0, "drawing": 2.0})
     begin("starting")
     start_jax(quick=True)
-    import json
-
     from jblast.report.fit.files import check_directory
     from jblast.report.listen import listening_document, listening_text
     from jblast.report.listen_files import (
@@ -79,6 +77,7 @@ def run(asked: argparse.Namespace) -> int:
         write_pictures,
         write_tracks,
     )
+    from jblast.results import to_json
     from jblast.scene import read_scene
     from jblast.sensors.listening import plan, with_ambient
 
@@ -91,7 +90,7 @@ def run(asked: argparse.Namespace) -> int:
         tracks = write_tracks(listening, Path(asked.out), comments, asked.packets)
     header = {"schema": 1, "scene": asked.scene, "seed": asked.seed}
     document = header | listening_document(listening, tracks, notes)
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = to_json(document)
     save_text(text, Path(asked.out) / JSON)
     begin("drawing")
     pictures = write_pictures(listening, tracks, Path(asked.out))

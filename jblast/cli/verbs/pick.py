@@ -50,8 +50,6 @@ def run(asked: argparse.Namespace) -> int:
 
     begin = stages({"starting": 2.0, "picking": 6.0, "writing": 2.0})
     begin("starting")
-    import json
-
     if asked.out:
         refuse_existing(asked.out, force=asked.force)
     if asked.report:
@@ -62,7 +60,7 @@ def run(asked: argparse.Namespace) -> int:
 
     start_jax(quick=True)
     from jblast.observations import write
-    from jblast.report.picks import picks_document, picks_text
+    from jblast.report.picks import picks_answer, picks_text
     from jblast.report.provenance import provenance_of
     from jblast.signals.picks.pick_files import refusal_of
 
@@ -73,7 +71,7 @@ def run(asked: argparse.Namespace) -> int:
     files = [*of.files, *([asked.positions] if asked.positions else [])]
     made = provenance_of(files if keep else [], command=asked.words)
     begin("writing")
-    document = picks_document(found, log)
+    answer = picks_answer(found, log)
     text = picks_text(found, log, tuple(path.name for path in of.left_out))
     if asked.out and len(log.observations):
         with writing(asked.out):
@@ -85,10 +83,9 @@ def run(asked: argparse.Namespace) -> int:
         with writing(asked.report):
             lines = [str(error) for error in found.refused]
             folder = Path(asked.report)
-            written = write_picks(folder, found, log, document, lines, made)
+            written = write_picks(folder, found, log, answer, lines, made)
     if asked.json:
-        printed = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-        sys.stdout.write(printed + "\n")
+        sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(text)
         if written:

@@ -185,7 +185,7 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({**lasts, "drawing the sheet": 0.5})
     begin("starting")
     start_jax()
-    from jblast.report.film import FilmAnswer, as_json, film_text
+    from jblast.report.film import FilmAnswer, film_text
     from jblast.report.film_files import film_outputs, write_film
     from jblast.study.filming import FilmOptions, film_of, folder_named, lifted
 
@@ -239,5 +239,5 @@ def run(asked: argparse.Namespace) -> int:
         lifted_m=lifted(film),
         files=outputs.files(),
     )
-    sys.stdout.write(as_json(answer) if asked.json else film_text(answer))
+    sys.stdout.write(answer.to_json() if asked.json else film_text(answer))
     return 0

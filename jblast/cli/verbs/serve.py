@@ -117,10 +117,9 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    import json
     import math
 
-    from jblast.report.world import served_document, served_text
+    from jblast.report.world import served_text
     from jblast.scene import read_scene_or_world
     from jblast.world import draw_world
     from jblast.world.remote.serving import ADDRESS, Options, checked_address
@@ -141,9 +140,7 @@ def run(asked: argparse.Namespace) -> int:
     world = draw_world(uncertain, spec, asked.seed, until_s=options.ends_s)
     answer = served(world, options)
     if asked.json:
-        document = served_document(answer)
-        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(served_text(answer))
     return 0
@@ -157,23 +154,20 @@ def _over_mavlink(asked: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
 
     start_jax()
-    import json
-
     from jblast.cli.arguments.mavlink import (
         served_autopilot,
         served_ground_station,
     )
-    from jblast.report.autopilot import document, lockstep_text, watched_text
+    from jblast.report.autopilot import lockstep_text, watched_text
 
     if asked.mavlink:
-        flight = served_autopilot(asked)
-        answer, words = document(flight), lockstep_text(flight)
-        short = asked.seconds is not None and flight.seconds < asked.seconds - 1e-3
+        answer = served_autopilot(asked)
+        words = lockstep_text(answer)
+        short = asked.seconds is not None and answer.seconds < asked.seconds - 1e-3
     else:
-        watched = served_ground_station(asked)
-        answer, words, short = document(watched), watched_text(watched), False
-    text = json.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    sys.stdout.write(text if asked.json else words)
+        answer = served_ground_station(asked)
+        words, short = watched_text(answer), False
+    sys.stdout.write(answer.to_json() if asked.json else words)
     return DOUBTFUL if short else 0
 
 

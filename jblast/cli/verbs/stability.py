@@ -46,7 +46,7 @@ def run(asked: argparse.Namespace) -> int:
 
     start_jax()
     from jblast.progress import stages
-    from jblast.report.stability import stability_json, stability_text
+    from jblast.report.stability import StabilityAnswer, stability_text
     from jblast.verification.stability.failure import failure_modes_of
 
     begin, modes = stages(dict.fromkeys(areas, 1.0)), {}
@@ -55,7 +55,8 @@ def run(asked: argparse.Namespace) -> int:
         modes[area] = failure_modes_of(area)
     if asked.out:
         _write(Path(asked.out), modes)
-    sys.stdout.write(stability_json(modes) if asked.json else stability_text(modes))
+    answer = StabilityAnswer(modes)
+    sys.stdout.write(answer.to_json() if asked.json else stability_text(modes))
     if asked.out and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
     return 0

@@ -112,8 +112,6 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def _run(asked: argparse.Namespace) -> int:
-    import json
-
     from jblast.report.study_run import run_text, study_answer
     from jblast.study.engine.launch import mesh_of
     from jblast.study.file import read_study
@@ -135,8 +133,7 @@ def _run(asked: argparse.Namespace) -> int:
         said = f"{asked.out}: {error.strerror or error}; what is computed is kept"
         raise OSError(error.errno, f"{said}, --resume adds to it") from error
     answer = study_answer(ran)
-    text = json.dumps(answer.to_dict(), indent=2, allow_nan=False) + "\n"
-    sys.stdout.write(text if asked.json else run_text(answer))
+    sys.stdout.write(answer.to_json() if asked.json else run_text(answer))
     return 0
 
 
@@ -228,8 +225,6 @@ def report(asked: argparse.Namespace) -> int:
         InputError: There is not one store, it is of another kind or keeps no samples,
             or what is to be written is there.
     """
-    import json
-
     from jblast.report.fit.files import check_directory
     from jblast.report.study_page import study_report
     from jblast.report.study_stores import read_columns
@@ -248,8 +243,7 @@ def report(asked: argparse.Namespace) -> int:
         with writing(out):
             write_report(found, out)
     if asked.json:
-        text = json.dumps(found.document(), indent=2, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        sys.stdout.write(found.answer().to_json())
     else:
         sys.stdout.write(found.text())
         if out is not None:

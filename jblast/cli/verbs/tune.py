@@ -159,7 +159,7 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.inference.tuning import NothingHeardError
     from jblast.inference.tuning.tune_recording import tune
     from jblast.report.fit.files import check_directory
-    from jblast.report.tune import as_json, tune_answer, tune_text
+    from jblast.report.tune import tune_answer, tune_text
 
     if asked.out:
         check_directory(asked.out, asked.force)
@@ -187,7 +187,7 @@ def run(asked: argparse.Namespace) -> int:
             written = write_tuned(tuned, Path(asked.out), asked.scene, asked.recorded)
     answer = tune_answer(tuned, asked.scene, asked.recorded, written)
     if asked.json:
-        sys.stdout.write(as_json(answer))
+        sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(tune_text(answer))
         if written:
@@ -238,7 +238,7 @@ def tune_as_asked(asked: argparse.Namespace) -> bool:
     begin("starting")
     start_jax(quick=True)
     from jblast.report.fit.files import check_directory
-    from jblast.report.gain_files import as_json, write_gains
+    from jblast.report.gain_files import write_gains
     from jblast.report.gains import gains_answer, gains_text
     from jblast.scene import read_scene
     from jblast.study.gains import Wish, tune_gains
@@ -260,7 +260,7 @@ def tune_as_asked(asked: argparse.Namespace) -> bool:
         with writing(asked.out):
             written = write_gains(tuned, Path(asked.out), asked.scene)
     answer = gains_answer(tuned, asked.scene, written)
-    sys.stdout.write(as_json(answer) if asked.json else gains_text(answer))
+    sys.stdout.write(answer.to_json() if asked.json else gains_text(answer))
     if written and not asked.json:
         sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
     return tuned.converged

@@ -9,7 +9,6 @@ observations.csv (for `jblast fit`), flight.csv, sound/, camera/ and run.json.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -59,7 +58,7 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({"starting": 1.0, "flying": 6.0, "listening": 4.0, "filming": 9.0})
     begin("starting")
     start_jax(quick=True)
-    from jblast.report.world import world_document, world_text
+    from jblast.report.world import world_answer, world_text
     from jblast.report.world_files import run_world
 
     check_live(asked)
@@ -74,9 +73,7 @@ def run(asked: argparse.Namespace) -> int:
         begin=begin,
     )
     if asked.json:
-        document = world_document(came)
-        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-        sys.stdout.write(text + "\n")
+        sys.stdout.write(world_answer(came).to_json())
     else:
         sys.stdout.write(world_text(came))
         sys.stdout.write(f"\nWritten: {asked.out}\n")

@@ -48,11 +48,11 @@ from jblast.inference.posterior.fisher_information import (
 )
 from jblast.inference.posterior.parameters import Finding, Spread
 from jblast.inference.posterior.posterior import Posterior
-from jblast.json_values import plain
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.progress import stages
 from jblast.quantities import ADDABLE, ADDITIVE, TIMES
+from jblast.results import plain
 from jblast.scene import Free, UncertainScene
 from jblast.sensors import Layout
 from jblast.sensors.law_choice import law_names

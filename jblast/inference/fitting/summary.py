@@ -1,7 +1,7 @@
 """Results of a fit as values: estimates, what they leave open, warnings."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import jax.numpy as jnp
@@ -46,9 +46,9 @@ from jblast.inference.identifiability import (
     OtherMode,
 )
 from jblast.inference.posterior.parameters import Estimate, Finding
-from jblast.json_values import plain
 from jblast.observations import Observations
 from jblast.observations.table import Understood
+from jblast.results import plain
 from jblast.scene import UncertainScene
 from jblast.sensors.law_choice import law_names
 
@@ -83,15 +83,15 @@ class Summary:
         chi2: Chi squared.
         dof: Its degrees of freedom.
         n_observations: Rows of the log.
+        n_lower_bounds: Rows of the log that are lower bounds.
         suspected_outliers: Readings too far off, worst first.
         explained_by: Clocks and sensors without one of which the log fits, and pairs of
             sensors with whose places exchanged it does.
         warnings: Warnings, the gravest first.
-        n_lower_bounds: Rows of the log that are lower bounds.
-        understood: What of the log was converted, skipped or supplied to read it.
         assumptions: What the answer takes for granted, and what it would be without.
         extrapolated: Requested numbers that rest, by more than half of their
             information, on rows outside the range of their laws.
+        understood: What of the log was converted, skipped or supplied to read it.
     """
 
     law: Mapping[str, str]
@@ -110,13 +110,13 @@ class Summary:
     chi2: float
     dof: int
     n_observations: int
+    n_lower_bounds: int = field(default=0, kw_only=True)
     suspected_outliers: tuple[SuspectedOutlier, ...]
     explained_by: tuple[WrongSensor, ...]
     warnings: tuple[Finding, ...]
-    n_lower_bounds: int = 0
-    understood: tuple[Understood, ...] = ()
     assumptions: tuple[Finding, ...] = ()
     extrapolated: tuple[str, ...] = ()
+    understood: tuple[Understood, ...] = ()
 
     @property
     def unidentified(self) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ class TunedNumber:
     """A number that was looked for.
 
     Attributes:
-        value: The most probable one; None where the record does not identify it.
+        value: The most probable one; null where the record does not identify it.
         sd: Its standard deviation, in its unit.
         q05: It is less with 5 %.
         q95: It is less with 95 %.
@@ -76,7 +76,7 @@ class Explained:
         dof: Expected of it.
         tests: Probability of so much, by what was looked at.
         error: Of pictures, rms of what is left in steps of 8 bits; of events, the
-            typical one in thresholds; None of sound.
+            typical one in thresholds; null of sound.
         error_allowed: More counts as poorly explained.
     """
 

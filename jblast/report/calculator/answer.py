@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jblast.json_values import ABSENT, AMONG, entries
 from jblast.kept_programs import kept
 from jblast.report.words import System, printed_number, quantity_words, unit_for
+from jblast.results import ABSENT, AMONG, Answer
 from jblast.sensors.calculator import (
     Calculated,
     Calculation,
@@ -373,7 +373,7 @@ def inputs(question: Question) -> Inputs:
 
 
 @dataclass(frozen=True)
-class CalculatorAnswer:
+class CalculatorAnswer(Answer):
     """Every quantity that was asked for, by every law.
 
     Attributes:
@@ -388,13 +388,9 @@ class CalculatorAnswer:
     recommended: RecommendedEntry | None = field(metadata=ABSENT)
     disagreements: tuple[DisagreementEntry, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return entries(self)
-
 
 @dataclass(frozen=True)
-class InverseAnswer:
+class InverseAnswer(Answer):
     """The range or the mass at which a quantity takes a value.
 
     Attributes:
@@ -406,10 +402,6 @@ class InverseAnswer:
     inputs: Inputs
     recommended: RecommendedEntry
     quantities: Mapping[str, Mapping[str, RootEntry]]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what JSON can hold of it."""
-        return entries(self)
 
 
 def calculator_answer(

@@ -5,19 +5,15 @@ as their sources give them: numbers before a scaled distance are converted, to f
 digits, and the rest is left as it is.
 """
 
-import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from jblast.report.calculator.answer import (
-    calculator_answer,
     disagreement_words,
     header,
     inputs,
-    inverse_answer,
     notes,
     title,
     why_recommended,
@@ -63,26 +59,6 @@ OF_ROOT = re.compile(rf"({NUMBER}) sqrt\(Q\) m\b")
 """Of what grows as the root of the charge's mass Q."""
 
 
-def calculation_json(
-    question: Question,
-    answer: Calculation,
-    other: Calculation | None = None,
-    apart: Sequence[Disagreement] = (),
-    recommended: Recommended | None = None,
-) -> str:
-    """Return inputs and quantities as JSON; arguments as of `calculator_answer`."""
-    return _json(
-        calculator_answer(question, answer, other, apart, recommended).to_dict()
-    )
-
-
-def roots_json(
-    question: Question, answer: dict[str, Roots], recommended: Recommended
-) -> str:
-    """Return inputs, the answer, and by law the best root and all of them as JSON."""
-    return _json(inverse_answer(question, answer, recommended).to_dict())
-
-
 def calculation_csv(
     question: Question, answer: Calculation, apart: Sequence[Disagreement] = ()
 ) -> str:
@@ -114,11 +90,6 @@ def _comments(question: Question) -> str:
     said = [title(question), *(f"{name}: {text}" for name, text in header(question))]
     said += notes(question, beside=False)
     return "".join(f"# {line}\n" for line in said)
-
-
-def _json(answer: dict[str, Any]) -> str:
-    text = json.dumps(answer, indent=1, allow_nan=False, ensure_ascii=False)
-    return text + "\n"
 
 
 def value_line(

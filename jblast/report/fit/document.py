@@ -1,11 +1,12 @@
 """The answer of a fit as JSON, and what the log does not identify."""
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
 
+from jblast.errors import InputError
+from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.findings import (
     ExchangedSensors,
     SuspectedOutlier,
@@ -13,23 +14,25 @@ from jblast.inference.fitting.findings import (
     WrongSensor,
 )
 from jblast.inference.fitting.fit import Fit
-from jblast.inference.fitting.place import on_earth
+from jblast.inference.fitting.place import OnEarth, on_earth
+from jblast.inference.fitting.summary import Summary
 from jblast.inference.identifiability import (
+    Cure,
     EstimableCombination,
     NullDirection,
     OtherMode,
 )
-from jblast.inference.posterior.parameters import Estimate
-from jblast.json_values import plain
-from jblast.report.choice import law_reasons
+from jblast.inference.posterior.parameters import Estimate, Finding
+from jblast.observations.table import Understood
+from jblast.report.choice import law_reason
 from jblast.report.fit.findings import (
-    all_words,
     cure_words,
     datum_words,
     other_mode_words as reason_words,
+    words,
 )
 from jblast.report.provenance import Provenance
-from jblast.report.understood import understood_lines
+from jblast.report.understood import understood_words
 from jblast.report.words import (
     capitalised,
     finite,
@@ -40,7 +43,11 @@ from jblast.report.words import (
     rounded,
     significant,
 )
+from jblast.results import ABSENT, AMONG, Document, Words, among
 from jblast.scene import parameter_named
+
+if TYPE_CHECKING:  # a fit of a table reads no records
+    from jblast.report.picks import PickAnswer
 
 UNIDENTIFIED_LOG_SD = 0.5
 """A positive parameter with a larger sd in ln is called practically unidentified."""
@@ -132,116 +139,165 @@ def outlier_lines(outliers: Iterable[SuspectedOutlier]) -> list[str]:
     ]
 
 
-def fit_document(fit: Fit) -> dict[str, Any]:
-    """Return what `jblast fit --json` prints, null for what is not a finite number."""
-    found = fit.summary
-    return plain(
-        {
-            "schema": 1,
-            "law": found.law,
-            "law_reason": law_reasons(found.law_reason),
-            "law_valid": found.law_valid,
-            "law_valid_rows": found.law_valid_rows,
-            "estimates": estimate_entries(found.estimates),
-            "derived": estimate_entries(found.derived),
-            "free": found.free,
-            "identifiable": found.identifiable,
-            "null_directions": null_direction_entries(found.null_directions),
-            "ambiguities": ambiguity_entries(found.ambiguities),
-            "determined": determined_entries(found.determined),
-            "posterior": found.posterior,
-            "converged": found.converged,
-            "chi2": found.chi2,
-            "dof": found.dof,
-            "n_observations": found.n_observations,
-            "n_lower_bounds": found.n_lower_bounds,
-            "suspected_outliers": [asdict(o) for o in found.suspected_outliers],
-            "explained_by": [_explanation(wrong) for wrong in found.explained_by],
-            "warnings": all_words(found.warnings),
-            "assumptions": all_words(found.assumptions),
-            "extrapolated": list(found.extrapolated),
-            "understood": understood_lines(found.understood),
-            **asdict(on_earth(fit)),
-        }
+@dataclass(frozen=True)
+class Ambiguity:
+    """Another optimum that the data cannot rule out.
+
+    Attributes:
+        mode: The optimum.
+        reason: Numbers in which it is another.
+        cure: Datum that would distinguish the two best.
+    """
+
+    mode: OtherMode = field(metadata=among("parameters"))
+    reason: str
+    cure: str
+
+
+@dataclass(frozen=True)
+class Determined:
+    """A combination of unidentified numbers that is identified.
+
+    Attributes:
+        of: The combination.
+        note: Where it holds, if not everywhere.
+    """
+
+    of: EstimableCombination = field(metadata=among("combination", "value", "sd"))
+    note: str | None = field(metadata=ABSENT)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A sensor, clock or pair of sensors that explains a log that does not fit.
+
+    Attributes:
+        kind: Kind of the explanation.
+        named: Its name.
+        pair: The second sensor of an exchanged pair.
+        clock: The offset of a clock.
+        rest: Numbers of the fit without it.
+    """
+
+    kind: Literal["clock", "sensor", "exchange"]
+    named: WrongSensor = field(metadata=among("name"))
+    pair: ExchangedSensors | None = field(metadata=among("other"))
+    clock: WrongClock | None = field(
+        metadata=among("offset_s", "offset_sd", "parameter")
+    )
+    rest: WrongSensor = field(
+        metadata=among("chi2", "dof", "p_value", "law_valid_rows", "estimates")
     )
 
 
-def answer_json(fit: Fit, made: Provenance, picks: Sequence[Any] | None = None) -> str:
-    """Return the answer, and what it was made of, as the text of `fit.json`.
+def _ambiguity(of: OtherMode) -> Ambiguity:
+    return Ambiguity(of, reason_words(of), datum_words(of.cure))
 
-    What is printed has no provenance, so that the same run prints the same.
+
+def _determined(of: EstimableCombination) -> Determined:
+    return Determined(of, NEAR_ALONE if of.is_local else None)
+
+
+def _explanation(of: WrongSensor) -> Explanation:
+    pair = of if isinstance(of, ExchangedSensors) else None
+    clock = of if isinstance(of, WrongClock) else None
+    kind = "exchange" if pair else "clock" if clock else "sensor"
+    return Explanation(kind, of, pair, clock, of)
+
+
+WORDED: Words = {
+    Cure: cure_words,
+    EstimableCombination: _determined,
+    Finding: words,
+    OtherMode: _ambiguity,
+    TakenLaw: law_reason,
+    Understood: understood_words,
+    WrongSensor: _explanation,
+}
+"""Results of inference that documents have in words."""
+
+
+@dataclass(frozen=True)
+class FitAnswer(Document):
+    """The answer of `jblast fit` for one log.
+
+    Attributes:
+        summary: Results of the fit.
+        on_earth: Positions and times on the Earth.
+        picks: Picks of the records, where records were picked.
+        provenance: Provenance, in a file; what is printed has none, so that the same
+            run prints the same.
+    """
+
+    words = WORDED
+    summary: Summary = field(metadata=AMONG)
+    on_earth: OnEarth = field(metadata=AMONG)
+    picks: "Sequence[PickAnswer] | None" = field(default=None, metadata=ABSENT)
+    provenance: Provenance | None = field(default=None, metadata=ABSENT)
+
+
+@dataclass(frozen=True)
+class FailedLog:
+    """The answer of `jblast fit` for one of several logs that cannot be fitted.
+
+    Attributes:
+        error: Why.
+        provenance: Provenance, in a file.
+    """
+
+    error: str
+    provenance: Provenance | None = field(default=None, metadata=ABSENT)
+
+
+@dataclass(frozen=True)
+class FitsAnswer(Document):
+    """The answers of `jblast fit` for several logs.
+
+    Attributes:
+        logs: By log.
+        picks: Picks of the records, where records were picked.
+    """
+
+    logs: Mapping[str, FailedLog | FitAnswer]
+    picks: "Sequence[PickAnswer] | None" = field(default=None, metadata=ABSENT)
+
+
+def fit_document(fit: Fit) -> dict[str, Any]:
+    """Return what `jblast fit --json` prints, null for what is not a finite number."""
+    return fit_answer(fit).to_dict()
+
+
+def fit_answer(
+    fit: Fit, made: Provenance | None = None, picks: Sequence[Any] | None = None
+) -> FitAnswer:
+    """Return the answer for one log.
 
     Args:
         fit: The fit.
-        made: What it was made of.
+        made: Provenance, for a file.
         picks: What the log was picked from, if it was, as `jblast pick` prints it.
     """
-    document = fit_document(fit) | picks_entry(picks) | provenance_entry(made)
-    return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    return FitAnswer(fit.summary, on_earth(fit), picks, made)
 
 
-def picks_entry(picks: Sequence[Any] | None) -> dict[str, Any]:
-    """Return the key `picks` of an answer; nothing where no record was picked."""
-    return {} if picks is None else {"picks": picks}
+def fits_answer(
+    answers: Mapping[str, Fit | InputError],
+    made: Mapping[str, Provenance] | None = None,
+    picks: Sequence[Any] | None = None,
+) -> FitsAnswer:
+    """Return the answers for several logs.
 
-
-def provenance_entry(made: Provenance) -> dict[str, Any]:
-    """Return the key `provenance` of an answer."""
-    return {"provenance": plain(asdict(made))}
-
-
-def estimate_entries(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
-    """Return an entry for each number by name."""
-    return {name: asdict(estimate) for name, estimate in estimates.items()}
-
-
-def null_direction_entries(found: Sequence[NullDirection]) -> list[dict[str, Any]]:
-    """Return an entry for each direction in which no datum moves."""
-    return [
-        {"parameters": of.parameters, "space": of.space, "cure": cure_words(of.cure)}
-        for of in found
-    ]
-
-
-def ambiguity_entries(found: Sequence[OtherMode]) -> list[dict[str, Any]]:
-    """Return an entry for each other optimum."""
-    return [
-        {
-            "parameters": of.parameters,
-            "reason": reason_words(of),
-            "cure": datum_words(of.cure),
-        }
-        for of in found
-    ]
-
-
-def determined_entries(found: Sequence[EstimableCombination]) -> list[dict[str, Any]]:
-    """Return an entry for each combination that is identified."""
-    return [
-        {"combination": of.combination, "value": of.value, "sd": of.sd}
-        | ({"note": NEAR_ALONE} if of.is_local else {})
-        for of in found
-    ]
-
-
-def _explanation(wrong: WrongSensor) -> dict[str, Any]:
-    """Return the entry of what explains a log that does not fit."""
-    clock = {}
-    if isinstance(wrong, WrongClock):
-        clock = {
-            "offset_s": wrong.offset_s,
-            "offset_sd": wrong.offset_sd,
-            "parameter": wrong.parameter,
-        }
-    exchanged = isinstance(wrong, ExchangedSensors)
-    return {
-        "kind": "exchange" if exchanged else "clock" if clock else "sensor",
-        "name": wrong.name,
-        **({"other": wrong.other} if exchanged else {}),
-        **clock,
-        "chi2": wrong.chi2,
-        "dof": wrong.dof,
-        "p_value": wrong.p_value,
-        "law_valid_rows": wrong.law_valid_rows,
-        "estimates": estimate_entries(wrong.estimates),
+    Args:
+        answers: By log.
+        made: Provenance of each, for a file.
+        picks: What the logs were picked from, if they were, as `jblast pick` prints
+            it.
+    """
+    made = made or {}
+    logs = {
+        name: FailedLog(str(fit), made.get(name))
+        if isinstance(fit, InputError)
+        else fit_answer(fit, made.get(name))
+        for name, fit in answers.items()
     }
+    return FitsAnswer(logs, picks)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
 from jblast.inference.fitting.fit import Fit
-from jblast.report.fit.document import answer_json
+from jblast.report.fit.document import fit_answer
 from jblast.report.fit.findings import all_words
 from jblast.report.fit.geo_files import PLACE_FILES, write_place
 from jblast.report.fit.rows import Accepted
@@ -73,7 +73,7 @@ def write_report(
         (directory / name).unlink(missing_ok=True)
     made = made or provenance_of([fit.observations.source])
     written = [directory / "fit.json"]
-    write_text(written[0], answer_json(fit, made, picks))
+    write_text(written[0], fit_answer(fit, made, picks).to_json())
     failures: list[str] = []
     if fit.ensemble is not None:
         try:

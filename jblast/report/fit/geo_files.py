@@ -14,12 +14,12 @@ from jaxtyping import Float
 from jblast.files import write_text
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
-from jblast.json_values import plain
 from jblast.observations.places import Frame
 from jblast.report.fit.place import ChargePlace, GroundMap, ground_map, residual_colour
 from jblast.report.fit.rows import Accepted, estimates_of, log_name
 from jblast.report.kml import add_text, coordinates, document_text, new_document
 from jblast.report.words import law_words, printed_number
+from jblast.results import plain
 
 PLACE_FILES = ("place.geojson", "place.kml")
 FOLDERS = {

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import jblast
 from jblast.inference.fitting.fit import Fit
-from jblast.inference.fitting.summary import Summary
 from jblast.report.estimates import printed_estimate
 from jblast.report.figure_files import Picture
 from jblast.report.fit.document import determined_lines
@@ -19,7 +17,13 @@ from jblast.report.fit.findings import (
     goodness_sentence,
 )
 from jblast.report.fit.place import absent_map_note, map_alt, map_caption
-from jblast.report.fit.rows import Accepted, compare, log_name, residual_rows
+from jblast.report.fit.rows import (
+    Accepted,
+    estimate_rows,
+    fitted_words,
+    log_name,
+    residual_rows,
+)
 from jblast.report.fit.terminal import (
     SAFETY,
     accepted_not_fitted,
@@ -32,7 +36,7 @@ from jblast.report.pages import page
 from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.understood import understood_lines
-from jblast.report.words import capitalised, joined, parameter_words, quantity_words
+from jblast.report.words import joined, parameter_words, quantity_words
 
 
 @dataclass(frozen=True)
@@ -68,12 +72,12 @@ def report_page(
     return page(
         "templates/fit.html",
         title=f"Blast fit: {name}" if name else "Blast fit",
-        subtitle=_subtitle(fit),
+        subtitle="{}; fitted: {}".format(*fitted_words(found)),
         conclusion=conclusion(fit, accepted),
         doubtful=fit.exit_code != 0
         or not found.law_valid
         or (p is not None and p < POOR),
-        estimates=_estimates(found, accepted),
+        estimates=estimate_rows(found, accepted),
         has_accepted=bool(accepted),
         not_fitted=accepted_not_fitted(fit, accepted),
         determined=determined_lines(found.determined),
@@ -99,43 +103,11 @@ def report_page(
     )
 
 
-def _subtitle(fit: Fit) -> str:
-    n = fit.summary.n_observations
-    fitted = joined([parameter_words(name) for name in fit.summary.free])
-    recordings = "recording" if n == 1 else "recordings"
-    return f"{n} {recordings}; fitted: {fitted or 'nothing'}"
-
-
 def _warnings(fit: Fit) -> list[str]:
     """Return the answer's warnings, the log by its name: others will read the page."""
     source = fit.observations.source
     texts = all_words(fit.summary.warnings)
     return [t.replace(source, log_name(fit)) if source else t for t in texts]
-
-
-def _estimates(found: Summary, accepted: Accepted | None) -> list[dict[str, Any]]:
-    rows = []
-    for group, estimates in (
-        ("estimates", found.estimates),
-        ("derived", found.derived),
-    ):
-        for name, estimate in estimates.items():
-            printed = printed_estimate(name, estimate)
-            comparison = compare(name, estimate, accepted)
-            shown = ""
-            if comparison:
-                shown = f"{comparison.value}, {comparison.label}: {comparison.verdict}"
-            rows.append(
-                {
-                    "name": capitalised(parameter_words(name)),
-                    "value": printed.value_and_beside,
-                    "interval": printed.interval,
-                    "accepted": shown,
-                    "outside": bool(comparison and comparison.inside is False),
-                    "derived": group == "derived",
-                }
-            )
-    return rows
 
 
 def _shown(fit: Fit, kind: str, picture: Picture) -> Shown:

@@ -11,9 +11,11 @@ from jblast.inference.fitting.summary import Summary
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.rows import AT_LEAST
 from jblast.quantities import ADDITIVE
+from jblast.report.estimates import printed_estimate
 from jblast.report.words import (
     finite,
     joined,
+    parameter_words,
     printed_number,
     quantity_words,
     rounded,
@@ -66,6 +68,54 @@ def compare(
     low, high = finite(estimate.q05), finite(estimate.q95)
     inside = None if low is None or high is None else bool(low <= value <= high)
     return Comparison(printed_number(name, value), label, inside)
+
+
+@dataclass(frozen=True)
+class EstimateRow:
+    """An estimate as the terminal and the page show it.
+
+    Attributes:
+        name: Of the number.
+        value: With what stands beside it.
+        interval: 90 % interval.
+        accepted: The accepted value; "" where none is given.
+        is_outside: Whether that lies outside of the interval.
+        is_derived: Whether the number follows from a mass.
+    """
+
+    name: str
+    value: str
+    interval: str
+    accepted: str
+    is_outside: bool
+    is_derived: bool
+
+
+def estimate_rows(found: Summary, accepted: Accepted | None) -> list[EstimateRow]:
+    """Return a row for each fitted number, then for each derived one."""
+    rows = []
+    for name, estimate in estimates_of(found).items():
+        printed = printed_estimate(name, estimate)
+        beside, shown = compare(name, estimate, accepted), ""
+        if beside:
+            shown = f"{beside.value}, {beside.label}: {beside.verdict}"
+        rows.append(
+            EstimateRow(
+                parameter_words(name),
+                printed.value_and_beside,
+                printed.interval,
+                shown,
+                bool(beside and beside.inside is False),
+                name in found.derived,
+            )
+        )
+    return rows
+
+
+def fitted_words(found: Summary) -> tuple[str, str]:
+    """Return the number of recordings, and the names of the fitted numbers."""
+    n, fitted = found.n_observations, joined(list(map(parameter_words, found.free)))
+    return f"{n} recording{'s' * (n != 1)}", fitted or "nothing"
 
 
 def not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:

@@ -31,12 +31,9 @@ from jblast.report.fit.document import (
     ambiguity_sentence,
     cure_sentence,
     determined_lines,
-    fit_document,
     null_direction_sentence,
     outlier_lines,
-    picks_entry,
     practically_unidentified,
-    provenance_entry,
 )
 from jblast.report.fit.findings import (
     all_words,
@@ -50,12 +47,13 @@ from jblast.report.fit.place import earth_lines
 from jblast.report.fit.rows import (
     Accepted,
     compare,
+    estimate_rows,
     estimates_of,
+    fitted_words,
     log_name,
     lower_bound_sentence,
     not_fitted,
 )
-from jblast.report.provenance import Provenance
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
     GAP,
@@ -121,28 +119,6 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
             numbers = _numbers(estimate)
             rows.append({"log": name, "parameter": parameter} | numbers | of_log)
     return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
-
-
-def answers_document(
-    answers: Mapping[str, Fit | InputError],
-    made: Mapping[str, Provenance] | None = None,
-    picks: Sequence[Any] | None = None,
-) -> dict[str, Any]:
-    """Return what `--json` prints: by log its answer, or its error.
-
-    Args:
-        answers: By log.
-        made: What each was made of, for a file: the same run prints the same.
-        picks: What the logs were picked from, if they were, as `jblast pick` prints
-            it.
-    """
-    logs = {
-        name: {"error": str(fit)} if isinstance(fit, InputError) else fit_document(fit)
-        for name, fit in answers.items()
-    }
-    for name, of in (made or {}).items():
-        logs[name] |= provenance_entry(of)
-    return {"schema": 1, "logs": logs, **picks_entry(picks)}
 
 
 def _numbers(estimate: Estimate) -> dict[str, float]:
@@ -259,20 +235,18 @@ def _intervals(fit: Fit) -> list[str]:
 
 
 def _title(fit: Fit) -> str:
-    n, free = fit.summary.n_observations, fit.summary.free
     of = f" of {log_name(fit)}" if log_name(fit) else ""
-    fitted = joined([parameter_words(name) for name in free])
-    recordings = "recording" if n == 1 else "recordings"
-    title = f"Fit{of}: {n} {recordings}, {fitted or 'nothing'} fitted"
+    recordings, fitted = fitted_words(fit.summary)
+    title = f"Fit{of}: {recordings}, {fitted} fitted"
     return "\n".join(textwrap.wrap(title, WIDTH))
 
 
 def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
     rows = [("Estimates", "value", "90 % interval", "accepted" if accepted else "")]
-    for name, estimate in found.estimates.items():
-        rows.append(_table_row(name, estimate, accepted))
-    for name, estimate in found.derived.items():
-        rows.append(_table_row(name, estimate, accepted))
+    rows += [
+        (f"  {one.name}", one.value, one.interval, one.accepted)
+        for one in estimate_rows(found, accepted)
+    ]
     indent = max(len(row[0]) for row in rows) + GAP
     lines = []
     whole, left = aligned(rows), aligned([row[:3] for row in rows])
@@ -284,20 +258,6 @@ def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
         else:
             lines += [left[i], *hanging(f"accepted: {row[3]}", 2, indent=indent)]
     return lines
-
-
-def _table_row(
-    name: str, estimate: Estimate, accepted: Accepted | None
-) -> tuple[str, str, str, str]:
-    printed = printed_estimate(name, estimate)
-    comparison = compare(name, estimate, accepted)
-    beside = (
-        f"{comparison.value}, {comparison.label}: {comparison.verdict}"
-        if comparison
-        else ""
-    )
-    words = f"  {parameter_words(name)}"
-    return words, printed.value_and_beside, printed.interval, beside
 
 
 def cannot_tell(

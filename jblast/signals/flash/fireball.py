@@ -88,10 +88,10 @@ class Growth(NamedTuple):
         x_px: The burst in the image.
         x_sigma_px: Its standard deviation [px].
         y_px: Likewise, down from the top.
-        y_sigma_px: Likewise.
-        radius_px: Of the fireball when it has grown; None where not identified [px].
+        y_sigma_px: Its standard deviation [px].
+        radius_px: Of the fireball when it has grown; null where not identified [px].
         radius_sigma_px: Its standard deviation [px].
-        growth_s: Time constant; None where not identified [s].
+        growth_s: Time constant; null where not identified [s].
         growth_sigma_s: Its standard deviation [s].
         spread_px: Scatter of the radii about the fit [px].
     """
@@ -385,7 +385,7 @@ class Direction(NamedTuple):
         bearing_rad: Clockwise from north [rad].
         bearing_sd_rad: Its standard deviation, of the place in the image alone [rad].
         elevation_rad: Above the horizon [rad].
-        elevation_sd_rad: Likewise.
+        elevation_sd_rad: Its standard deviation, likewise [rad].
     """
 
     bearing_rad: float

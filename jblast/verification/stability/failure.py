@@ -5,8 +5,8 @@ false. The map of failure modes has areas, each with the functions that measure 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,17 +17,6 @@ from jblast.lazy import resolved
 
 Response = Literal["marks", "refuses", "falls back", "holds"]
 """What jblast does where a method fails; "holds" where that is avoided altogether."""
-KEYS = {
-    "area": "area",
-    "method": "method",
-    "edge": "failure",
-    "boundary": "boundary",
-    "unit": "unit",
-    "beyond": "beyond",
-    "deed": "response",
-    "said": "message",
-}
-"""Attributes by what files call them."""
 
 
 def crossing(
@@ -126,22 +115,18 @@ class FailureMode:
 
     area: str
     method: str
-    failure: str
+    failure: str = field(metadata={"key": "edge"})
     boundary: float
     unit: str
     beyond: str
-    response: Response
-    message: str
+    response: Response = field(metadata={"key": "deed"})
+    message: str = field(metadata={"key": "said"})
 
     @property
     def cases(self) -> int:
         """Of how many cases the boundary is a count; 0 if it is none."""
         of, _, number = self.unit.partition(" ")
         return whole_number(number) or 0 if of == "of" else 0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it by the keys of `KEYS`."""
-        return {key: getattr(self, attribute) for key, attribute in KEYS.items()}
 
 
 def verified(response: Response, seen: bool | np.bool_, what: str) -> Response:

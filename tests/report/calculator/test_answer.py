@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from docs.generate import answer_schemas
+from docs.generate import documents
 from jblast.registry import LAWS
 from jblast.report.calculator.answer import calculator_answer, inverse_answer
 from jblast.scene import Charge, Scene
@@ -36,12 +36,14 @@ def test_the_schema_takes_one_row_and_several(question):
     value = np.arange(1.0, 1.0 + len(question.slant_range))
     one = Calculated(value, value > 1.0, "Z from 1 to 2 m/kg^(1/3)", two_sets=True)
     laws = {"peak_overpressure_pa": {"a": one, "b": replace(one, two_sets=False)}}
-    schema = Draft202012Validator(answer_schemas.calc())
+    schema = Draft202012Validator(documents.schema("calc"))
     for beside in ((None, (), None), (laws, (APART,), TOLD)):
         answer = calculator_answer(question, laws, *beside).to_dict()
         schema.validate(answer)
         assert not schema.is_valid(answer | {"more": 1})
-        assert not Draft202012Validator(answer_schemas.calc_inverse()).is_valid(answer)
+        assert not Draft202012Validator(documents.schema("calc_inverse")).is_valid(
+            answer
+        )
     by_law = answer["quantities"]["peak_overpressure_pa"]
     assert "other_burst" in by_law["a"]
     assert "other_burst" not in by_law["b"]
@@ -74,7 +76,7 @@ def test_the_schema_takes_a_range_or_a_mass(given):
     found = Roots(law, np.array([9.0, 30.0]), np.array([False, True]), (1.0, 2.0))
     none = replace(found, value=np.empty(0), valid=np.empty(0, bool), attained=None)
     answer = inverse_answer(question, {"a": found, "b": none}, TOLD).to_dict()
-    schema = answer_schemas.calc_inverse()
+    schema = documents.schema("calc_inverse")
     Draft202012Validator.check_schema(schema)
     Draft202012Validator(schema).validate(answer)
     ((asked, by_law),) = answer["quantities"].items()

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from jsonschema import Draft202012Validator
 
-from docs.generate import answer_schemas
+from docs.generate import documents
 from jblast.report.detect_files import flash_figure
 from jblast.report.flash import Searched, flash_answer, flash_text, slow_film
 from jblast.signals.flash.fireball import Direction, Growth, Silhouette
@@ -26,7 +26,7 @@ WHERE = [Direction(0.5, 0.01, -0.1, 0.02)]
 
 
 def test_the_schema_takes_a_flash_with_and_without_a_scene_and_none():
-    schema = answer_schemas.detect_film()
+    schema = documents.schema("detect_film")
     Draft202012Validator.check_schema(schema)
     bare = SEEN._replace(
         flashes=(FLASH._replace(growth=GROWN._replace(radius_px=None, growth_s=None)),)

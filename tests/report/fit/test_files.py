@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 import jblast
 from jblast.errors import InputError
 from jblast.inference.fitting.findings import PoorFit
-from jblast.json_values import plain
 from jblast.report import figure_files, write_report
 from jblast.report.fit import figures
 from jblast.report.fit.document import fit_document
+from jblast.results import plain
 from tests.report import example
 
 FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}

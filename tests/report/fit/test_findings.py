@@ -14,8 +14,8 @@ from jblast.inference.fitting import (
 )
 from jblast.inference.mcmc import ensemble as mcmc
 from jblast.inference.posterior.parameters import Estimate, Finding
-from jblast.json_values import plain
 from jblast.report.fit.findings import words
+from jblast.results import plain
 from tests.report import example
 
 MADE: dict[Any, Any] = {

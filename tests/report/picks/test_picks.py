@@ -10,7 +10,7 @@ import pytest
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
-from jblast.report.picks import NOTES, picks_document, picks_text
+from jblast.report.picks import NOTES, picks_answer, picks_text
 from jblast.report.provenance import provenance_of
 from jblast.signals.picks import Gathered, NoteKind, log_of
 from tests.inference.records.made import record_pick
@@ -92,13 +92,13 @@ def test_times_of_day_are_told():
     assert "times count from 2026-03-01 12:00:07 UTC" in picks_text(
         of_day, log_of(of_day)
     )
-    document = picks_document(of_day, log_of(of_day))
+    document = picks_answer(of_day, log_of(of_day)).to_dict()
     assert document["epoch_utc"] == "2026-03-01T12:00:07+00:00"
 
 
 def test_the_document_is_json_and_holds_what_was_picked():
     one = found({"later_arrivals_s": np.array([5.08]), "calibrated": False})
-    document = json.loads(json.dumps(picks_document(one, log_of(one))))
+    document = json.loads(picks_answer(one, log_of(one)).to_json())
     (told,) = document["picks"]
     assert (told["record"], told["file"], told["bang"]) == ("g0", "g0.wav", 1)
     assert told["air_arrival_s"] == {"value": 5.05, "sd": pytest.approx(0.01)}
@@ -118,8 +118,8 @@ def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_
     record = tmp_path.parent / "g0.wav"
     record.write_bytes(b"RIFF")
     made = provenance_of([record], command=["jblast", "pick", "g0.wav"])
-    document = picks_document(some, log)
-    written = write_picks(tmp_path, some, log, document, ["a fault"], made)
+    answer = picks_answer(some, log)
+    written = write_picks(tmp_path, some, log, answer, ["a fault"], made)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         [*written, "picks.covariance.csv"]
     )

@@ -7,7 +7,7 @@ import pytest
 import xarray
 from jsonschema import Draft202012Validator
 
-from docs.generate import answer_schemas
+from docs.generate import documents
 from jblast.errors import InputError
 from jblast.report.study_columns import columns_of
 from jblast.report.study_page import is_geometric, shares_on_grid, study_report
@@ -110,8 +110,8 @@ def test_shares_on_the_grid_cross_a_half_where_they_should(report):
 
 
 def test_the_document_keeps_to_its_schema(report):
-    document = json.loads(json.dumps(report.document(), allow_nan=False))
-    Draft202012Validator(answer_schemas.study_report()).validate(document)
+    document = json.loads(report.answer().to_json())
+    Draft202012Validator(documents.schema("study_report")).validate(document)
     assert document["axes"]["vehicle.model"] == ["crazyflie", "px4"]
     shares = next(
         one for one in document["sensitivity"] if one["outcome"] == "deviation_m"
@@ -148,7 +148,7 @@ def test_a_share_that_is_nearly_one_is_not_printed_as_one():
 def test_what_is_not_complete_is_said():
     found = study_report(columns_of(per_sensor(40, complete=False)))
     assert "not complete" in found.text()
-    assert found.document()["complete"] is False
+    assert found.answer().complete is False
 
 
 def test_names_of_a_study_cannot_write_to_the_page():

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from docs.generate import answer_schemas
+from docs.generate import documents
 from jblast.scene import read_world
 from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
 from jblast.world import draw_world
@@ -102,7 +102,7 @@ def test_by_the_forces_of_the_packets_it_is_so_but_for_what_gives_way(paths, alo
 
 def test_a_server_that_is_interrupted_says_what_came_of_it(paths):
     document = paths[2]
-    Draft202012Validator(answer_schemas.serve()).validate(document)
+    Draft202012Validator(documents.schema("serve")).validate(document)
     assert document["blasts"] == 3
     assert document["packets"] == 300
     assert document["dropped"] == []

@@ -82,7 +82,13 @@ def read_events(
 
 
 class Written(NamedTuple):
-    """Numbers of events written to a file, by sign."""
+    """Numbers of events written to a file, by sign.
+
+    Attributes:
+        events: How many there are.
+        brighter: Number of events of increasing light.
+        darker: Number of events of decreasing light.
+    """
 
     events: int
     brighter: int

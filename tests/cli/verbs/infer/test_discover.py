@@ -5,7 +5,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from scipy.integrate import solve_ivp
 
-from docs.generate.answer_schemas import discover
+from docs.generate.documents import schema
 from tests.cli.child import told
 from tests.cli.cli_files import Command
 
@@ -60,7 +60,7 @@ def test_json_is_all_of_stdout(jblast):
     code, out, _ = discovered(jblast, pushed(), *options)
     assert code == 0
     answer = json.loads(out)
-    Draft202012Validator(discover()).validate(answer)
+    Draft202012Validator(schema("discover")).validate(answer)
     assert (answer["state"], answer["input"]) == (["u_m_s"], ["push_m_s2"])
     assert answer["rows"] == len(TIME)
     found = answer["equations"]["u_m_s"]

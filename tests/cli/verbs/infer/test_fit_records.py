@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.generate.answer_schemas import fit
+from docs.generate.documents import schema
 from jblast.observations import read
 from tests.test_schemas import check
 
@@ -52,7 +52,7 @@ def test_ten_records_tell_mass_place_and_time(jblast):
     assert "10 picks in 10 records" in said
     assert "free with it: charge east, charge north" in " ".join(said.split())
     document = json.loads((Path(out) / "fit.json").read_text())
-    check(fit(), document)
+    check(schema("fit"), document)
     assert len(document["picks"]) == 10
     told = document["estimates"]
     # what `calibration/data/records_example_truth.toml` says

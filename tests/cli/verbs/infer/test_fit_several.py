@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from docs.generate.answer_schemas import fits
+from docs.generate.documents import schema
 from jblast.waves import kingery_bulmash_arrival_time, kingery_bulmash_pressure
 from tests.cli.cli_files import HEADER
 from tests.test_schemas import check
@@ -47,7 +47,7 @@ def test_several_logs_give_a_table_and_a_bad_one_fails_alone(jblast, tmp_path):
     assert float(rows["good"]["value"]) == pytest.approx(15.0, rel=1e-3)
     assert float(rows["other"]["value"]) == pytest.approx(40.0, rel=1e-3)
     told = json.loads((tmp_path / "out" / "fits.json").read_text("utf-8"))
-    check(fits(), told)
+    check(schema("fits"), told)
     for name in ("good", "other", "bad"):
         made = told["logs"][name]["provenance"]
         held = Path(jblast.path(f"{name}.csv")).read_bytes()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from docs.generate.answer_schemas import tune
+from docs.generate.documents import schema
 from jblast.sensors.camera.files.images import write_png
 
 SCENE = """
@@ -84,7 +84,7 @@ def test_frames_that_were_rendered_are_tuned_back(jblast, scene):
     code, said, err = jblast("tune", scene, frames, *GROWTH, "--out", out, "--json")
     assert code == 0, err
     answer = json.loads(said)
-    Draft202012Validator(tune()).validate(answer)
+    Draft202012Validator(schema("tune")).validate(answer)
     assert answer == json.loads(jblast.text("tuned/tune.json"))
     one = answer["estimates"]["fireball_growth_s"]
     assert one["q05"] - 4 * one["sd"] < 0.004 < one["q95"] + 4 * one["sd"]

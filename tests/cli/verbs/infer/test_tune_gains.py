@@ -6,7 +6,7 @@ import tomllib
 import pytest
 from jsonschema import Draft202012Validator
 
-from docs.generate.answer_schemas import tune_gains
+from docs.generate.documents import schema
 
 VEHICLE = """
 [vehicle]
@@ -70,7 +70,7 @@ def test_gains_are_tuned_printed_and_written(jblast):
     code, said, _ = jblast("tune", name, *asked)
     answer = json.loads(said)
     assert code == (0 if answer["converged"] else 4)
-    Draft202012Validator(tune_gains()).validate(answer)
+    Draft202012Validator(schema("tune_gains")).validate(answer)
     assert answer["after"]["gain_margin_db"] >= 6.0
     assert answer["after"]["phase_margin_deg"] >= 35.0
     assert answer["cut"] > 0.1

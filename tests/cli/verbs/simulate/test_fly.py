@@ -4,7 +4,7 @@ import json
 import pytest
 from jsonschema import Draft202012Validator
 
-from docs.generate.answer_schemas import fly
+from docs.generate.documents import schema
 from jblast.report import flight_files
 from tests.cli.cli_files import Command
 
@@ -43,7 +43,7 @@ def test_json_is_all_of_stdout_and_has_no_infinity(jblast):
     code, out, err = flown(jblast, "--json")
     assert (code, err) == (0, "")
     document = json.loads(out, parse_constant=pytest.fail)
-    Draft202012Validator(fly()).validate(document)
+    Draft202012Validator(schema("fly")).validate(document)
     assert document["schema"] == 1
     assert document["scene_hold"] == "with_integral"
     assert document["blasts"][0]["in_range"] is True
@@ -63,7 +63,7 @@ def test_by_an_estimate_each_blast_is_told_and_logs_are_written(jblast):
     )
     assert (code, err) == (0, "")
     document = json.loads(out, parse_constant=pytest.fail)
-    Draft202012Validator(fly()).validate(document)
+    Draft202012Validator(schema("fly")).validate(document)
     assert document["estimator"] == "ekf"
     for (blast,) in document["estimates"].values():
         # aligned to 0.2 m along each axis, and no fix has come that is better
@@ -226,7 +226,7 @@ def test_many_vehicles_have_a_distribution(jblast):
     assert len(rows) == 10
     masses = sorted(float(r["charge_mass_kg"]) for r in rows[:5])
     document = json.loads(jblast.text("many/fly.json"), parse_constant=pytest.fail)
-    Draft202012Validator(fly()).validate(document)
+    Draft202012Validator(schema("fly")).validate(document)
     drawn = document["drawn"]["charge_mass_kg"]
     assert [drawn["q05"], drawn["q50"], drawn["q95"]] == pytest.approx(
         [masses[0], masses[2], masses[4]]

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from jsonschema import Draft202012Validator
 
-from docs.generate.answer_schemas import fly_mission
+from docs.generate.documents import schema
 from jblast.missions import grid_plan, read_plan, write_plan
 from jblast.scene import Place
 
@@ -39,7 +39,7 @@ def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
     assert "landed, disarmed after" in second
     assert "4 of 4 waypoints reached" in second
     document = json.loads(jblast.text("out/fly.json"), parse_constant=pytest.fail)
-    Draft202012Validator(fly_mission()).validate(document)
+    Draft202012Validator(schema("fly_mission")).validate(document)
     points = document["waypoints"]
     assert [one["index"] for one in points] == [1, 2, 3, 4]
     assert all(one["reached"] and one["error_m"] < 1.0 for one in points)
@@ -72,7 +72,7 @@ def test_by_its_instruments_it_lands_as_well_and_each_blast_is_told(jblast):
     code, out, err = jblast("fly", scene(jblast), *options, "--debug")
     assert (code, err) == (0, "")
     document = json.loads(out)
-    Draft202012Validator(fly_mission()).validate(document)
+    Draft202012Validator(schema("fly_mission")).validate(document)
     assert document["completed"]
     assert document["estimator"] == "ekf"
     (thrown,) = document["estimates"]

@@ -11,7 +11,7 @@ import pytest
 import soundfile
 from jsonschema import Draft202012Validator
 
-from docs.generate import answer_schemas
+from docs.generate import documents
 from jblast.observations import read
 from jblast.scene import read_world
 from jblast.sensors import Track, record
@@ -119,7 +119,7 @@ def test_a_world_on_land_has_its_truth_and_its_readings(jblast):
     assert (code, err) == (0, ""), err
     told = json.loads(out)
     assert json.loads(jblast.text("run/run.json")) == told
-    Draft202012Validator(answer_schemas.world()).validate(told)
+    Draft202012Validator(documents.schema("world")).validate(told)
     assert told["flight"] is None
     assert told["camera"] is None
     assert "south: its kind is not said, so it writes no samples" in told["warnings"]
@@ -362,7 +362,7 @@ def test_the_jolt_of_a_vehicle_is_written_picked_and_tells_its_charge(jblast):
     )
     assert (code, err) == (0, ""), err
     told = json.loads(out)
-    Draft202012Validator(answer_schemas.world()).validate(told)
+    Draft202012Validator(documents.schema("world")).validate(told)
     assert told["imu"] == {
         "imu": {"file": "imu.csv", "rate_hz": 1000, "samples": 1125, "clipped": False}
     }

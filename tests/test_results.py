@@ -1,0 +1,112 @@
+"""Results as documents: entries, schema and data frame from one type."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
+
+import pytest
+from jsonschema import Draft202012Validator, ValidationError
+
+from jblast.results import (
+    ABSENT,
+    AMONG,
+    HIDDEN,
+    Document,
+    Words,
+    among,
+    described,
+    entries,
+    schema_of,
+    to_frame,
+)
+
+
+class Reading(NamedTuple):
+    """A reading.
+
+    Attributes:
+        value: Its value [Pa].
+        sd: Its standard deviation
+            [Pa].
+        raw: Counts.
+    """
+
+    value: float
+    sd: float
+    raw: int
+
+
+class Remark(NamedTuple):
+    """A finding that a document has in words."""
+
+    code: int
+
+
+def remark_words(of: Remark) -> str:
+    return f"remark {of.code}"
+
+
+@dataclass(frozen=True)
+class Example(Document):
+    """An answer.
+
+    Attributes:
+        time_s: When.
+        reading: What.
+        note: Why, where there is a reason.
+        laws: By quantity.
+        samples: Of the record.
+        remarks: Remarks.
+    """
+
+    words: ClassVar[Words] = {Remark: remark_words}
+    time_s: float = field(metadata={"key": "start_s"})
+    reading: Reading | None = field(metadata=among("value", "sd"))
+    note: str | None = field(metadata=ABSENT)
+    laws: Mapping[str, str] = field(metadata=AMONG)
+    samples: tuple[int, ...] = field(metadata=HIDDEN)
+    remarks: tuple[Remark, ...] = ()
+
+
+FULL = Example(math.inf, Reading(2.0, 0.1, 7), "late", {"x": "law"}, (1,), (Remark(4),))
+BARE = Example(1.0, None, None, {}, ())
+
+
+def test_entries_are_renamed_selected_merged_worded_and_left_out():
+    whole = {"start_s": None, "value": 2.0, "sd": 0.1, "note": "late", "x": "law"}
+    assert FULL.to_dict() == {"schema": 1} | whole | {"remarks": ["remark 4"]}
+    assert BARE.to_dict() == {"schema": 1, "start_s": 1.0, "remarks": []}
+    assert json.loads(FULL.to_json()) == FULL.to_dict()
+    assert entries(FULL)["remarks"] == [{"code": 4}]
+
+
+def test_the_schema_takes_these_entries_and_no_others():
+    schema = schema_of(Example)
+    check = Draft202012Validator(schema)
+    check.validate(FULL.to_dict())
+    check.validate(BARE.to_dict())
+    for wrong in ({"schema": 2}, {"start_s": "now"}, {"note": None}, {"x": 1}):
+        with pytest.raises(ValidationError):
+            check.validate(FULL.to_dict() | wrong)
+    assert schema["properties"]["start_s"]["description"] == "When"
+    strict = Draft202012Validator(schema_of(Reading))
+    with pytest.raises(ValidationError):
+        strict.validate({"value": 1.0, "sd": 0.1, "raw": 1, "more": 1})
+    with pytest.raises(ValidationError):
+        strict.validate({"value": 1.0, "sd": 0.1})
+
+
+def test_descriptions_and_units_are_those_of_docstring_and_name():
+    assert described(Reading)["sd"] == ("Its standard deviation [Pa]", "Pa")
+    assert described(Example)["time_s"] == ("When", "s")
+    assert described(Example)["schema"][1] == ""
+
+
+def test_a_data_frame_has_a_row_for_each_result_and_units():
+    frame = to_frame([Reading(2.0, 0.1, 7), Reading(3.0, 0.2, 8)])
+    assert list(frame.columns) == ["value", "sd", "raw"]
+    assert frame["value"].tolist() == [2.0, 3.0]
+    assert frame.attrs["units"] == {"value": "Pa", "sd": "Pa"}
+    assert to_frame([]).empty
