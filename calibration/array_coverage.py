@@ -235,6 +235,8 @@ def table(rows: list[dict]) -> list[str]:
         ),
         ("independent, above 0.5", [r for r in rows if int(r["set"])]),
     ):
+        if not of:
+            continue
         place = [r for r in of if r["answer"] == "place"]
         alone = [r for r in of if r["answer"] == "bearing"]
         none = sum(r["answer"] == "none" for r in of)
@@ -245,6 +247,10 @@ def table(rows: list[dict]) -> list[str]:
             f"{share(place, 'time')}; bearing alone {len(alone):3d} ({two} with two): "
             f"{share(alone, 'bearing')}, range {share(alone, 'range')}; neither {none}"
         )
+    numbers = sorted(int(r["number"]) for r in rows)
+    lines.append(
+        f"layouts {numbers[0]} to {numbers[-1]} of {LAYOUTS} and {INDEPENDENT} more"
+    )
     return lines
 
 
