@@ -246,30 +246,28 @@ class AddedRow:
     """A row that could be added to a layout, and what it would leave unknown.
 
     Attributes:
-        of: The quantity.
+        of: The quantity, its law, and the number that it would constrain.
         where: Its position, in words.
         position_m: Its position; null in a scene without places.
         charge: Name of the charge; null for a single one.
         sigma: Its error: seconds, or relative.
         sigma_from: Source of the error.
-        rest: Its law, and the number that it would constrain.
         left: How far that may be off then.
     """
 
-    of: AddedDatum = field(metadata=among("quantity"))
+    of: AddedDatum = field(metadata=among("quantity", "law", "law_valid", "parameter"))
     where: str
     position_m: Float[np.ndarray, "3"] | None
     charge: str | None
     sigma: float
     sigma_from: Literal["default", "layout"]
-    rest: AddedDatum = field(metadata=among("law", "law_valid", "parameter"))
     left: Spread = field(metadata=AMONG)
 
 
 def _added(of: AddedDatum) -> AddedRow:
     source = "default" if of.is_default else "layout"
     charge = of.charge or None
-    return AddedRow(of, where(of), of.position, charge, of.sigma, source, of, of.left)
+    return AddedRow(of, where(of), of.position, charge, of.sigma, source, of.left)
 
 
 @dataclass(frozen=True)

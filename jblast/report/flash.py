@@ -69,21 +69,19 @@ class FlashSeen:
     """All that is known of a flash.
 
     Attributes:
-        light: First light.
+        grown: First light, place and growth.
         alarm: First frame and alarm.
-        grown: Place and growth.
         direction: From the camera; null without a scene.
         growth: Its silhouettes.
     """
 
-    light: Growth = field(metadata=among("time_s", "sigma_s"))
-    alarm: Flash = field(metadata=among("frame", "told_s", "statistic"))
     grown: Growth = field(
         metadata=among(
-            *("x_px", "x_sigma_px", "y_px", "y_sigma_px", "radius_px"),
-            *("radius_sigma_px", "growth_s", "growth_sigma_s"),
+            *("time_s", "sigma_s", "x_px", "x_sigma_px", "y_px", "y_sigma_px"),
+            *("radius_px", "radius_sigma_px", "growth_s", "growth_sigma_s"),
         )
     )
+    alarm: Flash = field(metadata=among("frame", "told_s", "statistic"))
     direction: Direction | None
     growth: tuple[GrownTo, ...]
 
@@ -239,7 +237,6 @@ def flash_answer(
             FlashSeen(
                 flash.growth,
                 flash,
-                flash.growth,
                 directions[i] if directions else None,
                 tuple(map(GrownTo, flash.silhouettes)),
             )

@@ -45,15 +45,16 @@ class TunedEstimate:
     """A number that was looked for.
 
     Attributes:
-        found: Its value, with an interval.
+        found: Its value with an interval, and its values before the search and in the
+            tuned scene.
         unit: Of all its numbers.
-        rest: Its values before the search and in the tuned scene.
         key: Where it stands in a scene file.
     """
 
-    found: TunedNumber = field(metadata=among("value", "sd", "q05", "q95"))
+    found: TunedNumber = field(
+        metadata=among("value", "sd", "q05", "q95", "before", "fitted")
+    )
     unit: str
-    rest: TunedNumber = field(metadata=among("before", "fitted"))
     key: str
 
 
@@ -184,7 +185,7 @@ def tune_answer(
     index = tuned.problem.evidence.index
     sensor = tuned.scene.sensors[index].name if index >= 0 else None
     estimates = {
-        name: TunedEstimate(one, unit_of(name), one, key_words(name, sensor))
+        name: TunedEstimate(one, unit_of(name), key_words(name, sensor))
         for name, one in tuned.numbers.items()
     }
     fixed = {}

@@ -10,7 +10,10 @@ from jaxtyping import Bool
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.fidelity import TakenLaw
-from jblast.inference.fitting.assumptions import extrapolated
+from jblast.inference.fitting.assumptions import (
+    extrapolated,
+    paths_taken_as_independent,
+)
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
@@ -195,6 +198,7 @@ def summary_of(
     if poor and not wrong:
         found = more_to_free(observations, uncertain, solution, refit)
         more = (found,) if found else ()
+    independent = paths_taken_as_independent(solution)
     return Summary(
         law=law_names(solution.laws),
         law_reason=solution.laws,
@@ -228,12 +232,13 @@ def summary_of(
                 dof,
                 left.of_laws,
                 estimates,
+                independent,
             ),
             *sure.findings,
         ),
         n_lower_bounds=int(observations.bounds().sum()),
         understood=observations.understood,
-        assumptions=assumptions_of(solution),
+        assumptions=assumptions_of(solution, independent),
         extrapolated=extrapolated(solution, valid),
     )
 

@@ -137,7 +137,7 @@ def explained_by(
     possible = [s for s in suspects(observations, solution) if len(s.rows) < spare]
     found = []
     for suspect in each(
-        _likeliest(solution, possible)[:MAX_SUSPECTS], "sensors left out"
+        _likeliest(*_densest(solution), possible)[:MAX_SUSPECTS], "sensors left out"
     ):
         try:
             log = _without(observations, suspect.rows)
@@ -194,19 +194,19 @@ def is_contradicted(solution: Solution) -> bool:
     Places far from a small array can win by the extent of their range against one
     among the sensors that a single wrong reading contradicts.
     """
-    z = _densest(solution)
+    posterior, z = _densest(solution)
     if np.array_equal(z, solution.laplace.z):
         return False
-    posterior = solution.posterior.weighed(jnp.asarray(z))
     left = standardised_residuals(posterior, z)
     p = p_value(*chi_squared(posterior, z, left, z.size))
     return p is not None and p < FITS
 
 
-def _densest(solution: Solution) -> Float[np.ndarray, " free"]:
-    """Return the optimum of the highest density."""
-    density = np.asarray(solution.optima.log_density)
-    return np.asarray(solution.optima.z)[np.nanargmax(density)]
+def _densest(solution: Solution) -> tuple[Posterior, Float[np.ndarray, " free"]]:
+    """Return the optimum of the highest density, and the posterior weighed there."""
+    best = np.nanargmax(np.asarray(solution.optima.log_density))
+    z = np.asarray(solution.optima.z)[best]
+    return solution.posterior.weighed(jnp.asarray(z)), z
 
 
 def suspects(observations: Observations, solution: Solution) -> list[Suspect]:
@@ -239,21 +239,25 @@ def _without(observations: Observations, rows: Int[np.ndarray, " out"]) -> Obser
     return replace(observations, sigma=sigma, record=tuple(record))
 
 
-def _likeliest(solution: Solution, possible: Sequence[Suspect]) -> list[Suspect]:
+def _likeliest(
+    posterior: Posterior, z: Float[np.ndarray, " free"], possible: Sequence[Suspect]
+) -> list[Suspect]:
     """Order suspects by how much chi squared would fall without each, laws linear."""
-    falls = _falls(solution, possible)
+    falls = _falls(posterior, z, possible)
     order = (
         np.argsort(-np.array(falls), kind="stable") if falls else range(len(possible))
     )
     return [possible[int(k)] for k in order]
 
 
-def _falls(solution: Solution, possible: Sequence[Suspect]) -> list[float]:
+def _falls(
+    posterior: Posterior, z: Float[np.ndarray, " free"], possible: Sequence[Suspect]
+) -> list[float]:
     """Return by how much chi squared would fall without each suspect, laws linear.
 
     Nothing is returned where predictions have no slopes.
     """
-    linear = _linear_fit(solution.posterior, _densest(solution))
+    linear = _linear_fit(posterior, z)
     if linear is None:
         return []
     basis, left = linear
@@ -293,11 +297,11 @@ class Exchanged(NamedTuple):
 def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged]:
     """Return the exchanges of two sensors' places that lower chi squared most.
 
-    Chi squared is that of a least-squares step about the answer. Only sensors are
-    exchanged without one of which it would fall most (`MAX_SUSPECTS`), and only
-    exchanges that lower it are returned: of an honest log none.
+    Chi squared is that of a least-squares step about the densest optimum. The sensors
+    are exchanged without which it would fall most (`MAX_SUSPECTS`). Only exchanges that
+    lower it are returned: of an honest log none.
     """
-    posterior, z = solution.posterior, _densest(solution)
+    posterior, z = _densest(solution)
     names = np.array(observations.sensor, object)
     place = observations.position
     placed = np.isnan(observations.slant_range) & np.isfinite(place).all(axis=1)
@@ -311,7 +315,7 @@ def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged
     if now is None:
         return []
     found = []
-    for one, other in combinations(_likeliest(solution, sensors)[:MAX_SUSPECTS], 2):
+    for one, other in combinations(_likeliest(posterior, z, sensors)[:MAX_SUSPECTS], 2):
         moved = place.copy()
         moved[one.rows], moved[other.rows] = place[other.rows[0]], place[one.rows[0]]
         layout = replace(posterior.layout, position=jnp.asarray(moved))
@@ -379,9 +383,8 @@ def other_explanations(
         Suspect("sensor", name, np.flatnonzero(names == name))
         for name in dict.fromkeys(observations.sensor)
     ]
-    falls = dict(
-        zip((s.name for s in sensors), _falls(solution, sensors), strict=False)
-    )
+    without = _falls(solution.posterior, solution.laplace.z, sensors)
+    falls = dict(zip((s.name for s in sensors), without, strict=False))
     worst = suspected[0].sensor
     others = tuple(
         name

@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float
 
 from jblast.inference.fitting.assumptions import (
     flat_ground,
-    paths_taken_as_independent,
     slower_than_sound,
     still_air,
 )
@@ -29,6 +28,7 @@ from jblast.inference.fitting.findings import (
     NoScene,
     NotAtOptimum,
     NothingLearned,
+    PathsTakenAsIndependent,
     PoorFit,
     PriorConflict,
 )
@@ -67,6 +67,7 @@ def warnings_of(
     dof: int,
     effects: Float[np.ndarray, " effect"],
     estimates: Mapping[str, Estimate],
+    independent: PathsTakenAsIndependent | None,
 ) -> list[Finding]:
     """Collect the warnings of an answer, the gravest first."""
     findings: list[Finding] = []
@@ -80,9 +81,8 @@ def warnings_of(
     slow = slower_than_sound(observations, solution)
     if slow is not None:
         findings.append(slow)
-    many = paths_taken_as_independent(solution)
-    if many is not None and many.beyond_array:
-        findings.append(many)
+    if independent is not None and independent.beyond_array:
+        findings.append(independent)
     if against:
         findings.append(PriorConflict(against))
     if not valid.all():
@@ -112,14 +112,13 @@ def warnings_of(
     return findings
 
 
-def assumptions_of(solution: Solution) -> tuple[Finding, ...]:
+def assumptions_of(
+    solution: Solution, independent: PathsTakenAsIndependent | None
+) -> tuple[Finding, ...]:
     """Return what an answer takes for granted, with what that is worth."""
-    still, many = still_air(solution), paths_taken_as_independent(solution)
-    found: list[Finding] = [still] if still else []
-    # beside a small array it is a warning
-    if many is not None and not many.beyond_array:
-        found.append(many)
-    return tuple(found)
+    if independent is not None and independent.beyond_array:
+        independent = None  # a warning
+    return tuple(found for found in (still_air(solution), independent) if found)
 
 
 def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:

@@ -56,6 +56,9 @@ SCALED_RANGES = 0.3, 100.0
 The lower limit is near the fireball (four charge radii are 0.2). At the upper limit the
 front moves at the speed of sound within 0.2 %: arrival times no longer depend on the
 mass."""
+MASS_SD = 3 * math.log(SCALED_RANGES[1] / SCALED_RANGES[0]) / math.sqrt(12)
+"""Standard deviation in ln of a free mass: that of a uniform distribution between the
+limits, of the cube of the scaled distance."""
 NEAREST_STEP = -5
 """Number of the nearest range: 0.13 widths from the middle of the sensors."""
 ALL_DIRECTIONS_STEP = 6
@@ -609,9 +612,8 @@ class _Walker:
         distance = float(np.linalg.norm(z[self.at] - self.middle))
         distance = max(distance, self.range_of(NEAREST_STEP))
         middle = 3 * (math.log(distance) - np.mean(np.log(SCALED_RANGES)))
-        sd = self._largest_sds(distance, math.pi)[self.mass]
-        off = (z[self.mass] - middle) / sd
-        slope[self.mass] = -off / sd
+        off = (z[self.mass] - middle) / MASS_SD
+        slope[self.mass] = -off / MASS_SD
         return -0.5 * off**2, slope
 
     def _known(self, posterior, z):
@@ -636,8 +638,7 @@ class _Walker:
         if self.time >= 0:  # a typical step is that of the layout, not of the range
             sds[self.time] *= max(1.0, distance / self.size)
         if self.mass >= 0:
-            low, high = np.log(SCALED_RANGES)
-            sds[self.mass] = 3 * (high - low) / math.sqrt(12)
+            sds[self.mass] = MASS_SD
         return sds
 
     def _moved(self, z, step):

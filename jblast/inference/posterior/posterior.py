@@ -364,8 +364,8 @@ def posterior_of(
     sigma, shared = own_and_shared_errors(observations)
     refuse_vast(observations, parameters.scene, layout, laws, shared.shape[1])
     bounds = observations.bounds()
-    # of paths whose direction is unknown none shares scatter: their effects are solved
-    # path by path, in a twentieth of the time
+    # Paths whose directions are unknown share no scatter. Solving their effects path by
+    # path takes a twentieth of the time.
     has_direction = np.isnan(observations.slant_range)
     return Posterior(
         parameters=parameters,

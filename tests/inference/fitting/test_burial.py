@@ -112,7 +112,7 @@ def test_a_burst_against_the_height_is_marked_where_a_law_asks_for_it(
 def test_what_changed_at_the_answer_is_told_by_its_own_sentence():
     solution = found()
     made = log(("a", IMPULSE, 1.0, 0.1, (800.0, 0.0, 0.0)))
-    nothing = np.ones(2, bool), 1.0, 1, np.zeros(0), {}
+    nothing = np.ones(2, bool), 1.0, 1, np.zeros(0), {}, None
     scene = UncertainScene(solution.posterior.parameters.scene)
 
     def said(**flags):
