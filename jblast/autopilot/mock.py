@@ -100,8 +100,8 @@ class Mock:
         self._memory, self._sender = hold.start(), Sender(1, 1)
         still = jnp.zeros(3)
         level = jnp.array([0.0, 0.0, 0.0, 1.0])
-        rest = State(still, still, level, still, jnp.zeros(4))
-        self._reported: Any = state_reported(hold.origin, rest, still, still)
+        at_rest = State(still, still, level, still, jnp.zeros(4))
+        self._reported: Any = state_reported(hold.origin, at_rest, still, still)
         # made before the simulator waits for it
         self._control(self._reported, self._memory, 0.0)
 
