@@ -97,5 +97,5 @@ def found_in(paths: list[str]) -> list[Found]:
 
 if __name__ == "__main__":
     places = found_in(sys.argv[1:] or list(DEFAULT))
-    print(*places, sep="\n")
+    sys.stdout.write("".join(f"{place}\n" for place in places))
     sys.exit(bool(places))
