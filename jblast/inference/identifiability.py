@@ -48,14 +48,16 @@ from jblast.sensors.record import to_error_scale
 STEP = 1.0
 """Distance over which a null direction is followed to confirm it, in typical steps."""
 NULL_TOLERANCE = 1e-4
-"""Data that move by less than this many standard deviations along it have not moved."""
+"""Data that change by less than this many standard deviations along a direction are
+unchanged: far below any error, and above the rounding of large slopes."""
 ROUNDS = 20
-"""Steps back onto the curve of a null direction, at most."""
+"""Largest number of Gauss-Newton steps back onto the curve of a null direction. They
+converge quadratically; without convergence the direction is identified."""
 HALVINGS = 12
-"""Such a step is halved so often before it is given up: it must bring data nearer."""
-BANG = "air_arrival_s"
+"""Largest number of halvings of such a step until it reduces the misfit."""
 RESOLVED_CHANGE = 0.03
-"""A datum is a cure if a typical step along the direction moves it by 3 %."""
+"""A datum resolves a null direction if a typical step along it changes the datum by
+more than this in ln: three times the 1 % by which laws scatter from path to path."""
 Where = Literal["sensor", "place", "aside", "range", "later"]
 
 
@@ -64,10 +66,10 @@ class Identifiability:
     """Null directions and identified directions of the parameters.
 
     Attributes:
-        null: One row for each direction along which no datum moves, in coordinates.
-        identified_basis: Basis of the rest, one column each.
-        determined: Whether each parameter is out of every null direction.
-        followed: Where following each null direction for a finite step led.
+        null: Null directions in the coordinates, one row each.
+        identified_basis: Basis of the identified directions, one column each.
+        determined: True for parameters without a component in any null direction.
+        followed: End of a finite step along each null direction.
     """
 
     null: Float[np.ndarray, "null free"]
@@ -79,10 +81,10 @@ class Identifiability:
 def identifiability(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> Identifiability:
-    """Find the null directions at a place, and confirm each by moving along it.
+    """Find the null directions at a place, and confirm each by a finite step.
 
-    A number with a prior is known, however little its prior adds to the data; so its
-    information counts as no less than that of the data.
+    A number with a prior is identified, however weak the prior. So its prior counts at
+    least as much as the data.
     """
     scale = typical_step(posterior)
     known = np.asarray(information(posterior, jax.device_put(z)))
@@ -95,7 +97,9 @@ def identifiability(
         for value, vector in zip(values, vectors.T, strict=True)
     ]
     data = len(posterior.measured) + int(np.sum(posterior.parameters.has_prior()))
-    for k in range(z.size - data):  # fewer data than unknowns, whatever was found
+    # With fewer data than unknowns that many directions are null by counting, even
+    # where the finite step did not converge.
+    for k in range(z.size - data):
         followed[k] = z if followed[k] is None else followed[k]
     is_null = np.array([there is not None for there in followed], dtype=bool)
     null = echelon(vectors[:, is_null].T)
@@ -108,11 +112,12 @@ def identifiability(
 
 
 def _followed(posterior, z, direction, size) -> np.ndarray | None:
-    """Follow a direction for a finite step, on its curve; None if data move.
+    """Return the end of a finite step along a direction; None if the data change.
 
-    A derivative can vanish by symmetry alone (a charge at the height of its sensors);
-    then a finite step is seen. A true invariance may be curved (a charge on a circle
-    about its one sensor), so after the step the identified directions are adjusted.
+    A derivative can vanish by symmetry alone (a charge at the height of its sensors).
+    Then a finite step changes the data. A true invariance may be curved (a charge on a
+    circle about its only sensor), so after the step the identified directions are
+    adjusted.
     """
     step = (
         STEP
@@ -124,15 +129,17 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
     miss = _whitened_prediction(posterior, there, z) - started
     for _ in range(ROUNDS):
         if np.linalg.norm(miss) < NULL_TOLERANCE:
+            # the adjustment may lead back to the start: then there is no curve
             away = np.linalg.norm((there - z) * size)
             return there if away > 0.5 * np.linalg.norm(step * size) else None
         jacobian = np.asarray(whitened_jacobian(posterior, jnp.asarray(there)))
         if not (np.isfinite(jacobian).all() and np.isfinite(miss).all()):
             return None
         back = -np.linalg.pinv(jacobian / size, rcond=1e-6) @ miss / size
-        for part in 0.5 ** np.arange(HALVINGS):  # whole steps run away off a cone
+        # near a cone (a range of zero) a full step leads far away: it is halved
+        for part in 0.5 ** np.arange(HALVINGS):
             nearer = _whitened_prediction(posterior, there + part * back, z) - started
-            with np.errstate(over="ignore"):  # beyond all reach is no nearer
+            with np.errstate(over="ignore"):  # an overflow compares as not nearer
                 is_nearer = np.linalg.norm(nearer) < np.linalg.norm(miss)
             if is_nearer:
                 there, miss = there + part * back, nearer
@@ -143,22 +150,23 @@ def _followed(posterior, z, direction, size) -> np.ndarray | None:
 
 
 def _whitened_prediction(posterior, z, where):
-    """Predictions and prior terms at z, in the standard deviations of elsewhere."""
+    """Predictions and prior terms at z, in the standard deviations at another place."""
     at, here = posterior.misfit(jnp.asarray(where)), posterior.misfit(jnp.asarray(z))
     data = whitened_rows(posterior, at, -here.residual[:, None])[:, 0]
     return np.concatenate([data, posterior.parameters.has_prior() * z])
 
 
 def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"]:
-    """Combine rows so that each leads with a 1 no other row has: the shortest names.
+    """Return the reduced row echelon form: it gives combinations of fewest parameters.
 
-    Rows are of length about 1; what is left of an entry by rounding becomes zero.
+    Rows have a length of about 1; entries that are rounding are set to zero.
     """
     rows = np.array(rows, float)
     lead = 0
     for column in range(rows.shape[1]):
         if lead == len(rows):
             break
+        # partial pivoting: rounding is not divided by a small entry
         best = lead + int(np.argmax(np.abs(rows[lead:, column])))
         if np.abs(rows[best, column]) <= TAKES_PART:
             continue
@@ -180,23 +188,23 @@ def _led_by_one(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row f
     )
 
 
-def estimable_forms(found: Identifiability) -> Float[np.ndarray, "told free"]:
+def estimable_forms(found: Identifiability) -> Float[np.ndarray, "form free"]:
     """Return the estimable combinations of parameters not identified singly.
 
     Each row is a linear form in the coordinates that vanishes along every null
-    direction; parameters determined by themselves take no part.
+    direction. Identified parameters have no component in it.
     """
-    shy = [i for i, determined in enumerate(found.determined) if not determined]
-    if not shy:
+    open_ones = [i for i, known in enumerate(found.determined) if not known]
+    if not open_ones:
         return np.zeros((0, len(found.determined)))
-    # The forms on the shy parameters that vanish on the null directions; led by the
-    # last parameter, so that speeds and times are in terms of the mass. Scaled,
-    # so that a metre and a second count alike.
-    size = np.abs(found.null).max(axis=0)[shy]
-    null = found.null[:, shy] / size
-    forms = np.linalg.svd(null)[2][len(null) :]
+    # Forms of the unidentified parameters that vanish along the null directions. The
+    # last parameter leads, so that speeds and times are in terms of the mass. They are
+    # scaled, so that metres and seconds have equal weight.
+    size = np.abs(found.null).max(axis=0)[open_ones]
+    null = found.null[:, open_ones] / size
+    forms = np.linalg.svd(null)[2][len(null) :]  # orthogonal complement of the rows
     estimable = np.zeros((len(forms), len(found.determined)))
-    estimable[:, shy] = _led_by_one(echelon(forms[:, ::-1]) / size[::-1])[:, ::-1]
+    estimable[:, open_ones] = _led_by_one(echelon(forms[:, ::-1]) / size[::-1])[:, ::-1]
     return estimable
 
 
@@ -205,11 +213,11 @@ class ResolvingDatum:
     """A datum that would resolve a null direction or an ambiguity.
 
     Attributes:
-        quantity: What to record.
+        quantity: Quantity to record.
         where: "sensor" (at one of the log), "place" (a new one), "aside" (a new place
             off the sensors' line), "range" (a new one) or "later" (at a later time).
-        on_right_clock: Whether by a clock that is right.
-        is_bang: Whether it is heard after a flash that the log holds: then it ranges.
+        on_right_clock: True if it needs a synchronised clock.
+        is_bang: True if it gives the range by the delay after a flash in the log.
     """
 
     quantity: str
@@ -221,10 +229,11 @@ class ResolvingDatum:
 def candidates(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> tuple[Layout, list[ResolvingDatum]]:
-    """Return rows that could be added to a log, and what each is.
+    """Return rows that could be added to a log, and their descriptions.
 
-    Each quantity at a sensor of the log, and at a place off the sensors' line, no
-    nearer to them than the nearest is to the charge.
+    The rows are each quantity at a sensor of the log, and at a position off the
+    sensors' line. That position is no nearer to the sensors than the nearest is to the
+    charge.
     """
     layout = posterior.layout
     position = np.asarray(layout.position)
@@ -251,24 +260,25 @@ def candidates(
 
 
 def aside(posterior: Posterior, reach: float = 0.0) -> Float[np.ndarray, "3"]:
-    """Return a place off the sensors' line, as far from their middle as they spread.
+    """Return a position off the sensors' line, one layout size from their middle.
 
     Args:
-        posterior: It has the sensors.
-        reach: It is no nearer than this [m].
+        posterior: Posterior with the layout.
+        reach: Smallest distance from the middle [m].
     """
     position = np.asarray(posterior.layout.position)
     middle, size = position.mean(axis=0), max(float(layout_size(posterior)), reach)
+    # the last axis is across the line, or any direction for a single sensor
     _, _, axes = np.linalg.svd((position - middle)[:, :2], full_matrices=True)
     return middle + size * np.array([*axes[-1], 0.0])
 
 
 @dataclass(frozen=True)
 class Cure:
-    """Remedies of a null direction: any one of these.
+    """Remedies of a null direction, each sufficient alone.
 
     Attributes:
-        parameters: A prior on one of them, or a measurement.
+        parameters: Parameters of which one needs a prior or a measurement.
         data: Rows that could be added.
     """
 
@@ -281,7 +291,7 @@ def cure_of_null(
     z: Float[np.ndarray, " free"],
     direction: Float[np.ndarray, " free"],
 ) -> Cure:
-    """Return which data, or which priors, would end a null direction."""
+    """Return the data and priors that would resolve a null direction."""
     layout, possible = candidates(posterior, z)
     scene = posterior.parameters.scene_at(jnp.asarray(z))
     laws = laws_beside(posterior, scene, layout)
@@ -308,7 +318,7 @@ def cure_of_null(
         replace(
             datum,
             on_right_clock=clocks and datum.quantity in CLOCK_TIMES,
-            is_bang=is_filmed and datum.quantity == BANG,
+            is_bang=is_filmed and datum.quantity == "air_arrival_s",
         )
         for datum in _without_repeats(data)
     ]
@@ -318,7 +328,7 @@ def cure_of_null(
 
 
 def laws_beside(posterior: Posterior, scene: Scene, layout: Layout) -> dict[str, str]:
-    """Return the log's own laws, and those that would be chosen for the rest."""
+    """Return the laws of the log, and the automatic choice for other quantities."""
     return law_names(resolve_laws(scene, layout)) | {
         q: n for q, n in posterior.laws if q in layout.quantities()
     }
@@ -335,7 +345,7 @@ def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
 
 
 def _without_repeats(data: Sequence[ResolvingDatum]) -> list[ResolvingDatum]:
-    """Leave out a new place where a sensor of the log would do."""
+    """Omit a new position if the same quantity at a sensor of the log resolves it."""
     at_sensor = {datum.quantity for datum in data if datum.where == "sensor"}
     return [
         datum
@@ -349,7 +359,7 @@ def cure_of_ambiguity(
     here: Float[np.ndarray, " free"],
     there: Float[np.ndarray, " free"],
 ) -> ResolvingDatum:
-    """Return which datum differs most between two solutions."""
+    """Return the datum that differs most between two solutions."""
     layout, possible = candidates(posterior, here)
     scene = posterior.parameters.scene_at(jnp.asarray(here))
     laws = laws_beside(posterior, scene, layout)
@@ -366,7 +376,7 @@ def combination(
     """Name a linear form in the coordinates.
 
     Returns:
-        The name, and whether it is a product of powers (every part is in ln).
+        The name, and True for a product of powers (every part is in ln).
     """
     parts = [(n, s, w) for n, s, w in zip(names, space, weights, strict=True) if w != 0]
     if all(s == "ln" for _, s, _ in parts):
@@ -394,13 +404,12 @@ def _short(weight: float) -> str:
 
 @dataclass(frozen=True)
 class NullDirection:
-    """A direction in which parameters change together and no datum moves.
+    """A direction in which parameters change together and no datum changes.
 
     Attributes:
-        parameters: By how much each takes part; its coordinate is ln where it is
-            positive.
-        space: "ln", "linear" or "mixed": what the coordinates are.
-        cure: What would end it.
+        parameters: Component of each parameter; in ln for positive ones.
+        space: Space of the coordinates: "ln", "linear" or "mixed".
+        cure: Remedies.
     """
 
     parameters: Mapping[str, float]
@@ -413,10 +422,10 @@ class OtherMode:
     """Another optimum that the data cannot rule out.
 
     Attributes:
-        parameters: Every number there.
-        differ: Names of the numbers in which it is another.
-        delta_chi2: By how much chi squared differs.
-        cure: Datum that would distinguish the two best.
+        parameters: Value of every parameter.
+        differ: Names of the parameters that differ from the best optimum.
+        delta_chi2: Increase of chi squared over the best optimum.
+        cure: Datum that would distinguish it from the best.
     """
 
     parameters: Mapping[str, float]
@@ -430,10 +439,10 @@ class EstimableCombination:
     """A combination of unidentified numbers that the data do identify.
 
     Attributes:
-        combination: Its formula.
-        value: What it is.
-        sd: Standard deviation of that.
-        is_local: Whether it holds near the answer only, the invariance being curved.
+        combination: Formula.
+        value: Estimate.
+        sd: Standard deviation.
+        is_local: True if it is estimable near the answer only (a curved invariance).
     """
 
     combination: str

@@ -37,40 +37,51 @@ from jblast.inference.whitening import (
 )
 from jblast.scene import parameter_named
 
+# k-hat is estimated from a tail of 190 draws: its standard error is about 0.1, against
+# limits that are 0.2 apart.
 DRAWS = 4000
 MIN_DRAWS = 500
 """Draws for a long log: k-hat is then estimated from a tail of 67."""
 MEMORY_NUMBERS = 40_000_000
 """Largest number of values (8 bytes each) for the densities of one block of draws."""
 WORK = 4_000_000_000
-"""Numbers that all draws may need before there are fewer of them."""
+"""Largest number of values that all draws may need; longer logs get fewer draws."""
 GOOD_SHAPE = 0.5
-"""Below this k-hat the normal is close enough to be taken for the posterior."""
+"""k-hat below which the weights have a finite variance (Vehtari et al. 2024): the
+normal is close enough to the posterior to replace it."""
 NARROW = 0.1
-"""Below this sd in ln a posterior has little room to be other than normal."""
+"""Standard deviation in ln below which laws are nearly linear over the posterior: a
+power law curves by its square, 1 %."""
 MAX_QUANTILE_ERROR = 0.3
-"""Ends of 90 % intervals that are off by less, in standard deviations, will do: of 327
-simulated logs that passed, 89 % of the intervals held the truth, and of 394 logs judged
-by the other two limits alone 86 % (`calibration/scenes/pressure.toml`)."""
+"""Largest accepted error of the bounds of 90 % intervals, in standard deviations. Of
+327 simulated logs that passed, 89 % of the intervals contained the truth. Of 394 logs
+judged by the other two limits alone it was 86 %
+(`calibration/scenes/pressure.toml`)."""
 INTERVAL_DRAWS = (1000, 4000, 16000)
-"""More only where fewer leave it open."""
-FEWEST_INTERVAL_DRAWS = 200
+"""Numbers of draws in turn, until the verdict on every bound is clear."""
+# The 5 % quantile then rests on ten draws: its Monte Carlo error is at most some 0.15
+# sd, half of `MAX_QUANTILE_ERROR`.
+MIN_INTERVAL_DRAWS = 200
 INTERVAL_WORK = 400_000_000
-"""Numbers that all draws may need before there are fewer of them: a tenth of what
-`posterior="auto"` takes."""
+"""Largest number of values that the draws of this check may need: a tenth of `WORK`,
+because every fit runs it."""
 FREEDOM = 3
-"""Of the Student-t half: tails heavier than those of one reading."""
+"""Degrees of freedom of the Student-t half of the draws. The tails are heavier than
+those of one reading (4), so the weights are bounded."""
 RELIABLE = 0.7
-"""Weights of a larger k-hat need not settle, however many (Vehtari et al. 2024)."""
+"""Largest k-hat of reliable weights. Above it averages may not converge with any
+practical number of draws (Vehtari et al. 2024)."""
 SHARED = 0.5
-"""Effective draws for each draw: 0.9 for a normal posterior. Where a single weight is
-this heavy or heavier there are fewer: then k-hat decides."""
+"""Effective draws per draw above which weights are reliable whatever k-hat is. A normal
+posterior has 0.9."""
 BLOCKS = 8
-"""Of draws; their spread estimates the Monte Carlo error of a bound."""
+"""Blocks of draws, whose spread estimates the Monte Carlo error of a bound to a quarter
+of itself: 1 / sqrt(2 * 7)."""
 PRECISE = 0.1
 """Monte Carlo error to which a bound that is off is estimated [sd]."""
 SURE = 2.0
-"""Standard errors by which an end has to be further off than `MAX_QUANTILE_ERROR`."""
+"""Standard errors by which the error of a bound must exceed `MAX_QUANTILE_ERROR`: 2.3 %
+of bounds exactly at the limit do so by chance."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +90,7 @@ class Importance:
 
     Attributes:
         z: Draws from the normal approximation.
-        weights: What each counts, largest smoothed; they add to 1.
+        weights: Weight of each draw, the largest smoothed; the sum is 1.
         k_hat: Shape of the tail of the weights.
         ess: Effective sample size.
     """
@@ -95,8 +106,8 @@ def importance(
 ) -> Importance:
     """Weight draws from the normal approximation so that they follow the posterior.
 
-    Along null directions, which the normal does not have, nothing is drawn: the
-    posterior has to be proper for its weights to mean anything.
+    The posterior must be proper. Along null directions, which the normal approximation
+    does not have, nothing is drawn.
     """
     root = root_of(normal)
     of_one = _numbers_of_a_draw(posterior, normal)
@@ -119,27 +130,27 @@ def importance(
 
 
 def _numbers_of_a_draw(posterior: Posterior, normal: Laplace) -> int:
-    """Return about how many numbers are held for the density of one draw."""
-    # computed rather than traced for its shape: this program is compiled by now
+    """Return the approximate number of values in memory for the density of a draw."""
+    # evaluated, not traced for its shape: this program is compiled already
     misfit = posterior.misfit(jnp.asarray(normal.z))
     return misfit.loading.size + 8 * misfit.residual.size
 
 
 def laplace_holds(k_hat: float, log_sd: float, off: float) -> bool:
-    """Return whether the normal approximation may be taken for the posterior.
+    """Return True if the normal approximation may replace the posterior.
 
     Args:
         k_hat: Shape of the tail of the importance weights.
-        log_sd: The largest sd in ln of any number (see `largest_log_sd`).
-        off: By how much its intervals are off (see `largest_quantile_error`).
+        log_sd: Largest sd in ln of any number (see `largest_log_sd`).
+        off: Largest error of its intervals (see `largest_quantile_error`).
     """
     return k_hat < GOOD_SHAPE and log_sd < NARROW and off < MAX_QUANTILE_ERROR
 
 
 def largest_quantile_error(found: Importance, normal: Laplace) -> float:
-    """Return by how much an end of a 90 % interval is off at most, in sds.
+    """Return the largest error of a bound of a 90 % interval, in standard deviations.
 
-    The ends of the normal approximation, beside those of its weighted draws.
+    It is the difference between the normal approximation and its weighted draws.
     """
     sd = np.sqrt(np.diag(normal.covariance))
     ends = [weighted_quantiles(z, found.weights, (0.05, 0.95)) for z in found.z.T]
@@ -148,9 +159,10 @@ def largest_quantile_error(found: Importance, normal: Laplace) -> float:
 
 
 def largest_log_sd(posterior: Posterior, normal: Laplace) -> float:
-    """Return the largest sd in ln: of a place, its sd over the nearest range.
+    """Return the largest relative standard deviation of any number.
 
-    A number that is neither positive nor a place, like a clock's, has none.
+    For a coordinate of the charge it is the sd over the nearest range. Numbers that are
+    neither positive nor coordinates, like clock offsets, are not considered.
     """
     parameters = posterior.parameters
     sds = np.sqrt(np.diag(normal.covariance))
@@ -179,15 +191,17 @@ def pareto_smoothed(
         too few draws have any weight.
     """
     count = len(log_ratio)
+    # tail length by Vehtari et al. (2024), section 3
     tail = int(np.ceil(min(0.2 * count, 3 * np.sqrt(count))))
     top = np.max(log_ratio)
     if not np.isfinite(top) or tail < 5:
         return np.full(count, -np.log(count)), np.inf
     log_weights = np.where(np.isfinite(log_ratio), log_ratio - top, -np.inf)
     order = np.argsort(log_weights)[count - tail :]
+    # exp(-700) is close to the smallest double, exp(-708): lower excesses would be zero
     cut = max(log_weights[np.argsort(log_weights)[count - tail - 1]], -700.0)
     order = order[log_weights[order] > cut]
-    if len(order) < 5:  # the ratios are all alike, or one is all
+    if len(order) < 5:  # all ratios are equal, or one has all the weight
         flat = np.ptp(log_weights) < 1e-10
         return _normalised(log_weights), 0.0 if flat else np.inf
     excess = np.exp(log_weights[order]) - np.exp(cut)
@@ -196,6 +210,7 @@ def pareto_smoothed(
         shares = (np.arange(len(order)) + 0.5) / len(order)
         smooth = np.expm1(-k_hat * np.log1p(-shares)) * scale / k_hat + np.exp(cut)
         log_weights[order] = np.log(smooth)
+        # a smoothed weight may not exceed the largest raw one (Vehtari et al. 2024)
         log_weights = np.minimum(log_weights, 0.0)
     return _normalised(log_weights), float(k_hat)
 
@@ -205,11 +220,13 @@ def _normalised(log_weights):
 
 
 def generalised_pareto(x: Float[np.ndarray, " excess"]) -> tuple[float, float]:
-    """Fit a generalised Pareto distribution to positive numbers in rising order.
+    """Fit a generalised Pareto distribution to positive numbers in ascending order.
 
     Returns:
-        Its shape, drawn towards 0.5 by ten observations' worth, and its scale.
+        Shape, with a prior of 0.5 that counts as ten observations, and scale.
     """
+    # Zhang & Stephens (2009): the profile likelihood in theta = -k / sigma, averaged
+    # over a grid of theta whose spacing follows its prior. No search is needed.
     count = len(x)
     grid = 30 + int(np.sqrt(count))
     quartile = x[int(count / 4 + 0.5) - 1]
@@ -225,15 +242,15 @@ def generalised_pareto(x: Float[np.ndarray, " excess"]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Weighted draws of a posterior, and what they make of its normal approximation.
+    """Weighted draws of a posterior, and the same draws for its normal approximation.
 
     Attributes:
         z: Coordinates.
-        weights: What each counts; they add to 1.
-        straight: The same draws, of the normal approximation.
-        of_normal: What each of those counts for it.
-        quantiles: 5, 50 and 95 % of each coordinate: the normal's, moved by the
-            difference of the posterior's from it by the same draws.
+        weights: Weight of each draw for the posterior; the sum is 1.
+        straight: The same draws for the normal approximation.
+        of_normal: Weight of each of these for the normal approximation.
+        quantiles: 5, 50 and 95 % quantiles of each coordinate: those of the normal plus
+            the difference between posterior and normal by the same draws.
     """
 
     z: Float[np.ndarray, "draw free"]
@@ -245,13 +262,12 @@ class Drawn:
 
 @dataclass(frozen=True)
 class IntervalsOff(Finding):
-    """The 90 % intervals are those of a normal approximation, and off or in doubt.
+    """The 90 % intervals of the normal approximation are wrong or could not be checked.
 
     Attributes:
-        parameter: Of which number an end is surely off by most.
-        off: By how many of its standard deviations; NaN if none surely is.
-        k_hat: Shape of the weights' tail where importance sampling fails; else
-            NaN.
+        parameter: Number with the largest significant error of a bound.
+        off: That error in standard deviations; NaN if no error is significant.
+        k_hat: Shape of the weights' tail if importance sampling fails, else NaN.
     """
 
     parameter: str
@@ -261,16 +277,16 @@ class IntervalsOff(Finding):
 
 @dataclass(frozen=True)
 class IntervalError:
-    """The end that is surely off by most.
+    """The largest significant error of a bound of a 90 % interval.
 
     Attributes:
-        name: Of which number.
-        off: By how many of its standard deviations.
-        error: Standard error of that.
+        name: Name of the number.
+        off: Error of the bound in standard deviations of the number.
+        error: Standard error of `off`.
         k_hat: Shape of the tail of the weights.
-        share: Effective draws for each draw.
-        settled: Whether more draws would not change the verdict on any bound.
-        drawn: The posterior by these draws.
+        share: Effective draws per draw.
+        settled: True if more draws would not change the verdict on any bound.
+        drawn: The weighted draws.
     """
 
     name: str
@@ -283,11 +299,11 @@ class IntervalError:
 
     @property
     def believed(self) -> bool:
-        """Whether the weights are reliable."""
+        """True if the weights are reliable."""
         return self.k_hat <= RELIABLE or self.share >= SHARED
 
     def finding(self) -> IntervalsOff | None:
-        """Return what is wrong with the intervals; None if nothing is."""
+        """Return the finding about the intervals; None if they are accurate."""
         surely = self.off - SURE * self.error > MAX_QUANTILE_ERROR
         if self.believed and not surely:
             return None
@@ -301,23 +317,23 @@ class IntervalError:
 def check_intervals(
     posterior: Posterior, normal: Laplace, *, seed: int = 0
 ) -> IntervalError:
-    """Judge the normal approximation of a proper posterior by its intervals' ends.
+    """Check the interval bounds of the normal approximation of a proper posterior.
 
     Args:
         posterior: The posterior.
         normal: Its normal approximation, without null directions.
-        seed: Of the draws.
+        seed: Seed of the draws.
     """
     found = _judged(posterior, normal, seed, along=False)
     return found if found.share >= SHARED else _judged(posterior, normal, seed, True)
 
 
 def _judged(posterior, normal, seed: int, along: bool) -> IntervalError:
-    """Draw until it is clear; along the ridge or not."""
+    """Draw until the verdict is clear; `along` the ridge or not."""
     of_one = _numbers_of_a_draw(posterior, normal)
-    if along:
+    if along:  # each Newton step differentiates by every coordinate
         of_one *= 1 + normal.z.size
-    most = max(INTERVAL_WORK // of_one, FEWEST_INTERVAL_DRAWS)
+    most = max(INTERVAL_WORK // of_one, MIN_INTERVAL_DRAWS)
     part = min(MEMORY_NUMBERS // of_one + 1, INTERVAL_DRAWS[0], most)
     *fewer, last = sorted({min(draws, most) // part for draws in INTERVAL_DRAWS})
     for parts in fewer:
@@ -330,7 +346,7 @@ def _judged(posterior, normal, seed: int, along: bool) -> IntervalError:
 def _by_draws(
     posterior, normal, seed, parts: int, part: int, along: bool
 ) -> IntervalError:
-    """Judge by so many parts of so many draws."""
+    """Check by `parts` times `part` draws."""
     root = root_of(normal)
     w, log_drawn, log_normal = reaching(
         parts * part, normal.z.size, np.random.default_rng(seed)
@@ -355,6 +371,7 @@ def _by_draws(
     sd = np.sqrt(np.diag(normal.covariance))
 
     def off(draws: slice):
+        # the difference by the same draws: most of the Monte Carlo error cancels
         of_posterior = _ends(z[draws], weights[draws])
         return (of_posterior - _ends(straight[draws], of_normal[draws])) / sd
 
@@ -383,18 +400,19 @@ def _by_draws(
 
 
 def reaching(count: int, free: int, rng: np.random.Generator):
-    """Draw from half a normal, half a Student-t.
+    """Draw from an equal mixture of a normal and a Student-t distribution.
 
     Args:
-        count: Of draws.
-        free: Unknowns.
-        rng: Where chance comes from.
+        count: Number of draws.
+        free: Number of unknowns.
+        rng: Random generator.
 
     Returns:
-        The draws, and ln of the density they are from and of the normal there, both up
-        to the same constant.
+        The draws, ln of the density of the mixture, and ln of that of the normal, both
+        up to the same constant.
     """
     w = rng.standard_normal((count, free))
+    # alternately, not at random: every block has the same share of each
     w[::2] *= np.sqrt(FREEDOM / rng.chisquare(FREEDOM, len(w[::2])))[:, None]
     square = np.sum(w**2, axis=1)
     half = 0.5 * (FREEDOM + free)
@@ -408,15 +426,15 @@ def reaching(count: int, free: int, rng: np.random.Generator):
 
 
 def _quantiles(z, weights):
-    """Return both ends of the 90 % interval of each coordinate, the median between."""
-    with np.errstate(invalid="ignore"):  # a block of draws of no weight at all: nan
+    """Return the 5, 50 and 95 % quantiles of each coordinate."""
+    with np.errstate(invalid="ignore"):  # a block without any weight gives NaN
         return np.array(
             [weighted_quantiles(x, weights, (0.05, 0.5, 0.95)) for x in z.T]
         ).T
 
 
 def _ends(z, weights):
-    """Return both ends alone."""
+    """Return the bounds of the 90 % interval of each coordinate."""
     return _quantiles(z, weights)[::2]
 
 
@@ -426,13 +444,13 @@ def marginals_of_draws(
     weights: Float[np.ndarray, " draw"] | None = None,
     quantiles: Float[np.ndarray, "3 free"] | None = None,
 ) -> dict[str, Estimate]:
-    """Summarise each number by itself, value and median at the draws' median.
+    """Return the marginal estimate of each number; its value is the median.
 
     Args:
-        parameters: What was fitted.
+        parameters: Fitted parameters.
         z: Draws of the coordinates.
-        weights: What each counts; all alike without them.
-        quantiles: 5, 50 and 95 % of each coordinate, where they are known better.
+        weights: Weight of each draw; equal weights without them.
+        quantiles: 5, 50 and 95 % quantiles of each coordinate, if known more precisely.
     """
     if weights is None:
         weights = np.full(len(z), 1 / len(z))
@@ -468,10 +486,10 @@ def weighted_quantiles(
     weights: Float[np.ndarray, " draw"],
     shares: tuple[float, ...],
 ) -> tuple[float, ...]:
-    """Return quantiles of weighted draws; of equal weights those of `numpy.quantile`.
+    """Return quantiles of weighted draws; for equal weights those of `numpy.quantile`.
 
-    Each draw stands at the middle of its weight, stretched so that the least is at 0
-    and the largest at 1.
+    Each draw is placed at the middle of its weight. The scale is stretched so that the
+    smallest draw is at 0 and the largest at 1.
     """
     order = np.argsort(x)
     w = weights[order]
@@ -487,14 +505,14 @@ def _sd(x, weights) -> float:
 
 
 def _log_sd(x, weights) -> float:
-    """Sd of ln, without draws where a normal prior reaches below zero."""
+    """Standard deviation of ln, without draws where a normal prior is negative."""
     positive = x > 0
     return _sd(np.log(x[positive]), weights[positive])
 
 
 @dataclass(frozen=True)
 class ImportanceCannotTell(Finding):
-    """The weights of importance sampling need not settle.
+    """The weights of importance sampling are unreliable.
 
     Attributes:
         k_hat: Shape of their tail.
@@ -505,11 +523,11 @@ class ImportanceCannotTell(Finding):
 
 @dataclass(frozen=True)
 class FewEffectiveDraws(Finding):
-    """Importance sampling is left with few draws.
+    """The effective sample size of importance sampling is small.
 
     Attributes:
         effective: Effective sample size.
-        wanted: Effective sample size that intervals need.
+        wanted: Smallest effective sample size for intervals.
     """
 
     effective: float
@@ -518,10 +536,10 @@ class FewEffectiveDraws(Finding):
 
 @dataclass(frozen=True)
 class NormalIntervals(Finding):
-    """The 90 % intervals are those of a normal approximation, for want of draws.
+    """The 90 % intervals are those of a normal approximation: too few effective draws.
 
     Attributes:
-        because: What importance sampling was left with.
+        because: Effective sample size of importance sampling.
     """
 
     because: FewEffectiveDraws
@@ -553,16 +571,16 @@ class DrawsWeighted(Finding):
 
 @dataclass(frozen=True)
 class NormalJudged(Finding):
-    """The normal approximation was judged, whether it does or walkers are needed.
+    """The normal approximation was checked; walkers run if it fails.
 
     Attributes:
-        holds: Whether it does.
+        holds: True if the approximation passed.
         k_hat: Shape of the weights' tail.
         log_sd: Largest standard deviation of any ln.
-        off: By how many standard deviations the worst end of an interval is off.
-        most_k_hat: Limit of the first.
-        most_log_sd: Of the second.
-        most_off: Of the third.
+        off: Largest error of an interval bound, in standard deviations.
+        most_k_hat: Limit of `k_hat`.
+        most_log_sd: Limit of `log_sd`.
+        most_off: Limit of `off`.
     """
 
     holds: bool

@@ -39,39 +39,49 @@ from jblast.waves.pulse import LEVEL
 from jblast.waves.waveform import decay_of_fraction
 
 UNRESOLVED = 0.1
-"""Standard deviation of ln of a rise within two samples, about the pick's: samples do
-not separate it from the arrival, whose error then has the part of a sample."""
-NONE = 1e-9
-"""Corner in place of none, where another record has a high-pass [Hz]."""
-ASKED = 4
-"""Of a pick's unknowns the first; the last of them, the decay, is by the impulse."""
+"""Standard deviation of ln of a rise below two samples, about that of the pick. Samples
+do not separate it from the arrival, whose error then contains part of a sample."""
+NO_HIGH_PASS = 1e-9
+"""Corner of a record without a high-pass, if another record has one [Hz]: a period of
+30 years."""
+PRIMARY = 4
+"""Number of primary unknowns of a pick, which are its first. The last of them, the
+decay, is determined by the impulse."""
 LEAST_FRACTION = 1e-4
-"""Of the fractions that a pulse can have, one at either end is never reached."""
+"""Distance of the impulse fraction from the limits of a pulse, which no finite decay
+reaches."""
 RISES = (1.0, 2.0, 4.0), (0.05, 0.15, 0.4)
-"""Rises that searches may begin with [samples]: of fronts that samples resolve, and of
-those that rise within one."""
+"""Starting rises of the two searches [samples]: fronts that samples resolve, and fronts
+that rise within one sample."""
 
 
 def sampled_records(
     observations: Observations, picks: Sequence[tuple[str, RecordPick]]
 ) -> SampledRecords:
-    """Put samples in place of the rows that were picked of them.
+    """Return the samples that replace the rows picked from them.
 
     Args:
         observations: A log with four rows of each record.
-        picks: Of the records, by what the log calls these.
+        picks: Picks of the records, with their names in the log.
     """
     cut = [_stretch(one.record) for _, one in picks]
     length = filled_length(max(one.samples.size for one in cut))
     high_passed = any(one.high_pass_hz for one in cut)
-    more = any(_shows_more(one) for _, one in picks)
+    # more than one pulse: rings, later fronts, an unstated high-pass
+    more = any(
+        bool(pick.resonating)
+        or bool(np.isfinite(np.asarray(pick.later_arrivals_s)).any())
+        or bool(pick.high_passed)
+        for pick in (one.pick for _, one in picks)
+    )
     ready = [_case(one, length, high_passed, more) for one in cut]
     case: SampledCase = jax.tree.map(lambda *x: jnp.stack(x), *[c for c, _ in ready])
     terms = PulseTerms(length)
-    nuisance = case.unknowns[:, ASKED:]
+    nuisance = case.unknowns[:, PRIMARY:]
     rows = _rows(observations, [name for name, _ in picks])
     natural = jax.vmap(natural_of)(case.unknowns)
     unresolved = jnp.clip((WIDE - natural.rise) / (WIDE - NARROW), 0.0, 1.0)
+    # a front within one sample interval is uniform there: its variance is 1/12
     between = jnp.sqrt(unresolved / 12.0) / case.rate
     return SampledRecords(
         terms=terms,
@@ -80,22 +90,22 @@ def sampled_records(
         case=case,
         picked=jnp.stack([picked for _, picked in ready]),
         nuisance=nuisance,
-        jitter=jnp.zeros((len(cut), ASKED)).at[:, 0].set(between),
+        jitter=jnp.zeros((len(cut), PRIMARY)).at[:, 0].set(between),
         evidence=_evidence(terms, nuisance, case),
-        error_columns=_errors_of_others(observations, rows),
+        error_columns=_error_columns(observations, rows),
     )
 
 
 class SampledCase(NamedTuple):
-    """A record for the terms; times in samples, pressures in shares of the largest.
+    """Argument of `PulseTerms`; times in samples, pressures relative to the largest.
 
     Attributes:
-        ready: Its samples, ready for a pick.
-        unknowns: Of the pick.
-        rate: Samples a second [Hz].
-        rise: Middle and standard deviation of what is believed of ln of the rise.
-        widened: Standard deviations of the noise are as many times those before the
-            front, by the residuals of the pulse.
+        ready: Samples prepared for a pick.
+        unknowns: Unknowns of the pick.
+        rate: Sampling rate [Hz].
+        rise: Mean and standard deviation of the prior of ln of the rise.
+        widened: Factor on the standard deviation of the noise before the front, from
+            the residuals of the pulse.
     """
 
     ready: Case
@@ -107,24 +117,24 @@ class SampledCase(NamedTuple):
 
 @dataclass(frozen=True)
 class PulseTerms:
-    """Terms of which half the square is minus ln of the probability of samples.
+    """Terms whose half square is minus ln of the probability of samples.
 
     Attributes:
-        samples: That a record is filled up to.
+        samples: Length to which records are padded.
     """
 
     samples: int
 
     def __call__(
         self,
-        moved: Float[Array, " asked"],
+        moved: Float[Array, " primary"],
         nuisance: Float[Array, " nuisance"],
         case: SampledCase,
     ) -> Float[Array, " term"]:
-        """Return what is left of the samples, then how unlikely nuisances are.
+        """Return the residuals of the samples, then those of the priors of nuisances.
 
         Args:
-            moved: Arrival [s], ln peak, ln duration and ln impulse, less the pick's.
+            moved: Arrival [s], ln peak, ln duration and ln impulse minus the pick's.
             nuisance: The other unknowns.
             case: The record.
         """
@@ -132,18 +142,20 @@ class PulseTerms:
         apart = misfit(bins, unknowns_at(moved, nuisance, case), case.ready)
         last = bins.first.size
         believed = (
-            apart[last + ASKED :].at[0].set((nuisance[0] - case.rise[0]) / case.rise[1])
+            apart[last + PRIMARY :]
+            .at[0]
+            .set((nuisance[0] - case.rise[0]) / case.rise[1])
         )
         return jnp.concatenate([apart[:last] / case.widened, believed])
 
 
 @kept
 def _evidence(terms: PulseTerms, nuisance, case: SampledCase):
-    return jax.vmap(lambda n, c: evidence(terms, n, c, ASKED))(nuisance, case)
+    return jax.vmap(lambda n, c: evidence(terms, n, c, PRIMARY))(nuisance, case)
 
 
 def _stretch(record: PressureRecord) -> PressureRecord:
-    """Return the stretch of a record that its pick is made of."""
+    """Return the interval of a record that its pick uses."""
     if record.samples.size <= LONGEST:
         return record
     begin = stretch_begin(record, LONGEST)
@@ -157,22 +169,15 @@ def _stretch(record: PressureRecord) -> PressureRecord:
     )
 
 
-def _shows_more(one: RecordPick) -> bool:
-    """Return whether a pick found more than one pulse: rings, fronts, a high-pass."""
-    of = one.pick
-    later = np.isfinite(np.asarray(of.later_arrivals_s)).any()
-    return bool(of.resonating) or bool(later) or bool(of.high_passed)
-
-
 def _case(
     record: PressureRecord, length: int, high_passed: bool, more: bool
 ) -> tuple[SampledCase, Float[Array, "4"]]:
-    """Return a record ready for its terms, and its pick on the scale of errors."""
+    """Return the case of a record, and its pick on the scale of errors."""
     size = record.samples.size
     samples = np.pad(record.samples, (0, length - size), mode="edge")
     corner = None
     if high_passed:
-        hertz = record.high_pass_hz or NONE
+        hertz = record.high_pass_hz or NO_HIGH_PASS
         corner = np.array(2 * np.pi * hertz / record.rate_hz)
     level = record.full_scale
     case, front, scale = _picked(
@@ -197,9 +202,10 @@ def _case(
 
 @kept
 def _picked(samples, count, full_scale, corner, *, more: bool):
-    """Pick one record, and keep what it was made of; `more` than a pulse if it shows.
+    """Pick one record and return the case, its front and its scale.
 
-    What a pulse alone takes compiles in half the time.
+    Forms besides a single pulse are tried with `more` only: without them the program
+    compiles in half the time.
     """
     bins = bins_about_front(samples.size)
     bank = bank_of(bins, samples.size)
@@ -217,8 +223,8 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
     resolved = natural_of(y).rise >= WIDE
     rise = jnp.where(
         resolved,
-        jnp.array([CENTRE[ASKED], SPREAD[ASKED]]),
-        jnp.stack([y[ASKED], jnp.asarray(UNRESOLVED)]),
+        jnp.array([CENTRE[PRIMARY], SPREAD[PRIMARY]]),
+        jnp.stack([y[PRIMARY], jnp.asarray(UNRESOLVED)]),
     )
     sampled = SampledCase(case, y, jnp.zeros(()), rise, widened)
     return sampled, ready.front.sample.astype(y.dtype), ready.scale
@@ -227,24 +233,24 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
 def _rows(
     observations: Observations, names: Sequence[str]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return which rows of a log were picked of each record."""
+    """Return the rows of a log that were picked from each record."""
     pairs = list(zip(observations.records(), observations.quantity, strict=True))
     return tuple(
         tuple(pairs.index((name, quantity)) for quantity in TOLD) for name in names
     )
 
 
-def _errors_of_others(
+def _error_columns(
     observations: Observations, rows: tuple[tuple[int, ...], ...]
 ) -> tuple[int, ...]:
-    """Return which of the errors that rows share are of rows that are no samples."""
+    """Return the columns of shared errors that rows without samples have."""
     _, shared = own_and_shared_errors(observations)
     shared[np.array(rows)] = 0.0
     return tuple(np.flatnonzero(shared.any(axis=0)).tolist())
 
 
 def unknowns_at(
-    moved: Float[Array, " asked"],
+    moved: Float[Array, " primary"],
     nuisance: Float[Array, " nuisance"],
     case: SampledCase,
 ) -> Float[Array, " unknown"]:
@@ -265,18 +271,18 @@ def unknowns_at(
 
 
 def trial_nuisances(
-    moved: Float[Array, " asked"],
+    moved: Float[Array, " primary"],
     nuisance: Float[Array, " nuisance"],
     case: SampledCase,
 ) -> Float[Array, "search trial nuisance"]:
-    """Return nuisances to begin searches with: of some rises, all else as picked.
+    """Return starting nuisances of searches: several rises, the others as picked.
 
-    Samples fix the middle of a front, so one that arrives later rises faster. In
-    addition to `RISES`, and the pick's in the first search, the rise is tried that
-    keeps the middle.
+    Samples fix the middle of a front, so a front that arrives later rises faster. The
+    trials are `RISES`, the pick's rise (first search), and the rise that keeps the
+    middle.
 
     Args:
-        moved: As of `PulseTerms`.
+        moved: As for `PulseTerms`.
         nuisance: The pick's.
         case: The record.
     """

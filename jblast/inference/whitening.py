@@ -1,4 +1,4 @@
-r"""Coordinates in which a posterior is round, or a ridge is straight.
+r"""Coordinates in which a posterior is nearly a unit normal, or a ridge is straight.
 
 Whitened coordinates: the normal approximation is a unit normal in $w$, with
 $z = z_0 + A w$ and $A A^T$ its covariance. Samplers move in $w$, and densities are
@@ -13,7 +13,6 @@ Haario & Laine 2014, SIAM J. Sci. Comput. 36:A1895), with the density
 $q(w(z)) |\det dw/dz|$. A draw is unusable where Newton's method finds no such $z$.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -38,16 +37,18 @@ from jblast.kept_programs import kept
 from jblast.observations import Observations
 
 BLOCK = 20
-"""Places whose densities are computed together."""
+"""Places whose densities are computed together. A block takes as long as its slowest
+place, so large blocks waste time; small ones lose vectorisation."""
 STEPS = 8
-"""Of Newton's method; of draws up to 6 sd along a ridge 999 in 1000 arrive."""
+"""Steps of Newton's method: 999 of 1000 draws up to 6 sd along a ridge converge."""
 NEWTON_TOLERANCE = 1e-4
-"""Coordinates that are met to this many standard deviations are met."""
+"""Newton's method has converged if coordinates agree to this many standard deviations:
+it is quadratic, so a draw that comes this near would be exact in one more step."""
 
 
 @runtime_checkable
 class Density(Protocol):
-    """What a sampler needs: a PyTree of arrays with a log-density."""
+    """Density for a sampler: a PyTree of arrays with a log-density."""
 
     def log_density(self, w: Float[Array, " free"]) -> Float[Array, ""]:
         """Return ln of the density at a place, up to a constant."""
@@ -55,12 +56,12 @@ class Density(Protocol):
 
 
 class Whitened(eqx.Module):
-    """A posterior in coordinates in which it is round.
+    """A posterior in whitened coordinates.
 
     Attributes:
         posterior: The posterior.
-        center: Where $w = 0$ is, in the fitted coordinates.
-        root: One standard deviation along each axis, a column each.
+        center: Fitted coordinates at $w = 0$.
+        root: One standard deviation along each axis, one column each.
     """
 
     posterior: Posterior
@@ -74,7 +75,7 @@ class Whitened(eqx.Module):
 
 @kept
 def densities(density: Density, w: Float[Array, "place free"]):
-    """Return the log-density of many places; -inf where it is no number."""
+    """Return the log-density of many places; -inf where it is NaN."""
     value = jax.vmap(density.log_density)(w)
     return jnp.where(jnp.isfinite(value), value, -jnp.inf)
 
@@ -82,15 +83,16 @@ def densities(density: Density, w: Float[Array, "place free"]):
 def densities_of_draws(
     density: Density, w: Float[np.ndarray, "place free"]
 ) -> Float[np.ndarray, " place"]:
-    """Return what `densities` does, of places some of which lie far out.
+    """Return `densities` of draws, some of which lie far out.
 
-    Shared effects take longer to settle there, and what is computed together waits for
-    the last: places go in blocks of those that are as far out as one another.
+    Shared effects take more steps to converge there, and a block waits for its last
+    place. So blocks contain places of similar distance.
     """
     order = np.argsort(np.sum(np.square(w), axis=1))
     order = np.pad(order, (0, -len(order) % BLOCK), mode="edge")
     blocks = w[order].reshape(-1, BLOCK, w.shape[1])
     value = np.empty(len(w))
+    # padding repeats the last place, whose entry is then written several times alike
     value[order] = np.asarray(_by_blocks(density, jax.device_put(blocks))).ravel()
     return value
 
@@ -103,43 +105,42 @@ def _by_blocks(density: Density, blocks: Float[Array, "block place free"]):
 def whitened_density(
     posterior: Posterior, normal: Laplace, identifiability: Identifiability
 ) -> Whitened:
-    """Put a posterior into coordinates in which it is round.
+    """Return a posterior in whitened coordinates.
 
     Raises:
         InputError: The posterior is improper along a direction that neither the log nor
             a prior constrains.
     """
     if len(identifiability.null):
-        raise InputError(_improper(posterior.parameters.names, identifiability))
+        along = [
+            ", ".join(
+                name if weight == 1 else f"{name} times {weight:.3g}"
+                for name, weight in zip(
+                    posterior.parameters.names, direction, strict=True
+                )
+                if weight != 0
+            )
+            for direction in identifiability.null
+        ]
+        raise InputError(
+            f"the posterior is improper along {' and along '.join(along)}: the log "
+            "does not constrain this combination, so it cannot be sampled; expected a "
+            "prior, or a fixed value, for one of these parameters"
+        )
     return Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root_of(normal)))
 
 
 def root_of(normal: Laplace) -> Float[np.ndarray, "free free"]:
-    """Return a root of the covariance, from its correlations: units do not matter."""
+    """Return a square root of the covariance."""
+    # of the correlations: eigenvalues in metres and seconds would differ by 1e10
     sds = np.sqrt(np.diag(normal.covariance))
     values, vectors = np.linalg.eigh(normal.covariance / sds / sds[:, None])
     floor = len(sds) * np.finfo(values.dtype).eps
     return sds[:, None] * vectors * np.sqrt(np.maximum(values, floor))
 
 
-def _improper(names, identifiability: Identifiability) -> str:
-    along = [
-        ", ".join(
-            name if weight == 1 else f"{name} times {weight:.3g}"
-            for name, weight in zip(names, direction, strict=True)
-            if weight != 0
-        )
-        for direction in identifiability.null
-    ]
-    return (
-        f"the posterior is improper along {' and along '.join(along)}: the log tells "
-        "nothing of it, so there is nothing to sample; expected a prior, or a fixed "
-        "value, for one of them"
-    )
-
-
 def non_finite_rows(posterior: Posterior, z: Float[np.ndarray, " free"]) -> list[int]:
-    """Return the rows whose misfit is no number at a place."""
+    """Return the rows whose misfit is not finite at a place."""
     misfit = posterior.misfit(jnp.asarray(z))
     u = np.asarray(misfit.residual) / np.asarray(misfit.sd)
     finite = np.isfinite(u) & np.isfinite(np.asarray(misfit.loading)).all(axis=1)
@@ -149,7 +150,7 @@ def non_finite_rows(posterior: Posterior, z: Float[np.ndarray, " free"]) -> list
 def refuse_without_density(
     key: PRNGKeyArray, posterior: Posterior, found: Optima, observations: Observations
 ) -> None:
-    """Refuse a log to which nothing gives a probability, and name its rows.
+    """Reject a log without a finite density, and name its rows.
 
     Raises:
         InputError: The density is not finite at the best optimum.
@@ -158,26 +159,22 @@ def refuse_without_density(
         return
     start = np.asarray(starts(key, posterior, 1)[0])
     where = [observations.where(row) for row in non_finite_rows(posterior, start)]
+    more = f" and {len(where) - 5} more" if len(where) > 5 else ""
     raise InputError(
         f"{observations.source or 'observations'}: no value of "
         f"{', '.join(posterior.parameters.names)} gives the log a probability; "
         "expected readings, sigmas and a scene that one charge could explain"
-        + (f", got no number for {_shortly(where)}" if where else "")
+        + (f", got NaN for {', '.join(where[:5])}{more}" if where else "")
     )
-
-
-def _shortly(names: Sequence[str], most: int = 5) -> str:
-    """Join names, the first few of them."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
 
 
 class RtoDraws(NamedTuple):
     r"""Draws by randomize-then-optimize.
 
     Attributes:
-        z: The places; of coordinates that no place was found to have, any.
-        log_ratio: ln of the posterior density over $|\det dw/dz|$, -inf of those.
+        z: Draws. A draw without a solution has the optimum in its place.
+        log_ratio: ln of the posterior density over $|\det dw/dz|$; -inf for draws
+            without a solution.
     """
 
     z: Float[Array, "place free"]
@@ -191,13 +188,13 @@ def rto_proposal(
     root: Float[Array, "free free"],
     w: Float[Array, "place free"],
 ) -> RtoDraws:
-    """Find the places that have some coordinates.
+    """Solve for the places with given ridge coordinates.
 
     Args:
         posterior: The posterior.
         center: Its optimum $z_0$.
-        root: One standard deviation along each axis $A$, a column each.
-        w: The coordinates.
+        root: One standard deviation along each axis $A$, one column each.
+        w: Ridge coordinates of the draws.
     """
     here, has_prior = posterior.misfit(center), posterior.parameters.has_prior()
     slopes = whitened_jacobian(posterior, center)
@@ -213,6 +210,8 @@ def rto_proposal(
         def nearer(z, _):
             return z - jnp.linalg.solve(jacobian(z), coordinates(z) - w), None
 
+        # a fixed number of steps: under vmap a while loop would run to the slowest
+        # draw, which often diverges
         z = jax.lax.scan(nearer, center + root @ w, length=STEPS)[0]
         missed = jnp.max(jnp.abs(coordinates(z) - w))
         ratio = posterior.log_density(z) - jnp.linalg.slogdet(jacobian(z))[1]

@@ -5,9 +5,9 @@ at the optimum: where readings lie close to the law by luck, Student-t errors cu
 there than they do on average, and intervals come out too narrow. Five microphones, four
 unknowns, 400 simulated logs (`calibration/coverage.py`): 90 % intervals of the place
 held the truth in 82 and 83 % by curvature, in 87 and 88 % by expected information.
-Along an axis where the density does not fall as that information says, its width is
-measured; not so where the axis only leaves a ridge that bends, along whose crest the
-density falls as it should.
+Where the density does not fall along an axis as that information predicts, its width
+is measured on the density. An axis that only leaves a curved ridge keeps its width if
+the density falls as predicted along the crest.
 """
 
 import math
@@ -34,22 +34,23 @@ from jblast.scene import parameter_named
 NORMAL_Q95 = 1.6448536269514722
 """95 % quantile of the standard normal."""
 FALLS = (0.1, 2.5)
-"""A normal falls by 0.5 in ln-density one sd away; less or more than this is none."""
+"""Limits of the fall in ln-density one standard deviation away. A normal falls by 0.5;
+between the limits its width is right within a factor of 2.2."""
 CLIMBS = 10
-"""Steps back onto the crest of a ridge that bends."""
+"""Gauss-Newton steps back onto the crest of a curved ridge."""
 DECREMENT = 1e-4
 """Converged: one more Newton step would gain less than this in ln-density."""
 
 
 @dataclass(frozen=True)
 class Laplace:
-    """A normal posterior.
+    """Normal approximation of a posterior.
 
     Attributes:
-        z: Its mean: the optimum.
-        covariance: Zero along null directions, of which it says nothing.
-        decrement: What one more Newton step would gain in ln-density.
-        peak: Whether the density falls on every side.
+        z: Mean: the optimum.
+        covariance: Covariance; zero along null directions, which it does not describe.
+        decrement: Expected gain in ln-density of one more Newton step.
+        peak: True if the density falls in every direction.
     """
 
     z: Float[np.ndarray, " free"]
@@ -59,7 +60,7 @@ class Laplace:
 
     @property
     def converged(self) -> bool:
-        """Whether the mean is an optimum."""
+        """True if the mean is an optimum."""
         return self.peak and self.decrement < DECREMENT
 
     def draws(
@@ -72,12 +73,12 @@ class Laplace:
 
 
 class Climbed(NamedTuple):
-    """Where a climb ended.
+    """End of a climb.
 
     Attributes:
-        z: The place.
-        log_density: There.
-        promised: What the next step was expected to gain in ln of the density.
+        z: Coordinates.
+        log_density: ln of the density at z.
+        promised: Expected gain in ln of the density of one more step.
     """
 
     z: Float[np.ndarray, " free"]
@@ -88,14 +89,14 @@ class Climbed(NamedTuple):
 def laplace(
     posterior: Posterior,
     z: Float[np.ndarray, " free"],
-    basis: Float[np.ndarray, "free told"],
+    basis: Float[np.ndarray, "free identified"],
 ) -> Laplace:
     """Approximate a posterior about its optimum.
 
     Args:
         posterior: The posterior.
         z: Its optimum.
-        basis: Basis of the directions the data tell, one column each.
+        basis: Basis of the identified directions, one column each.
     """
     curvature = basis.T @ np.asarray(information(posterior, jnp.asarray(z))) @ basis
     values, vectors = np.linalg.eigh(curvature)
@@ -121,16 +122,17 @@ def _top(posterior, z):
 
 
 def _fall(posterior, z, axis, top) -> float:
-    """How far ln-density falls one step away, on the side where it falls less."""
-    # with slopes that nobody asks for: their program is at hand, another would be read
+    """Fall of ln-density one step away, on the side where it falls less."""
+    # the slopes are not used, but their program is loaded: another would be compiled
     ends = (_top(posterior, z + sign * axis)[0] for sign in (-1, 1))
     return min(top - end for end in ends)
 
 
 def _fall_of_crest(posterior, z, axis, others, top) -> float:
-    """As `_fall`, where the other coordinates follow the ridge.
+    """Fall of ln-density one step away along a curved ridge.
 
-    They move until the readings have moved as they would if the ridge were straight.
+    The other coordinates are adjusted until the readings have changed as they would on
+    a straight ridge.
     """
     ends = []
     for step in (-axis, axis):
@@ -144,7 +146,7 @@ def _fall_of_crest(posterior, z, axis, others, top) -> float:
 
 @kept
 def _bend(posterior: Posterior, z, there, step):
-    """Return how far readings moved beyond a straight step, as slopes."""
+    """Return the gradient of half the squared nonlinear change of the readings."""
     here, moved = posterior.misfit(z), posterior.misfit(there)
     data = whitened_rows(posterior, here, (here.residual - moved.residual)[:, None])[
         :, 0
@@ -155,18 +157,19 @@ def _bend(posterior: Posterior, z, there, step):
 
 
 def half_width(posterior, z, axis, top) -> float:
-    """How many steps away ln-density has fallen by 0.5, as a normal's has in one sd.
+    """Number of steps at which ln-density has fallen by 0.5: one sd of a normal.
 
-    The expected information misleads along an axis where predictions stand still by
-    symmetry alone: the height of a charge among sensors at its own height, or its place
-    across the line they stand in.
+    The expected information is misleading along an axis where slopes vanish by symmetry
+    alone: the height of a charge among sensors at its own height, or its position
+    across a line of sensors.
     """
+    # ten steps a decade: the width is right within 26 %
     steps = np.geomspace(1e-6, 1e6, 121)
 
     def has_fallen(at: int) -> bool:
         return not _fall(posterior, z, steps[at] * axis, top) < 0.5
 
-    at = len(steps) // 2  # one step, from which the place is sought either way
+    at = len(steps) // 2  # a factor of 1; searched from there in either direction
     if has_fallen(at):
         while at > 0 and has_fallen(at - 1):
             at -= 1
@@ -189,14 +192,14 @@ def climbed(
     """Climb by Newton steps with the expected information, halved until they gain.
 
     Args:
-        posterior: What is climbed.
-        z: Where to begin.
-        known_at: Returns the information along some directions, positive definite, and
-            these directions, one column each.
-        moved: Moves a place by a step along these directions.
-        rounds: Steps at most.
+        posterior: The posterior.
+        z: Starting point.
+        known_at: Function that returns the information along some directions (positive
+            definite), and the directions, one column each.
+        moved: Function that moves a place by a step along these directions.
+        rounds: Largest number of steps.
         gain: A step that gains less than this in ln of the density is the last.
-        belief: Returns what is added to ln of the density, and its gradient.
+        belief: Function that returns a term of ln of the density, and its gradient.
     """
 
     def top(z):
@@ -216,6 +219,7 @@ def climbed(
         promised = float(0.5 * step @ known @ step)
         if not promised > gain:
             break
+        # 1/128 of a step that does not gain is rounding, or the end of the density
         for part in 0.5 ** np.arange(8):
             there = moved(z, part * step)
             found, its_slope = top(there)
@@ -238,7 +242,12 @@ def density_and_slope(posterior: Posterior, z):
 
 
 def marginals(parameters: Parameters, normal: Laplace) -> dict[str, Estimate]:
-    """Summarise each number by itself, value and median at its coordinate's mean."""
+    """Return the marginal estimate of each number.
+
+    Value and median are those at the mean of its coordinate.
+    """
+    # 40 Gauss-Hermite nodes reach 11 sd: the standard deviation of a lognormal number
+    # is exact to rounding up to an sd of 3 in ln
     nodes, weights = np.polynomial.hermite_e.hermegauss(40)
     weights = weights / weights.sum()
     sds = np.sqrt(np.diag(normal.covariance))
@@ -266,6 +275,9 @@ def _sd(values, weights) -> float:
 
 
 def _log_sd(values, weights) -> float:
-    """Sd of ln, without the far nodes where a normal prior reaches below zero."""
+    """Standard deviation of ln over the nodes at which the number is positive.
+
+    A normal prior reaches below zero at the outer nodes.
+    """
     positive = values > 0
     return _sd(np.log(values[positive]), weights[positive] / weights[positive].sum())

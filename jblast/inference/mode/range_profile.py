@@ -39,17 +39,19 @@ from jblast.parameters import CHARGE_POSITION
 from jblast.scene import Free
 
 STEP = math.log(1.5)
-"""Between ranges, in ln: a range that is known to 20 % has several of them."""
+"""Spacing of the ranges in ln: a range known to 20 % spans several of them."""
 MIN_STEPS = 3
-"""A range has a profile if so many steps are less than `HOPELESS` below the best, that
-is if its standard deviation is more than a tenth."""
+"""Smallest number of ranges with a likelihood less than `HOPELESS` below the best, for
+a profile. With fewer the standard deviation is below a tenth: a normal describes it."""
 MAX_WIDTHS = 300.0
-"""Ranges are followed to so many widths of the array: the sagitta of the front is then
-1/2400 of the width, 0.01 ms for 10 m."""
+"""Largest range, in widths of the array. The sagitta of the front is then 1/2400 of the
+width, 0.01 ms for 10 m: farther out arrival times contain no range."""
 FALLEN = 0.5 * NORMAL_Q95**2
 """Fall in ln of the likelihood at the end of a one-sided 95 % interval."""
 WIDEST_STEP = 10.0
-"""Numbers of which the data determine little move by so many typical steps at most."""
+"""Prior standard deviation of numbers that the data hardly constrain, in typical steps.
+
+It bounds a Newton step; an identified number is known far better than this."""
 SCALED_RANGES = 0.3, 100.0
 """Prior limits of the scaled distance of the array from a free charge [m/kg^(1/3)].
 
@@ -60,9 +62,11 @@ MASS_SD = 3 * math.log(SCALED_RANGES[1] / SCALED_RANGES[0]) / math.sqrt(12)
 """Standard deviation in ln of a free mass: that of a uniform distribution between the
 limits, of the cube of the scaled distance."""
 NEAREST_STEP = -5
-"""Number of the nearest range: 0.13 widths from the middle of the sensors."""
+"""Number of the nearest range: 0.13 widths from the middle of the sensors. Nearer in,
+the charge is among the sensors, where the search finds all optima."""
 ALL_DIRECTIONS_STEP = 6
-"""Number of the range at which all directions are tried: 11 widths."""
+"""Number of the range at which all directions are tried: 11 widths. The front is nearly
+plane there, so each optimum over the bearing continues to the far ranges."""
 RESOLVED = 0.5 * STEP
 """The sum over ranges is accurate to 2 % for a normal with at least this standard
 deviation in ln of the range. A narrower optimum is a peak by itself."""
@@ -73,19 +77,22 @@ DETERMINED = 0.5
 """A bearing with a larger standard deviation is not determined [rad], as for the
 direction of a front (`signals.arrays`)."""
 BEARINGS = 8
-"""Bearings that are tried, 45 degrees apart: at a ring as at a line of sensors each
-optimum has one within its basin."""
+"""Number of bearings that are tried, 45 degrees apart. For a ring and for a line of
+sensors each optimum has one of them within its basin."""
 ROUNDS = 20
-"""Newton steps at each range, from the place found at the last one."""
+"""Largest number of Newton steps at each range, which start from the optimum at the
+previous range. A climb that needs more is not at an optimum (`UNFINISHED`)."""
 GAIN = 1e-3
-"""A step that gains less than this in ln of the density is the last."""
+"""A step that gains less than this in ln of the density is the last: the error is far
+below `FALLEN`, by which ranges are compared."""
 UNFINISHED = 0.5
-"""A search whose next step promises more than this is not at an optimum."""
+"""A climb whose next step is expected to gain more than this in ln of the density is
+not at an optimum: the gain of a step of one standard deviation."""
 SPREADS = 4.0
 """Largest distance of a search result from the most probable place, in standard
 deviations of each coordinate. It excludes results with absurd masses."""
 SAME_BEARING_SD = 1.0
-"""Bearings nearer than this many standard deviations are one."""
+"""Bearings closer than this many standard deviations are one optimum."""
 
 
 class RangeProfile(NamedTuple):
@@ -93,21 +100,21 @@ class RangeProfile(NamedTuple):
 
     Attributes:
         width_m: Largest distance between sensors.
-        at: Which coordinates are east and north of the charge.
-        middle: Of the sensors, east and north [m].
+        at: Indices of the charge's east and north among the coordinates.
+        middle: Mean position of the sensors, east and north [m].
         level: Number of the range of each place.
-        range_m: From the middle of the sensors, over the ground [m].
-        log_likelihood: Integrated over all other numbers about the place.
-        bearing: Of the charge from the middle, clockwise from north [rad].
+        range_m: Ground range from the middle of the sensors [m].
+        log_likelihood: ln of the likelihood, integrated over all other numbers.
+        bearing: Bearing of the charge from the middle, clockwise from north [rad].
         bearing_sd: Its standard deviation at this range [rad].
-        z: Coordinates.
-        is_peak: Which places are optima over the range as well.
-        part: Place of each normal approximation: one by each correlation function of
-            neighbouring paths.
-        share: Its share in the likelihood of the place.
-        offset: Its middle, from the coordinates of the place.
-        spread: Root of its covariance: at this range, with a column of zeros at the
-            end; of a peak with the range free.
+        z: Coordinates of each place.
+        is_peak: True for places that are optima over the range as well.
+        part: Index of the place of each normal approximation. A place has one for each
+            correlation function of neighbouring paths.
+        share: Share of each approximation in the likelihood of its place.
+        offset: Mean of each approximation minus the coordinates of its place.
+        spread: Root of its covariance. At a fixed range the last column is zero; for a
+            peak the range is free.
     """
 
     width_m: float
@@ -126,7 +133,7 @@ class RangeProfile(NamedTuple):
     spread: Float[np.ndarray, "part free free"]
 
     def by_range(self) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return the ranges, and ln of the likelihood over all optima of each."""
+        """Return the ranges, and ln of the likelihood of each over its optima."""
         levels = np.unique(self.level)
         at = [self.level == level for level in levels]
         return (
@@ -141,13 +148,13 @@ class RangeProfile(NamedTuple):
 
     @property
     def is_open(self) -> bool:
-        """Whether the likelihood has not come to an end at the largest range."""
+        """True if the likelihood has not fallen by `FALLEN` at the largest range."""
         height = self.by_range()[1]
         return bool(height[-1] > height.max() - FALLEN)
 
     @property
     def least_range_m(self) -> float:
-        """Lower bound of the range where there is no upper one, with 95 %."""
+        """Lower 95 % bound of a range without an upper bound [m]."""
         ranges, height = self.by_range()
         first = int(np.argmax(height > height.max() - FALLEN))
         if first == 0:
@@ -162,7 +169,7 @@ class RangeProfile(NamedTuple):
 
     @property
     def peaks_suffice(self) -> bool:
-        """Whether a place that is no peak is improbable."""
+        """True if all places that are not peaks are improbable (`NEGLIGIBLE`)."""
         weight = np.exp(self.log_likelihood - self.log_likelihood.max())
         return bool(weight[~self.is_peak].sum() < NEGLIGIBLE * weight.sum())
 
@@ -183,11 +190,14 @@ class RangeProfile(NamedTuple):
     def draws(
         self, count: int, rng: np.random.Generator
     ) -> Float[np.ndarray, "draw free"]:
-        """Draw coordinates: the range by its likelihood, the others about it."""
+        """Draw coordinates: the range by its likelihood, the others given the range."""
         weight = np.exp(self.log_likelihood - self.log_likelihood.max())
         weight = weight[self.part] * self.share
         part = rng.choice(len(weight), count, p=weight / weight.sum())
         place = self.part[part]
+        # Each range stands for the interval of one step about it, so a draw is uniform
+        # in ln R there. The other coordinates follow by `along`: without it draws of a
+        # tilted ridge would lie on steps.
         aside = rng.uniform(-0.5, 0.5, count) * STEP
         noise = rng.standard_normal((count, self.spread.shape[2]))
         about = np.einsum("dfc,dc->df", self.spread[part], noise)
@@ -205,9 +215,9 @@ class RangeProfile(NamedTuple):
         z: Float[np.ndarray, "draw free"],
         place: int,
     ) -> Float[np.ndarray, " nearer"]:
-        """Return how far the bearings of draws are from that of a place [rad].
+        """Return the bearings of draws relative to that of a place [rad].
 
-        Draws that are nearer to another bearing that is as probable are left out.
+        Draws that are nearer to the bearing of another probable place are left out.
 
         Args:
             z: Draws.
@@ -222,17 +232,17 @@ class RangeProfile(NamedTuple):
         return off[of][nearest == of]
 
     def along(self) -> Float[np.ndarray, "place free"]:
-        """Return how coordinates change with ln of the range, by differences."""
+        """Return the differences of the coordinates per unit of ln of the range."""
         along = np.zeros_like(self.z)
         for place in np.flatnonzero(~self.is_peak):
             found = []
             for aside in (-1, 1):
                 level = self.level[place] + aside
-                beside = np.flatnonzero((self.level == level) & ~self.is_peak)
-                if not len(beside):
+                adjacent = np.flatnonzero((self.level == level) & ~self.is_peak)
+                if not len(adjacent):
                     continue
-                off = np.abs(_turned(self.bearing[beside], self.bearing[place]))
-                nearest = int(beside[np.argmin(off)])
+                off = np.abs(_turned(self.bearing[adjacent], self.bearing[place]))
+                nearest = int(adjacent[np.argmin(off)])
                 sd = math.hypot(self.bearing_sd[place], self.bearing_sd[nearest])
                 if off.min() < 2 * SAME_BEARING_SD * sd:
                     found.append(aside * (self.z[nearest] - self.z[place]) / STEP)
@@ -246,13 +256,13 @@ def with_best_range(
 ) -> Optima:
     """Put the optimum first that lies at the most probable range and bearing.
 
-    Where the search did not end there, as where the range is open, the place of the
-    profile is put first; other bearings that are as probable are added.
+    If no search ended there (for example because the range is open), the most probable
+    place of the profile is put first. Other probable bearings are added.
 
     Args:
-        posterior: What was searched.
-        found: Ends of the search, the best first.
-        profile: The range followed.
+        posterior: The posterior.
+        found: Optima of the search, the best first.
+        profile: Range profile of the charge.
     """
     z, density = np.asarray(found.z), np.asarray(found.log_density)
     best = profile.best
@@ -283,9 +293,9 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
         found: Its optima.
 
     Returns:
-        The profile; None where the place is not free over the plane, there are several
-        charges, far places are improbable beside the best optimum, or the range is
-        known better than these steps resolve, where a normal describes it.
+        The profile. None if the position is not free over the plane, if there are
+        several charges, if far places are improbable compared with the best optimum, or
+        if the range is known better than the steps resolve: a normal describes it then.
     """
     at = _free_place(posterior)
     if at is None:
@@ -300,6 +310,8 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     ranges = np.linalg.norm(optima[:, at] - middle, axis=1)
     walker = _Walker(posterior, at, middle, width)
     first = walker.peak_of(optima[0])
+    # An optimum within one width decides most logs by one more climb, at a far range:
+    # following all ranges takes most of the time of a fit.
     if not (ranges[0] > width or walker.is_open_from(optima[0], first)):
         return None
     peaks = [first, *map(walker.peak_of, optima[1:])]
@@ -329,11 +341,7 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
 
 
 def _free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
-    """Return which coordinates are the place of the one charge; None: it is not free.
-
-    Args:
-        posterior: The posterior.
-    """
+    """Return the indices of a single charge's east and north; None if not both free."""
     parameters = posterior.parameters
     if len(parameters.scene.charges) > 1 or parameters.scene.charge.range_m is not None:
         return None
@@ -361,7 +369,7 @@ class _Place(NamedTuple):
 
 
 class _Walker:
-    """Finds optima at each range.
+    """Follows optima over bearing and other numbers from range to range.
 
     Attributes:
         levels: The optima found so far, by the number of their range.
@@ -390,13 +398,14 @@ class _Walker:
         return self.width * math.exp(level * STEP)
 
     def is_open_from(self, z, peak: _Place | None) -> bool:
-        """Return whether a far place is nearly as probable as one among the sensors.
+        """Return True if a far place is nearly as probable as one among the sensors.
 
-        One place is tried, in the direction of the plane front that fits the arrivals.
+        One far place is tried, in the direction of the plane wave that best fits the
+        arrivals.
 
         Args:
-            z: The place among the sensors.
-            peak: The same, if it is one.
+            z: Coordinates of the place among the sensors.
+            peak: The same place if it is a peak, else None.
         """
         layout = self.posterior.layout
         rows = np.array(layout.quantity) == "air_arrival_s"
@@ -404,6 +413,9 @@ class _Walker:
         away = np.asarray(layout.position)[rows, :2] - self.middle
         design = np.column_stack([np.ones(len(away)), away])
         times = np.asarray(self.posterior.measured)[rows]
+        # A plane wave has t = t0 + s . x with the slowness s along its direction of
+        # travel, so the charge lies towards -s. It is linear in t0 and s: no search is
+        # needed.
         slowness = np.linalg.lstsq(design, times, rcond=None)[0][1:]
         if not slowness.any():
             return False
@@ -437,11 +449,12 @@ class _Walker:
                 top = max(p.log_likelihood for of in self.levels.values() for p in of)
                 if place.log_likelihood < top - HOPELESS:
                     break
-                if place.bearing_sd > DETERMINED:  # nor is anything farther out
+                # beyond this range the bearing is known even less
+                if place.bearing_sd > DETERMINED:
                     break
 
     def add(self, place: _Place, level: int) -> bool:
-        """Add a place to its level, and return True, unless its bearing is there."""
+        """Add a place to its level; return False if its bearing is there already."""
         there = self.levels.setdefault(level, [])
         for other in there:
             off = abs(float(_turned(place.bearing, other.bearing)))
@@ -453,10 +466,10 @@ class _Walker:
         return True
 
     def around(self, z, level: int):
-        """Return places at a range in all directions from the array.
+        """Return places at a range in `BEARINGS` directions from the array.
 
-        The search that leads from there to an optimum also changes the charge: the
-        speed of its front and the bearing both shift the times along a line of sensors.
+        The climb from there to an optimum also changes the charge. The speed of its
+        front and the bearing both shift the times along a line of sensors.
         """
         places, step = [], np.zeros(1 + len(self.others))
         for turn in 2 * math.pi * np.arange(BEARINGS) / BEARINGS:
@@ -466,10 +479,10 @@ class _Walker:
         return places
 
     def profile(self) -> RangeProfile | None:
-        """Return what was found.
+        """Return the profile of all places found; None without any.
 
-        In the direction of a line of sensors the times do not change with the bearing:
-        the optima on either side count, and not the saddle between them.
+        In the direction of a line of sensors the times do not change with the bearing.
+        The optima on either side count, the saddle between them does not.
         """
         rows = [(k, p) for k in sorted(self.levels) for p in self.levels[k]]
         known = [(k, p) for k, p in rows if p.bearing_sd < DETERMINED or p.is_peak]
@@ -501,12 +514,17 @@ class _Walker:
         )
 
     def peak_of(self, z) -> _Place | None:
-        """Return an optimum of the search as a peak; None if the ranges resolve it."""
+        """Return an optimum of the search as a peak; None if the ranges resolve it.
+
+        A peak is narrower in ln of the range than `RESOLVED`.
+        """
         z = np.array(z)
         away = z[self.at] - self.middle
         distance = max(float(np.linalg.norm(away)), self.range_of(NEAREST_STEP))
         weighed = self.posterior.weighed(jnp.asarray(z))
         known = np.asarray(information(weighed, jnp.asarray(z)))
+        # The prior information of `_largest_sds` keeps the inverse finite along null
+        # directions.
         known = known + np.diag(
             1 / np.square(self._largest_sds(distance, math.pi * distance))
         )
@@ -519,7 +537,8 @@ class _Walker:
         tangent = np.array([away[1], -away[0]]) / distance**2
         value = float(self.posterior.log_density(jnp.asarray(z))) + self._belief(z)[0]
         volume = 0.5 * math.log(2 * math.pi) - 0.5 * np.linalg.slogdet(known)[1]
-        # over an area, where the prior is flat in ln of the range and in bearing
+        # `log_density` is per unit of area; the prior here is flat in ln R and bearing,
+        # and dA = R^2 d(ln R) d(bearing). A level stands for one STEP of ln R.
         volume -= 2 * math.log(distance) + math.log(STEP)
         return _Place(
             float(value + volume),
@@ -545,7 +564,7 @@ class _Walker:
         return moved
 
     def _climbed(self, z) -> _Place | None:
-        """Return the optimum at a fixed range; None where the climb ended before it."""
+        """Return the optimum at a fixed range; None if the climb did not reach it."""
         z, _, promised = climbed(
             self.posterior,
             z,
@@ -578,11 +597,12 @@ class _Walker:
         )
 
     def _parts(self, z):
-        """Return a normal approximation by each correlation function at a range.
+        """Return a normal approximation for each correlation function at a range.
 
-        Weighed by their densities at one place, the rough functions count too little:
-        their bearings are wide. Each is followed to its optimum by one Newton step, of
-        a standard deviation at most, within which its normal holds.
+        With weights from their densities at one place, rough functions would count too
+        little, because their bearings are wide. Each function is followed to its own
+        optimum by one Newton step of at most one standard deviation, within which its
+        normal is valid.
         """
         basis, least = self._directions(z)
         density, slope, known = (
@@ -597,19 +617,23 @@ class _Walker:
         step = np.einsum("kij,kj->ki", covariance, slope)
         length = np.sqrt(np.einsum("ki,ki->k", step, slope))
         part = 1 / np.maximum(1.0, length)
+        # gain of a part p of a full Newton step on a quadratic: (p - p^2/2) times the
+        # squared length of the step in standard deviations
         gain = (part - 0.5 * part**2) * length**2
         log_likelihood = density + value + gain - 0.5 * np.linalg.slogdet(known)[1]
         return log_likelihood, part[:, None] * step, covariance, basis
 
     def _belief(self, z):
-        """Return ln of the density of a free mass given the range, and its gradient.
+        """Return ln of the prior density of a free mass at a range, and its gradient.
 
-        A normal of the mean and variance that `SCALED_RANGES` have in ln.
+        The prior is a normal with the mean and variance of the uniform distribution
+        over ln of `SCALED_RANGES`.
         """
         slope = np.zeros(len(z))
         if self.mass < 0:
             return 0.0, slope
         distance = float(np.linalg.norm(z[self.at] - self.middle))
+        # at the middle of the sensors ln R has no lower bound
         distance = max(distance, self.range_of(NEAREST_STEP))
         middle = 3 * (math.log(distance) - np.mean(np.log(SCALED_RANGES)))
         off = (z[self.mass] - middle) / MASS_SD
@@ -617,7 +641,10 @@ class _Walker:
         return -0.5 * off**2, slope
 
     def _known(self, posterior, z):
-        """Return the information of bearing and other numbers, and their directions."""
+        """Return the information of bearing and other numbers, and their directions.
+
+        The prior information that is added makes it positive definite.
+        """
         basis, least = self._directions(z)
         matrix = np.asarray(information(posterior, jnp.asarray(z)))
         return basis.T @ matrix @ basis + np.diag(least), basis
@@ -632,7 +659,7 @@ class _Walker:
         return basis, np.append(math.pi, sds[self.others]) ** -2
 
     def _largest_sds(self, distance: float, of_place: float):
-        """Return the standard deviations of coordinates that no data determine."""
+        """Return the standard deviations of coordinates that data do not constrain."""
         sds = WIDEST_STEP * self.steps
         sds[self.at] = of_place
         if self.time >= 0:  # a typical step is that of the layout, not of the range
@@ -642,7 +669,10 @@ class _Walker:
         return sds
 
     def _moved(self, z, step):
-        """Turn the place about the sensors, and move the other numbers."""
+        """Rotate the charge about the sensors, and change the other numbers.
+
+        A rotation keeps the range; a step along the tangent would lengthen it.
+        """
         moved = np.array(z)
         (east, north), turn = z[self.at] - self.middle, step[0]
         moved[self.at] = self.middle + np.array(
@@ -656,11 +686,11 @@ class _Walker:
 
 
 def _is_regular(posterior: Posterior, z) -> bool:
-    """Return whether the information about a place is finite."""
+    """Return True if the information at a place is finite."""
     z = jnp.asarray(z)
     return bool(np.isfinite(np.asarray(information(posterior.weighed(z), z))).all())
 
 
 def _turned(bearing, other):
-    """Return one bearing less another, within half a turn [rad]."""
+    """Return the difference of two bearings, within half a turn [rad]."""
     return (bearing - other + math.pi) % (2 * math.pi) - math.pi

@@ -44,48 +44,64 @@ from jblast.sensors import Layout
 from jblast.sensors.record import path_effects
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM
 
+# With 64 starts 8 reach the best optimum of a log of five microphones with a free clock
+# (see `starts.AMONG`). Fewer starts miss optima; each costs one least-squares search.
 STARTS = 64
+# Distinct ends that are climbed with the effects integrated out. Twice as many as the
+# mirror images of a line or plane of sensors (four at most).
 FINALISTS = 8
 SAME_OPTIMUM_SD = 0.1
 """Ends closer than this many standard deviations are one optimum."""
-MET = 1e-4
-"""Searches nearer one another than this, in typical steps, are at one place."""
+MERGE_STEPS = 1e-4
+"""Searches closer than this, in typical steps, are merged: far below any standard
+deviation, and above the 1e-6 to which a search converges."""
 SEPARATE = 1.0
 """Optima further apart than this many standard deviations are two answers."""
 TIE_BREAK = 1e-6
-"""Among ends equally probable the one nearest the middle of the starts is preferred:
-this penalty in ln-density for each squared distance in sd of the starts."""
+"""Penalty in ln-density for each squared distance from the middle of the starts, in
+their standard deviations. Of equally probable ends the nearest is preferred: ten
+standard deviations outweigh a difference of 1e-4 in ln-density, no more."""
 LONGEST_STEP = 10.0
-"""Where the data constrain little, climb by this many typical steps at first."""
+"""Length of the first step along directions that the data hardly constrain, in typical
+steps. Without the bound it would be as long as the inverse information: infinite."""
 HOPELESS = 10.0
-"""An end whose density by some of the rows is so much lower in ln is left out: by all
-rows it is further behind."""
-FLAT = 0.03
+"""Optima with a density lower by more than this in ln are left out: a probability of
+e^-10 of the best. If it is that of a subset of the rows, all rows rule them out
+further.
+"""
+MIRROR_FLATNESS = 0.03
 """A layout whose extent across its line or plane is a smaller share of that along it is
-taken as symmetric: an image by a wider one is off the log by more than arrival times
-with a scatter of 1 % allow."""
+taken as symmetric. The image in a wider layout is off the log by more than arrival
+times with a scatter of 1 % allow."""
 ROUNDS = 20
-"""Newton steps from an image to its optimum."""
+"""Largest number of Newton steps from an image to its optimum. The image is close to it
+in a flat layout; a climb that needs more is a saddle."""
 GAIN = 1e-6
-"""A step that gains less than this in ln of the density is the last."""
-ASIDE = 2.0
-"""An optimum nearer to its image than this many standard deviations is one with it."""
+"""A step that gains less than this in ln of the density is the last. An image must also
+be better by more than this to come first."""
+MIRROR_SEPARATION_SD = 2.0
+"""An optimum closer to its image than this many standard deviations is not separated
+from it: one normal approximation covers both."""
 LEAST_COST = 1e-12
-"""Of a lower bound that is passed by far, so that its square root has a slope."""
-NORMAL = 1e8
-"""So many degrees of freedom make a Student-t normal."""
-MOST_ROWS = 1000
-"""A search goes through no more rows than these."""
-MOST_PATHS = 32
-"""Nor, where paths have effects of their own, through more paths of a kind."""
+"""Added to the cost of a lower bound. Where it is exceeded by far the cost is 0, and
+its root would have no slope."""
+NORMAL_FREEDOM = 1e8
+"""Degrees of freedom of normal errors. The Student-t cost differs from a normal one by
+u^4 / 4 nu: 1e-4 at 14 standard deviations."""
+MAX_SEARCH_ROWS = 1000
+"""Largest number of rows of a search. It locates the basins, and all rows are used to
+climb from its ends, so more rows cost time and find nothing else."""
+MAX_SEARCH_PATHS = 32
+"""Largest number of paths of a kind if paths have effects of their own: each effect is
+an unknown of the least squares, whose cost is cubic in their number."""
 
 
 class Optima(NamedTuple):
-    """Places where searches ended, the most probable first.
+    """Optima found by searches, the most probable first.
 
     Attributes:
         z: Coordinates.
-        log_density: ln of the posterior density there; -inf for a repeated end.
+        log_density: ln of the posterior density; -inf for a repeated optimum.
     """
 
     z: Float[Array, "optimum free"]
@@ -116,9 +132,9 @@ def optima(key: PRNGKeyArray, posterior: Posterior) -> Optima:
 
 @kept
 def likeliest_start(key: PRNGKeyArray, posterior: Posterior) -> Float[Array, " free"]:
-    """Return the most probable of the places where a search begins.
+    """Return the most probable starting point of a search.
 
-    Of a long log some of the rows judge.
+    A long log is judged by a subset of its rows.
     """
     posterior = row_subset(posterior) if is_long(posterior) else posterior.of_readings()
     places = starts(key, posterior, STARTS)
@@ -134,12 +150,16 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
     shape = jax.eval_shape(near.misfit, first[0]).loading.shape
     effects = jnp.zeros((STARTS, shape[1]))
 
-    # Half of the starts go through normal errors, which see far; half do not, since
-    # where two groups of readings disagree normal errors end between them.
-    last = STUDENT_FREEDOM if posterior.noise == "student" else NORMAL
-    freedoms = jnp.tile(jnp.array([[NORMAL, last], [last, last]]), (1, STARTS // 2))
+    # Half of the starts go through normal errors first: their cost grows without bound,
+    # so it leads back from far away. Half do not: if two groups of readings disagree,
+    # normal errors end between them, in the basin of neither.
+    last = STUDENT_FREEDOM if posterior.noise == "student" else NORMAL_FREEDOM
+    freedoms = jnp.tile(
+        jnp.array([[NORMAL_FREEDOM, last], [last, last]]), (1, STARTS // 2)
+    )
 
-    import optimistix as optx  # takes as long to import as a kept search to find
+    # imported here: the import takes as long as loading a stored search program
+    import optimistix as optx
 
     def approach(y, freedom):
         return optx.least_squares(
@@ -169,12 +189,13 @@ def _searched(key: PRNGKeyArray, posterior: Posterior):
 
 
 def onward(approach, unknowns, freedoms):
-    """Take starts through one search after another; those that have met go as one.
+    """Run consecutive searches from all starts; merged searches are computed once.
 
     Args:
-        approach: Searches from a place, with so many degrees of freedom.
-        unknowns: Where each begins.
-        freedoms: Of each search, by start.
+        approach: Function of a place and degrees of freedom that returns the end of a
+            search.
+        unknowns: Starting points, one row each.
+        freedoms: Degrees of freedom, shape (search, start).
     """
     searches, count = freedoms.shape
     begun = jnp.broadcast_to(unknowns, (searches + 1, *unknowns.shape))
@@ -182,7 +203,11 @@ def onward(approach, unknowns, freedoms):
     def one(places, at):
         search, start = at // count, at % count
         here, freedom = places[search], freedoms[search]
-        met = jnp.max(jnp.abs(here - here[start][None, :]), axis=1, initial=0.0) < MET
+        # of earlier starts alone: the first of a group is searched, the others copy it
+        met = (
+            jnp.max(jnp.abs(here - here[start][None, :]), axis=1, initial=0.0)
+            < MERGE_STEPS
+        )
         met &= (freedom == freedom[start]) & (jnp.arange(count) < start)
         found = lax.cond(
             met.any(),
@@ -195,7 +220,7 @@ def onward(approach, unknowns, freedoms):
 
 
 def _preference(scale, middle):
-    """Return what ranks ends by density, and equal ones by how near the middle."""
+    """Return a function that scores ends by density, with `TIE_BREAK`."""
 
     def preference(z, density):
         away = jnp.sum(jnp.square(z / scale[None, :] - middle[None, :]), axis=1)
@@ -205,7 +230,7 @@ def _preference(scale, middle):
 
 
 def _in_order(ends: Optima, repeated, preference) -> Optima:
-    """Put ends in order, the best first."""
+    """Return the ends in order of `preference`, the best first."""
     density = ends.log_density
     density = jnp.where(jnp.isnan(density) | repeated, -jnp.inf, density)
     order = jnp.argsort(-preference(ends.z, density))
@@ -216,8 +241,8 @@ def _distinct(posterior: Posterior, found: Optima, preference):
     """Pick the best ends that are farther apart than `SAME_OPTIMUM_SD`.
 
     Returns:
-        The ends, the information at each, and whether each repeats another because
-        fewer were found.
+        The ends, the information at each, and a flag for those that repeat another one
+        because fewer were found.
     """
     ends, density = found.z, preference(*found)
 
@@ -226,7 +251,7 @@ def _distinct(posterior: Posterior, found: Optima, preference):
         known = information(posterior, ends[best])
         away = ends - ends[best][None, :]
         distance = jnp.einsum("ni,ij,nj->n", away, known, away)
-        # at a sensor itself no slope is a number: that end alone goes
+        # at the position of a sensor the slopes are NaN: remove that end alone
         itself = jnp.arange(len(ends)) == best
         gone = jnp.where(
             jnp.isfinite(known).all(), ~(distance > SAME_OPTIMUM_SD**2), itself
@@ -239,12 +264,14 @@ def _distinct(posterior: Posterior, found: Optima, preference):
 
 
 def _climb(posterior: Posterior, scale, z, known):
-    """Climb the posterior from one place, in coordinates in which it is round.
+    """Climb the posterior from one place, in whitened coordinates.
 
-    Where the data constrain little, a step is bounded by a few typical ones.
+    Steps along weakly constrained directions are bounded (`LONGEST_STEP`).
     """
     import optimistix as optx
 
+    # BFGS begins with a unit matrix. In these coordinates that is the Hessian of the
+    # expected information, so its first step is a Newton step.
     values, vectors = jnp.linalg.eigh(known * scale[:, None] * scale[None, :])
     width = 1 / jnp.sqrt(jnp.maximum(values, 0.0) + LONGEST_STEP**-2)
     out = scale[:, None] * vectors * width[None, :]
@@ -268,11 +295,12 @@ def with_mirror_images(posterior: Posterior, found: Optima) -> Optima:
     """Add the mirror images of the best optimum that are optima themselves.
 
     Args:
-        posterior: What was searched.
-        found: Ends of the search, the best first.
+        posterior: The posterior.
+        found: Optima of the search, the best first.
     """
     best = np.asarray(found.z)[0]
     known = np.asarray(information(posterior, jnp.asarray(best)))
+    # a prior of 1000 typical steps: it keeps Newton steps finite along null directions
     least = np.diag(1e-6 / np.square(np.asarray(typical_step(posterior))))
     everything = np.eye(len(best))
 
@@ -282,18 +310,18 @@ def with_mirror_images(posterior: Posterior, found: Optima) -> Optima:
     images = []
     for image in _images(posterior, best):
         away = image - best
-        if not away @ known @ away > ASIDE**2:
+        if not away @ known @ away > MIRROR_SEPARATION_SD**2:
             continue
         end = climbed(posterior, image, known_at, np.add, rounds=ROUNDS, gain=GAIN)
         away = end.z - best
-        if away @ known @ away > ASIDE**2:
+        if away @ known @ away > MIRROR_SEPARATION_SD**2:
             images.append((end.z, end.log_density))
     if not images:
         return found
     z = np.concatenate([np.asarray(found.z), np.array([z for z, _ in images])])
     density = np.append(np.asarray(found.log_density), [d for _, d in images])
     order = np.argsort(-density, kind="stable")
-    # the best of the search stays the answer unless an image is better by itself
+    # the best of the search stays first unless an image is better by more than rounding
     order = np.concatenate([[0], order[order != 0]])
     if density[order[1:]].max() > density[0] + GAIN:
         order = np.argsort(-density, kind="stable")
@@ -303,7 +331,7 @@ def with_mirror_images(posterior: Posterior, found: Optima) -> Optima:
 def _images(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> list[Float[np.ndarray, " free"]]:
-    """Return the images of a place in the symmetries of the layout."""
+    """Return the mirror images of a place in the line and the plane of the sensors."""
     parameters, position = posterior.parameters, posterior.layout.places()
     scene = parameters.scene
     if len(scene.charges) > 1 or scene.charge.range_m is not None or len(position) < 2:
@@ -319,11 +347,12 @@ def _images(
     mirrors = []
     if east >= 0 and north >= 0:
         _, sizes, axes = np.linalg.svd(position[:, :2] - middle[:2])
-        if len(position) == 2 or sizes[1] < FLAT * sizes[0]:
+        # two sensors always form a line; rounding may give them a second extent
+        if len(position) == 2 or sizes[1] < MIRROR_FLATNESS * sizes[0]:
             normal = np.zeros(len(z))
             normal[[east, north]] = axes[1]
             mirrors.append((normal, middle[:2] @ axes[1]))
-    if up >= 0 and np.ptp(position[:, 2]) < FLAT * width:
+    if up >= 0 and np.ptp(position[:, 2]) < MIRROR_FLATNESS * width:
         normal = np.zeros(len(z))
         normal[up] = 1.0
         mirrors.append((normal, middle[2]))
@@ -340,8 +369,8 @@ def _images(
 def residuals(posterior: Posterior, scale, y, freedom):
     """Residuals of least squares, whose unknowns include the shared effects.
 
-    Half the square of each is minus the Student-t log-density of that many degrees of
-    freedom, up to a constant; of a lower bound, minus ln of its probability.
+    Half the square of each is minus the Student-t log-density for these degrees of
+    freedom, up to a constant. For a lower bound it is minus ln of its probability.
     """
     z, effects = y[: scale.size] * scale, y[scale.size :]
     cost = _costs(posterior, freedom, z, effects)
@@ -356,7 +385,11 @@ def _costs(posterior: Posterior, freedom, z, effects):
 
 @_costs.def_jvp
 def _costs_moved(primals, tangents):
-    """Slopes to z alone go through the laws: effects, often many more, are linear."""
+    """Derivative of the residuals.
+
+    Only the slopes by z go through the laws. The effects are often many more, and the
+    residuals are linear in them.
+    """
     posterior, freedom, z, effects = primals
     *_, z_moved, effects_moved = tangents
 
@@ -375,14 +408,15 @@ def _costs_moved(primals, tangents):
 
 
 def _missed(posterior: Posterior, z, effects):
-    """Return what is missed, and what effects add to it, in standard deviations."""
+    """Return residuals less the effects, and loadings, in standard deviations."""
     misfit = posterior.misfit(z)
     load = misfit.loading / misfit.sd[:, None]
     return misfit.residual / misfit.sd - load @ effects, load
 
 
 def _costs_of(posterior: Posterior, freedom, u):
-    """Return the residuals of rows missed by u standard deviations."""
+    """Return signed roots of twice the cost of rows that are off by u sigmas."""
+    # the root has no slope at u = 0: below 1e-6 its series, which is exact to 1e-12
     away = jnp.abs(u) > 1e-6
     tail = (freedom + 1) * jnp.log1p(jnp.square(jnp.where(away, u, 1.0)) / freedom)
     near = u * jnp.sqrt((freedom + 1) / freedom)
@@ -390,27 +424,29 @@ def _costs_of(posterior: Posterior, freedom, u):
     if posterior.lower_bound is None:
         return cost
     survival = jnp.where(
-        freedom == NORMAL, log_survival(u, "gaussian"), log_survival(u, "student")
+        freedom == NORMAL_FREEDOM,
+        log_survival(u, "gaussian"),
+        log_survival(u, "student"),
     )
     bound = jnp.sqrt(LEAST_COST - 2 * survival)
     return jnp.where(posterior.lower_bound, bound, cost)
 
 
 def is_long(posterior: Posterior) -> bool:
-    """Return whether a log has more than a search should go through."""
+    """Return True if a log has more rows or paths than a search uses."""
     layout = posterior.layout
-    if len(layout.quantity) > MOST_ROWS:
+    if len(layout.quantity) > MAX_SEARCH_ROWS:
         return True
-    return len(set(layout.group)) > MOST_PATHS and _has_path_effects(posterior)
+    return len(set(layout.group)) > MAX_SEARCH_PATHS and _has_path_effects(posterior)
 
 
 def row_subset(posterior: Posterior) -> Posterior:
-    """Keep some rows of every kind: of each quantity, charge and clock that is free.
+    """Return the posterior of some rows for each quantity, charge and free clock.
 
-    Errors that readings share are taken as independent, of the same sizes.
+    Shared errors of readings are taken as independent errors of the same size.
     """
     posterior = posterior.independent()
-    paths = MOST_PATHS if _has_path_effects(posterior) else None
+    paths = MAX_SEARCH_PATHS if _has_path_effects(posterior) else None
     free = [
         name.partition(".")[2]
         for name, belief in zip(
@@ -418,7 +454,7 @@ def row_subset(posterior: Posterior) -> Posterior:
         )
         if name.startswith(f"{CLOCK_OFFSET}.") and isinstance(belief, Free)
     ]
-    rows = spread_rows(posterior.layout, MOST_ROWS, paths=paths, clocks=free)
+    rows = spread_rows(posterior.layout, MAX_SEARCH_ROWS, paths=paths, clocks=free)
     return Posterior(
         parameters=posterior.parameters,
         layout=posterior.layout.only(rows),
@@ -435,13 +471,13 @@ def row_subset(posterior: Posterior) -> Posterior:
 def spread_rows(
     layout: Layout, most: int, *, paths: int | None = None, clocks: Collection[str] = ()
 ) -> Int[np.ndarray, " kept"]:
-    """Pick rows of every kind in equal numbers, from all paths in turn.
+    """Select rows of every kind in equal numbers, from all paths in turn.
 
     Args:
         layout: Rows of a log.
-        most: Rows wanted in all; more only if there are more kinds.
-        paths: Paths wanted of each kind, if not all.
-        clocks: Clocks whose rows are kinds of their own.
+        most: Largest number of rows, unless there are more kinds.
+        paths: Largest number of paths of each kind; None for all.
+        clocks: Clocks whose rows are separate kinds.
     """
     of_clock = [clock if clock in clocks else "" for clock in layout.clock]
     kinds: dict[tuple, list[int]] = {}
@@ -452,7 +488,7 @@ def spread_rows(
     group = np.array(layout.group)
     kept: list[np.ndarray] = []
     left = most
-    # the rarest first: what it leaves of its share goes to the others
+    # the rarest first: the unused part of its share goes to the other kinds
     for count, rows in enumerate(sorted(kinds.values(), key=len)):
         share = max(left // (len(kinds) - count), 1)
         some = _in_turn(np.array(rows), group[rows], share, paths)
@@ -463,18 +499,19 @@ def spread_rows(
 
 def _in_turn(rows, group, share: int, paths: int | None) -> np.ndarray:
     """Pick the first row of every path, then the second of every path, ..."""
-    ways, way = np.unique(group, return_inverse=True)
-    if paths is not None and len(ways) > paths:
-        chosen = np.isin(way, np.linspace(0, len(ways) - 1, paths).astype(int))
-        rows, way = rows[chosen], way[chosen]
-    order = np.argsort(way, kind="stable")
-    start = np.searchsorted(way[order], way[order])
+    groups, path = np.unique(group, return_inverse=True)
+    if paths is not None and len(groups) > paths:
+        chosen = np.isin(path, np.linspace(0, len(groups) - 1, paths).astype(int))
+        rows, path = rows[chosen], path[chosen]
+    order = np.argsort(path, kind="stable")
+    start = np.searchsorted(path[order], path[order])
     turn = np.empty(len(rows), int)
     turn[order] = np.arange(len(rows)) - start
-    by_turn = np.lexsort((way, turn))
+    by_turn = np.lexsort((path, turn))
     if len(by_turn) <= share:
         return rows
-    last = turn[by_turn[share - 1]]  # of the last round only some paths are taken
+    # the last round is incomplete: its rows are spread evenly over the paths
+    last = turn[by_turn[share - 1]]
     whole = by_turn[turn[by_turn] < last]
     part = by_turn[turn[by_turn] == last]
     some = np.linspace(0, len(part) - 1, share - len(whole)).astype(int)

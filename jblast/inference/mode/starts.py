@@ -23,29 +23,33 @@ from jblast.scene import Free, parameter_named
 from jblast.scene.uncertain import Belief, value_of
 
 MAX_WIDTHS = 100.0
-"""Largest distance of a start from an array, in widths of the array."""
+"""Largest distance of a start from an array, in widths of the array. Farther out the
+search follows a ridge; `range_profile` continues to 300 widths."""
 AMONG = 0.25
 """Half of the starts are drawn nearer the middle of the sensors by this factor: within
 the layout, whose extent is the standard deviation of the others. Of a log of five
 microphones with a free clock 8 of 64 starts reach the best optimum with it, none
 without (`tests/cli/verbs/infer/test_fit_clocks.py`)."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-"""Multiples of this, modulo 1, are evenly spread however many are taken."""
-AWAY = 100.0
-"""Least distance of a charge from a sensor that sees it, for a start [m]."""
-FARTHER = 3.0
-"""Starts along a line are spread by this factor, one standard deviation."""
+"""Golden ratio minus 1. Multiples of it, modulo 1, are evenly spread for any count."""
+MIN_SIGHT_LENGTH = 100.0
+"""Smallest typical distance along a line of sight [m], for logs without a span of clock
+times. `SIGHT_SPREAD` reaches from 10 m to 1 km within two standard deviations."""
+SIGHT_SPREAD = 3.0
+"""Factor of one standard deviation by which starts along a line of sight are spread."""
 BEARINGS = ("bearing_rad", "jolt_bearing_rad")
 """Quantities that point to the charge, or away from it."""
-SHORT = 1e-3
-"""A time in which fireballs grow [s]."""
+MIN_GROWTH_SPAN = 1e-3
+"""Smallest span of the radii of a fireball [s], by which origin times are spread. A
+single radius has a span of 0."""
 
 
 @kept
 def layout_size(posterior: Posterior) -> Float[Array, ""]:
-    """Return how far the sensors stand from one another, or from the charge [m].
+    """Return the extent of the layout, or the largest given slant range [m].
 
-    Sensors that see a direction may stand together: then how far they may see.
+    Sensors that measure directions may stand at one place. The length of their lines of
+    sight counts then.
     """
     layout = posterior.layout
     given = jnp.max(jnp.nan_to_num(layout.slant_range))
@@ -56,7 +60,7 @@ def layout_size(posterior: Posterior) -> Float[Array, ""]:
 
 @kept
 def typical_step(posterior: Posterior) -> Float[Array, " free"]:
-    """Return a typical step of each coordinate, which makes them alike to a solver."""
+    """Return a typical step of each coordinate, by which a solver scales them."""
     size = layout_size(posterior)
     units = {"unit": 1.0, "layout": size, "travel": size / STANDARD_SOUND_SPEED}
 
@@ -71,7 +75,7 @@ def typical_step(posterior: Posterior) -> Float[Array, " free"]:
 
 
 def start_sd(posterior: Posterior) -> Float[Array, " free"]:
-    """Return how far starts are spread in each coordinate, one standard deviation."""
+    """Return the standard deviation of the starts in each coordinate."""
 
     def factor(name: str, belief: Belief):
         is_ln = isinstance(belief, Free) and belief.positive
@@ -85,7 +89,7 @@ def start_sd(posterior: Posterior) -> Float[Array, " free"]:
 def starts(
     key: PRNGKeyArray, posterior: Posterior, count: int, *, far: bool = False
 ) -> Float[Array, "start free"]:
-    """Draw places to start from; the first is the middle of them all.
+    """Draw starting points; the first is the middle of all.
 
     A number with a prior is drawn from it. A free one is spread about its start: a
     positive one by a factor, a place over the sensors' surroundings. A free origin
@@ -93,11 +97,11 @@ def starts(
 
     Args:
         key: Random key.
-        posterior: Has the scene, and the sensors.
+        posterior: Posterior with the scene and the layout.
         count: Number of starts.
-        far: Whether half of the places lie among the sensors and every fourth beyond
-            their surroundings, at up to `MAX_WIDTHS` times their extent: a charge
-            beside a small array.
+        far: Place half of the starts among the sensors, and every fourth beyond their
+            surroundings, at up to `MAX_WIDTHS` times their extent: for a charge outside
+            a small array.
     """
     parameters = posterior.parameters
     normal = jax.random.normal(key, (count, len(parameters.names))).at[0].set(0.0)
@@ -120,13 +124,13 @@ def _spread(
     *,
     far: bool,
 ) -> Float[Array, " start"]:
-    """Spread one coordinate about where it is expected; wind and altitude stay there.
+    """Spread one coordinate about its expected value; wind and altitude are not spread.
 
     Args:
-        posterior: Has the scene, and the sensors.
-        name: Of the number.
-        belief: What is believed of it; a prior is a normal in its coordinate.
-        moved: How far each start is to be from there.
+        posterior: Posterior with the scene and the layout.
+        name: Name of the number.
+        belief: Its prior (a standard normal in its coordinate), or `Free`.
+        moved: Offset of each start from the expected value.
         far: See `starts`.
     """
     if not isinstance(belief, Free):
@@ -146,10 +150,10 @@ def _spread(
 
 
 def _spread_factors(count: int) -> Float[np.ndarray, " start"]:
-    """Return by which factor the place of each start is moved from the sensors' middle.
+    """Return the factor on the distance of each start from the middle of the sensors.
 
-    Of each four starts two lie among the sensors, one in their surroundings, and one
-    beyond: the same factor for east and north, evenly spread in its ln.
+    Of every four starts two lie among the sensors, one in their surroundings, and one
+    beyond. East and north have the same factor, evenly spread in its ln.
     """
     number = np.arange(count)
     beyond = MAX_WIDTHS ** ((number * GOLDEN) % 1.0)
@@ -157,17 +161,17 @@ def _spread_factors(count: int) -> Float[np.ndarray, " start"]:
 
 
 def sight_length(posterior: Posterior) -> Float[Array, ""]:
-    """Return a typical distance of what sensors see the direction of [m]; else zero.
+    """Return a typical length of a line of sight [m]; 0 if no direction was measured.
 
-    How far sound goes in the time between the log's first and last clock times.
+    It is the distance that sound travels between the first and last clock times.
     """
     quantity = posterior.layout.quantity
     if not np.isin(quantity, tuple(DIRECTIONS)).any():
         return jnp.zeros(())
     clock = posterior.measured[np.isin(quantity, CLOCK_TIMES)]
     if clock.size == 0:
-        return jnp.asarray(AWAY)
-    return jnp.maximum(STANDARD_SOUND_SPEED * jnp.ptp(clock), AWAY)
+        return jnp.asarray(MIN_SIGHT_LENGTH)
+    return jnp.maximum(STANDARD_SOUND_SPEED * jnp.ptp(clock), MIN_SIGHT_LENGTH)
 
 
 def places_along_sight(
@@ -175,12 +179,12 @@ def places_along_sight(
     z: Float[Array, "start free"],
     normal: Float[Array, "start free"],
 ) -> Float[Array, "start free"]:
-    """Move every other start's free places onto lines of sight, where there are any.
+    """Move the free position of every other start onto a line of sight, if any.
 
     Args:
-        posterior: Has the bearings.
+        posterior: Posterior with the bearings.
         z: Starts.
-        normal: A standard normal draw for each coordinate.
+        normal: Standard normal draw of each coordinate.
     """
     names, beliefs = posterior.parameters.names, posterior.parameters.beliefs
     scene = posterior.parameters.scene
@@ -208,16 +212,16 @@ def _along_sight(
     place: Float[Array, "start 3"],
     spread: Float[Array, " start"],
 ) -> Float[Array, "start 3"]:
-    """Move every other place onto the line of sight of the first bearing, if any.
+    """Move every other position onto the line of sight of the first bearing, if any.
 
-    The others stay: a second bearing may be better, or a library of places be drawn
-    for logs that are yet to come.
+    The remaining ones are not moved: a second bearing may be better, and `fit_many`
+    draws one set of starts for logs with other bearings.
 
     Args:
-        posterior: Has the bearings.
-        of_shot: Which rows are of the charge.
+        posterior: Posterior with the bearings.
+        of_shot: True for the rows of the charge.
         place: East, north, up of the charge in each start [m].
-        spread: A standard normal draw for each.
+        spread: Standard normal draw of each start.
     """
     layout = posterior.layout
     seen = np.flatnonzero(of_shot & np.isin(layout.quantity, BEARINGS))
@@ -225,11 +229,12 @@ def _along_sight(
         return place
     tall = np.flatnonzero(of_shot & np.isin(layout.quantity, "elevation_rad"))
     angle = posterior.measured[seen[0]]
-    if layout.quantity[seen[0]] == "jolt_bearing_rad":  # thrown away from it
+    # the blast pushes a vehicle away from the charge
+    if layout.quantity[seen[0]] == "jolt_bearing_rad":
         angle = angle + math.pi
     rise = jnp.tan(posterior.measured[tall[0]]) if tall.size else 0.0
     line = jnp.stack([jnp.sin(angle), jnp.cos(angle), jnp.asarray(rise)])
-    distance = sight_length(posterior) * FARTHER**spread
+    distance = sight_length(posterior) * SIGHT_SPREAD**spread
     on_line = layout.position[seen[0]][None, :] + distance[:, None] * line[None, :]
     return jnp.where(jnp.arange(len(place))[:, None] % 2 == 0, on_line, place)
 
@@ -239,12 +244,12 @@ def with_times_met(
     z: Float[Array, "start free"],
     normal: Float[Array, "start free"],
 ) -> Float[Array, "start free"]:
-    """Set free origin times, by clocks that are known, then clocks that are not.
+    """Set free origin times by the known clocks, then the free clock offsets.
 
     Args:
-        posterior: Has the readings.
-        z: Starts, their places set.
-        normal: A standard normal draw for each coordinate.
+        posterior: Posterior with the readings.
+        z: Starts with their positions set.
+        normal: Standard normal draw of each coordinate.
     """
     for i, label in _free(posterior, "origin_time_s"):
         z = _with_origin_time(posterior, z, i, label, normal[:, i])
@@ -255,7 +260,7 @@ def with_times_met(
 
 
 def _free(posterior: Posterior, base: str) -> list[tuple[int, str]]:
-    """Return the coordinates that are one free number, and the label of each."""
+    """Return index and label of the free coordinates with a base name."""
     parameters = posterior.parameters
     parts = [name.partition(".") for name in parameters.names]
     return [
@@ -274,14 +279,16 @@ def _with_origin_time(
     label: str,
     normal: Float[Array, " start"],
 ) -> Float[Array, "start free"]:
-    """Set the origin time of a charge by its rows, those of a flash if radii are seen.
+    """Set the origin time of a charge by its clock times.
+
+    With fireball radii the flash times alone are used, if there are any.
 
     Args:
-        posterior: Has the readings.
+        posterior: Posterior with the readings.
         z: Starts.
         i: Coordinate of the origin time.
         label: Name of the charge.
-        normal: A standard normal draw.
+        normal: Standard normal draw of each start.
     """
     layout, scene = posterior.layout, posterior.parameters.scene
     named = [charge.name for charge in scene.charges]
@@ -291,6 +298,7 @@ def _with_origin_time(
     offsets = [name.partition(".") for name in posterior.parameters.names]
     unknown = [clock for base, _, clock in offsets if base == CLOCK_OFFSET]
     known = rows & ~np.isin(layout.clock, unknown)
+    # a clock whose offset is free cannot set the origin time: both would shift together
     rows = known if known.any() else rows
     flash = rows & np.isin(layout.quantity, "flash_time_s")
     rows = flash if radii.any() and flash.any() else rows
@@ -301,18 +309,19 @@ def _with_origin_time(
 
 
 def _met(posterior: Posterior, z, i: int, rows: Bool[np.ndarray, " row"]):
-    """Move a time by as much as the median of some readings is later than predicted."""
+    """Add the median residual of some readings to a time."""
     if not rows.any():
         return z
     residual = jax.vmap(lambda z: posterior.misfit(z).residual)(z)
+    # a median, not a mean: a start should not follow one wrong clock
     return z.at[:, i].add(jnp.median(residual[:, np.flatnonzero(rows)], axis=1))
 
 
 def _before_radii(origin, times, normal):
-    """Return origin times, those that are not before the first radius moved there.
+    """Return origin times; those after the first radius are set before it.
 
     A radius before the explosion hardly constrains its time.
     """
-    long = jnp.maximum(jnp.ptp(times), SHORT)
+    long = jnp.maximum(jnp.ptp(times), MIN_GROWTH_SPAN)
     earlier = times.min() - jnp.abs(normal) * long
     return jnp.where(origin < times.min(), origin, earlier)

@@ -21,19 +21,21 @@ from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.kept_programs import kept
 
 NULL = 1e-10
-"""An eigenvalue of the unit-diagonal information below this is a null direction."""
+"""An eigenvalue of the unit-diagonal information below this is a null direction: a
+standard deviation 100,000 times that of the numbers one by one. Rounding gives 1e-15.
+Candidates are confirmed by a finite step (`identifiability`)."""
 TAKES_PART = 1e-5
-"""A smaller part of a null direction, in standard deviations, is rounding."""
+"""A smaller component of a null direction is rounding: the root of `NULL`."""
 
 
 def whitened_rows(
     posterior: Posterior, misfit: Misfit, columns: Float[Array, "row column"]
 ) -> Float[Array, "datum column"]:
-    r"""Measure columns in standard deviations, what shared effects hide left out.
+    r"""Return columns in standard deviations, with the shared effects projected out.
 
-    Shared effects are unknowns that were expected at zero. Projecting them out of the
-    rows $X/s$ leaves $w$ with $w^T w = X^T C^{-1} X$, $C = \mathrm{diag}(s^2) + L L^T$,
-    without a matrix of rows by rows.
+    Shared effects are unknowns with an expected value of zero. Projecting them out of
+    the rows $X/s$ leaves $w$ with $w^T w = X^T C^{-1} X$, $C = \mathrm{diag}(s^2) + L
+    L^T$, without a matrix of rows by rows.
     """
     sd = misfit.sd / jnp.sqrt(information_of_rows(posterior, misfit))
     rows = columns / sd[:, None]
@@ -42,6 +44,8 @@ def whitened_rows(
         return rows
     data = jnp.concatenate([rows, jnp.zeros((count, columns.shape[1]))])
     shared = jnp.concatenate([misfit.loading / sd[:, None], jnp.eye(count)])
+    # The unit rows below the loadings are the standard normal priors of the effects, so
+    # the columns are independent and QR never meets a singular matrix.
     basis, _ = jnp.linalg.qr(shared)
     return data - basis @ (basis.T @ data)
 
@@ -51,8 +55,8 @@ def whitened_jacobian(
 ) -> Float[Array, "datum free"]:
     """Return the sensitivity of the data in standard deviations.
 
-    The rows of the log come first (see `whitened_rows`); then one row for each
-    parameter, which counts where it has a prior.
+    The rows of the log come first (see `whitened_rows`), then one row for each
+    parameter: 1 if it has a prior, else 0.
     """
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
     rows = whitened_rows(posterior, posterior.misfit(z), jacobian)
@@ -64,7 +68,7 @@ def information_of_rows(
 ) -> float | Float[Array, " row"]:
     """Return the information of each row's own error about its mean.
 
-    One number where all rows are alike: where no reading is a lower bound.
+    It is one number for all rows if no reading is a lower bound.
     """
     of_reading = information_of_row(posterior.noise)
     if posterior.lower_bound is None:
@@ -92,7 +96,7 @@ def by_kernel(
     Float[Array, "kernel free"],
     Float[Array, "kernel free free"],
 ]:
-    """Return ln of the density by each correlation function, slopes and information."""
+    """Return ln density, gradient and information for each correlation function."""
     density = posterior.log_densities(z)
     slope = jax.jacfwd(posterior.log_densities)(z)
     if len(density) == 1:
@@ -107,13 +111,13 @@ def by_kernel(
 def unit_diagonal(
     matrix: Float[Array, "free free"], scale: Float[Array, " free"]
 ) -> tuple[Float[Array, " free"], Float[Array, " free"], Float[Array, "free free"]]:
-    """Scale information to a unit diagonal and take it apart.
+    """Return the eigendecomposition of information scaled to a unit diagonal.
 
     Args:
         matrix: Information.
-        scale: A typical step of each coordinate. One of which a typical step moves no
-            datum by a standard deviation is scaled by that step instead, so that
-            nothing known of it gives an eigenvalue of zero and not of one.
+        scale: Typical step of each coordinate. A coordinate whose typical step changes
+            no datum by a standard deviation is scaled by that step: without any
+            information its eigenvalue is then 0, not 1.
 
     Returns:
         The size of each coordinate, the eigenvalues, and the eigenvectors as columns.
@@ -129,25 +133,27 @@ def known_covariance(
     has_prior: Float[Array, " free"],
     scale: Float[Array, " free"],
 ) -> tuple[Float[Array, "free free"], Bool[Array, " free"]]:
-    """Return the covariance by information, and which numbers are not identified.
+    """Return the inverse of information, and the numbers that are not identified.
 
-    Null directions are judged at the place alone, without following them (as
-    `identifiability` does), so that this may be batched.
+    Null directions are judged locally, not by finite steps as in `identifiability`, so
+    the function may be batched.
 
     Args:
         matrix: Information.
-        has_prior: 1 where a number has a prior; its information counts as no less
-            than the data's, so that a weak one is not taken for nothing.
-        scale: A typical step of each coordinate, see `unit_diagonal`.
+        has_prior: 1 for numbers with a prior. Their prior counts at least as much as
+            the data when null directions are judged, so a weak prior identifies them.
+        scale: Typical step of each coordinate, see `unit_diagonal`.
 
     Returns:
-        The covariance without null directions, and whether each coordinate takes part
-        in one.
+        The covariance without null directions, and a flag for each coordinate with a
+        component in one.
     """
     judged = matrix + jnp.diag(has_prior * jnp.diagonal(matrix))
     size, values, vectors = unit_diagonal(judged, scale)
     is_null = values < NULL
     basis = jnp.where(is_null[None, :], 0.0, vectors / size[:, None])
+    # batched code cannot select columns: null ones become zero, with a unit diagonal so
+    # that the inverse exists
     informed = basis.T @ matrix @ basis + jnp.diag(jnp.where(is_null, 1.0, 0.0))
     part = jnp.where(is_null[None, :], jnp.abs(vectors), 0.0)
     unknown = jnp.any(part > TAKES_PART, axis=1)

@@ -50,42 +50,46 @@ from jblast.sensors.path_scatter import solve_system
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
 
 ROUNDS = 100
-"""Steps of one search at most."""
+"""Largest number of steps of one search. It needs a few; without convergence the
+likelihood is NaN."""
 SETTLED = 1e-5
-"""Effects whose next step is shorter, in standard deviations, are left to the Newton
-steps that are differentiated, of which the first leaves the square of that."""
+"""Length of a step, in standard deviations, at which the search ends. The Newton steps
+that are differentiated follow, and the first reduces the error to the square of
+this."""
 LEAST_DAMPING, DAMPING_FACTOR = 1e-3, 10.0
-"""Damping of a step (see `_step`). At the least, steps are Newton's but for 1e-3 of
-the difference, so distances fall by a thousand in each."""
+"""Smallest damping of a step, and factor of its changes (see `_step`). At the smallest,
+steps are Newton's but for 1e-3 of the difference: the error falls by 1000 in each."""
 NODES = 5
-"""Gauss-Hermite nodes of expectations over a row's error, whose standard deviation
-under $q$ is at most 1.2 for readings: 15 nodes change the mass of `hri_2` by 5e-4
+"""Gauss-Hermite nodes for the expectation over a row's error. Its standard deviation
+under $q$ is at most 1.2 for readings: with 15 nodes the mass of `hri_2` changes by 5e-4
 standard deviations."""
 MANY_ROWS = 100
-"""With more rows than this for each effect one node is used: the squares of those
-standard deviations are then 0.014 at most on average (their sum times the information
-is below the number of effects), and 200,000 rows take 0.2 s, not 0.8."""
-MOST_OF_A_BLOCK = 16
-"""Groups of more effects are not eliminated one by one (see `blocks_of`)."""
+"""Rows per effect above which one node is used. The squares of those standard
+deviations are then at most 0.014 on average (their sum times the information is below
+the number of effects). 200,000 rows take 0.2 s instead of 0.8 s."""
+MAX_BLOCK_EFFECTS = 16
+"""Largest number of effects of a block (see `blocks_of`). Blocks are padded to the
+largest, so one large block would make all of them large."""
 Block = tuple[tuple[int, ...], tuple[int, ...]]
 Blocks = tuple[Block, ...]
-"""Rows and columns of each group of effects that load no rows but these, all of which
-no other group loads."""
+"""Rows and columns of each block. The effects of a block load its rows only, and no
+other block loads them."""
 SERIES_FROM = 10.0
-"""Argument from which the series of Mills' ratio replaces `log_ndtr`."""
+"""Argument above which the series of Mills' ratio replaces `log_ndtr`: hazard minus
+argument would cancel in the far tail."""
 TERMS = 12
-"""Of that series; at `SERIES_FROM` what is left out is 1e-13 of it."""
+"""Terms of the series; at `SERIES_FROM` the remainder is 1e-13 of the sum."""
 
 
 class Rows(NamedTuple):
-    """Rows, and how far the effects are uncertain.
+    """Rows, and the uncertainty of their shared effects.
 
     Attributes:
         r: Residuals, in standard deviations.
-        blur: Standard deviation under $q$ of what the effects add to each row.
+        blur: Standard deviation under $q$ of the sum of effects in each row.
         noise: Distribution of the independent errors.
-        lower_bound: Whether each is a lower bound; None if none is.
-        nodes: Of expectations over it.
+        lower_bound: True for lower bounds; None if none is.
+        nodes: Number of Gauss-Hermite nodes.
     """
 
     r: Float[Array, " row"]
@@ -98,7 +102,7 @@ class Rows(NamedTuple):
         """Return the expectation of ln of the rows' probability.
 
         Args:
-            added: Expectation of what the effects add to each row.
+            added: Expected sum of the effects in each row.
         """
         one = jnp.ones_like(self.r)
         total = jnp.zeros((), self.r.dtype)
@@ -107,9 +111,9 @@ class Rows(NamedTuple):
         return total
 
     def slopes(self, added: Float[Array, " row"]) -> tuple[Array, Array, Array]:
-        """Return first and second derivative of minus that, and `reweighted` ones."""
+        """Return first, second and `reweighted` derivative of minus the log density."""
         slope = curvature = sure = jnp.zeros_like(self.r)
-        # summed node by node: so XLA makes one pass over the rows of it
+        # summed node by node: XLA fuses the sum into one pass over the rows
         for u, weight in self._at_nodes(added):
             first, second = row_slopes(u, self.noise, self.lower_bound)
             slope, curvature = slope + weight * first, curvature + weight * second
@@ -137,15 +141,15 @@ def log_likelihood(
 ) -> tuple[Float[Array, ""], Float[Array, " effect"]]:
     """Return ln of the probability of residuals, and the expected effects.
 
-    It is no number (NaN) where the search for the effects did not converge.
+    The first is NaN if the search for the effects did not converge.
 
     Args:
         residual: Measured minus predicted $r$.
         sd: Independent scale of each row $s$.
-        loading: What one standard deviation of each effect adds to each row $L$.
+        loading: Change of each row by one standard deviation of each effect $L$.
         noise: Distribution of the independent errors.
-        lower_bound: Whether what was measured is a lower bound; None if none is.
-        blocks: Effects that load rows of their own, for speed (see `Apart`).
+        lower_bound: True for readings that are lower bounds; None if none is.
+        blocks: Effects of separate rows, for speed (see `Apart`).
     """
     r, load = residual / sd, loading / sd[:, None]
     if loading.shape[1] == 0:
@@ -161,16 +165,17 @@ def log_likelihood(
     held = rows._replace(r=lax.stop_gradient(r), blur=lax.stop_gradient(rows.blur))
     v, damping, found = _expected(held, still)
 
-    # The search is not differentiated: steps after it carry the slopes of $m$, on which
-    # second derivatives hang. The first leaves 1e-3 of them: enough for long logs.
+    # The search is not differentiated: the steps after it carry the derivative of $m$,
+    # which second derivatives of the likelihood need. One step leaves 1e-3 of it, which
+    # is enough for long logs; two leave 1e-6.
     def onward(v, _):
         return v + _step(v, jnp.minimum(damping, 1.0), rows, effects)[0], None
 
     v, _ = lax.scan(onward, v, length=2 if rows.nodes > 1 else 1)
-    # tr Sigma = k - sum of weight times squared blur
+    # tr Sigma = k - sum of weight times squared blur, so no matrix of effects is formed
     bound = rows.log_density(effects.added(v)) - jnp.sum(jnp.log(sd)) - 0.5 * v @ v
     bound += 0.5 * (weight @ jnp.square(rows.blur) - log_determinant)
-    if lower_bound is not None:  # whose probability has no unit
+    if lower_bound is not None:  # a probability, not a density: it has no unit
         bound += jnp.sum(jnp.where(lower_bound, jnp.log(sd), 0.0))
     return jnp.where(found, bound, jnp.nan), effects.in_order(v)
 
@@ -181,7 +186,14 @@ def log_rows(
     noise: Noise,
     lower_bound: Bool[Array, " row"] | None,
 ) -> Float[Array, ""]:
-    """Add ln of the probabilities of independent rows, missed by u times sd."""
+    """Return the sum of ln of the probabilities of independent rows.
+
+    Args:
+        u: Residuals in standard deviations.
+        sd: Standard deviation of each row.
+        noise: Distribution of the errors.
+        lower_bound: True for lower bounds; None if none is.
+    """
     read = log_noise(u, noise) - jnp.log(sd)
     if lower_bound is None:
         return jnp.sum(read)
@@ -207,10 +219,11 @@ def reweighted(
     noise: Noise,
     lower_bound: Bool[Array, " row"] | None,
 ) -> Float[Array, " row"]:
-    """Return curvatures of minus ln of each row's probability that always climb.
+    """Return positive curvatures of minus ln of each row's probability.
 
-    Student-t readings are reweighted as normal ones; bounds have their own curvature,
-    where it is positive.
+    Steps with them always climb. Student-t readings are reweighted as normal ones
+    (iteratively reweighted least squares). Bounds keep their curvature where it is
+    positive.
     """
     weight = jnp.maximum(curvature, 0.0)
     if noise == "gaussian":
@@ -234,12 +247,14 @@ def blurred(
         r: Residuals, in standard deviations.
         load: Loadings, in standard deviations.
         noise: Distribution of the independent errors.
-        lower_bound: Whether each is a lower bound; None if none is.
-        blocks: As of `log_likelihood`.
+        lower_bound: True for lower bounds; None if none is.
+        blocks: As for `log_likelihood`.
     """
     weight = _weights(r, load, noise, lower_bound)
     variance, log_determinant = effects_of(load, blocks).spread(weight)
-    some = variance > 0  # else no effect loads the row
+    # Without any effect the variance is 0, and the root would have no slope: its
+    # argument is replaced, not its result.
+    some = variance > 0
     blur = jnp.where(some, jnp.sqrt(jnp.where(some, variance, 1.0)), 0.0)
     rows, effects = load.shape
     nodes = NODES if rows <= MANY_ROWS * effects else 1
@@ -247,11 +262,11 @@ def blurred(
 
 
 def _weights(r, load, noise, lower_bound):
-    """Return the information of each row about its mean, whatever the effects are.
+    """Return the information of each row about its mean, independent of the effects.
 
-    That of a lower bound is taken where the effects are zero but for their spread, and
-    vanishes where the bound is met by far. Under normal errors it is the curvature,
-    which stays near 1 where a bound is missed by far, as the information does not.
+    For a lower bound it is evaluated at effects of zero with their prior spread. It
+    vanishes if the bound is satisfied by far. Under normal errors the curvature is used
+    instead: unlike the information it stays near 1 if a bound is violated by far.
     """
     weight = jnp.full_like(r, information_of_row(noise))
     if lower_bound is None:
@@ -263,11 +278,11 @@ def _weights(r, load, noise, lower_bound):
 
 
 def _expected(rows, effects):
-    """Return the effects where the bound is largest, damping, and whether it converged.
+    """Return the effects at the largest bound, the damping, and True if converged.
 
-    Student-t readings that disagree with the prior of an effect can leave two maxima:
-    the effect is large, or the readings are outliers. Searches from both sides, from
-    the solution for normal errors and from zero, find them; the larger one counts.
+    Student-t readings that contradict the prior of an effect can give two maxima: the
+    effect is large, or the readings are outliers. Searches from the solution for normal
+    errors and from zero find both; the larger one is used.
     """
     read = jnp.ones_like(rows.r)
     if rows.lower_bound is not None:
@@ -278,7 +293,8 @@ def _expected(rows, effects):
         v, height, damping, settled = _climbed(start, rows, effects)
         return v, damping, jnp.where(settled, height, -jnp.inf)
 
-    # one after another: the search is compiled once, and long logs are held once
+    # one after another, not under vmap: the search is compiled once, and the arrays of
+    # long logs are in memory once
     starts = jnp.stack([normal, jnp.zeros_like(normal)])
     ends, damping, height = lax.map(end, starts)
     best = jnp.argmax(height)
@@ -286,10 +302,10 @@ def _expected(rows, effects):
 
 
 def _climbed(start, rows, effects):
-    """Climb from one place to a maximum; return its height and whether it was reached.
+    """Climb to a maximum; return place, height, damping and True if it was reached.
 
-    A step that does not climb, or that a matrix which is not positive definite gave, is
-    not taken, and damped more.
+    A step that does not climb, or comes from a matrix that is not positive definite, is
+    rejected and damped more.
     """
 
     def joint(v):
@@ -299,8 +315,8 @@ def _climbed(start, rows, effects):
         rounds, v, height, damping, _ = state
         step, sure = _step(v, damping, rows, effects)
         there = joint(v + step)
-        climbs = sure & (there > height)  # not so of no number
-        # a step that is shortened is short far from the maximum, too
+        climbs = sure & (there > height)  # False for NaN
+        # the undamped length: a damped step is short far from the maximum, too
         moved = jnp.max(jnp.abs(step)) * jnp.maximum(damping, 1.0)
         moved = jnp.where(sure, moved, jnp.inf)
         v = jnp.where(climbs, v + step, v)
@@ -311,8 +327,9 @@ def _climbed(start, rows, effects):
 
     def unsettled(state):
         rounds, v, _, _, moved = state
+        # effects of 1e10 sd (an absurd start) cannot be resolved to SETTLED
         rounding = 8 * jnp.finfo(v.dtype).eps * jnp.max(jnp.abs(v))
-        return (rounds < ROUNDS) & ~(moved <= SETTLED + rounding)
+        return (rounds < ROUNDS) & ~(moved <= SETTLED + rounding)  # NaN continues
 
     one, most = jnp.asarray(1.0, start.dtype), jnp.asarray(jnp.inf, start.dtype)
     begun = (0, start, joint(start), one, most)
@@ -322,11 +339,10 @@ def _climbed(start, rows, effects):
 
 
 def _step(v, damping, rows, effects):
-    """Return a step uphill, and whether its matrix was positive definite.
+    """Return a step uphill, and True if its matrix was positive definite.
 
-    With a damping of 1 readings are reweighted as normal ones, which always climbs
-    (bounds have their own curvature, where it is positive); with less, it is between
-    that and Newton's step; with more, it is shorter.
+    With a damping of 1 the curvatures are `reweighted`, whose steps always climb. With
+    less damping it is between that and Newton's step; with more it is shorter.
     """
     slope, curvature, safe = rows.slopes(effects.added(v))
     weight = curvature + jnp.minimum(damping, 1.0) * (safe - curvature)
@@ -335,22 +351,22 @@ def _step(v, damping, rows, effects):
 
 
 class Together(NamedTuple):
-    r"""Effects each of which may load all rows.
+    r"""Effects that may each load all rows.
 
-    Of more effects than rows the system of the rows is solved, the smaller one. With
+    With more effects than rows, the smaller system of the rows is solved. With
     $K = L L^T$ and $W$ the weights, $(I + L^T W L)^{-1} = I - L^T W (I + K W)^{-1} L$
     and $|I + L^T W L| = |I + K W|$.
 
     Attributes:
-        load: What one standard deviation of each adds.
-        covariance: $K$ where there are more effects than rows, else None.
+        load: Change of each row by one standard deviation of each effect.
+        covariance: $K$ if there are more effects than rows, else None.
     """
 
     load: Float[Array, "row effect"]
     covariance: Float[Array, "row row"] | None
 
     def added(self, v: Float[Array, " effect"]) -> Float[Array, " row"]:
-        """Return what effects add to each row."""
+        """Return the sum of effects in each row, $L v$."""
         return self.load @ v
 
     def gathered(self, of_row: Float[Array, " row"]) -> Float[Array, " effect"]:
@@ -358,9 +374,10 @@ class Together(NamedTuple):
         return self.load.T @ of_row
 
     def solved(self, weight: Float[Array, " row"], right: Float[Array, " effect"]):
-        """Solve, and return ln of the determinant; NaN if not positive definite.
+        """Solve $(I + L^T W L) x = b$, and return ln of the determinant.
 
-        By rows it is also NaN for some positive definite systems with negative weights.
+        It is NaN if the matrix is not positive definite, and by rows also for some
+        positive definite matrices with negative weights.
         """
         if self.covariance is None:
             answer, size = solve_system(self._matrix(weight), right[:, None])
@@ -389,16 +406,16 @@ class Together(NamedTuple):
 
 
 class Apart(NamedTuple):
-    """Effects of which some load all rows, and others those of their record alone.
+    """Effects of which some load all rows, and others the rows of one record only.
 
-    Here effects are in an order of their own: the first kind, and then those of each
-    record, as many of each; the ones that are missing load nothing and stay zero.
+    The internal order of the effects is: common ones, then those of each record. Every
+    record has equally many; padding effects load nothing and stay zero.
 
     Attributes:
-        load: Of the first kind.
-        of_record: Of the second kind.
-        record: Whose rows those of `of_record` are; rows of no record are missing.
-        place: Of each column among the effects.
+        load: Loadings of the common effects.
+        of_record: Loadings of the effects of records.
+        record: Row numbers of `of_record`; the number of rows for padding.
+        place: Internal position of each column.
     """
 
     load: Float[Array, "row effect"]
@@ -407,7 +424,7 @@ class Apart(NamedTuple):
     place: np.ndarray
 
     def added(self, v: Float[Array, " held"]) -> Float[Array, " row"]:
-        """Return what effects add to each row."""
+        """Return the sum of effects in each row, $L v$."""
         first, own = self._parted(v)
         of_records = jnp.sum(self.of_record * own[:, None, :], axis=2)
         return self.load @ first + self._by_row(of_records)
@@ -440,16 +457,16 @@ class Apart(NamedTuple):
         return variance, size + sizes
 
     def _first_kind(self, weight, right):
-        """Eliminate the effects of records.
+        """Eliminate the effects of records (Schur complement).
 
         Args:
-            weight: Of each row.
+            weight: Weight of each row.
             right: Right sides of each record's system.
 
         Returns:
-            What effects of the first kind and of records share, this and `right`
-            solved, the system that is left of the first kind, and ln of the
-            determinant of those of records.
+            The coupling of common effects and those of records, the solutions for the
+            coupling and for `right`, the remaining system of the common effects, and ln
+            of the determinant of the eliminated blocks.
         """
         count, errors = self.load.shape[1], self.of_record.shape[2]
         weighted = self.of_record * self._by_record(weight)[:, :, None]
@@ -468,19 +485,22 @@ class Apart(NamedTuple):
         return v[self.place]
 
     def _parted(self, v):
-        """Return effects of the first kind, and those of each record."""
+        """Return the common effects, and those of each record."""
         count, (records, _, errors) = self.load.shape[1], self.of_record.shape
         return v[:count], v[count:].reshape(records, errors)
 
     def _in_turn(self) -> bool:
-        """Return whether rows stand record by record, of each as many: cheaper so."""
+        """Return True if rows are ordered by record, equally many each.
+
+        A reshape then replaces gather and scatter, which is cheaper.
+        """
         rows = np.arange(len(self.load))
         return self.record.size == rows.size and bool(
             (self.record.ravel() == rows).all()
         )
 
     def _by_row(self, of_records):
-        """Return what records have of each row; zero of rows of no record."""
+        """Return values of records by row; zero for rows without a record."""
         flat = of_records.reshape(self.record.size, *of_records.shape[2:])
         if self._in_turn():
             return flat
@@ -490,7 +510,7 @@ class Apart(NamedTuple):
         return jnp.concatenate([flat, nothing])[place[:-1]]
 
     def _by_record(self, of_row):
-        """Return what the rows of each record have; zero of what is missing."""
+        """Return values of rows by record; zero for padding."""
         if self._in_turn():
             return of_row.reshape(*self.record.shape, *of_row.shape[1:])
         nothing = jnp.zeros((1, *of_row.shape[1:]), of_row.dtype)
@@ -498,7 +518,7 @@ class Apart(NamedTuple):
 
 
 def effects_of(load: Float[Array, "row effect"], blocks: Blocks) -> Together | Apart:
-    """Return effects in the form that is solved fastest."""
+    """Return effects in the form with the fastest solution."""
     rows, columns = load.shape
     if rows < columns:
         return Together(load, load @ load.T)
@@ -516,10 +536,10 @@ def effects_of(load: Float[Array, "row effect"], blocks: Blocks) -> Together | A
 
 
 def blocks_of(loading: Float[np.ndarray, "row effect"]) -> Blocks:
-    """Return which effects load rows that no others do; () if a group is large.
+    """Return the blocks of effects with separate rows; () if a block is large.
 
     Args:
-        loading: What one standard deviation of each effect adds to each row.
+        loading: Change of each row by one standard deviation of each effect.
     """
     return joined_blocks(
         [
@@ -530,14 +550,15 @@ def blocks_of(loading: Float[np.ndarray, "row effect"]) -> Blocks:
 
 
 def joined_blocks(parts: Sequence[Block]) -> Blocks:
-    """Make one of those that share rows; () if it then has many effects.
+    """Merge blocks that share rows; () if one then has many effects.
 
     Args:
-        parts: Rows and columns; each column stands in one of them.
+        parts: Rows and columns of each block; each column is in one of them.
     """
     first: dict[int, int] = {}
     joined = list(range(len(parts)))
 
+    # union-find with path compression: nearly linear in the number of rows
     def root(part: int) -> int:
         while joined[part] != part:
             joined[part] = part = joined[joined[part]]
@@ -551,13 +572,13 @@ def joined_blocks(parts: Sequence[Block]) -> Blocks:
         block = blocks.setdefault(root(part), (set(), set()))
         block[0].update(rows)
         block[1].update(columns)
-    if any(len(columns) > MOST_OF_A_BLOCK for _, columns in blocks.values()):
+    if any(len(columns) > MAX_BLOCK_EFFECTS for _, columns in blocks.values()):
         return ()
     return tuple((tuple(sorted(r)), tuple(sorted(c))) for r, c in blocks.values())
 
 
 def _padded(lists: list[tuple[int, ...]], missing: int) -> np.ndarray:
-    """Return lists as rows of one array, what is missing by a number of its own."""
+    """Return lists as rows of one array, padded with `missing`."""
     most = max(len(entries) for entries in lists)
     return np.array(
         [[*entries, *[missing] * (most - len(entries))] for entries in lists]
@@ -593,7 +614,7 @@ def information_of_row(noise: Noise) -> float:
 
 
 def log_survival(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
-    """Return ln of the chance of a standardised error of $u$ or more."""
+    """Return ln of the probability of a standardised error of $u$ or more."""
     if noise == "gaussian":
         is_far, near, far = _split(u)
         less = _mills_series(far)
@@ -627,8 +648,8 @@ def survival_slopes(u: Float[Array, "..."], noise: Noise) -> tuple[Array, Array]
 def survival_information(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
     r"""Return the information of a lower bound about its mean: $f^2/(S(1-S))$.
 
-    That of the answer, yes or no, whether the reading passes the bound: the average
-    over both answers, which is never negative.
+    It is the information of the binary outcome, averaged over both outcomes, and never
+    negative.
     """
     both = log_survival(u, noise) + log_survival(-u, noise)
     return jnp.exp(2 * log_noise(u, noise) - both)
@@ -636,26 +657,31 @@ def survival_information(u: Float[Array, "..."], noise: Noise) -> Float[Array, "
 
 def _angle(u):
     """Return cosine and sine of the angle whose tangent is u/2, and 1 + the sine."""
-    is_wide = jnp.abs(u) > 2  # squares of wide ones may overflow
+    is_wide = jnp.abs(u) > 2  # whose squares may overflow
     wide, slim = jnp.where(is_wide, u, 2.0), jnp.where(is_wide, 2.0, u)
     long = jnp.abs(wide) * jnp.sqrt(1 + jnp.square(2 / wide))
     length = jnp.where(is_wide, long, jnp.sqrt(4 + jnp.square(slim)))
     cosine, sine = 2 / length, u / length
     left = jnp.where(u > 0, 0.0, sine)
+    # for u < 0, 1 + sin = cos^2 / (1 - sin): the sum would cancel
     above = jnp.where(u > 0, 1 + sine, jnp.square(cosine) / (1 - left))
     return cosine, sine, above
 
 
 def _split(u):
-    """Return where u is far up the tail, u where it is not, and u where it is."""
+    """Return the mask of u in the far tail, u below it, and u in it.
+
+    Elsewhere the values are harmless: both branches of a `where` are differentiated.
+    """
     is_far = u > SERIES_FROM
     return is_far, jnp.where(is_far, 0.0, u), jnp.where(is_far, u, SERIES_FROM)
 
 
 def _mills_series(u):
-    """Return $1 - u S(u)/f(u)$ of a normal far up its tail, by its series."""
+    """Return $1 - u S(u)/f(u)$ of a normal in its far tail, by its series."""
     t = 1 / jnp.square(u)
     less = jnp.zeros_like(u)
+    # nested (Horner) from the last term: 1/u^2 - 3/u^4 + 15/u^6 - ...
     for odd in range(2 * TERMS - 1, 0, -2):
         less = odd * t * (1 - less)
     return less

@@ -37,9 +37,9 @@ class Parameters(eqx.Module):
     """The uncertain numbers of a scene, in a fixed order.
 
     Attributes:
-        names: As in `scene.PARAMETERS`.
-        beliefs: One for each name.
-        scene: Holds every number that is fixed.
+        names: Names as in `scene.PARAMETERS`.
+        beliefs: Prior, or `Free`, of each name.
+        scene: Scene with all fixed numbers.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -48,7 +48,7 @@ class Parameters(eqx.Module):
 
     def values(self, z: Float[Array, " free"]) -> dict[str, Float[Array, ""]]:
         """Return the numbers by name."""
-        # by NumPy where it is at hand: no program for each place
+        # outside of a trace by NumPy: JAX would compile a program for each shape
         at = z if isinstance(z, Tracer) else np.asarray(z)
         return {
             name: belief.constrain(at[i])
@@ -61,11 +61,11 @@ class Parameters(eqx.Module):
     def values_of_each(
         self, z: Float[Array, "draw free"]
     ) -> dict[str, Float[Array, " draw"]]:
-        """Return the numbers by name, for many places at once."""
+        """Return the numbers by name, for many places."""
         return jax.vmap(self.values)(z)
 
     def scene_at(self, z: Float[Array, " free"]) -> Scene:
-        """Return the scene with the numbers put in their places."""
+        """Return the scene with the numbers at $z$."""
         return with_values(self.scene, self.values(z))
 
     def log_prior(self, z: Float[Array, " free"]) -> Float[Array, ""]:
@@ -98,27 +98,28 @@ def as_seen(
     quantity: Sequence[str],
     time: Float[np.ndarray, " row"],
 ) -> UncertainScene:
-    """Return a scene as a log with a fireball's radii is read; without any, unchanged.
+    """Return the scene for a log with fireball radii; without radii, unchanged.
 
     The growth time is free unless the scene states otherwise: no source gives it to
     better than a factor of two. It starts at a third of the time the radii span.
 
-    Light is taken to be there at once where radii are read off images. Their times have
-    no delay either, so the origin time is that of the light at the camera, 3 us late a
-    kilometre. A delay of the flash alone would be taken for news of the range: readings
-    of a millisecond would place the charge some 100 km away.
+    The travel time of light is neglected if radii are measured in images. Their times
+    have no delay either, so the origin time is that of the light at the camera, 3 us
+    late per kilometre. A delay of the flash alone would act as a measurement of the
+    range: readings with errors of a millisecond would place the charge 100 km away.
 
     Args:
         uncertain: The scene.
-        quantity: Of each row of the log.
-        time: Of each row, by its clock [s]; NaN if it has none.
+        quantity: Quantity of each row of the log.
+        time: Time of each row on its clock [s]; NaN without one.
     """
     radii = time[np.isin(quantity, FIREBALL_RADII)]
     if radii.size == 0:
         return uncertain
     scene = replace(uncertain.scene, instant_light=bool(set(BY_CAMERA) & set(quantity)))
     beliefs = dict(uncertain.beliefs)
-    if scene.fireball_growth is None:  # a belief puts its start into the scene
+    # None: neither fixed nor with a prior, which would put its start into the scene
+    if scene.fireball_growth is None:
         start = np.ptp(radii) / 3 or own_growth(scene)
         scene = with_values(scene, {GROWTH: start})
         beliefs[GROWTH] = Free(positive=True)
@@ -126,13 +127,13 @@ def as_seen(
 
 
 def own_growth(scene: Scene) -> float:
-    """Return the growth time that the law has of itself for a scene's first charge."""
+    """Return the growth time by the law for the first charge of a scene [s]."""
     return float(fireball_growth_time(scene.charge.tnt_mass("fireball_radius_m")))
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard deviations of a number; NaN where nothing is known of it.
+    """Standard deviations of a number; NaN where it is not identified.
 
     Attributes:
         sd: Standard deviation, in the number's unit.
@@ -144,12 +145,12 @@ class Spread:
 
     @property
     def is_known(self) -> bool:
-        """Whether anything is known of it."""
+        """True if one of the standard deviations is finite."""
         return not (math.isnan(self.sd) and math.isnan(self.log_sd))
 
     @property
     def width(self) -> float:
-        """The sd in ln, or without one the sd; infinite where nothing is known."""
+        """The sd in ln, or without one the sd; infinite without either."""
         if not math.isnan(self.log_sd):
             return self.log_sd
         return math.inf if math.isnan(self.sd) else self.sd
@@ -159,17 +160,17 @@ class Spread:
 class Estimate:
     """Estimate of one number, in its unit.
 
-    A number that is not identified has no value and no standard deviation; the ends of
-    its 90 % interval are finite where they are known all the same.
+    A number that is not identified has no value and no standard deviation. The bounds
+    of its 90 % interval are finite where they are known.
 
     Attributes:
         value: The most probable value; NaN where it is not identified.
         sd: Standard deviation.
         log_sd: Standard deviation of its ln; NaN for one that may be negative.
-        q05: 5 % quantile: lower end of the 90 % interval.
+        q05: 5 % quantile: lower bound of the 90 % interval.
         q50: Median.
-        q95: 95 % quantile: upper end of the 90 % interval.
-        identified: Whether there is a value.
+        q95: 95 % quantile: upper bound of the 90 % interval.
+        identified: True if there is a value.
     """
 
     value: float = math.nan
@@ -194,7 +195,7 @@ class Estimate:
         return Spread(self.sd, self.log_sd)
 
     def times(self, factor: float) -> "Estimate":
-        """Return what is known of so many times the number; its sd in ln stays."""
+        """Return the estimate of a multiple of the number; its sd in ln is the same."""
         return Estimate(
             self.value * factor,
             self.sd * factor,
@@ -207,9 +208,9 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to report with the numbers: its kind, and its own numbers.
+    """A warning or reason reported with the estimates, as numbers without text.
 
-    It has no words: `report.fit.findings` has them.
+    `report.fit.findings` writes the text.
     """
 
     @property

@@ -20,7 +20,7 @@ Its leave-one-out error at a node is $\lambda_i / B_{ii}$, with $B$ the inverse 
 spline's equations (Rippa 1999, Adv. Comput. Math. 11:193). Beyond the nodes it is
 constant, with its value at their edge.
 
-A posterior is refused for a row that has no error at all, and for a log whose shared
+A posterior is rejected for a row that has no error at all, and for a log whose shared
 effects would exceed the memory or the time of a fit.
 """
 
@@ -62,18 +62,22 @@ from jblast.sensors.record import Recording, count_effects, residuals_of, to_err
 from jblast.sensors.simulated_readings import ErrorModel, Noise, error_model, paths_of
 
 MAX_EFFECT_NUMBERS = 30_000_000
-"""Largest product of rows and shared effects. A few times as many numbers (0.24 GB
-each) are held in memory; a log with more is refused.
+"""Largest product of rows and shared effects. A fit needs a few arrays of this size
+(0.24 GB each); a log with more is rejected.
 """
 WORK = 5_000_000_000
-"""Rows times the square of the effects, gone through several times for each density:
-with four times as much a fit took more than five minutes on two cores."""
+"""Largest product of rows and the square of the effects. Each density takes several
+times as many operations: with four times as much a fit took more than five minutes on
+two cores."""
 EQUAL_EIGENVALUES = 1e-12
-"""An eigenvalue of correlations no further above the smallest loads nothing."""
+"""An eigenvalue of the correlations that exceeds the smallest by no more than this is
+equal to it up to rounding, and gets no column."""
 ROOT_GUARD = 1e-30
-"""Keeps the slope of a root at zero finite."""
+"""Added under a square root, so that its slope at zero is finite. It is far below the
+square of any distance between nodes."""
 PSEUDO_INVERSE_CUTOFF = 1e-12
-"""Of the spline's equations: what is smaller is of directions that no node lies in."""
+"""Relative cutoff of the singular values of the spline's equations. Smaller ones are
+rounding, of directions in which no node lies."""
 
 
 class Misfit(eqx.Module):
@@ -82,13 +86,13 @@ class Misfit(eqx.Module):
     Attributes:
         residual: Measured minus predicted.
         sd: Independent scale: sigma and the law's record scatter in quadrature.
-        loading: What one standard deviation of each shared effect adds.
-        predicted: The reading without error, in the row's unit.
-        valid: Whether the laws hold.
+        loading: Change of each row by one standard deviation of each shared effect.
+        predicted: Prediction without error, in the row's unit.
+        valid: True if the laws of the row are within their range.
         slant_range: Distance from the charge [m].
-        record_sd: Of the independent scale, what the law's record scatter is.
-        blocks: Rows and columns of `loading` that share nothing with others, for speed
-            alone (see `likelihood.Apart`).
+        record_sd: The law's record scatter alone.
+        blocks: Independent blocks of rows and columns of `loading`, used for speed
+            only (see `likelihood.Apart`).
     """
 
     residual: Float[Array, " row"]
@@ -105,12 +109,13 @@ class DensityCorrection(eqx.Module):
     """A correction that is added to a log-density.
 
     Attributes:
-        center: Where the spline's coordinates begin.
-        inverse: Takes distances from there into these: standard deviations.
-        nodes: Where the difference is known.
-        weights: Of each node; 0 where there is none.
+        center: Origin of the spline's coordinates.
+        inverse: Matrix from differences of $z$ to these coordinates (standard
+            deviations).
+        nodes: Nodes $w_i$ with a known difference.
+        weights: Weight of each node; 0 for unused ones.
         tail: Coefficients of the quadratic.
-        reach: How far from the center nodes lie.
+        reach: Distance of the farthest node from the center.
     """
 
     center: Float[Array, " free"]
@@ -121,8 +126,11 @@ class DensityCorrection(eqx.Module):
     reach: Float[Array, ""]
 
     def __call__(self, z: Float[Array, " free"]) -> Float[Array, ""]:
-        """Return what is added at a place."""
+        """Return the correction at a place."""
         w = self.inverse @ (z - self.center)
+        # Beyond the nodes a cubic spline grows without bound. So a place outside is
+        # projected onto the sphere of the farthest node, and the correction is constant
+        # along the ray.
         w = w * jnp.minimum(1.0, self.reach / jnp.sqrt(w @ w + ROOT_GUARD))
         away = jnp.sum(jnp.square(self.nodes - w[None, :]), axis=1)
         cubes = away * jnp.sqrt(away + ROOT_GUARD)
@@ -133,23 +141,23 @@ class Posterior(eqx.Module):
     """The posterior of a scene's numbers given a log.
 
     Attributes:
-        parameters: What is fitted.
-        layout: Who recorded what.
+        parameters: Fitted parameters.
+        layout: Quantity and sensor of each row.
         measured: The readings; in ln unless they are `ADDITIVE`.
         sigma: Their instrument error, same unit; 0 where none was given.
         laws: Pairs of quantity and law name.
         noise: Distribution of the independent errors.
-        lower_bound: Whether each reading is a lower bound; None if none is.
-        shared_error: What one standard deviation of each error that readings of one
-            record share adds to each; None if all are independent. `sigma` is then
-            what is left of each (see `own_and_shared_errors`).
-        error_blocks: Rows and columns of `shared_error` that each record has for
-            itself, for speed alone; () if that is not known.
-        records: Whose samples count in place of the rows read off them; None: of none.
-        correction: What is added; None: nothing.
+        lower_bound: True for readings that are lower bounds; None if none is.
+        shared_error: Change of each row by one standard deviation of each error that
+            readings of one record share; None if all are independent. `sigma` is then
+            the remaining error of each row (see `own_and_shared_errors`).
+        error_blocks: Rows and columns of `shared_error` of each record, for speed
+            only; () if unknown.
+        records: Records whose samples replace the rows picked from them; None for none.
+        correction: Term added to the log-density; None for none.
         kernels: Weights of the correlation functions of neighbouring paths in `misfit`.
-            Where the place of the charge is fitted the density is the mean over all.
-        neighbours: Whether neighbouring paths share scatter.
+            If the position of the charge is fitted, the density is the mean over all.
+        neighbours: True if neighbouring paths share scatter.
     """
 
     parameters: Parameters
@@ -168,11 +176,12 @@ class Posterior(eqx.Module):
     )
     neighbours: bool = eqx.field(static=True, default=True)
 
-    # Jitted, so that each is traced once however many derivatives are taken of it.
+    # The methods are jitted one by one: each is then traced once for all derivatives
+    # that are taken of it, and its compiled program is stored and loaded by later runs.
 
     @kept
     def misfit(self, z: Float[Array, " free"]) -> Misfit:
-        """Return how the scene at $z$ misses the data."""
+        """Return the misfit of the data at $z$."""
         return self._misfit(self._recording(z), self.kernels)
 
     @kept
@@ -181,9 +190,9 @@ class Posterior(eqx.Module):
         return logsumexp(self.log_densities(z))
 
     def log_densities(self, z: Float[Array, " free"]) -> Float[Array, " kernel"]:
-        """Return ln of the share of each correlation function in the density.
+        """Return ln of the contribution of each correlation function to the density.
 
-        There is one where these are not weighed by the data.
+        There is only one entry if the data do not weight the functions.
         """
         recording = self._recording(z)
         if self._has_neighbours(recording):
@@ -196,7 +205,7 @@ class Posterior(eqx.Module):
 
     @kept
     def weighed(self, z: Float[Array, " free"]) -> "Posterior":
-        """Return it with the correlation functions weighed by the data at $z$."""
+        """Return the posterior with kernel weights given by the data at $z$."""
         recording = self._recording(z)
         if not self._has_neighbours(recording):
             return self
@@ -206,10 +215,10 @@ class Posterior(eqx.Module):
         return record(self.parameters.scene_at(z), self.layout, dict(self.laws))
 
     def _has_neighbours(self, recording: Recording) -> bool:
-        """Return whether correlation functions are to be weighed by the data.
+        """Return True if the data weight the correlation functions.
 
-        They decide how far away an array places a charge. Where the place is fixed
-        the typical one serves, at a quarter of the cost.
+        The functions decide the range that an array gives to a charge. With a fixed
+        position the typical function suffices, at a quarter of the cost.
         """
         if not self.neighbours or not {*CHARGE_POSITION} & {*self.parameters.names}:
             return False
@@ -220,19 +229,19 @@ class Posterior(eqx.Module):
         return 2 <= max(sizes, default=0) <= DENSE
 
     def _of_kernels(self, recording: Recording) -> Float[Array, " kernel"]:
-        """Return ln of the probability of the log by each correlation function."""
+        """Return ln of the probability of the log for each correlation function."""
         return jax.vmap(
             lambda weights: self._log_likelihood(self._misfit(recording, weights))
         )(jnp.eye(len(KERNELS)))
 
     def _log_likelihood(self, misfit: Misfit) -> Float[Array, ""]:
-        """Return ln of the probability of a misfit, of samples where they count."""
+        """Return ln of the probability of a misfit, or of samples if there are any."""
         if self.records is None:
             return self.likelihood(misfit)[0]
         return self._of_samples(misfit, self.records)
 
     def _misfit(self, recording: Recording, weights: Float[Array, " kernel"]) -> Misfit:
-        """Return how a recording misses the data, its paths correlated by weights."""
+        """Return the misfit of a recording, with the given kernel weights."""
         predicted = recording.value
         of_laws = error_model(
             recording, self.layout, weights if self.neighbours else None
@@ -260,7 +269,7 @@ class Posterior(eqx.Module):
     def likelihood(
         self, misfit: Misfit
     ) -> tuple[Float[Array, ""], Float[Array, " effect"]]:
-        """Return ln of the probability of a misfit, and its most probable effects."""
+        """Return ln of the probability of a misfit, and its expected effects."""
         return log_likelihood(
             misfit.residual,
             misfit.sd,
@@ -271,7 +280,7 @@ class Posterior(eqx.Module):
         )
 
     def _blocks(self, recording: Recording, of_laws: ErrorModel) -> Blocks:
-        """Return what each path, and each record, has for itself of the effects."""
+        """Return the rows and effects that belong to one path or one record alone."""
         shots, paths = len(recording.shot_loading), len(recording.path_loading)
         groups: dict[int, list[int]] = {}
         for row, group in enumerate(self.layout.group):
@@ -282,7 +291,7 @@ class Posterior(eqx.Module):
             for rows, columns in self.error_blocks
         )
         if self.shared_error is not None and not of_records:
-            return ()  # the rows that each column loads are not known
+            return ()  # the rows of each column are unknown: solve one dense system
         of_paths = tuple(
             (tuple(rows), tuple(range(shots + at, of_laws.common, len(groups))))
             for at, rows in enumerate(groups.values())
@@ -351,7 +360,7 @@ def posterior_of(
     laws: Mapping[str, str],
     noise: Noise,
 ) -> Posterior:
-    """Put a log, its layout and what is fitted together.
+    """Build the posterior of a log.
 
     Raises:
         InputError: A row has no error at all: no sigma, and a law taken as exact. Or a
@@ -364,8 +373,8 @@ def posterior_of(
     sigma, shared = own_and_shared_errors(observations)
     refuse_vast(observations, parameters.scene, layout, laws, shared.shape[1])
     bounds = observations.bounds()
-    # Paths whose directions are unknown share no scatter. Solving their effects path by
-    # path takes a twentieth of the time.
+    # Paths of unknown direction share no scatter, so their effects are solved path by
+    # path, in a twentieth of the time.
     has_direction = np.isnan(observations.slant_range)
     return Posterior(
         parameters=parameters,
@@ -384,10 +393,10 @@ def posterior_of(
 def refuse_exact(
     observations: Observations, scatter: bool, laws: Mapping[str, str]
 ) -> None:
-    """Refuse a row that neither its instrument nor its law gives any error.
+    """Reject a log with a row without any error, of the instrument or the law.
 
     Raises:
-        InputError: As said; the message names the first such row.
+        InputError: There is such a row; the message names the first.
     """
     for quantity in dict.fromkeys(observations.quantity):
         of_law = [law_for(q, laws[q]) for q, _ in components(quantity)]
@@ -398,7 +407,7 @@ def refuse_exact(
             why = (
                 f"{' and '.join(law.name for law in of_law)} is exact"
                 if scatter
-                else "the scene says scatter = false"
+                else "the scene has scatter = false"
             )
             raise InputError(
                 f"{observations.source or 'observations'}: "
@@ -414,10 +423,10 @@ def refuse_vast(
     laws: Mapping[str, str],
     shared_errors: int,
 ) -> None:
-    """Refuse a log whose rows and effects of paths no memory holds.
+    """Reject a log with too many rows and effects for memory or time.
 
     Raises:
-        InputError: As said; the message counts them.
+        InputError: A product exceeds its limit; the message states both.
     """
     rows = len(observations)
     effects = count_effects(scene, layout, laws) + shared_errors
@@ -434,15 +443,15 @@ def refuse_vast(
 def own_and_shared_errors(
     observations: Observations,
 ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, "row effect"]]:
-    """Take the errors of instruments apart.
+    """Split instrument errors into independent and shared ones (see the module).
 
     Args:
         observations: A log; see `Observations.covariances`.
 
     Returns:
         The standard deviation of each row's own error (0 where the log gives none), and
-        what one standard deviation of each shared error adds to each row; in seconds
-        for times, else in ln.
+        the change of each row by one standard deviation of each shared error: in
+        seconds for times, else in ln.
 
     Raises:
         InputError: A sigma disagrees with its covariance, or a quantity of a record
@@ -465,11 +474,11 @@ def own_and_shared_errors(
 
 
 def no_correction(free: int, nodes: int) -> DensityCorrection:
-    """Return a correction that adds nothing, of the shape of one that does.
+    """Return a correction of zero with the array shapes of a real one.
 
     Args:
-        free: Coordinates.
-        nodes: Room for so many.
+        free: Number of coordinates.
+        nodes: Largest number of nodes.
     """
     terms = (free + 1) * (free + 2) // 2
     return DensityCorrection(
@@ -487,15 +496,15 @@ def correction_by(
     w: Float[np.ndarray, "node free"],
     apart: Float[np.ndarray, " node"],
 ) -> tuple[DensityCorrection, Float[np.ndarray, " node"]]:
-    """Lay a spline through differences.
+    """Interpolate differences by a spline.
 
     Args:
-        blank: Has center and coordinates, and room for all nodes.
+        blank: Correction of zero with center and coordinates, and space for all nodes.
         w: Nodes in these coordinates.
-        apart: What is added there.
+        apart: Difference at each node.
 
     Returns:
-        The correction, and by how much it would miss each node if that were left out.
+        The correction, and its leave-one-out error at each node.
     """
     count, free = w.shape
     room = blank.nodes.shape[0]
@@ -503,6 +512,8 @@ def correction_by(
     terms = np.asarray(_quadratic(jnp.asarray(w.T))).T
     none = np.zeros((terms.shape[1], terms.shape[1]))
     equations = np.block([[away, terms], [terms.T, none]])
+    # A pseudo-inverse: with fewer nodes than terms of the quadratic the equations are
+    # singular, and the solution of least norm is used.
     inverse = np.linalg.pinv(equations, rcond=PSEUDO_INVERSE_CUTOFF, hermitian=True)
     found = inverse @ np.concatenate([apart, np.zeros(len(none))])
     missed = found[:count] / np.diag(inverse)[:count]

@@ -38,63 +38,68 @@ from jblast.inference.posterior.likelihood import (
 )
 from jblast.sensors.simulated_readings import Noise
 
-Terms = Callable[[Float[Array, " asked"], Float[Array, " nuisance"], Any], Array]
+Terms = Callable[[Float[Array, " primary"], Float[Array, " nuisance"], Any], Array]
 Trials = Callable[
-    [Float[Array, " asked"], Float[Array, " nuisance"], Any],
+    [Float[Array, " primary"], Float[Array, " nuisance"], Any],
     Float[Array, "search trial nuisance"],
 ]
 ROUNDS = 50
-"""Of the search, at most."""
+"""Largest number of steps of the search, which needs a few near a pick."""
 SETTLED = 1e-6
-"""A step that promises to gain less, in ln-density, ends it; the steps that are
-differentiated leave the square of what is left."""
-CARRIERS = 5
+"""The search ends if the expected gain of a step in ln-density is below this. The steps
+that are differentiated then reduce the error to its square."""
+DIFFERENTIATED_STEPS = 5
 """Steps that are differentiated: at SNR 20 slopes are off by 2 % with 3, 0.3 % with 5,
 0.003 % with 9."""
+# Relative to the diagonal of the curvature. The first suits a search that begins near
+# its mode; with the smallest a step is Newton's but for 1e-9 of it.
 FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 
 
 def evidence(
-    terms: Terms, nuisance: Float[Array, " nuisance"], case: Any, asked: int
+    terms: Terms, nuisance: Float[Array, " nuisance"], case: Any, primary: int
 ) -> Float[Array, ""]:
-    """Return ln of the integral over a record's unknowns, by Laplace at its pick.
+    r"""Return ln of the integral over a record's unknowns, by Laplace at its pick.
 
-    As `record_log_likelihood` counts: nuisances without the roots of two pi.
+    Like `record_log_likelihood`, it omits the factors $\sqrt{2\pi}$ of the nuisances.
     """
-    at = jnp.concatenate([jnp.zeros(asked), nuisance])
+    at = jnp.concatenate([jnp.zeros(primary), nuisance])
 
     def whole(x):
-        return terms(x[:asked], x[asked:], case)
+        return terms(x[:primary], x[primary:], case)
 
     jacobian, apart = jax.jacfwd(whole)(at), whole(at)
     spread = jnp.linalg.slogdet(jacobian.T @ jacobian)[1]
-    return 0.5 * (asked * np.log(2 * np.pi) - apart @ apart - spread)
+    return 0.5 * (primary * np.log(2 * np.pi) - apart @ apart - spread)
 
 
 class SampledRecords(eqx.Module):
-    """Records whose samples are in the likelihood, in place of what was read off them.
+    """Records whose samples replace the values of their picks in the likelihood.
+
+    The primary parameters of a record are those that its rows of the log contain:
+    arrival, ln peak, ln duration and ln impulse.
 
     Attributes:
-        terms: From what is asked for, as moved from the pick, and the nuisances, to a
-            vector of which half the square is minus ln of the probability of a record's
-            samples and of the nuisances.
-        trials: From the same to nuisances that each of several searches may begin at.
-        rows: Rows of the log that a pick of each record fills: what is asked for.
-        case: What `terms` takes of each record; arrays have a first axis of records.
-        picked: What the picks read, on the scale of errors.
-        nuisance: The nuisances of the picks.
-        jitter: Errors that samples do not constrain, as of a front between two of them.
-        evidence: ln of the integral of the probability over all that is unknown.
-        error_columns: Of the errors that rows share, those that other rows have.
+        terms: Function of the primary parameters (relative to the pick), the nuisances
+            and the case. Half the squared length of the result is minus ln of the
+            probability of the samples and the nuisances.
+        trials: Function of the same that returns starting nuisances for each search.
+        rows: Rows of the log that the pick of each record fills.
+        case: Argument of `terms` for each record; the first axis of arrays is records.
+        picked: Primary parameters of the picks, on the scale of errors.
+        nuisance: Nuisances of the picks.
+        jitter: Errors that samples do not constrain: of a front between two samples.
+        evidence: ln of the integral of the probability over all unknowns.
+        error_columns: Columns of shared errors that rows without samples have.
     """
 
     terms: Terms = eqx.field(static=True)
     trials: Trials = eqx.field(static=True)
     rows: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     case: Any
-    picked: Float[Array, "record asked"]
+    picked: Float[Array, "record primary"]
     nuisance: Float[Array, "record nuisance"]
-    jitter: Float[Array, "record asked"]
+    jitter: Float[Array, "record primary"]
     evidence: Float[Array, " record"]
     error_columns: tuple[int, ...] = eqx.field(static=True, default=())
 
@@ -112,33 +117,33 @@ class Given(NamedTuple):
     """Predictions of a scene: of rows, and of each record.
 
     Attributes:
-        rows: Those that are no samples.
-        away: Predictions of the laws less the picked values.
-        sd: Their scatter, and `jitter`.
-        loading: What one standard deviation of each shared effect adds.
+        rows: Rows without samples.
+        away: Predictions of the laws minus the picked values.
+        sd: Scatter of the laws and `jitter` in quadrature.
+        loading: Change by one standard deviation of each shared effect.
     """
 
     rows: ResidualRows
-    away: Float[Array, "record asked"]
-    sd: Float[Array, "record asked"]
-    loading: Float[Array, "record asked effect"]
+    away: Float[Array, "record primary"]
+    sd: Float[Array, "record primary"]
+    loading: Float[Array, "record primary effect"]
 
 
 def record_log_likelihood(
     rows: ResidualRows,
-    predicted: Float[Array, "record asked"],
-    scatter: Float[Array, "record asked"],
-    loading: Float[Array, "record asked effect"],
+    predicted: Float[Array, "record primary"],
+    scatter: Float[Array, "record primary"],
+    loading: Float[Array, "record primary effect"],
     records: SampledRecords,
     noise: Noise,
 ) -> Float[Array, ""]:
-    """Return ln of the probability of samples, and of rows that are none.
+    """Return ln of the probability of samples, and of rows without samples.
 
     Args:
-        rows: Those that are none.
+        rows: Rows without samples.
         predicted: Predictions of the laws, on the scale of errors.
-        scatter: Of the laws, of each record alone.
-        loading: What one standard deviation of each effect adds to it.
+        scatter: Scatter of the laws from record to record.
+        loading: Change by one standard deviation of each shared effect.
         records: The samples.
         noise: Distribution of the independent errors, and of the laws' scatter.
     """
@@ -149,35 +154,37 @@ def record_log_likelihood(
     def expand(place: EffectValues, given: Given, exact: bool = True) -> Expansion:
         return _expansion(place, given, records, noise, exact)
 
+    # the searches are not differentiated; `settled` carries the derivatives of the mode
     still = lax.stop_gradient(given)
     starts = _starts(still, records, noise)
     ends = jax.vmap(lambda start: mode_of(lambda x: expand(x, still, False), start))
     place = lax.stop_gradient(weightiest(*ends(starts)))
     cost, spread = settled(lambda place: expand(place, given), place)
     known = -cost - 0.5 * spread - jnp.sum(records.evidence)
-    # e has a density of one at its mode in units in which a normal has this
+    # `_own_error` is relative to the density at e = 0. This is that density, in units
+    # of the normal one, since the factors of 2 pi are omitted.
     units = log_noise(jnp.zeros(()), noise) + 0.5 * np.log(2 * np.pi)
     return known + records.picked.size * units
 
 
 class EffectValues(NamedTuple):
-    """Effects: those that rows share, and of each record its own and its nuisances."""
+    """Shared effects, and the own errors and nuisances of each record."""
 
     shared: Float[Array, " effect"]
     own: Float[Array, "record own"]
 
 
 def _starts(given: Given, records: SampledRecords, noise: Noise) -> EffectValues:
-    """Return where searches begin: each record at the best of its trials.
+    """Return starting points: each record at the best of its trials.
 
-    Each is tried as picked, if its law scatters, and as predicted by the law.
+    A record is tried as picked, if its law scatters, and as predicted by the law.
     """
     some = given.sd > 0
     picked = jnp.where(some, -given.away / jnp.where(some, given.sd, 1.0), 0.0)
 
     def of_record(picked, away, sd, nuisance, case):
-        asked = jnp.stack([picked, jnp.zeros_like(picked)])
-        moved = away[None, :] + sd[None, :] * asked
+        errors = jnp.stack([picked, jnp.zeros_like(picked)])
+        moved = away[None, :] + sd[None, :] * errors
         tried = jax.vmap(lambda m: records.trials(m, nuisance, case))(moved)
 
         def cost(own, moved, nuisance):
@@ -185,12 +192,12 @@ def _starts(given: Given, records: SampledRecords, noise: Noise) -> EffectValues
             return 0.5 * apart @ apart + _own_error(own, noise, exact=True)[0]
 
         over = jax.vmap(jax.vmap(cost, (None, None, 0)), (None, None, 0))
-        costs = jax.vmap(over)(asked, moved, tried)  # by asked, search, trial
+        costs = jax.vmap(over)(errors, moved, tried)  # by errors, search, trial
         costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
 
         def best(costs, tried):
             row, trial = jnp.unravel_index(jnp.argmin(costs), costs.shape)
-            return jnp.concatenate([asked[row], tried[row, trial]])
+            return jnp.concatenate([errors[row], tried[row, trial]])
 
         return jax.vmap(best, (1, 1))(costs, tried)
 
@@ -201,13 +208,13 @@ def _starts(given: Given, records: SampledRecords, noise: Noise) -> EffectValues
 
 
 class Expansion(NamedTuple):
-    """Minus ln of the joint density about a place, to second order (Gauss, Newton).
+    """Minus ln of the joint density about a place, to second order (Gauss-Newton).
 
     Attributes:
-        cost: There.
-        slope: To shared effects, and to each record's own.
-        curvature: Of shared effects, of each record's own, and between them.
-        of_records: Of the cost, what each record has of it.
+        cost: Minus ln of the density.
+        slope: Gradient by shared effects, and by the unknowns of each record.
+        curvature: Blocks of shared effects, of each record, and between them.
+        of_records: Contribution of each record to the cost.
     """
 
     cost: Float[Array, ""]
@@ -223,21 +230,22 @@ def _expansion(
     noise: Noise,
     exact: bool,
 ) -> Expansion:
-    """Expand about a place; not `exact`: with curvatures that are positive."""
-    rows, v, asked = given.rows, place.shared, given.away.shape[1]
+    """Expand about a place, with positive curvatures unless `exact`."""
+    rows, v, primary = given.rows, place.shared, given.away.shape[1]
 
     def of_record(own, away, sd, loading, case):
+        # value and derivative from one evaluation: the value is the auxiliary output
         def twice(x):
-            terms = records.terms(x[:asked], x[asked:], case)
+            terms = records.terms(x[:primary], x[primary:], case)
             return terms, terms
 
-        moved = away + loading @ v + sd * own[:asked]
-        at = jnp.concatenate([moved, own[asked:]])
+        moved = away + loading @ v + sd * own[:primary]
+        at = jnp.concatenate([moved, own[primary:]])
         jacobian, apart = jax.jacfwd(twice, has_aux=True)(at)
-        size = jnp.concatenate([sd, jnp.ones(own.size - asked)])
-        to_own, to_shared = jacobian * size[None, :], jacobian[:, :asked] @ loading
-        error, slope, curvature = _own_error(own[:asked], noise, exact)
-        pad = (0, own.size - asked)
+        size = jnp.concatenate([sd, jnp.ones(own.size - primary)])
+        to_own, to_shared = jacobian * size[None, :], jacobian[:, :primary] @ loading
+        error, slope, curvature = _own_error(own[:primary], noise, exact)
+        pad = (0, own.size - primary)
         cost = 0.5 * apart @ apart + error
         slopes = to_own.T @ apart + jnp.pad(slope, pad), to_shared.T @ apart
         inner = to_own.T @ to_own + jnp.diag(jnp.pad(curvature, pad))
@@ -262,7 +270,7 @@ def _expansion(
 
 
 def _own_error(e, noise: Noise, exact: bool):
-    """Return minus ln of the density of errors over that of none, and its slopes."""
+    """Return minus ln of the density of errors relative to zero, and derivatives."""
     slope, curvature = noise_slopes(e, noise)
     if not exact:
         curvature = reweighted(e, curvature, noise, None)
@@ -273,8 +281,8 @@ def _own_error(e, noise: Noise, exact: bool):
 def newton_step(here: Expansion, damping) -> tuple[EffectValues, Array]:
     """Return a step downhill, and ln of the curvature's determinant.
 
-    Each record's own unknowns are eliminated, then those that are shared are solved
-    for (an arrowhead matrix).
+    The unknowns of each record are eliminated, then the shared effects are solved for
+    (an arrowhead matrix).
     """
     shared, inner, between = here.curvature
     size = jnp.diagonal(inner, axis1=1, axis2=2)
@@ -295,7 +303,8 @@ def mode_of(
     expand: Callable[[EffectValues], Expansion], start: EffectValues
 ) -> tuple[EffectValues, Expansion]:
     """Return the mode of all effects, by damped steps downhill, and its expansion."""
-    # expanded in one place of the program alone: it takes long to compile
+    # The expansion appears once in the program, because it takes long to compile: the
+    # loop begins with an infinite cost, so its first pass accepts the start.
     blank = jax.tree.map(
         lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(expand, start)
     )
@@ -304,7 +313,7 @@ def mode_of(
     def again(state):
         rounds, place, here, tried, damping, _ = state
         there = expand(tried)
-        better = there.cost < here.cost  # not so where it is no number
+        better = there.cost < here.cost  # False for NaN
         place, here = jax.tree.map(
             lambda new, old: jnp.where(better, new, old), (tried, there), (place, here)
         )
@@ -330,15 +339,16 @@ def mode_of(
 
 
 def weightiest(places: EffectValues, about: Expansion) -> EffectValues:
-    """Return of some modes the one of most weight, record by record.
+    """Return the mode with the largest weight, record by record.
 
-    Records' own unknowns meet by way of the shared effects alone, which are the best
-    mode's. By weight, and not by height: where a low and wide mode takes over from a
-    high and narrow one, what Laplace's method makes of them goes on without a step.
+    The unknowns of different records are coupled by the shared effects alone, which are
+    those of the best mode. Modes are compared by weight, not by height. Where a low and
+    wide mode replaces a high and narrow one, Laplace's approximation is then
+    continuous.
 
     Args:
         places: Modes, along a first axis.
-        about: And what is about them.
+        about: Expansion about each.
     """
     spread = jnp.linalg.slogdet(about.curvature[1])[1]
     lost = about.of_records + 0.5 * spread
@@ -354,9 +364,9 @@ def settled(
 ) -> tuple[Array, Array]:
     """Return cost and ln of the curvature's determinant at the mode.
 
-    Steps that are differentiated carry the slopes of the mode, which the search does
-    not: by Gauss and Newton, each of them brings these nearer. The last is taken that
-    does not go uphill: at the mode all have one cost, and the first of them no slopes.
+    The derivatives of the mode come from steps that are differentiated: each
+    Gauss-Newton step reduces their error. The last step that does not increase the cost
+    is used. At the mode all steps have the same cost, and the first has no derivatives.
     """
 
     def step(place, _):
@@ -366,7 +376,7 @@ def settled(
         _, spread = newton_step(here, 0.0)
         return jax.tree.map(jnp.add, place, move), (here.cost, spread)
 
-    _, (cost, spread) = lax.scan(step, place, length=CARRIERS)
-    downhill = lax.stop_gradient(cost <= cost[0] + SETTLED)  # not so of no number
+    _, (cost, spread) = lax.scan(step, place, length=DIFFERENTIATED_STEPS)
+    downhill = lax.stop_gradient(cost <= cost[0] + SETTLED)  # False for NaN
     best = jnp.max(jnp.where(downhill, jnp.arange(cost.size), 0))
     return cost[best], spread[best]

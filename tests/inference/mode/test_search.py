@@ -7,13 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.mode.search import MET, onward, residuals
+from jblast.inference.mode.search import MERGE_STEPS, onward, residuals
 from tests.catalogue import AROUND, BOTH
 from tests.inference.shots import shot
 
 
 def test_starts_that_have_met_are_searched_once_and_end_together():
-    begun = jnp.array([[4.0], [4.0 + 0.1 * MET], [9.0], [4.0], [9.0 + 10 * MET]])
+    begun = jnp.array(
+        [[4.0], [4.0 + 0.1 * MERGE_STEPS], [9.0], [4.0], [9.0 + 10 * MERGE_STEPS]]
+    )
     freedoms = jnp.array([[1.0, 1.0, 1.0, 2.0, 1.0]])
     searched = []
 
@@ -23,8 +25,8 @@ def test_starts_that_have_met_are_searched_once_and_end_together():
 
     ends = np.asarray(onward(approach, begun, freedoms))[:, 0]
     jax.effects_barrier()
-    assert sorted(searched) == [4.0, 4.0, 9.0, 9.0 + 10 * MET]
-    np.testing.assert_allclose(ends, [41, 41, 91, 42, 91 + 100 * MET])
+    assert sorted(searched) == [4.0, 4.0, 9.0, 9.0 + 10 * MERGE_STEPS]
+    np.testing.assert_allclose(ends, [41, 41, 91, 42, 91 + 100 * MERGE_STEPS])
 
 
 def test_every_search_goes_on_from_where_the_one_before_it_ended():

@@ -11,7 +11,7 @@ from jblast.inference.posterior.record_likelihood import (
     ResidualRows,
     record_log_likelihood,
 )
-from jblast.inference.sampled_records import ASKED, sampled_records
+from jblast.inference.sampled_records import PRIMARY, sampled_records
 from jblast.sensors.simulated_readings import Noise
 from jblast.signals.picks import pick_records
 from jblast.verification.simulated_recordings import (
@@ -101,11 +101,11 @@ def test_laplaces_method_is_near_the_integral_over_all_effects():
     sd = jnp.hypot(scatter, records.jitter)[0]
 
     def joint(x):
-        v, e, rest = x[0], x[1 : 1 + ASKED], x[1 + ASKED :]
+        v, e, rest = x[0], x[1 : 1 + PRIMARY], x[1 + PRIMARY :]
         terms = records.terms(away[0] + loading[0] @ x[:1] + sd * e, rest, case)
         return -0.5 * (terms @ terms + e @ e + v * v)
 
-    start = jnp.concatenate([jnp.zeros(1 + ASKED), records.nuisance[0]])
+    start = jnp.concatenate([jnp.zeros(1 + PRIMARY), records.nuisance[0]])
     mode = start
     slope, bend = jax.jit(jax.grad(joint)), jax.jit(jax.hessian(joint))
     top = jax.jit(joint)
