@@ -47,7 +47,7 @@ from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.inference import Posterior
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.suspects import UNHEARD
+from jblast.inference.fitting.suspects import LEFT_OUT_SIGMA
 from jblast.inference.fitting.uncertainty import uncertainty
 from jblast.inference.identifiability import identifiability
 from jblast.inference.mode.laplace import laplace, marginals
@@ -229,7 +229,7 @@ def ways(blank: Posterior, read: np.ndarray) -> dict[str, Posterior]:
     return {
         "no full scale": of(read),
         "lower bounds": of(written, bounds=jnp.asarray(clipped)),
-        "left out": of(written, np.where(clipped, UNHEARD, sigma)),
+        "left out": of(written, np.where(clipped, LEFT_OUT_SIGMA, sigma)),
         "as readings": of(written),
     }
 

@@ -37,32 +37,38 @@ MAX_MASS = 50e6 * 1e3 * 4.184e6 / TNT_SPECIFIC_ENERGY
 MIN_MASS = 1e-6
 """A milligram [kg]: what microscale experiments detonate (declared)."""
 MASSES = np.geomspace(MIN_MASS, MAX_MASS, 160)
-"""Charges that are tried [kg]: a factor 1.3 from one to the next."""
-SIDE, FEW_MASSES, ROUNDS = 25, 28, 5
-"""Places along each side of the grid, masses at each, and how often it is narrowed."""
+"""Masses of the search at a known position [kg]. Their ratio of 1.3 changes times and
+impulses by some 9 %, pressures by 30 % at most: far less than `FACTOR`."""
+SIDE, GRID_MASSES, ROUNDS = 25, 28, 5
+"""Positions along each side of the grid, masses at each position, and number of rounds.
+Each round narrows the grid by 4: the fifth is 1/256 as wide as the first."""
 SEARCH_ROWS = 60
-"""Rows by which a place is searched; all rows are then compared with it."""
-AT_ONCE = 250_000
-"""Readings times tries that are held in memory."""
+"""Largest number of rows for the search of a position. All rows are then compared with
+the result; the search takes as long as it has rows."""
+MAX_BATCH_NUMBERS = 250_000
+"""Largest number of readings times trials in memory: 2 MB an array."""
 SPREADS = 4.0
-"""Reach of the search for a charge about the sensors, in their median distances."""
+"""Half width of the searched square about the sensors, in their median distances."""
 SPEED = 340.0
-"""Turns the spacing of a grid into seconds [m/s]."""
+"""Speed that converts the spacing of a grid into a tolerance of arrivals [m/s]."""
 SIGMAS = 5.0
-"""A reading this many sigmas away is no error of reading."""
+"""Residual in sigmas that no error of reading explains: 1 in 1.7 million by chance."""
 FACTOR = 3.0
 """Tolerance of a pressure, an impulse or a duration: a reflection doubles it, and
 a law, a burst in the air, or ground between may halve it."""
 TRAVEL_TIME_TOLERANCE = 0.07
 """Relative tolerance of a travel time: wind, and air that differs from the scene's."""
-FAR, FAR_SHARE = 20e3, 0.25
-"""Past this distance [m] sound goes through the stratosphere, at 280 m/s and less
-(Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
+STRATOSPHERE_RANGE, STRATOSPHERE_TOLERANCE = 20e3, 0.25
+"""Distance beyond which sound may travel through the stratosphere [m], at 280 m/s and
+less (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand), and the
+relative tolerance of travel times there."""
 CLOCK_STEP = 1e-3
-"""Tolerance of any arrival [s]."""
+"""Tolerance of any arrival [s]: logs are often written in milliseconds."""
 PRICE = 3
-"""Of a row that is off, or of a supposed mistake, in numbers found from the rows."""
-NO_CLOCK = -1
+"""Penalty of a row that disagrees, or of a supposed mistake, in units of fitted
+numbers. A blast with a free position, mass and time replaces a fixed one if it explains
+two rows more."""
+NO_CLOCK = -1  # of readings without a clock, below all numbers of clocks
 LAWS = {
     "air_arrival_s": "shock_kinematics",
     "peak_overpressure_pa": "shock_kinematics",
@@ -71,8 +77,8 @@ LAWS = {
     "reflected_pressure_pa": "kingery_bulmash",
     "reflected_impulse_pa_s": "kingery_bulmash",
 }
-"""Laws that hold from the charge to where it is inaudible; reflected ones go on as
-power laws."""
+"""Laws that are defined from the charge to where it is inaudible. Those of reflections
+continue as power laws."""
 WITH_MASS = {
     "air_arrival_s",
     "positive_impulse_pa_s",
@@ -89,13 +95,15 @@ class Agreement:
     """Rows of a shot, compared with one blast.
 
     Attributes:
-        place: East, north, up [m].
-        mass: Of the explosive [kg].
-        residual: Of each reading, in its unit (ln, or seconds).
-        offset: What its clock shows more than the time since the shot; 0 in ln.
-        off: Which do not agree.
-        checkable: Which can disagree at all: a clock's only reading cannot.
-        unknowns: How many numbers were found from the rows.
+        place: East, north, up of the charge [m].
+        mass: Mass of the explosive [kg].
+        residual: Residual of each reading, in its unit (ln, or seconds).
+        offset: Reading of its clock minus the time since the shot; 0 for readings in
+            ln.
+        off: True for readings that disagree.
+        checkable: True for readings that can disagree: the only reading of a clock
+            cannot.
+        unknowns: Number of parameters found from the rows.
     """
 
     place: Float[np.ndarray, "3"]
@@ -107,20 +115,20 @@ class Agreement:
     unknowns: int
 
     def holds(self) -> bool:
-        """Return whether so many agree that the rest is to be doubted."""
+        """Return True if a majority agrees, so that the other rows are suspect."""
         agree = int((self.checkable & ~self.off).sum())
         return agree > self.unknowns and 2 * agree > int(self.checkable.sum())
 
     def all_agree(self) -> bool:
-        """Return whether no row is off."""
+        """Return True if no row disagrees."""
         return not (self.checkable & self.off).any()
 
     def is_believable(self) -> bool:
-        """Return whether as many rows agree as numbers were found, and two at least."""
+        """Return True if at least as many rows agree as numbers were found, and two."""
         return int((self.checkable & ~self.off).sum()) >= max(self.unknowns, 2)
 
     def price(self) -> int:
-        """Return the unknowns, and `PRICE` more for each row that is off."""
+        """Return the number of unknowns plus `PRICE` for each row that disagrees."""
         return PRICE * int((self.checkable & self.off).sum()) + self.unknowns
 
     def share(self) -> float:
@@ -134,8 +142,8 @@ class ScaledLaws:
 
     Attributes:
         log_z: ln of scaled distance.
-        log_value: By quantity, ln of its value at each.
-        near: By quantity, the least scaled distance at which its law holds.
+        log_value: ln of the value at each, by quantity.
+        near: Smallest scaled distance within the range of the law, by quantity.
     """
 
     log_z: Float[np.ndarray, " z"]
@@ -148,10 +156,11 @@ class ScaledLaws:
         distance: Float[np.ndarray, "..."],
         mass: Float[np.ndarray, "..."],
     ) -> Float[np.ndarray, "..."]:
-        """Return ln of what a quantity is at some distances from some masses."""
+        """Return ln of a quantity at given distances from given masses."""
         third = np.log(mass) / 3
         log_z = np.log(np.maximum(distance, 1e-6)) - third
         step = self.log_z[1] - self.log_z[0]
+        # the table is uniform in ln Z: an index instead of a search
         place = np.clip((log_z - self.log_z[0]) / step, 0, len(self.log_z) - 1.000001)
         left = place.astype(int)
         share = place - left
@@ -160,20 +169,21 @@ class ScaledLaws:
         return value + third if quantity in WITH_MASS else value
 
     def fastest(self) -> float:
-        """Return the mean speed [m/s] to the nearest place that a law holds at."""
+        """Return the largest mean speed [m/s] from the charge by a valid law."""
         log_z = self._valid("air_arrival_s")
         return float(
             np.exp(log_z - self.log_value["air_arrival_s"][-len(log_z) :]).max()
         )
 
     def largest(self, quantity: str, distance: float) -> float:
-        """Return the most that a valid law gives at a distance, whatever the mass."""
+        """Return the largest value of a valid law at a distance, for any mass."""
         return float(np.exp(self._along(quantity, distance).max()))
 
     def masses(self, quantity: str, value: float, distance: float) -> np.ndarray:
-        """Return each mass [kg] that gives a value at a distance, where laws hold."""
+        """Return the masses [kg] that give a value at a distance, by a valid law."""
         along = self._along(quantity, distance) - np.log(value)
         mass = (distance / np.exp(self._valid(quantity))) ** 3
+        # several masses are possible where a quantity is not monotonic in the mass
         crossed = np.flatnonzero(np.diff(np.sign(along)) != 0)
         share = along[crossed] / (along[crossed] - along[crossed + 1])
         log_mass = np.log(mass)
@@ -194,17 +204,17 @@ class ScaledLaws:
 
 @dataclass(frozen=True)
 class Readings:
-    """Rows of one shot, in the space their errors live in.
+    """Rows of one shot, on the scale of their errors.
 
     Attributes:
-        row: Which row of the log each is.
-        quantity: What it is.
-        value: Seconds for readings of a clock, ln for all else.
+        row: Row number in the log.
+        quantity: Quantity of each row.
+        value: Seconds for readings of a clock, ln for all others.
         position: East, north, up of the sensor [m]; NaN where a range is given.
         slant_range: Distance from the charge [m]; NaN where a position is given.
-        clock: Number of its clock, 0 the common one; -1 for what is no clock's.
-        error: `SIGMAS` of its sigma, same unit.
-        bound: Whether it is a lower bound.
+        clock: Number of its clock, 0 for the common one; `NO_CLOCK` without one.
+        error: `SIGMAS` times its sigma, same unit.
+        bound: True for a lower bound.
     """
 
     row: Int[np.ndarray, " n"]
@@ -218,13 +228,13 @@ class Readings:
 
     @property
     def timed(self) -> Bool[np.ndarray, " n"]:
-        """Which are readings of a clock."""
+        """True for readings of a clock."""
         return self.clock >= 0
 
     def distances(
         self, places: Float[np.ndarray, "place 3"]
     ) -> Float[np.ndarray, "place n"]:
-        """Return how far each sensor is from a charge at some places [m]."""
+        """Return the distance of each sensor from a charge at given positions [m]."""
         apart = np.linalg.norm(self.position - places[:, None], axis=-1)
         return np.where(np.isnan(self.slant_range), apart, self.slant_range)
 
@@ -234,7 +244,7 @@ class Readings:
         distance: Float[np.ndarray, "place n"],
         mass: Float[np.ndarray, " place"],
     ) -> Float[np.ndarray, "place n"]:
-        """Return what each would be: seconds since the shot, or ln."""
+        """Return the prediction of each: seconds since the shot, or ln."""
         predicted = np.zeros_like(distance)
         for quantity in dict.fromkeys(self.quantity):
             here = np.array([q == quantity for q in self.quantity])
@@ -248,8 +258,10 @@ class Readings:
         predicted: Float[np.ndarray, "place n"],
         distance: Float[np.ndarray, "place n"],
     ) -> Float[np.ndarray, "place n"]:
-        """Return how far each may be off: its errors, and what laws leave open."""
-        share = np.where(distance > FAR, FAR_SHARE, TRAVEL_TIME_TOLERANCE)
+        """Return the tolerance of each: its error plus that of the laws."""
+        share = np.where(
+            distance > STRATOSPHERE_RANGE, STRATOSPHERE_TOLERANCE, TRAVEL_TIME_TOLERANCE
+        )
         times = CLOCK_STEP + share * predicted
         return self.error + np.where(self.timed, times, np.log(FACTOR))
 
@@ -276,22 +288,23 @@ class Supposed:
     """The blast with which the rows of a shot are compared.
 
     Attributes:
-        readings: The rows, with the range that the scene has of the charge.
-        found: What the blast explains; None where none could be found.
-        distance: From the charge of each [m]; NaN where its position is not given.
-        origin: Time of the shot on the common clock [s]; None where it is not given.
-        said: What the blast explains that a fit would suppose; None where the scene
-            leaves its place open.
-        said_origin: Time of that one on the common clock [s].
-        doubt: That it is another blast than a fit would suppose.
+        readings: The rows, with the charge's range of the scene.
+        found: Agreement with the blast; None if none could be found.
+        distance: Distance of each row from the charge [m]; NaN if its position is not
+            given.
+        origin: Time of the shot on the common clock [s]; None if it is not given.
+        stated: Agreement with the blast that a fit would assume; None if the scene
+            leaves its position free.
+        stated_origin: Time of that blast on the common clock [s].
+        doubt: Warning that the blast differs from the one that a fit would assume.
     """
 
     readings: Readings
     found: Agreement | None
     distance: Float[np.ndarray, " n"]
     origin: float | None
-    said: Agreement | None = None
-    said_origin: float | None = None
+    stated: Agreement | None = None
+    stated_origin: float | None = None
     doubt: Doubt | None = None
 
 
@@ -306,10 +319,10 @@ def supposed_blast(
 
     Args:
         readings: The rows.
-        laws: Of a kilogram.
-        charge: Of the scene.
+        laws: Laws of 1 kg.
+        charge: Charge of the scene.
         uncertain: The scene.
-        label: What the names of the charge's numbers end in.
+        label: Suffix of the names of the charge's numbers.
     """
     free = set(uncertain.beliefs)
     origin = None if "origin_time_s" + label in free else float(charge.time_s)
@@ -322,41 +335,41 @@ def supposed_blast(
     elif free & {name + label for name in CHARGE_POSITION}:
         place = None
     if not np.isnan(readings.slant_range).any():
-        place = np.zeros(3)  # of no account
+        place = np.zeros(3)  # all rows have a range: the position has no effect
     if place is None:
         found = _anywhere(readings, laws, charge)
         nowhere = np.where(np.isnan(readings.slant_range), np.nan, readings.slant_range)
         return Supposed(readings, found, nowhere, origin)
     found = at_place(readings, laws, place, origin)
     distance = readings.distances(place[None])[0]
-    said = Supposed(readings, found, distance, origin, found, origin)
+    stated = Supposed(readings, found, distance, origin, found, origin)
     if uncertain.source != NO_SCENE or found.all_agree():
-        return said
-    return _another(said, laws, charge, place)
+        return stated
+    return _another(stated, laws, charge, place)
 
 
 def _another(
-    said: Supposed, laws: ScaledLaws, charge: Charge, place: Float[np.ndarray, "3"]
+    stated: Supposed, laws: ScaledLaws, charge: Charge, place: Float[np.ndarray, "3"]
 ) -> Supposed:
-    """Return the blast that most rows agree on where the scene has none."""
-    readings, found = said.readings, said.found
+    """Return the blast on which most rows agree, for a log without a scene."""
+    readings, found = stated.readings, stated.found
     first = int(readings.row[0])
     later = at_place(readings, laws, place, None)
     elsewhere = _anywhere(readings, laws, charge)
-    best = said
+    best = stated
     if found is None or _better(later, found):
         doubt = Doubt("not_at_time_0", (first,))
-        best = replace(said, found=later, origin=None, doubt=doubt)
+        best = replace(stated, found=later, origin=None, doubt=doubt)
     if elsewhere is not None and (best.found is None or _better(elsewhere, best.found)):
         east, north, _ = elsewhere.place.tolist()
         doubt = Doubt("not_at_the_origin", (first,), {"east_m": east, "north_m": north})
-        far = np.where(np.isnan(readings.slant_range), np.nan, said.distance)
-        best = replace(said, found=elsewhere, distance=far, origin=None, doubt=doubt)
+        far = np.where(np.isnan(readings.slant_range), np.nan, stated.distance)
+        best = replace(stated, found=elsewhere, distance=far, origin=None, doubt=doubt)
     return best
 
 
 def _better(one: Agreement, other: Agreement) -> bool:
-    """Return whether one agreement is believable and has the lower price."""
+    """Return True if one agreement is believable and has the lower price."""
     if not one.is_believable():
         return False
     if one.price() == other.price():
@@ -365,12 +378,12 @@ def _better(one: Agreement, other: Agreement) -> bool:
 
 
 def _anywhere(readings: Readings, laws: ScaledLaws, charge: Charge) -> Agreement | None:
-    """Look for the charge, if there are places to look from."""
+    """Search the position of the charge; None with fewer than three sensor positions."""
     placed = ~np.isnan(readings.position).any(axis=1)
     places = {tuple(at) for at in readings.position[placed].tolist()}
-    untold = np.isnan(readings.slant_range)
+    no_range = np.isnan(readings.slant_range)
     flash = np.array([quantity == "flash_time_s" for quantity in readings.quantity])
-    if len(places) < 3 or not (placed & untold)[~flash].all():
+    if len(places) < 3 or not (placed & no_range)[~flash].all():
         return None
     return anywhere(readings, laws, float(charge.position_m[2]))
 
@@ -382,26 +395,26 @@ def at_place(
     origin: float | None,
     masses: Float[np.ndarray, " mass"] = MASSES,
 ) -> Agreement:
-    """Return what a charge at a known place explains, its mass searched.
+    """Return the agreement with a charge at a known position, its mass searched.
 
     Args:
         readings: The rows.
-        laws: Of a kilogram.
+        laws: Laws of 1 kg.
         place: East, north, up [m].
-        origin: Time of the shot on the common clock [s]; None: it is found.
-        masses: That are tried [kg].
+        origin: Time of the shot on the common clock [s]; None to estimate it.
+        masses: Masses to try [kg].
     """
     places = np.broadcast_to(place, (len(masses), 3))
     return _best(readings, laws, places, masses, origin, 1)
 
 
 def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Agreement:
-    """Return what a charge explains whose place, time and mass are searched.
+    """Return the agreement with a charge whose position, time and mass are searched.
 
     Args:
         readings: The rows.
-        laws: Of a kilogram.
-        height: Of the charge [m].
+        laws: Laws of 1 kg.
+        height: Height of the charge [m].
     """
     few = _thinned(readings)
     at = few.position[~np.isnan(few.position).any(axis=1)]
@@ -414,7 +427,7 @@ def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Agreement:
     )
     middle = np.array([centre[0], centre[1], log_mass])
     reach = np.array([half, half, log_half])
-    counts = np.array([SIDE, SIDE, FEW_MASSES])
+    counts = np.array([SIDE, SIDE, GRID_MASSES])
     for _ in range(ROUNDS):
         axes = [
             m + r * np.linspace(-1, 1, n)
@@ -425,6 +438,8 @@ def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Agreement:
         spacing = 2 * reach[0] / (counts[0] - 1)
         _, cost = _misfit(few, laws, places, np.exp(grid[:, 2]), None, spacing)
         middle = grid[np.argmin(cost)]
+        # the next grid reaches beyond the neighbours of the best point: the optimum may
+        # lie between grid points
         reach, counts = reach / 4, np.array([13, 13, 13])
     place = np.array([middle[0], middle[1], height])
     return _best(readings, laws, place[None], np.exp(middle[2:3]), None, 3)
@@ -438,7 +453,7 @@ def _best(
     origin: float | None,
     unknowns: int,
 ) -> Agreement:
-    """Return the agreement of the best of some tries."""
+    """Return the agreement with the best trial."""
     score, cost = _misfit(readings, laws, places, masses, origin)
     best = int(np.argmin(cost))
     place, mass = places[best], float(masses[best])
@@ -446,6 +461,7 @@ def _best(
     residual, offset, _ = _residuals(readings, laws, places[one], masses[one], origin)
     free = [c for c in range(readings.clock.max(initial=-1) + 1) if c or origin is None]
     counts = {c: int((readings.clock == c).sum()) for c in free}
+    # an offset that is found from one reading fits it exactly
     lonely = np.isin(readings.clock, [c for c in free if counts[c] == 1])
     return Agreement(
         place=place,
@@ -466,15 +482,18 @@ def _misfit(
     origin: float | None,
     spacing: float = 0.0,
 ) -> tuple[Float[np.ndarray, "try n"], Float[np.ndarray, " try"]]:
-    """Return residuals over what is allowed, and a cost that counts who is off."""
+    """Return residuals relative to tolerances, and a cost that saturates.
+
+    A row that disagrees adds 1, however large its residual.
+    """
     scores, costs = [], []
-    step = max(1, AT_ONCE // max(len(readings.row), 1))
+    step = max(1, MAX_BATCH_NUMBERS // max(len(readings.row), 1))
     for start in range(0, len(masses), step):
         part = slice(start, start + step)
         residual, _, allowed = _residuals(
             readings, laws, places[part], masses[part], origin
         )
-        if spacing:
+        if spacing:  # the optimum may lie between grid points: blur by their spacing
             distance = readings.distances(places[part])
             blur = 2 * spacing / np.maximum(distance, spacing)
             allowed = allowed + np.where(readings.timed, spacing / SPEED, blur)
@@ -493,7 +512,7 @@ def _residuals(
 ) -> tuple[
     Float[np.ndarray, "try n"], Float[np.ndarray, "try n"], Float[np.ndarray, "try n"]
 ]:
-    """Return residuals, what clocks show (taken off them), and what is allowed."""
+    """Return residuals, clock offsets (already subtracted), and tolerances."""
     distance = readings.distances(places)
     travelled = readings.travelled(laws, distance, masses)
     residual = readings.value - travelled
@@ -505,6 +524,7 @@ def _residuals(
         if clock == 0 and origin is not None:
             offset[:, here] = origin
         else:
+            # a median: wrong arrivals, fewer than half, do not shift it
             offset[:, here] = np.median(residual[:, here], axis=1, keepdims=True)
     residual = residual - offset
     residual = np.where(readings.bound, np.maximum(residual, 0.0), residual)
@@ -513,7 +533,7 @@ def _residuals(
 
 
 def _thinned(readings: Readings) -> Readings:
-    """Return evenly picked rows, no more than `SEARCH_ROWS`."""
+    """Return at most `SEARCH_ROWS` rows, evenly spaced."""
     n = len(readings.row)
     if n <= SEARCH_ROWS:
         return readings
@@ -526,13 +546,13 @@ def readings_of(
     rows: Int[np.ndarray, " row"],
     beliefs: Collection[str],
 ) -> Readings:
-    """Return the rows that laws are held against: those with a law, and a place.
+    """Return the rows that can be compared with laws: those with a law and a position.
 
     Args:
         observations: The log.
-        scene: It has the offsets of clocks from the common one.
-        rows: Of one shot.
-        beliefs: Names of what is not fixed; a clock among them is a clock of its own.
+        scene: Scene with the offsets of clocks from the common one.
+        rows: Rows of one shot.
+        beliefs: Names of uncertain numbers; a clock among them has its own offset.
     """
     place = observations.position
     placed = ~np.isnan(place).any(axis=1) | ~np.isnan(observations.slant_range)
@@ -574,15 +594,15 @@ def readings_of(
 def scaled_laws(scene: Scene) -> ScaledLaws:
     """Tabulate the laws for 1 kg of a scene's explosive, in its air.
 
-    By the curves of a burst on the ground, unless the scene has another: the others
-    are those of half the mass or so, which no doubt depends on.
+    A charge without a stated burst has the curves of a surface burst. Free-air curves
+    are those of about half the mass, and no warning depends on a factor of two.
     """
     charge = replace(scene.charge, burst=scene.charge.burst or "surface")
     scene = replace(scene, charge=charge)
     z = np.geomspace(NEAREST, FARTHEST, POINTS)
     laws = tuple(law_for(quantity, name) for quantity, name in LAWS.items())
     value, valid = evaluate(scene, z, np.ones_like(z), laws)
-    n = len(laws)  # what they give together comes after
+    n = len(laws)  # composed quantities follow
     return ScaledLaws(
         log_z=np.log(z),
         log_value=dict(zip(LAWS, np.log(value[:n]), strict=True)),

@@ -34,11 +34,11 @@ from jblast.constants import (
 )
 from jblast.inference.consensus import (
     CLOCK_STEP,
-    FAR,
     MAX_MASS,
     MIN_MASS,
     PRICE,
     SIGMAS,
+    STRATOSPHERE_RANGE,
     WITH_MASS,
     Agreement,
     Readings,
@@ -63,7 +63,7 @@ from jblast.waves.fireball import LARGEST_RADIUS
 from jblast.waves.propagation import sound_speed_of
 
 OF_ALL = ("not_at_the_origin", "not_at_time_0", "clock_of_one_row")
-"""Warnings that concern no row."""
+"""Warnings about the whole log."""
 TWO_SIDED: Mapping[str, str] = {
     "too_slow_between": "the other arrival",
     "peak_rises": "the nearer peak",
@@ -71,60 +71,63 @@ TWO_SIDED: Mapping[str, str] = {
     "sensor_at_two_places": "its first place",
     "radius_shrinks": "the radius before",
 }
-"""Doubts about one row by another one, which is not doubted itself."""
+"""Warnings about one row by comparison with another, which is not suspect itself."""
 MAX_REFLECTION = 8.0
 """Largest ratio of a reflected to an incident peak: a strong shock in an ideal gas with
 a heat capacity ratio of 1.4."""
 BESIDE_A_RISE = ("place_in_feet", "off_by_factor")
-"""Doubts that a rise of up to `MAX_REFLECTION` is reported beside: a distance in feet
-changes a peak by a factor of 3 to 6, and one peak cannot decide."""
-IN_THE_FIREBALL = 1e4
-"""Within the fireball of more than this [kg] nobody sets a gauge (declared)."""
-RISES = 2.0
-"""A radius this much smaller later is no scatter of records (10 to 20 %)."""
+"""Warnings that do not suppress that of a rise up to `MAX_REFLECTION`. A distance in
+feet changes a peak by a factor of 3 to 6, so one peak cannot decide between them."""
+FIREBALL_MASS = 1e4
+"""Mass above which no gauge is set within the fireball [kg] (declared)."""
+SHRINKS = 2.0
+"""Ratio of an earlier to a later radius that the scatter of records (10 to 20 %) cannot
+explain."""
 SCATTER = 0.12
 """Scale of one recorded peak about the level of its shot, up to Z = 200 [ln]: Student-t
 with 4 degrees of freedom (`calibration/far_pressure.py`)."""
 BY_CHANCE = 0.02
-"""Share of logs without a mistake in which scatter may give a rise that is reported.
+"""Share of logs without a mistake in which scatter gives a rise that is reported.
 Simulated with 3 to 100 gauges over a decade of range: 1.2 to 4.0 % of logs."""
 COLDEST = 222.15
 """Severe cold [K]: -51 C, climatic category C3 of MIL-STD-810."""
 GALE = 20.7
-"""Wind in which nobody measures blasts [m/s]: the upper end of Beaufort 8 (WMO)."""
+"""Largest wind in which blasts are measured [m/s]: upper limit of Beaufort 8 (WMO)."""
 SLOWEST = float(
     np.sqrt(AIR_HEAT_CAPACITY_RATIO * DRY_AIR_GAS_CONSTANT * COLDEST) - GALE
 )
-"""Of a wave in air near the ground [m/s]: 278."""
-SLOWEST_FAR = 180.0
-"""Past `FAR`, through the thermosphere [m/s]: the least celerity of infrasound
-(Negraru et al., J. Geophys. Res. 115, D15110, 2010; read second-hand)."""
+"""Lowest speed of a wave in air near the ground [m/s]: 278."""
+SLOWEST_THERMOSPHERE = 180.0
+"""Lowest celerity of infrasound through the thermosphere [m/s], beyond
+`STRATOSPHERE_RANGE` (Negraru et al., J. Geophys. Res. 115, D15110, 2010; read
+second-hand)."""
 TRAVEL_SCATTER = 0.01
 """Scatter of travel times about a law, of a shot and of a path, as laws declare it."""
 SURE_SPEED_SD = 3.0
-"""Standard deviations by which the speed of all arrivals is below that of sound: chance
-alone gives 1 in 700."""
+"""Standard deviations by which the speed of all arrivals has to be below that of sound:
+1 in 700 by chance."""
 OWN_FAULT_SD = 4.0
-"""An arrival farther than this from the common speed has a fault of its own: chance
-alone gives 1 in 16,000."""
+"""Residual from the common speed, in standard deviations, of an arrival with an error
+of its own: 1 in 16,000 by chance."""
 MAX_MEASURED = 1e9
-"""Larger times [s] and distances [m] are of no blast; their squares may overflow."""
+"""Largest time [s] and distance [m] that are used: larger ones belong to no blast, and
+their squares may overflow."""
 SINGULAR = 1e14
-"""Condition of normal equations beyond which rounding decides."""
+"""Condition of normal equations above which rounding determines the solution."""
 SPARE_ARRIVALS = 2
 """Arrivals beyond the unknowns of a common speed: one wrong clock is then noticed."""
 MAX_COMPARED = 1000
-"""Arrivals that are compared in pairs."""
+"""Largest number of arrivals that are compared in pairs: 8 MB for each array."""
 HALF_HOUR = 1800.0
-"""Zones of time differ by whole quarters of an hour, nearly all by halves."""
+"""Step of time zones [s]: they differ by quarters of an hour, nearly all by halves."""
 LATEST = 26 * 3600.0
 """The largest difference of two zones (UTC-12 and UTC+14) [s]."""
 LEFT_BY_A_ZONE = 60.0
-"""Residual that a difference of zones may leave [s]: sound over `FAR`, 20 km."""
+"""Largest residual after the difference of zones [s]: sound over 20 km."""
 LEAST_MOVE = 1.0
-"""A corrected place nearer to the written one than this is no correction [m]: sound
-takes 3 ms, which the tolerance of an arrival contains from 10 m on (`CLOCK_STEP`, and
-7 % of the travel time)."""
+"""Smallest correction of a position [m]. Sound takes 3 ms for it, which is within the
+tolerance of an arrival from 10 m on (`CLOCK_STEP`, and 7 % of the travel time)."""
+# Ratios of a wrong to the right value, by the mistake; the key is part of the warning.
 _MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
 _PSI = {
     "psi written as kPa": 1e3 / PSI,
@@ -141,26 +144,29 @@ FACTORS: dict[str, dict[str, float]] = {
     "duration": {**_MILLI, **_TIME},
     "arrival": {**_MILLI, **_TIME},
 }
-"""By kind of quantity: what a value with the wrong unit is to the right one."""
+"""Ratio of a value with the wrong unit to the right one, by kind of quantity."""
 MISTAKE_MARGIN = 0.6
-"""What a slip may leave, as a share of what is allowed: a psi is 6.9 kPa."""
+"""Largest residual after the correction of a mistake, relative to the tolerance. Below
+1 it separates neighbouring factors: a psi is 6.9 kPa, and a factor of 3 is
+tolerated."""
 
 
 def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
-    """Return what is odd about a log: nothing that stops a fit, all worth a look.
+    """Return warnings about a log; none of them stops a fit.
 
-    Rows are held against blasts of any mass, where the scene has the charge; without a
-    scene, or where its place is free, from anywhere. A row is doubted once.
+    Rows are compared with blasts of any mass at the position of the scene; without a
+    scene, or with a free position, at any position. A row has one warning at most.
 
     Args:
-        observations: The log; its places filled in from the scene (`resolve_positions`)
-            if they can be.
+        observations: The log, with positions from the scene (`resolve_positions`) where
+            possible.
         uncertain: The scene.
 
     Returns:
-        Doubts in the order of the log's lines.
+        Warnings in the order of the log's lines.
     """
-    with np.errstate(all="ignore"):  # past all numbers is far off, and nothing else
+    # overflow to inf, or NaN: the row disagrees, and is reported as such
+    with np.errstate(all="ignore"):
         found = [
             *degrees_swapped(observations),
             *clocks_doubted(observations),
@@ -173,7 +179,7 @@ def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]
 
 
 def _physical(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
-    """Return what no blast explains, shot by shot."""
+    """Return the warnings by comparison with blasts, shot by shot."""
     doubted = []
     laws = scaled_laws(uncertain.scene)
     for rows, charge, label in _shots(observations, uncertain):
@@ -185,7 +191,7 @@ def _physical(observations: Observations, uncertain: UncertainScene) -> list[Dou
 
 
 def _shots(observations: Observations, uncertain: UncertainScene):
-    """Yield the rows of each shot, its charge, and what names of the scene end in."""
+    """Yield the rows of each shot, its charge, and the suffix of its names."""
     scene = uncertain.scene
     named = {charge.name: charge for charge in scene.charges}
     shots = np.array(observations.shot)
@@ -202,18 +208,22 @@ def _of_shot(
     uncertain: UncertainScene,
     label: str,
 ) -> list[Doubt]:
-    """Return what is odd about the rows of one shot."""
+    """Return the warnings about the rows of one shot."""
     supposed = supposed_blast(readings, laws, charge, uncertain, label)
     readings, found = supposed.readings, supposed.found
-    if supposed.said is not None:
-        column = slip_of_quantity(readings, laws, supposed.said, supposed.said_origin)
+    if supposed.stated is not None:
+        column = slip_of_quantity(
+            readings, laws, supposed.stated, supposed.stated_origin
+        )
         if column is not None:
             return [column, *slow_between(readings)]
     doubted = [supposed.doubt] if supposed.doubt else []
-    # else each arrival has a speed of its own
+    # with a known origin and known distances each arrival has its own speed instead
     if supposed.origin is None or np.isnan(supposed.distance).any():
         start = np.zeros(3) if found is None else found.place
-        slowest = _slowest(uncertain)
+        slowest = SLOWEST
+        if not {"air_sound_speed_m_s", "air_temperature_k"} & set(uncertain.beliefs):
+            slowest = float(sound_speed_of(uncertain.scene.air)) - GALE
         doubted += slow_together(readings, supposed.distance, start, slowest)
     divided = []
     if found is not None and found.holds():
@@ -226,14 +236,14 @@ def _of_shot(
         *magnitudes_doubted(readings, laws, supposed.distance),
         *rising_peaks(readings, supposed.distance),
         *slow_between(readings),
-        *divided,  # only of rows for which nothing above gives the reason
+        *divided,  # last: used for rows without a more specific warning
     ]
 
 
 def _named(
     observations: Observations, readings: Readings, laws: ScaledLaws, found: Agreement
 ) -> list[Doubt]:
-    """Return a warning for each row that is off, with its mistake if one is found."""
+    """Return a warning for each row that disagrees, with its mistake if identified."""
     off = np.flatnonzero(found.off & found.checkable)
     doubted, done = [], set()
     by_sensor: dict[str, list[int]] = {}
@@ -269,7 +279,7 @@ def _named(
 
 
 def _off(readings: Readings, laws: ScaledLaws, found: Agreement, i: int) -> Doubt:
-    """Return the mistaken unit of one row, or how far it is off."""
+    """Return the mistaken unit of one row, or its deviation."""
     row, quantity = (int(readings.row[i]),), readings.quantity[i]
     slip = slip_of_value(readings, laws, found, i)
     numbers = {"mass_kg": found.mass}
@@ -299,10 +309,11 @@ def _divided(readings: Readings, found: Agreement) -> list[Doubt]:
 
 
 def _once(found: list[Doubt]) -> list[Doubt]:
-    """Keep one doubt a row, the first, which names most; none by a doubted row.
+    """Return one warning per row, the first, which is the most specific.
 
-    That no blast explains a shot is kept if it concerns one more row, a rise of peaks
-    if what else is doubted of its larger peak explains the rise no better.
+    Warnings by comparison with a suspect row are dropped. The warning that no blast
+    explains a shot is kept if it concerns a further row. A rise of peaks is kept if the
+    warning about its larger peak does not explain it better (`BESIDE_A_RISE`).
     """
     seen: dict[int, str] = {}
     kept = []
@@ -324,12 +335,12 @@ def _once(found: list[Doubt]) -> list[Doubt]:
 def magnitudes_doubted(
     readings: Readings, laws: ScaledLaws, distance: Float[np.ndarray, " n"]
 ) -> list[Doubt]:
-    """Return readings that need a charge that there is not, or one they stand in.
+    """Return readings that require an impossible charge, or a gauge inside it.
 
     Args:
         readings: The rows of a shot.
-        laws: Of a kilogram.
-        distance: From the charge of each [m]; NaN where it is not known.
+        laws: Laws of 1 kg.
+        distance: Distance of each from the charge [m]; NaN where unknown.
     """
     found, timed = [], readings.timed
     for i, quantity in enumerate(readings.quantity):
@@ -337,7 +348,9 @@ def magnitudes_doubted(
             continue
         at, value = float(distance[i]), float(np.exp(readings.value[i]))
         row = (int(readings.row[i]),)
-        if not at > 0:  # of an unknown place: what a law gives next to the charge
+        # without a distance the limit is the value 1 m from the charge, for quantities
+        # that do not grow with its mass
+        if not at > 0:
             if quantity not in WITH_MASS and value > laws.largest(quantity, 1.0):
                 numbers = {"value": value, "largest": laws.largest(quantity, 1.0)}
                 found.append(Doubt("no_mass_gives_it", row, numbers, (quantity,)))
@@ -353,17 +366,17 @@ def magnitudes_doubted(
         numbers |= {"mass_kg": mass, "fireball_m": reach}
         if mass > MAX_MASS or masses.max() < MIN_MASS:
             found.append(Doubt("mass_of_no_blast", row, numbers, (quantity,)))
-        elif reach > at and mass > IN_THE_FIREBALL:
+        elif reach > at and mass > FIREBALL_MASS:
             found.append(Doubt("in_the_fireball", row, numbers, (quantity,)))
     return found
 
 
 def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[Doubt]:
-    """Return peaks that are larger than one taken nearer to the charge, one a kind.
+    """Return peaks larger than one nearer to the charge, one for each quantity.
 
-    A peak falls at least as 1/R, as sound does; a shock falls faster. So what has to be
-    explained by scatter is the rise of peak times distance. A reflected reading is 2 to
-    8 times an incident one.
+    A peak falls at least as 1/R, as sound does; a shock falls faster. So scatter has to
+    explain the rise of peak times distance. A reflected reading is 2 to 8 times an
+    incident one.
     """
     found = []
     for quantity in ("peak_overpressure_pa", "reflected_pressure_pa"):
@@ -378,7 +391,8 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
         at = np.maximum.accumulate(np.where(spread == least, np.arange(len(here)), 0))
         nearer = np.searchsorted(far, far, side="left") - 1
         low = at[np.maximum(nearer, 0)]
-        # of heavy tails one reading makes the rise: each of them may, on either side
+        # With heavy tails one reading makes the rise. Any of them may, on either side:
+        # Bonferroni over twice their number.
         quantile = -float(stdtrit(4, BY_CHANCE / (2 * len(here))))
         stated = np.hypot(error, error[low]) / SIGMAS  # independent of the scatter
         allowed = quantile * np.hypot(SCATTER, stated)
@@ -398,7 +412,7 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
 
 
 def radii_doubted(observations: Observations) -> list[Doubt]:
-    """Return radii of one sensor that shrink while time goes on."""
+    """Return radii of one sensor that shrink with time."""
     found = []
     rows: dict[tuple[str, str, str], list[int]] = {}
     for row, quantity in enumerate(observations.quantity):
@@ -408,7 +422,7 @@ def radii_doubted(observations: Observations) -> list[Doubt]:
     for its in rows.values():
         its.sort(key=lambda row: observations.time[row])
         for early, late in pairwise(its):
-            if RISES * observations.value[late] < observations.value[early]:
+            if SHRINKS * observations.value[late] < observations.value[early]:
                 numbers = {
                     "value": float(observations.value[late]),
                     "before": float(observations.value[early]),
@@ -419,9 +433,10 @@ def radii_doubted(observations: Observations) -> list[Doubt]:
 
 
 def slow_between(readings: Readings) -> list[Doubt]:
-    """Return arrivals that are too far apart in time for their places.
+    """Return arrivals that are too far apart in time for their positions.
 
-    Of those that contradict most others, one after another.
+    The arrival with the most contradictions is reported and removed, until none is
+    left.
     """
     air = np.array([q == "air_arrival_s" for q in readings.quantity], bool)
     here = np.flatnonzero(air & ~np.isnan(readings.position).any(axis=1))[:MAX_COMPARED]
@@ -431,13 +446,13 @@ def slow_between(readings: Readings) -> list[Doubt]:
     apart = np.linalg.norm(place[:, None] - place[None], axis=-1)
     late = np.abs(time[:, None] - time[None])
     error = np.hypot(readings.error[here][:, None], readings.error[here][None])
-    slowest = np.where(apart > FAR, SLOWEST_FAR, SLOWEST)
+    slowest = np.where(apart > STRATOSPHERE_RANGE, SLOWEST_THERMOSPHERE, SLOWEST)
     bad = late > apart / slowest + error + CLOCK_STEP
     bad &= readings.clock[here][:, None] == readings.clock[here][None]
     found = []
     while bad.any():
         worst = int(np.argmax(bad.sum(axis=1)))
-        # of two that contradict each other alone, the later is named first
+        # with equal numbers of contradictions the first in the log is reported
         partners = np.flatnonzero(bad[worst])
         other = int(partners[np.argmax(late[worst, partners])])
         rows = int(readings.row[here[worst]]), int(readings.row[here[other]])
@@ -459,13 +474,13 @@ def slow_together(
 ) -> list[Doubt]:
     """Return the arrivals of a clock that together imply a speed below that of sound.
 
-    The times are fitted by a time of origin plus slowness times distance. Where all
-    agree with a low speed, none of them is to be blamed.
+    The times are fitted by an origin time plus slowness times distance. If all agree
+    with a low speed, no single arrival is wrong.
 
     Args:
         readings: The rows of a shot.
-        distance: From the charge of each [m]; NaN where its place is fitted, too.
-        start: East, north, up from which a place is searched [m]; up is kept.
+        distance: Distance of each from the charge [m]; NaN to fit its position as well.
+        start: Start of the search for the position: east, north, up [m]; up is fixed.
         slowest: Speed of sound against the wind [m/s].
     """
     air = np.array([q == "air_arrival_s" for q in readings.quantity], bool)
@@ -483,7 +498,8 @@ def slow_together(
     measured = np.column_stack([time, known if placed else at])
     if not (np.abs(measured) < MAX_MEASURED).all():  # a NaN is not, either
         return []
-    from scipy.optimize import least_squares  # logs without such arrivals do without
+    # imported here: logs without such arrivals do not need it
+    from scipy.optimize import least_squares
 
     def apart(x: np.ndarray) -> np.ndarray:
         if placed:
@@ -492,6 +508,7 @@ def slow_together(
 
     middle = np.zeros(2) if placed else at[:, :2].mean(axis=0)
     found = []
+    # two starts: a fit of the position may have several minima
     for place in (start[:2], middle):
         travel = apart(np.array([0.0, 0.0, *place])) / slowest
         sd = np.hypot(readings.error[here] / SIGMAS, TRAVEL_SCATTER * travel)
@@ -512,21 +529,14 @@ def slow_together(
         return []
     own = float(np.sqrt(np.linalg.inv(square)[1, 1])) / best.x[1]
     speed, share = 1.0 / best.x[1], float(np.hypot(own, TRAVEL_SCATTER))
-    far = float(apart(best.x).max()) > FAR
-    slowest = min(slowest, SLOWEST_FAR) if far else slowest
+    far = float(apart(best.x).max()) > STRATOSPHERE_RANGE
+    slowest = min(slowest, SLOWEST_THERMOSPHERE) if far else slowest
     too_fast = speed * (1.0 + SURE_SPEED_SD * share) >= slowest
     if too_fast or np.abs(best.fun).max() > OWN_FAULT_SD:
         return []
     rows = tuple(int(row) for row in readings.row[here])
     numbers = {"speed_m_s": float(speed), "slowest_m_s": slowest}
     return [Doubt("slow_together", rows, numbers)]
-
-
-def _slowest(uncertain: UncertainScene) -> float:
-    """Return the speed of sound in the air of a scene, against a gale [m/s]."""
-    if {"air_sound_speed_m_s", "air_temperature_k"} & set(uncertain.beliefs):
-        return SLOWEST
-    return float(sound_speed_of(uncertain.scene.air)) - GALE
 
 
 def speeds_doubted(
@@ -539,10 +549,10 @@ def speeds_doubted(
 
     Args:
         readings: The rows of a shot.
-        laws: Of a kilogram.
-        distance: From the charge of each [m].
-        origin: Time of the shot on the common clock [s], where no flash gives it; None:
-            not known.
+        laws: Laws of 1 kg.
+        distance: Distance of each from the charge [m].
+        origin: Time of the shot on the common clock [s], for clocks without a flash;
+            None if unknown.
     """
     seen = {
         int(readings.clock[i]): float(readings.value[i])
@@ -557,9 +567,9 @@ def speeds_doubted(
         if quantity != "air_arrival_s" or begun is None or not distance[i] > 0:
             continue
         if seen.get(int(readings.clock[i]), -np.inf) > readings.value[i]:
-            continue  # before the flash: that is reported already
+            continue  # an arrival before the flash is reported by `clocks_doubted`
         took, error = readings.value[i] - begun, readings.error[i] + CLOCK_STEP
-        slowest = SLOWEST_FAR if distance[i] > FAR else SLOWEST
+        slowest = SLOWEST_THERMOSPHERE if distance[i] > STRATOSPHERE_RANGE else SLOWEST
         kind = ""
         if took - error > distance[i] / slowest:
             kind = "too_slow"
@@ -579,16 +589,16 @@ def speeds_doubted(
 def slip_of_sensor(
     readings: Readings, laws: ScaledLaws, found: Agreement, sensor: list[int]
 ) -> tuple[str, float, float] | None:
-    """Name the slip of a sensor's place that makes all its rows agree.
+    """Return the mistake in a sensor's position that makes all its rows agree.
 
     Args:
         readings: The rows of the shot.
-        laws: Of a kilogram.
-        found: The blast that the others agree on.
-        sensor: Which readings are the sensor's.
+        laws: Laws of 1 kg.
+        found: The blast on which the other rows agree.
+        sensor: Indices of the sensor's readings.
 
     Returns:
-        The kind of slip, east and north as they would be [m]; None if there is none.
+        The kind of mistake, corrected east and north [m]; None without one.
     """
     at = readings.position[sensor[0]]
     if np.isnan(at).any() or not found.off[sensor].any():
@@ -612,7 +622,7 @@ def slip_of_sensor(
 
 
 def slip_of_clock(readings: Readings, found: Agreement, rows: list[int]) -> float:
-    """Return by how many seconds a sensor's clock is off, if that is a zone's; or 0."""
+    """Return the offset of a sensor's clock [s] if it is that of a zone, else 0."""
     off = [i for i in rows if readings.timed[i] and found.off[i]]
     if not off:
         return 0.0
@@ -628,7 +638,7 @@ def slip_of_clock(readings: Readings, found: Agreement, rows: list[int]) -> floa
 def slip_of_value(
     readings: Readings, laws: ScaledLaws, found: Agreement, i: int
 ) -> tuple[str, float] | None:
-    """Name the unit in which a reading would agree, and its factor; None if in none."""
+    """Return the unit in which a reading would agree, and its factor, or None."""
     its = readings.only(np.array([i]))
     best: tuple[float, str, float] | None = None
     for name, factor in FACTORS.get(QUANTITIES[its.quantity[0]].kind, {}).items():
@@ -645,7 +655,7 @@ def slip_of_quantity(
     before: Agreement,
     origin: float | None,
 ) -> Doubt | None:
-    """Name the unit in which all rows of one quantity would agree with the others."""
+    """Return the unit in which all rows of a quantity would agree with the others."""
     kinds = [q for q in dict.fromkeys(readings.quantity) if q != "flash_time_s"]
     if len(kinds) < 2 or not before.off.any():
         return None
@@ -655,6 +665,7 @@ def slip_of_quantity(
             continue
         changed = _rescaled(readings, here, factor)
         after = at_place(changed, laws, before.place, origin)
+        # the mistake itself costs as much as one row that disagrees
         if after.all_agree() and after.price() + PRICE < before.price():
             rows = tuple(int(row) for row in readings.row[here])
             numbers = {"factor": factor}
@@ -684,7 +695,7 @@ def _scores(
     found: Agreement,
     offset: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
-    """Hold changed readings against the blast that was found, its clocks kept."""
+    """Return residuals of readings relative to tolerances, for a given blast."""
     place, mass = found.place[None], np.array([found.mass])
     distance = readings.distances(place)
     travelled = readings.travelled(laws, distance, mass)

@@ -3,8 +3,8 @@ r"""Covariances from Fisher information: the Cramer-Rao bound and its parts.
 The bound is $B (B^T F B)^{-1} B^T$, with $F$ the information of layout and priors (see
 `fisher_information`) and $B$ a basis of the identified directions. It is local: where
 $F$ vanishes by symmetry along an identified direction, the width is measured on the
-density instead. The same inverse with a number given, or a prior left out, shows on
-what a width depends.
+density instead. The same inverse with a number fixed, or without a prior, gives the
+sensitivity of a width.
 """
 
 from collections.abc import Mapping
@@ -39,14 +39,15 @@ def information_of_layout(
     """Return the Fisher information of a layout and the priors; no data are needed.
 
     Args:
-        parameters: What is not known.
-        layout: Who records what, and where: its places may be batched.
+        parameters: The uncertain parameters.
+        layout: Quantities and sensor positions, which may be batched.
         sigma: Instrument error of each row: seconds for times, relative otherwise.
         laws: Name of the law for each of `layout.quantities()`.
-        z: Where, in the fitted coordinates.
+        z: Fitted coordinates.
         noise: Distribution of the independent errors.
     """
     names = tuple(sorted(laws.items()))
+    # readings of zero: the information does not depend on them
     silent = Posterior(parameters, layout, jnp.zeros_like(sigma), sigma, names, noise)
     return information(silent, z)
 
@@ -59,13 +60,13 @@ def cramer_rao(
 ) -> Laplace:
     """Invert the information along the identified directions.
 
-    Along one that is identified by the breaking of a symmetry alone (the height of a
-    charge among sensors at its own height) the information is zero: there the width is
-    measured.
+    Along a direction whose slopes vanish by symmetry alone (the height of a charge
+    among sensors at its own height) the information is zero. There the width is
+    measured on the density.
 
     Args:
-        posterior: That of a log without errors.
-        z: Where.
+        posterior: Posterior of a log without errors.
+        z: Fitted coordinates.
         basis: Basis of the identified directions, one column each.
         known: Information.
     """
@@ -76,6 +77,8 @@ def cramer_rao(
         ends = [
             float(posterior.log_density(jnp.asarray(z + s * axis))) for s in (-1, 1)
         ]
+        # measured only where the density contradicts the information: elsewhere the
+        # bound is the inverse of the information by definition
         if value < NULL and not FALLS[0] < top - max(ends) < FALLS[1]:
             axis *= half_width(posterior, z, axis, top)
     return Laplace(z, axes @ axes.T, 0.0, True)
@@ -90,15 +93,15 @@ def spread_left(
     known: int | None = None,
     unbelieved: int | None = None,
 ) -> Spread:
-    """Return how far a number may be off.
+    """Return the standard deviations of a number by given information.
 
     Args:
-        posterior: It has the names and priors of the numbers.
-        z: Where.
+        posterior: Posterior with names and priors of the numbers.
+        z: Fitted coordinates.
         matrix: Information, priors included.
         target: Index of the number.
-        known: Index of another that is taken for known.
-        unbelieved: Index of another whose prior is left out.
+        known: Index of another number that is fixed.
+        unbelieved: Index of another number whose prior is omitted.
     """
     n = len(z)
     has_prior = np.array(posterior.parameters.has_prior())
@@ -123,9 +126,9 @@ def spread_left(
 
 
 def worst(posterior: Posterior, z: Float[np.ndarray, " free"]) -> int:
-    """Return which number is known worst: among the masses, if any is fitted.
+    """Return the index of the least certain mass; without one, of any number.
 
-    Otherwise that with the largest sd for a typical step.
+    Numbers are compared by their sd relative to a typical step.
     """
     names, scale = posterior.parameters.names, typical_step(posterior)
     known = information(posterior, jnp.asarray(z))

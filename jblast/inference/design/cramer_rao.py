@@ -61,38 +61,42 @@ from jblast.sensors.record import clock_offsets
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
 
 STAGES = {
-    "what the layout tells": 2.0,
-    "searching for a second answer": 4.0,
-    "what more data would tell": 2.0,
+    "computing the bound": 2.0,
+    "searching for a second optimum": 4.0,
+    "ranking further data": 2.0,
 }
-"""Of a bound, and about how many seconds each takes, most of them compiling."""
+"""Stages of a bound with their approximate duration [s], most of it compilation."""
 STEPS = 12
-"""Steps to the optimum, each of which goes most of the way."""
+"""Steps to the optimum. It is near, and each step covers most of the distance."""
 DEFAULT_SIGMA = {"time": 1e-3, "relative": 0.05}
-"""Error of a datum whose quantity the layout does not record: seconds, or relative."""
-MOST_SENSORS = 12
-"""Data are tried beside so many sensors of a layout, the nearest to the farthest."""
+"""Assumed error of a quantity that the layout does not record: 1 ms of an arrival, or
+the 5 % of a calibrated gauge."""
+MAX_SENSORS = 12
+"""Largest number of sensors at which data are added, evenly spaced from the nearest to
+the farthest. Each adds a row for every quantity that can be added."""
 KNOWN_GAIN = 1.5
-"""An sd is sensitive to a number that, once known, makes it smaller by this factor."""
+"""Smallest factor by which an sd shrinks once another number is known, for a report:
+less does not justify a measurement of that number."""
 PRIOR_LOSS = 1.2
-"""It is sensitive to a prior that, once dropped, makes it larger by this factor."""
+"""Smallest factor by which an sd grows without the prior of another number, for a
+report: the prior then contributes 30 % of the information."""
 
 
 @dataclass(frozen=True)
 class AddedDatum:
-    """One row that could be added to a layout, and what it would leave unknown.
+    """One row that could be added to a layout, and the uncertainty with it.
 
     Attributes:
-        quantity: What would be recorded.
-        sensor: Beside which sensor of the layout; "" off the sensors' line.
-        position: Where [m]; None in a scene without places.
+        quantity: Quantity to record.
+        sensor: Sensor of the layout at that position; "" off the sensors' line.
+        position: Position [m]; None in a scene without positions.
         charge: Name of the charge, or "".
         sigma: Its error: seconds, or relative.
-        is_default: Whether the error is our guess, the layout recording no such.
-        law: Which law would read it.
-        law_valid: Whether that holds there.
-        parameter: The number that it would constrain.
-        left: How far that may be off then.
+        is_default: True if the error is `DEFAULT_SIGMA`.
+        law: Name of its law.
+        law_valid: True if the row is within the range of the law.
+        parameter: Number whose uncertainty is reported.
+        left: Standard deviations of that number with the row.
     """
 
     quantity: str
@@ -112,11 +116,11 @@ class Sensitivity:
     """Sensitivity of the width of one number to knowledge of another.
 
     Attributes:
-        parameter: The one.
-        on: The other.
-        if_known: How far the one may be off were the other known.
-        without_prior: Likewise were the other's prior not believed; None if it has
-            none.
+        parameter: Number whose width is reported.
+        on: The other number.
+        if_known: Standard deviations if the other number is known.
+        without_prior: Standard deviations without the prior of the other number; None
+            if it has none.
     """
 
     parameter: str
@@ -130,21 +134,22 @@ class BoundSummary:
     """Results of the bound of a layout, as values.
 
     Attributes:
-        at: The numbers taken for true.
-        law: Name of the law that reads each quantity.
-        law_reason: What it was taken by: `report.law_reason` words it.
-        law_valid: Whether every row lies where its law holds.
-        parameters: How far each open number may be off.
-        free: Names of what is open.
-        identifiable: Whether the readings would leave one answer.
-        null_directions: Directions in which no datum moves.
+        at: Assumed values of the numbers.
+        law: Name of the law of each quantity.
+        law_reason: Reason for its choice; `report.law_reason` formats it as text.
+        law_valid: True if every row is within the range of its law.
+        parameters: Standard deviations of each uncertain number.
+        free: Names of the uncertain numbers.
+        identifiable: True if the readings would determine a single answer.
+        null_directions: Directions in which no datum changes.
         ambiguities: Other optima that the data could not rule out.
         determined: Combinations of unidentified numbers that are identified.
         noise: Distribution of the independent errors.
         n_observations: Rows of the planned log.
         help: Rows that could be added, the most helpful first.
-        leans_on: What the number known worst rests on, the most first.
-        mass_exponents: Least and largest slope of ln of each quantity in ln mass.
+        leans_on: Numbers to which the least certain number is sensitive, the most
+            first.
+        mass_exponents: Smallest and largest slope of ln of each quantity in ln mass.
         warnings: Warnings.
     """
 
@@ -167,11 +172,11 @@ class BoundSummary:
 
     @property
     def unidentified(self) -> tuple[str, ...]:
-        """Names of the open numbers of which nothing would be known."""
+        """Names of the uncertain numbers that would not be identified."""
         return tuple(n for n, s in self.parameters.items() if not s.is_known)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it; null is what is not a finite number."""
+        """Return the summary for JSON; numbers that are not finite become null."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
@@ -180,10 +185,10 @@ class Bound:
     """The Cramer-Rao bound of a layout.
 
     Attributes:
-        summary: What was found.
+        summary: Standard deviations and further results.
         log: The readings without error.
-        posterior: That of the log.
-        z: The numbers taken for true, in the fitted coordinates.
+        posterior: Posterior of the log.
+        z: Assumed values in the fitted coordinates.
         information: Fisher information of the log and the priors at `z`.
         covariance: Its inverse, without null directions.
         exit_code: 0 answered, 4 not identifiable.
@@ -198,11 +203,11 @@ class Bound:
 
     @property
     def exit_code(self) -> int:
-        """Return the exit code of the contract."""
+        """Return the exit code: 0 answered, 4 not identifiable."""
         return 0 if self.summary.identifiable else 4
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what was found as JSON can hold it."""
+        """Return the summary with values that JSON can represent."""
         return self.summary.to_dict()
 
 
@@ -217,18 +222,17 @@ def bound(
 
     Args:
         uncertain: The scene; its sensors have the quantities that they record.
-        at: Numbers taken for true; needed for each that is free, the others are the
-            medians of their priors.
+        at: Assumed values, required for each free number. The default is the median of
+            the prior.
         noise: Distribution of the independent errors.
-        seed: Of the search for a second solution.
+        seed: Seed of the search for a second optimum.
 
     Returns:
-        The least standard deviation of each unknown (Cramer-Rao), what limits it, and
-        which datum would help most.
+        The smallest standard deviation of each unknown (Cramer-Rao), its limitations,
+        and the data that would reduce it most.
 
     Raises:
-        InputError: The scene and what is asked do not go together; the message says
-            how.
+        InputError: Scene and arguments do not match; the message states the remedy.
 
     Example:
         `jblast.bound(jblast.read_scene("scene.toml"), {"charge_mass_kg": 15.0})`
@@ -240,22 +244,22 @@ def bound(
             raise InputError(f"at[{name!r}]: expected shape (), got {np.shape(value)}")
         taken[name] = np.asarray(value, float).item()
     begin = stages(STAGES)
-    begin("what the layout tells")
+    begin("computing the bound")
     plan = planned(uncertain, taken, noise)
     posterior, z = plan.posterior, plan.z
     known = np.asarray(information(posterior, jnp.asarray(z)))
     if not np.isfinite(known).all():
         raise InputError(
-            f"{plan.log.source}: what the layout tells cannot be computed at "
+            f"{plan.log.source}: the information of the layout is not finite at "
             f"{', '.join(f'{n} = {v:g}' for n, v in plan.values.items())}; expected "
             "values within reach of the laws"
         )
     identified = identifiability(posterior, z)
     normal = cramer_rao(posterior, z, identified.identified_basis, known)
-    begin("searching for a second answer")
+    begin("searching for a second optimum")
     found = optima(jax.random.key(seed), posterior)
     solution = Solution(posterior, plan.laws, True, found, identified, normal)
-    begin("what more data would tell")
+    begin("ranking further data")
     return Bound(
         summary=_summary(plan, solution),
         log=plan.log,
@@ -267,12 +271,12 @@ def bound(
 
 
 def _summary(plan: Planned, solution: Solution) -> BoundSummary:
-    """Put together what was found."""
+    """Return the results of the bound."""
     posterior, normal = solution.posterior, solution.laplace
     valid = np.asarray(posterior.misfit(jnp.asarray(plan.z)).valid)
     null = null_directions(solution)
-    # the search's own optimum about the numbers taken for true: it lies a little off,
-    # for a law's scatter in seconds grows with the travel time
+    # The optimum is not exactly at the assumed values: the scatter of a law in seconds
+    # grows with the travel time, so a shorter one is slightly more probable.
     home = _climbed(posterior, plan.z, normal)
     doubles = other_modes(solution._replace(laplace=home), bool(valid.all()))
     help_, target = added_data(plan)
@@ -297,8 +301,9 @@ def _summary(plan: Planned, solution: Solution) -> BoundSummary:
 
 
 def _climbed(posterior: Posterior, z, normal: Laplace) -> Laplace:
-    """Climb to the optimum about a place, each step scaled by the information."""
-    # readings without error curve Student-t densities more than they do on average
+    """Climb to the optimum near a place; steps are scaled by the information."""
+    # At zero residual a Student-t density curves more than on average: full steps by
+    # the expected information would overshoot.
     nu = STUDENT_FREEDOM
     bend = 1.0 if posterior.noise == "gaussian" else (nu + 1) / nu
     length = information_of_row(posterior.noise) / bend
@@ -338,7 +343,7 @@ def _warnings(plan: Planned, solution: Solution, valid) -> list[Finding]:
 
 
 class Datum(NamedTuple):
-    """One row that could be added: what, where, by which sensor, of which charge."""
+    """One row that could be added: quantity, position, sensor, charge and error."""
 
     quantity: str
     position: Float[np.ndarray, "3"]
@@ -351,14 +356,14 @@ class Datum(NamedTuple):
 
 
 def added_data(plan: Planned) -> tuple[tuple[AddedDatum, ...], int]:
-    """Rank rows that could be added by the sd they leave.
+    """Rank rows that could be added by the resulting standard deviation.
 
-    The sd is that of the charge mass; if no mass is fitted, of the number that is known
-    worst for its typical size.
+    It is that of the charge mass; if no mass is fitted, of the number that is least
+    certain relative to its typical step.
 
     Returns:
-        An entry for each row, those first whose laws hold, the most helpful of them
-        before all; and the number's index.
+        An entry for each row, rows within their laws first, by increasing standard
+        deviation, and the index of the number.
     """
     posterior, z = plan.posterior, plan.z
     target = worst(posterior, z)
@@ -409,13 +414,14 @@ def _entry(datum: Datum, plan: Planned, laws, holds, target, left) -> AddedDatum
 
 
 def candidates(plan: Planned) -> list[Datum]:
-    """Return the rows to try: each quantity beside each sensor, and at a new place."""
+    """Return the rows to try: each quantity at each sensor and at a new position."""
     posterior, log = plan.posterior, plan.log
     layout = posterior.layout
     position, distance = (
         np.asarray(x)
         for x in (layout.position, posterior.misfit(jnp.asarray(plan.z)).slant_range)
     )
+    # reversed, so that the first row of a quantity gives its sigma
     sigmas = dict(
         zip(reversed(layout.quantity), np.asarray(posterior.sigma)[::-1], strict=True)
     )
@@ -423,7 +429,7 @@ def candidates(plan: Planned) -> list[Datum]:
     for shot, charge in enumerate(posterior.parameters.scene.charges):
         rows = {log.sensor[i]: i for i in np.flatnonzero(np.array(layout.shot) == shot)}
         ranked = sorted(rows, key=lambda name: distance[rows[name]])
-        picked = np.unique(np.linspace(0, len(ranked) - 1, MOST_SENSORS).astype(int))
+        picked = np.unique(np.linspace(0, len(ranked) - 1, MAX_SENSORS).astype(int))
         places = [
             (position[i], name, layout.group[i], layout.clock[i])
             for name in (ranked[k] for k in picked)
@@ -455,7 +461,7 @@ def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
         target: Index of the number.
 
     Returns:
-        One for each that matters, the most first.
+        One entry for each sensitivity, the largest first.
     """
     posterior, z = plan.posterior, plan.z
     has_prior = np.asarray(posterior.parameters.has_prior())
@@ -479,10 +485,10 @@ def leans_on(plan: Planned, target: int) -> tuple[Sensitivity, ...]:
 
 
 def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
-    r"""Return the least and largest $d \ln y / d \ln W$ of each quantity.
+    r"""Return the smallest and largest $d \ln y / d \ln W$ of each quantity.
 
-    Of an air arrival $y$ is the travel time; other times hardly depend on the mass. A
-    scene of several charges, or of a fixed mass, has none.
+    For an air arrival $y$ is the travel time; other times hardly depend on the mass. A
+    scene with several charges or a fixed mass has no exponents.
     """
     posterior, z = plan.posterior, jnp.asarray(plan.z)
     parameters, layout = posterior.parameters, posterior.layout
@@ -509,7 +515,10 @@ def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
 def _with_each(
     posterior: Posterior, z: Float[Array, " free"], planned: int
 ) -> tuple[Float[Array, "added free free"], Bool[Array, " added"]]:
-    """Return the information of the first rows with each of the others added."""
+    """Return the information of the planned rows with each further row added.
+
+    One program computes all rows: only the index of the added row changes.
+    """
     jacobian = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
     misfit = posterior.misfit(z)
     prior = jnp.diag(posterior.parameters.has_prior())
@@ -525,7 +534,7 @@ def _with_each(
 
 
 def _ratio(wide: float, narrow: float) -> float:
-    """Return how many times wider; 1 where neither is known."""
+    """Return the ratio of two widths; 1 if both are infinite."""
     if np.isinf(wide):
         return 1.0 if np.isinf(narrow) else np.inf
     return wide / narrow if narrow > 0 else np.inf
@@ -533,7 +542,7 @@ def _ratio(wide: float, narrow: float) -> float:
 
 @kept
 def _mass_slopes(posterior: Posterior, z: Float[Array, " free"], mass: int):
-    """Return predictions, their slopes in a mass's coordinate, and that of ln mass."""
+    """Return predictions, and the derivatives of these and ln mass by a coordinate."""
 
     def readings(step):
         there = z.at[mass].add(step)

@@ -42,14 +42,14 @@ from jblast.sensors.simulated_readings import Noise, written
 
 
 class Centred(eqx.Module):
-    """A prior moved so that its centre is the number that is taken for true.
+    """A prior shifted so that its centre is the assumed value.
 
-    A layout is judged by its information on average: the prior and the log then agree,
-    and the prior's width alone counts.
+    A layout is judged by its average information. Prior and log then agree, and only
+    the width of the prior has an effect.
 
     Attributes:
         belief: The prior.
-        centre: Its coordinate at the number taken for true.
+        centre: Its coordinate at the assumed value.
     """
 
     belief: Belief
@@ -69,14 +69,14 @@ class Centred(eqx.Module):
 
 
 class Planned(NamedTuple):
-    """A layout and the log it would write.
+    """A layout and its planned log.
 
     Attributes:
-        values: What is taken for true, by name of `scene.PARAMETERS`.
+        values: Assumed values by name of `scene.PARAMETERS`.
         z: The same in the fitted coordinates.
-        posterior: That of the log.
-        laws: The law of each quantity, and what it was taken by.
-        log: Its readings without error.
+        posterior: Posterior of the log.
+        laws: The law of each quantity, with the reason for its choice.
+        log: Readings without error.
     """
 
     values: Mapping[str, float]
@@ -91,12 +91,12 @@ def planned(
 ) -> Planned:
     """Return the log that a scene's sensors would write without errors.
 
-    What rides along stands where the vehicle hovers.
+    Mounted sensors have their positions on the hovering vehicle.
 
     Args:
         uncertain: The scene; its sensors have the quantities that they record.
-        at: Numbers taken for true; the others are the medians of their priors, and a
-            fireball's growth time is that of its law.
+        at: Assumed values; the default is the median of the prior, and for a fireball's
+            growth time the value of its law.
         noise: Distribution of the independent errors.
 
     Raises:
@@ -127,9 +127,10 @@ def planned(
     source = uncertain.source or "the planned layout"
     log = written(scene, drawn, value, np.asarray(sigma), sensors)
     log = replace(log, source=source)
-    # the place is taken for known here, so a sensor must not stand at it
+    # the position has an assumed value here, so a sensor must not be at it
     kept = [name for name in beliefs if name.partition(".")[0] not in CHARGE_POSITION]
-    with np.errstate(over="ignore"):  # a charge beyond all reach is refused below
+    # an overflow for a charge at a huge distance is rejected below
+    with np.errstate(over="ignore"):
         log = resolve_positions(log, scene, kept)
     for row in np.flatnonzero(~np.isfinite(value)):
         raise InputError(
@@ -142,7 +143,7 @@ def planned(
 
 
 def _as_seen(uncertain: UncertainScene) -> UncertainScene:
-    """Return the scene as a fit of the log planned would read it."""
+    """Return the scene as a fit of the planned log would use it."""
     planned = [
         (quantity, time)
         for sensor in uncertain.scene.sensors
@@ -154,7 +155,7 @@ def _as_seen(uncertain: UncertainScene) -> UncertainScene:
 
 
 def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, float]:
-    """Return the uncertain numbers of a scene: as given, or their priors' medians.
+    """Return the uncertain numbers of a scene: given values, or medians of priors.
 
     Raises:
         InputError: As in `planned`.
@@ -181,7 +182,7 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
         expected = " ".join(f"{argument('at')} {name}=VALUE" for name in open_)
         raise InputError(
             f"{source}: {', '.join(open_)}: free and without a prior, so expected "
-            f"{expected}; what a layout tells depends on it"
+            f"{expected}; the information of a layout depends on it"
         )
     return {
         name: _checked(name, float(at[name]), belief, uncertain.scene)
@@ -192,10 +193,10 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
 
 
 def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
-    """Return the free numbers that only shift what clocks show, as the scene has them.
+    """Return the free numbers that only shift clock times, with values of the scene.
 
-    The information of a layout does not depend on them, unless a sensor takes readings
-    at times of its clock.
+    The information of a layout does not depend on them, unless a sensor has readings at
+    given times of its clock.
     """
     scene = uncertain.scene
     taken = {q for sensor in scene.sensors for q, _ in sensor.records}
@@ -211,7 +212,11 @@ def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
 
 
 def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
-    """Return a number if the scene file, and its prior, would allow it."""
+    """Return a number within its bounds and its prior.
+
+    Raises:
+        InputError: It is outside.
+    """
     bounds, where = parameter_named(name).bounds, f"{argument('at')} {name}"
     if not bounds.allows(value):
         raise InputError(
@@ -229,13 +234,13 @@ def _shown(values: Mapping[str, float]) -> str:
 
 
 def hovering(scene: Scene) -> Scene:
-    """Return a scene whose riding sensors stand where its vehicle holds, level.
+    """Return a scene with mounted sensors at their positions on the level vehicle.
 
-    Of a wind, against which a vehicle tilts, nothing is counted: it moves what rides
-    by a part of its offset.
+    The tilt against a wind is neglected: it moves a sensor by a part of its offset.
 
     Args:
-        scene: Its sensors with a mount have no place; without a vehicle it stays.
+        scene: Scene whose mounted sensors have no position; unchanged without a
+            vehicle.
     """
     if scene.vehicle is None:
         return scene
@@ -250,10 +255,10 @@ def hovering(scene: Scene) -> Scene:
 
 
 def place_on(vehicle: VehicleSpec, offset_m: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Return where a point of a level vehicle is at the place it holds.
+    """Return the position of a point of a level vehicle at its set point.
 
     Args:
-        vehicle: Its yaw is from east to north.
+        vehicle: Vehicle with set point and yaw (from east to north).
         offset_m: Forward, left, up [m].
     """
     forward, left, up = jnp.asarray(offset_m, float)

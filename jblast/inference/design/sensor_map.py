@@ -22,11 +22,12 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept
 from jblast.sensors import Layout, record
 
+# points along each side: 3 % of the layout apart, finer than contours need
 POINTS = 60
 WIDER = 2.0
-"""The map is this much wider than the layout."""
+"""Width of the map relative to the layout. Farther away a sensor adds little."""
 BATCH = 256
-"""Places computed at once."""
+"""Positions computed together: more need memory in proportion, and gain little."""
 
 
 @dataclass(frozen=True)
@@ -34,20 +35,19 @@ class BoundMap:
     """Standard deviations with one more sensor, over its position.
 
     Attributes:
-        east: Where, increasing [m].
-        north: Where, increasing [m].
-        up: Height of the new sensor [m].
-        log_sd_mass: sd of ln mass; infinite where not identified; None if it is known.
-        place_sd: Root of the trace of the covariance of the charge's east and north
-            [m]; likewise.
-        mass: Name of the mass: that known worst.
-        place: Names of the place's free coordinates, of the first charge that has any.
-        now: sd of ln mass and of the place without a new sensor, by the names above.
-        valid: Whether the laws hold for the new sensor.
-        like: Name of the sensor whose records it has.
-        records: What it records.
-        sensors: Where the others stand, by name: east, north [m].
-        charges: Where the charges are: east, north [m].
+        east: Coordinates of the grid, increasing [m]. north: Coordinates of the grid,
+        increasing [m]. up: Height of the new sensor [m]. log_sd_mass: sd of ln mass;
+        infinite where not identified, None for a fixed mass. place_sd: Root of the
+        trace of the covariance of the charge's east and north
+            [m]; infinite where not identified, None for a fixed position.
+        mass: Name of the least certain mass.
+        place: Free coordinates of the first charge that has any.
+        now: sd of ln mass and of the position without a new sensor ("mass", "place").
+        valid: True where the new sensor is within the range of the laws.
+        like: Name of the sensor whose quantities it records.
+        records: Quantities it records.
+        sensors: Positions of the other sensors by name: east, north [m].
+        charges: Positions of the charges: east, north [m].
     """
 
     east: Float[np.ndarray, " east"]
@@ -66,16 +66,16 @@ class BoundMap:
 
 
 def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
-    """Return what one more sensor with the records of the first would leave unknown.
+    """Return the bound with one more sensor like the first, over its position.
 
-    Its clock is taken to be right.
+    Its clock is assumed to be synchronised.
 
     Args:
-        bound: The layout without it.
-        points: Along each side.
+        bound: Bound of the layout without it.
+        points: Number of points along each side.
 
     Raises:
-        InputError: The scene has no places, or neither a mass nor a place is open.
+        InputError: The scene has no positions, or neither mass nor position is free.
     """
     posterior, log, z = bound.posterior, bound.log, jnp.asarray(bound.z)
     parameters, layout = posterior.parameters, posterior.layout
@@ -83,13 +83,14 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
     mass, place = _wanted(bound)
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
-            f"{log.source}: a map needs places: expected [charge] position_m, got a "
-            "range alone"
+            f"{log.source}: a map needs positions: expected [charge] position_m, got a "
+            "range only"
         )
     if mass is None and not place:
         raise InputError(
-            f"{log.source}: a map shows what is left unknown of the mass or the place "
-            f"of a charge; got {', '.join(parameters.names)} open alone"
+            f"{log.source}: a map shows the uncertainty of the mass or position of a "
+            "charge: expected one of these to be free, got "
+            f"{', '.join(parameters.names)} only"
         )
     rows = np.array([i for i, s in enumerate(log.sensor) if s == log.sensor[0]])
     new = Layout(
@@ -148,7 +149,7 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
 
 
 def _wanted(bound: Bound) -> tuple[str | None, tuple[str, ...]]:
-    """Return the mass known worst, and the free place of the first charge with one."""
+    """Return the least certain mass, and the free coordinates of the first charge."""
     names = bound.posterior.parameters.names
     mass = names[worst(bound.posterior, bound.z)]
     is_mass = mass.partition(".")[0] == "charge_mass_kg"
@@ -159,7 +160,7 @@ def _wanted(bound: Bound) -> tuple[str | None, tuple[str, ...]]:
 
 
 def _grid(sensors, charges, points: int):
-    """Return the sides of a square about a layout, `WIDER` than its longer one."""
+    """Return the coordinates of a square about a layout, wider by `WIDER`."""
     seen = np.concatenate([sensors, charges])
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     half = max(WIDER * float(np.ptp(seen, axis=0).max()) / 2, 1.0)
@@ -175,7 +176,7 @@ def _over(
     z: Float[Array, " free"],
     places: Float[Array, "place 2"],
 ):
-    """Return covariance, what is unknown and validity for a sensor at each place."""
+    """Return covariance, unidentified numbers and validity for each position."""
     parameters, noise = posterior.parameters, posterior.noise
     laws = dict(posterior.laws)
     has_prior, scale = parameters.has_prior(), typical_step(posterior)
@@ -193,7 +194,7 @@ def _over(
 
 
 def _sd(covariance, unknown, index, unit) -> np.ndarray:
-    """Root of the sum of some variances, infinite where one is unknown."""
+    """Return the root of a sum of variances; infinite if one is unidentified."""
     variance = np.diagonal(covariance, axis1=1, axis2=2)[:, index] * unit**2
     return np.where(
         unknown[:, index].any(axis=1), np.inf, np.sqrt(variance.sum(axis=1))

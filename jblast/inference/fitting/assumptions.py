@@ -17,10 +17,10 @@ up = 0 at a distance $s$ from the origin is $s^2 / 2R$ above the ground (31 m at
 Speed: a shock runs at the speed of sound or faster. The excess of each air arrival over
 the travel time of sound $\tau$ is fitted by $b + \epsilon\tau$, weighted by the
 covariance of the arrivals, with a constant $b$ for each time of detonation and each
-clock that is fitted. The log is slower than sound if $\epsilon$ is positive and so many
-standard deviations from zero that chance explains it less often than a poor fit.
+clock that is fitted. The log is slower than sound if $\epsilon$ is significantly
+positive, at the level of a poor fit (`POOR`).
 
-Ranges of laws: a number is extrapolated if rows outside the range of their laws hold
+Ranges of laws: a number is extrapolated if rows outside the range of their laws have
 more than half of its information. Laws of buried charges are checked at the depth that
 few draws exceed, not only at the optimum.
 
@@ -47,7 +47,7 @@ from jblast.constants import (
     DRY_AIR_GAS_CONSTANT,
     STANDARD_SOUND_SPEED,
 )
-from jblast.inference.consensus import FAR
+from jblast.inference.consensus import STRATOSPHERE_RANGE
 from jblast.inference.fitting.findings import (
     FlatGround,
     PathsTakenAsIndependent,
@@ -78,14 +78,16 @@ from jblast.sensors.simulated_readings import paths_of
 from jblast.waves.propagation import sound_speed_of
 
 WIND = PARAMETERS["wind_east_m_s"].spread.amount
-"""Standard deviation of a wind that nobody measured, either way [m/s]."""
+"""Standard deviation of an unmeasured wind, each component [m/s]."""
 STEP = 1e-3
-"""Of differences: that part of a standard deviation, or of a typical step."""
+"""Step of central differences, relative to a standard deviation or a typical step. The
+term of third order is then 1e-6; rounding stays far below the change."""
 WIDER = 1.05
-"""An interval that would be wider by less is not reported."""
+"""Smallest factor by which a wider interval is reported: 5 % is within the error of an
+interval."""
 SPEEDS = ("air_sound_speed_m_s", "air_temperature_k")
-"""Of sound: one that is fitted stands for a wind along ranges."""
-BY_AIR = made_with("air_arrival_s")
+"""Numbers that set the speed of sound. A fitted one absorbs a wind along the ranges."""
+BY_AIR = made_with("air_arrival_s")  # quantities that depend on the travel time
 MAX_NAMED = 3
 """Largest number of assumptions that are named, those that widen intervals most
 first.
@@ -93,13 +95,16 @@ first.
 EARTH_RADIUS = 6_371_008.8
 """Mean radius [m]. Moritz (2000), Geodetic Reference System 1980, J. Geodesy 74."""
 NOTICED = 0.1
-"""An error of so many sigmas is reported."""
-FALL = 1.4
-"""Pressures and impulses fall no faster than by this power of the distance, far off."""
-DEEP = 0.05
-"""Share of the posterior that may lie deeper than where laws are judged."""
-MOST_OUTSIDE = 0.5
-"""Share of the information about a number that may come from rows outside their laws.
+"""Smallest reported error of flat ground, in sigmas of the reading: below, it adds less
+than 1 % to the error."""
+FAR_FIELD_POWER = 1.4
+"""Largest power of the distance by which pressures and impulses fall in the far field,
+where flat ground matters."""
+DEEPER_SHARE = 0.05
+"""Share of the posterior deeper than the depth at which laws are checked: the bound of
+the 90 % interval."""
+MAX_OUTSIDE = 0.5
+"""Largest share of the information about a number from rows outside their laws.
 
 Above one half, extrapolation decides: rows inside their laws would be outvoted. A few
 uninformative rows inside their range (ground motion beside the sound of a deep charge)
@@ -109,11 +114,11 @@ do not make such an answer valid, and a few uninformative rows outside do not sp
 
 @dataclass(frozen=True)
 class WindPassesForSoundSpeed(Finding):
-    """Still air was taken, and a wind along the ranges would not be noticed.
+    """Still air was assumed, and a wind along the ranges would not be detected.
 
     Attributes:
-        parameter: What stands for it.
-        is_fitted: Whether that is fitted; else a prior on it would do.
+        parameter: Number that absorbs the wind.
+        is_fitted: True if it is fitted; else a prior on it would account for the wind.
     """
 
     parameter: str
@@ -122,12 +127,12 @@ class WindPassesForSoundSpeed(Finding):
 
 @dataclass(frozen=True)
 class StillAir(Finding):
-    """Still air was taken.
+    """Still air was assumed.
 
     Attributes:
-        wind_sd: Of a wind towards east and north, were it unknown [m/s].
-        wider: How many times wider the 90 % intervals would be then, those that widen
-            most; empty where none would by much, None where that cannot be computed.
+        wind_sd: Standard deviation of each component of an unknown wind [m/s].
+        wider: Factor by which it would widen the 90 % intervals, the largest first;
+            empty if none is large, None if it cannot be computed.
     """
 
     wind_sd: float
@@ -135,7 +140,7 @@ class StillAir(Finding):
 
 
 def still_air(solution: Solution) -> Finding | None:
-    """Return what still air did to an answer; None where not taken, or not felt."""
+    """Return the effect of still air; None if not assumed, or without effect."""
     posterior = solution.posterior
     air = posterior.parameters.scene.air
     known_wind = any(name.startswith("wind_") for name in posterior.parameters.names)
@@ -161,13 +166,13 @@ def still_air(solution: Solution) -> Finding | None:
 
 
 def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | None:
-    """Return by what factor each interval would widen; None if no row feels a wind.
+    """Return the factor by which an unknown wind would widen each interval.
 
-    NaN where predictions have no slopes.
+    None if no prediction depends on the wind; NaN where predictions have no slopes.
 
     Args:
-        solution: What was found in still air.
-        sd: Of the wind's components [m/s].
+        solution: Solution in still air.
+        sd: Standard deviation of each wind component [m/s].
     """
     posterior, normal = solution.posterior, solution.laplace
     here = posterior.misfit(jnp.asarray(normal.z))
@@ -189,6 +194,7 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
     gain = normal.covariance @ to_fitted.T @ weighted
     left = to_wind.T @ weighted + np.eye(2) / sd**2 - weighted.T @ to_fitted @ gain
     if np.isfinite(left).all():
+        # singular if rows depend on one component only: the other gets no variance
         left = np.linalg.pinv(left, hermitian=True)
     added = np.diag(gain @ left @ gain.T)
     return {
@@ -199,7 +205,7 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
 
 
 def _slopes_to_wind(posterior: Posterior, z) -> Float[np.ndarray, "row 2"]:
-    """Return how predictions move with the wind towards east and north."""
+    """Return the derivative of the predictions by the wind towards east and north."""
     where = (
         lambda p: p.parameters.scene.air.wind_east,
         lambda p: p.parameters.scene.air.wind_north,
@@ -216,14 +222,14 @@ def _slopes_to_wind(posterior: Posterior, z) -> Float[np.ndarray, "row 2"]:
 
 
 def _slope(before: Misfit, after: Misfit) -> Float[np.ndarray, " row"]:
-    """Return half of what predictions rose by from one place to another."""
+    """Return half of the change of the predictions from one place to another."""
     return 0.5 * (np.asarray(before.residual) - np.asarray(after.residual))
 
 
 def _weighted(here: Misfit, of_rows, columns: Float[np.ndarray, "row column"]):
-    """Return columns times the inverse covariance of the rows, shared effects and all.
+    """Return columns times the inverse covariance of the rows, with shared effects.
 
-    By the Woodbury identity: no matrix of rows by rows.
+    The Woodbury identity avoids a matrix of rows by rows.
     """
     weight = np.reshape(of_rows, (-1, 1)) / np.asarray(here.sd)[:, None] ** 2
     loading = np.asarray(here.loading)
@@ -235,21 +241,27 @@ def _weighted(here: Misfit, of_rows, columns: Float[np.ndarray, "row column"]):
 def slower_than_sound(
     observations: Observations, solution: Solution
 ) -> SlowerThanSound | None:
-    """Return the arrivals that imply a speed below that of sound, if scatter does not.
+    """Return the arrivals that imply a speed below that of sound; None if scatter does.
 
-    If air temperature or sound speed are fitted, sound is that of the coldest air at
-    least. Arrivals from beyond `consensus.FAR` may come through the thermosphere, which
-    is slower, and lower bounds are no arrivals: both are left out.
+    If air temperature or sound speed are fitted, the speed is at least that of the
+    coldest air. Arrivals from beyond `consensus.STRATOSPHERE_RANGE` may come through
+    the thermosphere, which is slower. Lower bounds are no arrivals. Both are left out.
     """
     posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
     misfit = posterior.misfit(z)
     distance = np.asarray(misfit.slant_range)
     quantity = np.array(observations.quantity)
-    used = (quantity == "air_arrival_s") & (distance > 0.0) & (distance <= FAR)
+    used = (
+        (quantity == "air_arrival_s")
+        & (distance > 0.0)
+        & (distance <= STRATOSPHERE_RANGE)
+    )
     if posterior.lower_bound is not None:
         used &= ~np.asarray(posterior.lower_bound)
     scene, layout = posterior.parameters.scene_at(z), posterior.layout
     shot, names = np.array(layout.shot), posterior.parameters.names
+    # a free origin time or clock offset shifts all of its arrivals alike: each is
+    # fitted with a constant
     constants = [
         shot == n
         for n, charge in enumerate(scene.charges)
@@ -278,6 +290,8 @@ def slower_than_sound(
     sd = float(np.sqrt(np.linalg.inv(design.T @ design)[-1, -1]))
     if not found[-1] > -ndtri(POOR) * sd:
         return None
+    # named are arrivals that are late by more than their scatter, or by half of the
+    # latest
     own = excess - sum(b * c for b, c in zip(found[:-1], constants, strict=True))
     scatter = np.hypot(misfit.sd, np.linalg.norm(np.asarray(misfit.loading), axis=1))
     slowness = np.where(used, 1.0 + own / np.where(used, tau, 1.0), -np.inf)
@@ -316,12 +330,12 @@ def flat_ground(
     charge: Float[np.ndarray, "row 3"],
     slant_range: Float[np.ndarray, " row"],
 ) -> FlatGround | None:
-    """Return the reading that the flat ground is furthest off for, if it is noticed.
+    """Return the reading with the largest error by flat ground; None if negligible.
 
     Args:
-        observations: The log; None is returned of one without a place on the Earth.
+        observations: The log; without a frame on the Earth the result is None.
         charge: East, north, up of each row's charge [m].
-        slant_range: Distance of each row from it [m].
+        slant_range: Distance of each row from its charge [m].
     """
     if observations.frame is None or not len(observations):
         return None
@@ -332,7 +346,7 @@ def flat_ground(
     tilt = np.abs(np.linalg.norm(lower, axis=1) - np.linalg.norm(level, axis=1))
     error = arc + tilt
     timed = np.isin(observations.quantity, TIMES)
-    share = FALL * error / np.maximum(slant_range, 1.0)
+    share = FAR_FIELD_POWER * error / np.maximum(slant_range, 1.0)
     shift = np.where(timed, error / STANDARD_SOUND_SPEED, share)
     sigmas = np.nan_to_num(shift / observations.error_scale())
     worst = int(np.argmax(sigmas))
@@ -348,13 +362,13 @@ def flat_ground(
 
 
 def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | None:
-    """Return how many neighbouring paths were taken as independent, if any were."""
+    """Return the number of paths taken as independent; None without any."""
     posterior, parameters = solution.posterior, solution.posterior.parameters
     layout = posterior.layout
     if len(layout.quantity) <= MAX_PATHS:
         return None
     scene = parameters.scene_at(jnp.asarray(solution.laplace.z))
-    # traced alone, as only the names of what scatters from path to path are needed
+    # traced without evaluation: only the names of quantities with path scatter are used
     recording = eqx.filter_eval_shape(record, scene, layout, dict(posterior.laws))
     position, given = np.asarray(layout.position), np.asarray(layout.slant_range) > 0
     most, beyond = 0, False
@@ -372,7 +386,7 @@ def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | 
         if place & {*parameters.names}:
             level = position[near, :2]
             away = np.asarray(charge.position_m)[:2] - level.mean(axis=0)
-            # the diagonal of the box, as pairs of a million sensors are too many
+            # the diagonal of the bounding box: pairs of a million sensors are too many
             beyond |= bool(np.hypot(*away) > np.hypot(*np.ptp(level, axis=0)))
     return PathsTakenAsIndependent(most, MAX_PATHS, beyond) if most else None
 
@@ -380,15 +394,15 @@ def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | 
 def valid_at_depth(
     solution: Solution, draws: Float[np.ndarray, "draw free"]
 ) -> Bool[np.ndarray, " row"]:
-    """Return whether laws that depend on depth hold at a depth that few draws exceed.
+    """Return the validity of depth-dependent laws at a depth that few draws exceed.
 
-    An overestimated mass brings a buried charge nearer to the surface, over the cube
-    root by which depths are scaled; so an answer may lie in a law's range that its own
-    90 % interval leaves. Depth and mass alone are put in the place of the answer's; a
-    charge that is not buried is not judged, nor a row by a law that asks for no depth.
+    Depths are scaled by the cube root of the mass, so an overestimated mass moves a
+    buried charge towards the surface. The answer may lie within the range of a law that
+    its 90 % interval leaves. Only depth and mass are changed from the answer. Charges
+    that are not buried, and laws without a depth, count as valid.
 
     Args:
-        solution: What was found.
+        solution: Result of the inference.
         draws: Coordinates drawn from the posterior.
     """
     posterior, parameters = solution.posterior, solution.posterior.parameters
@@ -415,7 +429,7 @@ def valid_at_depth(
             np.asarray(drawn.get(name, np.full(len(draws), float(fixed))))
             for name, fixed in known.items()
         )
-        deepest = np.argsort(up / np.cbrt(mass))[int(DEEP * len(draws))]
+        deepest = np.argsort(up / np.cbrt(mass))[int(DEEPER_SHARE * len(draws))]
         moved = [name in known for name in parameters.names]
         deep = np.where(moved, draws[deepest], solution.laplace.z)
         holds = np.asarray(posterior.misfit(jnp.asarray(deep)).valid)
@@ -427,22 +441,22 @@ def valid_at_depth(
 def extrapolated(
     solution: Solution, valid: Bool[np.ndarray, " row"]
 ) -> tuple[str, ...]:
-    r"""Return the requested numbers that rest on rows outside the range of their laws.
+    r"""Return the requested numbers that depend on rows outside their laws.
 
-    Of a number with variance $1/I$, all other numbers fitted too, the share of the
-    information that rows outside hold is $1 - I_{in}/I$. $I_{in}$ is of the rows
-    inside and of the priors alone. Numbers that nothing identifies are not named.
+    Let $1/I$ be the marginal variance of a number, and $I_{in}$ the same information
+    from the rows inside and the priors alone. The share of the rows outside is
+    $1 - I_{in}/I$. Numbers that are not identified are not named.
 
     Args:
         solution: Result of the inference.
-        valid: Whether the law of each row holds at the answer.
+        valid: True for rows within the range of their law at the answer.
     """
     if valid.all():
         return ()
     everything = _information(solution, jnp.ones(len(valid), bool))
     inside = _information(solution, jnp.asarray(valid))
     names = solution.posterior.parameters.names
-    asked = requested(names)
+    wanted = requested(names)
     return tuple(
         name
         for name, is_determined, all_rows, some in zip(
@@ -452,16 +466,17 @@ def extrapolated(
             inside,
             strict=True,
         )
-        if name in asked and is_determined and some < (1 - MOST_OUTSIDE) * all_rows
+        if name in wanted and is_determined and some < (1 - MAX_OUTSIDE) * all_rows
     )
 
 
 def _information(
     solution: Solution, used: Bool[Array, " row"]
 ) -> Float[np.ndarray, " free"]:
-    """Return one over the variance of each number, of some rows and the priors."""
+    """Return one over the variance of each number by the `used` rows and the priors."""
     posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
     misfit = posterior.misfit(z)
+    # infinite errors instead of fewer rows: the compiled programs keep their shapes
     misfit = eqx.tree_at(lambda m: m.sd, misfit, jnp.where(used, misfit.sd, jnp.inf))
     slopes = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
     rows = whitened_rows(posterior, misfit, slopes)

@@ -8,12 +8,12 @@ from jblast.inference.posterior.parameters import Estimate, Finding
 
 @dataclass(frozen=True)
 class SuspectedOutlier:
-    """A reading too far off for errors as stated.
+    """A reading with a residual too large for the stated errors.
 
     Attributes:
-        sensor: Whose.
-        quantity: Of what.
-        sds: By how many standard deviations.
+        sensor: Name of the sensor.
+        quantity: Quantity of the reading.
+        sds: Residual in standard deviations.
     """
 
     sensor: str
@@ -26,12 +26,12 @@ class WrongSensor(Finding):
     """A sensor without which a log fits.
 
     Attributes:
-        name: Its name.
-        chi2: Of the others.
-        dof: Degrees of freedom of the others.
+        name: Name of the sensor.
+        chi2: Chi squared of the other rows.
+        dof: Degrees of freedom of the other rows.
         p_value: Chance of a larger chi squared.
-        law_valid_rows: Rows of the others within their laws.
-        estimates: Estimates from the others, by parameter.
+        law_valid_rows: Number of other rows within their laws.
+        estimates: Estimates from the other rows, by parameter.
     """
 
     name: str
@@ -44,12 +44,12 @@ class WrongSensor(Finding):
 
 @dataclass(frozen=True)
 class WrongClock(WrongSensor):
-    """A clock without whose times a log fits; its other fields are a sensor's.
+    """A clock without whose times a log fits; further fields as in `WrongSensor`.
 
     Attributes:
-        offset_s: By how much it is ahead [s].
-        offset_sd: Standard deviation of that [s].
-        parameter: The number that would be free; None for the common clock.
+        offset_s: Estimated offset, positive if it is ahead [s].
+        offset_sd: Standard deviation of the offset [s].
+        parameter: Parameter to free; None for the common clock.
     """
 
     offset_s: float
@@ -59,7 +59,7 @@ class WrongClock(WrongSensor):
 
 @dataclass(frozen=True)
 class ExchangedSensors(WrongSensor):
-    """Two sensors with whose places exchanged a log fits, all rows together.
+    """Two sensors with whose positions exchanged the whole log fits.
 
     Attributes:
         other: Name of the second sensor.
@@ -70,11 +70,11 @@ class ExchangedSensors(WrongSensor):
 
 @dataclass(frozen=True)
 class SeveralExplanations(Finding):
-    """Other sensors without which a log fits as well as without a suspected one.
+    """Several sensors that explain a poor fit equally well.
 
     Attributes:
         suspected: Sensor of the largest outlier.
-        others: The other sensors.
+        others: Sensors without which the log fits as well as without it.
     """
 
     suspected: str
@@ -83,17 +83,17 @@ class SeveralExplanations(Finding):
 
 @dataclass(frozen=True)
 class AsAsked(Finding):
-    """A method was used because it was named."""
+    """The method was requested by the user."""
 
 
 @dataclass(frozen=True)
 class DirectionUnidentified(Finding):
-    """The normal approximation is all there is where a direction is not identified."""
+    """Only the normal approximation is available: a direction is not identified."""
 
 
 @dataclass(frozen=True)
 class NotAtOptimum(Finding):
-    """The search did not arrive at an optimum: the answer is where it ended."""
+    """The search did not converge to an optimum: the answer is its last position."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,9 @@ class PoorFit(Finding):
 
     Attributes:
         chi2: Chi squared.
-        dof: Its degrees of freedom.
-        p_value: Chance of a larger one.
-        log: Name of the log if no scene was given: one might help; else "".
+        dof: Degrees of freedom.
+        p_value: Probability of a larger chi squared.
+        log: Name of the log if no scene was given, since one might help; else "".
     """
 
     chi2: float
@@ -130,10 +130,10 @@ class SlowerThanSound(Finding):
 
 @dataclass(frozen=True)
 class PriorConflict(Finding):
-    """Without priors the log fits well, where a prior rules it out.
+    """The log fits well without priors, at values that a prior excludes.
 
     Attributes:
-        values: The numbers there that contradict their priors.
+        values: These values of the numbers that contradict their priors.
     """
 
     values: Mapping[str, float]
@@ -141,14 +141,14 @@ class PriorConflict(Finding):
 
 @dataclass(frozen=True)
 class LawOutOfRange(Finding):
-    """Rows lie where their laws do not hold.
+    """Rows are outside the range of their laws.
 
     Attributes:
-        rows: How many.
-        of: Among so many.
-        quantities: Of what.
-        ranges: Each law, and where it holds.
-        is_deeper: Whether it is by the depth that the 90 % interval reaches.
+        rows: Number of rows outside.
+        of: Number of all rows.
+        quantities: Quantities of the rows outside.
+        ranges: Each law and its range.
+        is_deeper: True if only the deepest burial of the 90 % interval is outside.
     """
 
     rows: int
@@ -160,21 +160,21 @@ class LawOutOfRange(Finding):
 
 @dataclass(frozen=True)
 class LawsUnsettled(Finding):
-    """At the answer other laws would be chosen than it was fitted with."""
+    """The automatic choice at the answer differs from the laws of the fit."""
 
 
 @dataclass(frozen=True)
 class BurstsUnsettled(Finding):
-    """At the answer the height leaves other curve sets than it was fitted with."""
+    """The curve sets by height at the answer differ from those of the fit."""
 
 
 @dataclass(frozen=True)
 class NoScene(Finding):
-    """No scene was given, so the default one was taken.
+    """No scene was given, so the default scene was used.
 
     Attributes:
-        freed: What the log left free in it beside the mass.
-        altitude_m: Of the sensors, whose standard atmosphere was taken [m].
+        freed: Parameters besides the mass that are free for this log.
+        altitude_m: Altitude of the sensors for the standard atmosphere [m].
     """
 
     freed: tuple[str, ...] = ()
@@ -186,7 +186,7 @@ class NothingLearned(Finding):
     """The log adds nothing to the priors of some numbers.
 
     Attributes:
-        parameters: Which.
+        parameters: Names of these numbers.
     """
 
     parameters: tuple[str, ...]
@@ -194,10 +194,10 @@ class NothingLearned(Finding):
 
 @dataclass(frozen=True)
 class FarFromItsLaw(Finding):
-    """The whole shot, or a path, departs from its law by more than expected.
+    """A whole shot or path departs from its law by more than its scatter.
 
     Attributes:
-        times: So many times the scatter expected of it.
+        times: Departure in standard deviations of the scatter.
     """
 
     times: float
@@ -205,10 +205,10 @@ class FarFromItsLaw(Finding):
 
 @dataclass(frozen=True)
 class HeightOfBurst(Finding):
-    """By which curves a charge above the ground was taken, and what they miss.
+    """The curves used for a charge above the ground, and their limitations.
 
     Attributes:
-        note: In the words of the sensors that read the curves.
+        note: Text of `law_choice.height_notes`.
     """
 
     note: str
@@ -216,11 +216,11 @@ class HeightOfBurst(Finding):
 
 @dataclass(frozen=True)
 class DeepCharge(Finding):
-    """The charge lay deep; of that the laws include the longer path alone.
+    """The charge was buried; the laws account for the longer path only.
 
     Attributes:
-        charge: Its name, or "".
-        scaled_depth: How deep [m/kg^(1/3)].
+        charge: Name of the charge, or "".
+        scaled_depth: Scaled depth of burial [m/kg^(1/3)].
     """
 
     charge: str
@@ -229,11 +229,11 @@ class DeepCharge(Finding):
 
 @dataclass(frozen=True)
 class NoPointSource(Finding):
-    """The law of a point source read a chemical charge.
+    """The law of a point source was used for a chemical charge.
 
     Attributes:
-        laws: Which.
-        explosive: What the charge is of.
+        laws: Names of the laws.
+        explosive: Explosive of the charge.
     """
 
     laws: tuple[str, ...]
@@ -242,13 +242,13 @@ class NoPointSource(Finding):
 
 @dataclass(frozen=True)
 class MoreToFree(Finding):
-    """No default scene fits the log, but one with more numbers free does.
+    """The default scene does not fit the log, but one with more free numbers does.
 
     Attributes:
-        parameters: Which.
-        p_value: Chance of a larger chi squared with them free.
-        estimates: Estimates from the log then, by parameter.
-        clock: The clock among them that is wrong, "" if none alone is.
+        parameters: Parameters to free.
+        p_value: Probability of a larger chi squared with them free.
+        estimates: Estimates with them free, by parameter.
+        clock: The only wrong clock among them, or "".
     """
 
     parameters: tuple[str, ...]
@@ -259,14 +259,14 @@ class MoreToFree(Finding):
 
 @dataclass(frozen=True)
 class FlatGround(Finding):
-    """The Earth is round enough to matter.
+    """The curvature of the Earth is not negligible.
 
     Attributes:
-        sensor: Whose reading is furthest off by it.
-        quantity: Of what.
-        range_m: How far from the charge [m].
-        error_m: How far off that distance is [m].
-        sigmas: That in sigmas of the reading.
+        sensor: Sensor of the reading with the largest error.
+        quantity: Quantity of the reading.
+        range_m: Distance from the charge [m].
+        error_m: Error of this distance [m].
+        sigmas: Error in sigmas of the reading.
     """
 
     sensor: str
@@ -278,13 +278,13 @@ class FlatGround(Finding):
 
 @dataclass(frozen=True)
 class PathsTakenAsIndependent(Finding):
-    """The scatter of neighbouring paths was taken as independent: they are too many.
+    """The scatter of too many neighbouring paths was taken as independent.
 
     Attributes:
-        paths: How many there are.
-        limit: Largest number whose correlation is taken into account.
-        beyond_array: Whether a fitted place lies farther from the middle of the sensors
-            than these are apart.
+        paths: Number of paths.
+        limit: Largest number of paths with correlated scatter.
+        beyond_array: True if a fitted position is farther from the middle of the
+            sensors than their extent.
     """
 
     paths: int
@@ -294,12 +294,12 @@ class PathsTakenAsIndependent(Finding):
 
 @dataclass(frozen=True)
 class ClocksTakenToAgree(Finding):
-    """Clocks of a log that are neither fitted nor given, and were taken to agree.
+    """Clocks without a fitted or given offset, which were assumed to agree.
 
     Attributes:
-        clocks: Their names; the clock by which all are set stands first, unless it is
-            the common clock, which has none.
-        parameters: The offsets that could be fitted instead.
+        clocks: Names of the clocks. The reference clock is the first, unless it is the
+            common clock, which has no name.
+        parameters: Offsets that could be fitted instead.
         resting: Numbers that are identified by this assumption alone.
     """
 
@@ -310,10 +310,10 @@ class ClocksTakenToAgree(Finding):
 
 @dataclass(frozen=True)
 class FlashesSetAside(Finding):
-    """Flash times on clocks that read nothing else, which were not used.
+    """Flash times on clocks without other readings, which were not used.
 
     Attributes:
-        clocks: Their names.
+        clocks: Names of the clocks.
     """
 
     clocks: tuple[str, ...]

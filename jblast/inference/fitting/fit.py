@@ -77,19 +77,22 @@ from jblast.sensors.layout import components
 from jblast.sensors.record import path_to
 from jblast.sensors.simulated_readings import Noise
 
+# The bounds of a band are then precise to 5 % of its width, which a figure does not
+# resolve. Each draw costs one evaluation at every point of a line.
 DRAWS_IN_BANDS = 200
 STAGES = {
     "reading samples": 14.0,
     "choosing laws": 1.5,
     "searching": 4.0,
-    "what can be told": 0.5,
+    "identifying parameters": 0.5,
     "counting samples": 8.0,
-    "how sure": 2.0,
-    "the answer": 1.0,
+    "computing the uncertainty": 2.0,
+    "collecting results": 1.0,
 }
-"""Of a fit, and about how many seconds each takes, most of them compiling."""
+"""Stages of a fit with their approximate duration [s], most of it compilation."""
 OF_SAMPLES = ("reading samples", "counting samples")
-"""Those that only a log with records of samples has."""
+"""Stages of logs with records of samples only."""
+# points of a band, evenly spaced in ln: 5 % apart for a span of a factor of 50
 POINTS = 80
 
 
@@ -99,14 +102,14 @@ class Band:
 
     Attributes:
         quantity: A key of `observations.QUANTITIES`.
-        shot: Of which of the scene's charges.
+        shot: Index of the charge in the scene.
         axis: "range_m", or "time_s" for `TIMED` quantities.
-        x: Where, increasing.
-        q05: 5 % quantile over the posterior, laws taken as exact; clock times are on
-            the common clock.
+        x: Ranges or times, increasing.
+        q05: 5 % quantile over the posterior, without the scatter of the laws; clock
+            times are on the common clock.
         answer: The law at the answer, as `Fit.predicted`.
         q95: 95 % quantile.
-        valid: Where the law holds at the answer.
+        valid: True where the law is within its range at the answer.
     """
 
     quantity: str
@@ -121,29 +124,30 @@ class Band:
 
 @dataclass(frozen=True)
 class Fit:
-    """The answer to one log.
+    """The fit of one log.
 
     Attributes:
-        summary: What was found.
+        summary: Estimates, warnings and further results.
         observations: The log.
         scene: The scene at the maximum of the posterior.
         predicted: The law's value at each row, in the row's unit.
         distance: Slant range of each row at the answer [m].
-        residual: (measured - predicted - shared effects) / sd of each row; of a lower
-            bound the least error that keeps it: 0 where the law predicts more.
+        residual: (measured - predicted - shared effects) / sd of each row. For a lower
+            bound it is the smallest error that satisfies it: 0 where the law predicts
+            more.
         sd: Independent standard deviation of each row: seconds for times, else in ln.
         shared: The shared effects at each row, same unit as `sd`.
-        draws: Posterior draws of every parameter that the data determine.
-        shot: Which of the scene's charges each row is of.
-        bands: One for each quantity observed, and charge.
-        weighted: Whether draws of the normal approximation were weighted.
-        posterior_reason: Why intervals come from the normal approximation, or a walk.
-        ensemble: The walk the draws are from, where there was one.
+        draws: Posterior draws of every identified parameter.
+        shot: Index of the charge of each row.
+        bands: Predictive band of each observed quantity and charge.
+        weighted: True if draws of the normal approximation were weighted.
+        posterior_reason: Reason for the method of the intervals.
+        ensemble: The walkers' chain, if they ran.
         density: The posterior.
-        exit_code: 0 answered, 4 computed with a doubt: not converged, not
-            identifiable, nothing that was asked for identified, a poor fit, a law that
-            holds for no row or not for those a requested number rests on, or a log
-            that one clock or sensor spoils.
+        exit_code: 0 answered, 4 answered with a warning: not converged, not
+            identifiable, no requested number identified, a poor fit, a law that is
+            within its range for no row or not for those on which a requested number
+            depends, or a log that one wrong clock or sensor explains.
     """
 
     summary: Summary
@@ -164,13 +168,13 @@ class Fit:
 
     @property
     def origin_time(self) -> Float[np.ndarray, " row"]:
-        """When the charge of each row exploded, on the common clock [s]."""
+        """Origin time of the charge of each row, on the common clock [s]."""
         times = np.array([float(charge.time_s) for charge in self.scene.charges])
         return times[list(self.shot)]
 
     @property
     def exit_code(self) -> int:
-        """Return the exit code of the contract: 0 answered, 4 computed with a doubt."""
+        """Return the exit code: 0 answered, 4 answered with a warning."""
         found = self.summary
         answered = found.converged and found.identifiable
         answered = answered and not found.identifies_nothing
@@ -179,17 +183,17 @@ class Fit:
 
     @property
     def is_poor(self) -> bool:
-        """Whether the log disagrees with its laws by more than its errors allow."""
+        """True if the log disagrees with its laws by more than its errors allow."""
         p = p_value(self.summary.chi2, self.summary.dof)
         return p is not None and p < POOR
 
     @property
     def is_outside(self) -> bool:
-        """Whether the laws hold for no row, or a number rests on rows outside."""
+        """True if all rows, or those that decide a number, are outside their laws."""
         return self.summary.law_valid_rows == 0 or bool(self.summary.extrapolated)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what was found as JSON can hold it."""
+        """Return the summary with values that JSON can represent."""
         return self.summary.to_dict()
 
 
@@ -213,35 +217,36 @@ def fit(
     Args:
         log: A table of any form that `jblast.read` accepts (a file, a data frame),
             several files with `one_event`, a folder or files of pressure records with
-            `positions`, the result of `jblast.pick_files`, or `Observations`. The
-            samples of a record that a row names count themselves
+            `positions`, the result of `jblast.pick_files`, or `Observations`. If a row
+            names a record, the likelihood is that of its samples
             (`inference.sampled_records`).
         scene: The scene and its unknown parameters, or its file. The default is a
             surface charge of unknown mass at the origin at time 0, in sea-level air. In
-            a log in degrees or with dates, place and time are free as well
-            (`scenes.for_log`), with records whatever the stations can identify. A
+            a log in degrees or with dates, position and time are free as well
+            (`scenes.for_log`); with records, all that the stations can identify. A
             fireball's growth time is free unless the scene states otherwise.
         positions: Table of stations: `log` is then records of pressure, to be picked.
-        one_event: Whether the files are recordings of one event, each with a clock of
-            its own, free but for the first.
-        freed: Further free parameters, as in the answer: "charge_east_m".
+        one_event: Treat the files as recordings of one event, each with its own clock,
+            whose offset is free except for the first.
+        freed: Further free parameters, for example "charge_east_m".
         laws: Laws by quantity; or words NAME, QUANTITY=NAME or "auto".
         noise: Distribution of the independent errors.
-        posterior: How intervals are found: "weighted" (draws of a normal approximation,
-            weighted by the posterior), "laplace" (that approximation alone), "emcee"
-            (walkers), or "auto": walkers where the approximation is found wanting.
-        seed: Of the starts of the search and the draws of the posterior.
-        store: Folder in which a walk is kept, to be gone on with if it is cut short.
+        posterior: Method of the intervals: "weighted" (draws of a normal approximation,
+            weighted by the posterior), "laplace" (the approximation alone), "emcee"
+            (walkers), or "auto": walkers if the approximation fails its check.
+        seed: Seed of the starts of the search and the draws of the posterior.
+        store: Folder in which a chain of walkers is stored, and resumed if it was
+            interrupted.
         scaling: Scale of the records, where files do not state it.
         high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
 
     Returns:
-        Estimates with their intervals, the law they rest on and where it ends, and
-        what the data do not identify; `jblast.report.summary` puts it in words.
+        Estimates with their intervals, the laws with their ranges, and what the data do
+        not identify; `jblast.report.summary` formats it as text.
 
     Raises:
-        ValueError: The log and the scene do not go together, or there are several logs,
-            which `fit_each` fits; the message says how.
+        ValueError: Log and scene do not match, or there are several logs, which
+            `fit_each` fits; the message states the remedy.
 
     Example:
         `jblast.fit("records/", positions="stations.csv")`
@@ -300,7 +305,7 @@ def _fit(
     solution = solve(
         observations, uncertain, noise=noise, seed=seed, records=sampled, begin=begin
     )
-    begin("how sure")
+    begin("computing the uncertainty")
     density, z = solution.posterior, solution.laplace.z
     misfit = density.misfit(jax.device_put(z))
     left = standardised_residuals(density, z)
@@ -312,7 +317,7 @@ def _fit(
         )
     ]
     sure = uncertainty(solution, posterior, seed=seed, rows=names, store=store)
-    begin("the answer")
+    begin("collecting results")
     draws = sure.z
     values = parameters.values_of_each(jax.device_put(draws))
     distance = np.asarray(misfit.slant_range)
@@ -375,13 +380,20 @@ def solve(
     begin: Callable[[str], None] | None = None,
     follow_range: bool = True,
 ) -> Solution:
-    """Find the posterior's optima, what is identifiable, and its normal approximation.
+    """Find the optima of the posterior, identifiability and the normal approximation.
 
-    Laws left to us are chosen at the likeliest start, and again at the answer until
-    they settle (`settle_laws`); so are the curve sets of charges whose `burst` is left
-    to their height. Samples of records, where there are any, count once the log of what
-    was read off them is solved. `begin` is called with the name of each stage.
-    `follow_range` follows the range of a charge beside a small array (`range_profile`).
+    Automatic laws are chosen at the likeliest start, and again at the answer until they
+    settle (`settle_laws`). So are the curve sets of charges whose `burst` follows from
+    their height. Samples of records are used once the log of their picks is solved.
+
+    Args:
+        observations: The log.
+        uncertain: The scene and its uncertain parameters.
+        noise: Distribution of the independent errors.
+        seed: Seed of the starts of the search.
+        records: Samples of records, if there are any.
+        begin: Function that is called with the name of each stage.
+        follow_range: Compute the `range_profile` of a charge outside a small array.
     """
     if not parameters_of(uncertain).names:
         raise InputError(
@@ -411,10 +423,12 @@ def solve(
         return posterior, found, choices_for(answer, rows, sigma)
 
     choices = choices_for(uncertain.scene, rows, sigma)
-    said = dict(uncertain.scene.law)
+    stated = dict(uncertain.scene.law)
     charges, quantities = choices.scene.charges, choices.layout.quantities()
     lifted = any(charge.by_height and charge.up > 0.0 for charge in charges)
-    if lifted or any(said.get(q, "auto") == "auto" for q in quantities):
+    # The scene's own numbers may be far from the answer, where other laws are chosen. A
+    # likely start saves a search: each search with other laws compiles a program.
+    if lifted or any(stated.get(q, "auto") == "auto" for q in quantities):
         first = posterior_by(choices)
         near = first.parameters.scene_at(likeliest_start(key, first))
         choices = choices.as_for(choices_for(near, rows, sigma))
@@ -422,9 +436,11 @@ def solve(
     sight = range_profile(posterior, found) if follow_range else None
     if sight is not None:
         found = with_best_range(posterior, found, sight)
+    # after the range: an image of the most probable place, not of an improbable optimum
     found = with_mirror_images(posterior, found)
     z = np.asarray(found.z)[0]
-    begin("what can be told")
+    begin("identifying parameters")
+    # residuals and information need one correlation of paths: the mean by the data here
     posterior = posterior.weighed(jax.device_put(z))
     identified = identifiability(posterior, z)
     solution = Solution(
@@ -447,7 +463,7 @@ def solve(
 
 
 def _stages(*, of_samples: bool) -> Callable[[str], None]:
-    """Return what is to be called with the name of each stage as it begins."""
+    """Return a function that reports the start of each stage by its name."""
     return stages(
         {k: v for k, v in STAGES.items() if of_samples or k not in OF_SAMPLES}
     )
@@ -482,7 +498,7 @@ def fit_each(
         high_pass_hz: As for `fit`.
 
     Returns:
-        By name, the fit; or the reason why that log could not be read or fitted.
+        By name, the fit, or the error if the log could not be read or fitted.
 
     Raises:
         InputError: The only file cannot be read, or the scene cannot.
@@ -528,14 +544,14 @@ def bands(
 ) -> tuple[Band, ...]:
     """Return the band of every quantity and charge of a log.
 
-    It goes from half to twice the reach of the readings, through still air: along a
-    range alone the wind has no direction. A draw that places the charge elsewhere is
-    nearer to some sensors and further from others; at a sensor's range, from the
-    answer, it is shown by what that sensor would read. Between them it is nearer by a
-    share that runs straight in ln of the range.
+    It extends from half the smallest to twice the largest range of the readings,
+    through still air: a range has no direction for the wind. A draw with another
+    position is nearer to some sensors and farther from others. At the range of a sensor
+    the band shows the reading of that sensor. Between sensors the ratio of ranges is
+    interpolated in ln of the range.
 
     Args:
-        parameters: What was fitted.
+        parameters: Fitted parameters.
         z: The answer.
         draws: Coordinates drawn from the posterior.
         observations: The log.
@@ -551,7 +567,7 @@ def bands(
         if quantity in DIRECTIONS:  # do not depend on the range
             continue
         is_radius = quantity in TIMED
-        # times count from the explosion, which clocks may show at any time
+        # radii grow from the explosion on: points are spaced from the origin time
         start = float(answered.charges[of].time_s) if is_radius else 0.0
         reach = (observations.time - start if is_radius else distance)[rows]
         positive = reach[reach > 0]
@@ -563,7 +579,7 @@ def bands(
         first, seen_from = observations.position[one], observations.slant_range[one]
         layout = Layout(
             quantity=(quantity,) * POINTS,
-            # of radii: where they are seen from
+            # for radii: the position of the camera
             position=jax.device_put(np.tile(np.nan_to_num(first), (POINTS, 1))),
             slant_range=jax.device_put(np.full(POINTS, seen_from) if is_radius else x),
             time=jax.device_put(x if is_radius else nothing),
@@ -600,7 +616,7 @@ def bands(
 
 @kept
 def _recordings(parameters, draws, layout, sensors, near, laws):
-    """Return what each draw reads along a layout, its sensors at their own ranges."""
+    """Return the readings of each draw along a layout; see `bands`."""
 
     def one(z):
         scene = parameters.scene_at(z)

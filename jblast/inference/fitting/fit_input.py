@@ -28,7 +28,7 @@ from jblast.scene import (
 )
 from jblast.sensors.law_choice import laws_named
 
-if TYPE_CHECKING:  # picks are a second of imports, which logs do without
+if TYPE_CHECKING:  # importing picks takes a second, which logs do not need
     from jblast.signals.picks import PickedFiles
 
 Laws = str | Sequence[str] | Mapping[str, str]
@@ -38,8 +38,8 @@ class FitInput(NamedTuple):
     """Logs to fit in one scene.
 
     Attributes:
-        logs: By name; the reason for a log that cannot be read.
-        scene: The scene of all, with its free clocks, parameters and laws.
+        logs: Logs by name; the error of a log that cannot be read.
+        scene: The common scene, with its free clocks, parameters and laws.
     """
 
     logs: dict[str, Observations | InputError]
@@ -53,13 +53,13 @@ class FitInput(NamedTuple):
         """Return the only log.
 
         Raises:
-            InputError: There are several.
+            InputError: There are several logs.
         """
         if len(self.logs) > 1:
             raise InputError(
                 f"expected one log, got {len(self.logs)} ({', '.join(self.logs)}); "
-                f"jblast.fit_each fits each, and {argument('one_event')} takes files "
-                "for recordings of one event"
+                "fit each with jblast.fit_each, or give "
+                f"{argument('one_event')} if the files are recordings of one event"
             )
         (log,) = self.readable().values()
         return log
@@ -148,7 +148,7 @@ def fit_input(
 def scene_named(
     scene: UncertainScene | str | os.PathLike[str] | None,
 ) -> UncertainScene:
-    """Return the scene to fit in: of random blasts, that of any one of them."""
+    """Return the scene of a fit; of a world of random blasts, that of any of them."""
     if scene is None:
         return default_scene()
     if isinstance(scene, UncertainScene):
@@ -156,16 +156,16 @@ def scene_named(
     uncertain, world = read_scene_or_world(scene)
     if world is None:
         return uncertain
-    from jblast.world import scene_of_one_blast  # a second of imports
+    from jblast.world import scene_of_one_blast  # the import takes a second
 
     return scene_of_one_blast(uncertain, world)
 
 
 def log_names(sources: Sequence[Any]) -> list[str]:
-    """Name logs after their files, by the whole path where that is needed.
+    """Return names of logs: the stems of their files, or whole paths of equal stems.
 
     Raises:
-        InputError: A file is there twice.
+        InputError: A file is given twice.
     """
     paths = [
         os.fspath(source) if _is_path(source) else f"log {number}"
@@ -185,7 +185,7 @@ def log_names(sources: Sequence[Any]) -> list[str]:
 def _read(
     sources: Sequence[Any], uncertain: UncertainScene, together: bool, **dialect: Any
 ) -> tuple[dict[str, Observations | InputError], UncertainScene]:
-    """Read files; a file that cannot be read is an entry, unless it is the only one."""
+    """Read files; an error is stored for a file, unless it is the only one."""
     if together:
         recordings = [read(source, **dialect) for source in each(sources, "files")]
         return _combined(recordings, uncertain)
@@ -233,5 +233,5 @@ def _is_path(source: Any) -> bool:
 
 
 def _is_picked(source: Any) -> "TypeGuard[PickedFiles]":
-    """Return whether a source was picked from records, without importing picks."""
+    """Return True for a source picked from records, without importing picks."""
     return isinstance(source, tuple) and hasattr(source, "found")

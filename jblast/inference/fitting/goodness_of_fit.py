@@ -26,31 +26,32 @@ from jblast.observations import Observations
 from jblast.scene import Free, parameter_named
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
 
-WILD = 0.05
-"""Readings are suspected that so small a share of honest logs would hold."""
+OUTLIER_SHARE = 0.05
+"""Share of logs without wrong readings in which one is suspected by chance."""
 POOR = 0.001
-"""A fit with a smaller chance than this is called poor."""
+"""p-value below which a fit is poor: one in a thousand correct logs has a warning."""
 FITS = 0.01
-"""With no smaller chance than this a log and a scene agree."""
+"""p-value above which log and scene agree. Between this and `POOR` explanations are
+searched but the fit is not called poor."""
 PRIOR_CONFLICT_SD = 3.0
-"""Distance from the prior's middle beyond which an estimate contradicts its prior
-[sd].
-"""
+"""Distance from the middle of its prior beyond which an estimate contradicts it [sd]:
+chance alone gives 1 in 370."""
 
 
 class ResidualSummary(NamedTuple):
     """Residuals and shared effects at the optimum.
 
     Attributes:
-        effects: The most probable shared effects.
-        of_laws: The first of them, which are laws'; the others are errors of records.
-        own: What all of them leave of each row, in standard deviations of its own
-            error; of a lower bound the least error that keeps it: 0 where the law says
-            more.
-        shared: What the effects of laws add to each row.
-        sd: Standard deviation of each row without them: sigma and the law's record
-            scatter in quadrature.
-        residual: What they leave of each row, in these; of a bound as in `own`.
+        effects: The expected shared effects.
+        of_laws: The first of them, the scatter of laws; the others are errors of
+            records.
+        own: Residual of each row after all effects, in standard deviations of its own
+            error. For a lower bound it is the smallest error that satisfies it: 0 where
+            the law predicts more.
+        shared: Sum of the effects of laws in each row.
+        sd: Standard deviation of each row without these effects: sigma and the law's
+            record scatter in quadrature.
+        residual: Residual after the effects of laws, in `sd`; for a bound as in `own`.
     """
 
     effects: Float[np.ndarray, " effect"]
@@ -64,7 +65,7 @@ class ResidualSummary(NamedTuple):
 def standardised_residuals(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> ResidualSummary:
-    """Return what the scene at a place leaves of its log."""
+    """Return the standardised residuals of the log at a place."""
     misfit = posterior.misfit(jnp.asarray(z))
     effects = np.asarray(posterior.effects(jnp.asarray(z)))
     loading, missed = np.asarray(misfit.loading), np.asarray(misfit.residual)
@@ -83,7 +84,7 @@ def standardised_residuals(
 def least_error(
     residual: Float[np.ndarray, " row"], posterior: Posterior
 ) -> Float[np.ndarray, " row"]:
-    """Return residuals, those of lower bounds 0 where the prediction keeps them."""
+    """Return residuals, with 0 for lower bounds that the prediction satisfies."""
     if posterior.lower_bound is None:
         return residual
     kept = np.asarray(posterior.lower_bound) & (residual < 0)
@@ -98,57 +99,58 @@ def chi_squared(
 ) -> tuple[float, int]:
     """Return chi squared and its degrees of freedom.
 
-    Student-t residuals count as the normal scores of their quantiles, so that honest
-    errors of either kind give the same chi squared. Shared effects and numbers with a
-    prior count as data that were expected at their means, and as unknowns; so they add
-    to chi squared and leave the freedom alone. A lower bound that the law keeps adds to
-    neither.
+    Student-t residuals count as the normal scores of their quantiles, so both kinds of
+    errors have the same chi squared. Shared effects and numbers with a prior are data,
+    expected at their means, and unknowns as well: they add to chi squared but not to
+    the degrees of freedom. A lower bound that the law satisfies adds to neither.
     """
     priors = np.asarray(posterior.parameters.has_prior())
     scores = normal_scores(left.own, posterior.noise)
     shared = np.sum(left.effects**2)
     chi2 = float(np.sum(scores**2) + shared + np.sum((priors * z) ** 2))
-    heard = len(left.own) - int(np.sum(bounds_kept(left.own, posterior)))
-    return chi2, heard + int(priors.sum()) - estimated
+    informative = len(left.own) - int(np.sum(bounds_kept(left.own, posterior)))
+    return chi2, informative + int(priors.sum()) - estimated
 
 
 def bounds_kept(
     residual: Float[np.ndarray, " row"], posterior: Posterior
 ) -> Bool[np.ndarray, " row"]:
-    """Return the rows that are lower bounds which the law keeps."""
+    """Return True for lower bounds that the law satisfies."""
     if posterior.lower_bound is None:
         return np.zeros(len(residual), bool)
     return np.asarray(posterior.lower_bound) & (residual == 0)
 
 
 def tail_probability(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
-    """Return the chance of an error at least so far from zero, on either side."""
+    """Return the two-sided probability of an error at least as large."""
     square = np.square(np.asarray(residual, float))
     if noise == "gaussian":
         return 2 * ndtr(-np.sqrt(square))
     nu = STUDENT_FREEDOM
+    # regularised incomplete beta function: exact in the far tail, where 1 - cdf is 0
     return betainc(nu / 2, 0.5, nu / (nu + square))
 
 
 def normal_scores(residual: Float[np.ndarray, " row"], noise: Noise) -> np.ndarray:
-    """Return the sizes of normal errors as rare as these."""
+    """Return the normal errors with the same two-sided probability."""
     return -ndtri(tail_probability(residual, noise) / 2)
 
 
 def p_value(chi2: float, dof: int) -> float | None:
-    """Return the chance of a larger chi squared; None without degrees of freedom."""
+    """Return the probability of a larger chi squared; None without freedom."""
     return float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else None
 
 
 def suspected_outliers(
     observations: Observations, residual: Float[np.ndarray, " row"], noise: Noise
 ) -> tuple[SuspectedOutlier, ...]:
-    """Name the readings too far off for errors as stated, worst first.
+    """Return the readings with residuals too large for stated errors, worst first.
 
-    One log in twenty without a wild reading has one named. Where more than a third of
-    all readings are so far off, it is the law or the scene that is wrong, and none is.
+    One in twenty logs without wrong readings has one named. If more than a third of all
+    readings are outliers, the law or the scene is wrong and none is named.
     """
-    wild = tail_probability(residual, noise) * len(residual) < WILD
+    # Bonferroni: the probability that any of the readings is as far off
+    wild = tail_probability(residual, noise) * len(residual) < OUTLIER_SHARE
     if wild.sum() > len(residual) / 3:
         return ()
     return tuple(
@@ -163,10 +165,10 @@ def suspected_outliers(
 
 
 def against_priors(solution: Solution) -> dict[str, float]:
-    """Return numbers by which a log fits well, but which their priors rule out.
+    """Return values at which a log fits well but which their priors exclude.
 
-    The search is made once more with every number free. Those are named that the log
-    alone identifies.
+    The search is repeated with every number free. Only numbers that the log alone
+    identifies are named.
     """
     parameters = solution.posterior.parameters
     believed = [not isinstance(belief, Free) for belief in parameters.beliefs]
@@ -195,12 +197,12 @@ def against_priors(solution: Solution) -> dict[str, float]:
         return {}
     values = free.values(jnp.asarray(z))
     against = {}
-    for name, belief, is_told in zip(
+    for name, belief, is_identified in zip(
         parameters.names, parameters.beliefs, identified.determined, strict=True
     ):
         away = float(belief.unconstrain(values[name]))
         if (
-            is_told
+            is_identified
             and not isinstance(belief, Free)
             and not abs(away) < PRIOR_CONFLICT_SD
         ):

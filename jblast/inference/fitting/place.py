@@ -41,36 +41,40 @@ from jblast.sensors.calculator import (
     scene_path,
 )
 
-THIN = 1e-12
-"""A variance so small beside the other is rounding: the place is known along it."""
+MIN_VARIANCE_RATIO = 1e-12
+"""Ratio of two variances below which the smaller is rounding: the position is fixed
+along that axis."""
 NEIGHBOURS = 60
-"""Draws about a place, of which the last measures their density: of normal draws the
-area comes out 5 % too large."""
+"""Rank of the neighbour whose distance measures the density of draws. For normal draws
+the area of a region is 5 % too large; fewer neighbours give ragged outlines."""
 FILLED = 0.8
-"""A 90 % ellipse of which the 90 % region fills less than this misleads."""
-KURTOSIS = 0.5
-SKEWNESS = 0.15
-"""Mardia (1970): how far a normal sample of a few hundred may lie from 8, and from 0;
-within them nothing more is looked at."""
-SPECK = 0.01
-"""A part, or a hole, of less than this share of the largest is chance."""
+"""Share of a 90 % ellipse filled by the 90 % region below which the ellipse
+misleads."""
+KURTOSIS, SKEWNESS = 0.5, 0.15
+"""Largest distances of Mardia's measures (1970) from those of a normal, 8 and 0, for a
+sample of a few hundred. Within both the ellipse is used without a further test."""
+MIN_PART = 0.01
+"""Smallest area of a part or a hole, relative to the largest part. Smaller ones are
+chance: of 8000 draws they contain about `NEIGHBOURS` or fewer."""
+# random points in the ellipse: the share that is filled is precise to 1 %
 TRIES = 2000
+# points along each side of the grid of outlines: steps of 1 to 2 % of the ellipse
 GRID = 160
-PEAK = "peak_overpressure_pa"
 LEVELS = (1e3, 5e3, 20e3, 100e3)
-"""By default [Pa]."""
+"""Default peak overpressures of shock rings [Pa]: from broken windows to destroyed
+buildings."""
 
 
 @dataclass(frozen=True)
 class ConfidenceEllipse:
-    """An ellipse about the most probable places of a charge.
+    """An ellipse about the most probable positions of a charge.
 
     Attributes:
-        share: Of the draws inside, 0 to 1.
-        east: Its centre, the draws' mean [m].
-        north: Likewise.
-        major: Its longer half axis [m].
-        minor: Its shorter one [m]; 0 where one coordinate alone was asked for.
+        share: Share of the draws inside, 0 to 1.
+        east: East of the centre, the mean of the draws [m].
+        north: North of the centre [m].
+        major: Longer half axis [m].
+        minor: Shorter half axis [m]; 0 if only one coordinate was fitted.
         azimuth_deg: Direction of the longer axis, clockwise from north, 0 to 180.
     """
 
@@ -82,13 +86,13 @@ class ConfidenceEllipse:
     azimuth_deg: float
 
     def axes(self) -> Float[np.ndarray, "2 2"]:
-        """Return the half axes as vectors (east, north) [m], a row each."""
+        """Return the half axes as vectors (east, north) [m], one row each."""
         along = np.deg2rad(self.azimuth_deg)
         unit = np.array([np.sin(along), np.cos(along)])
         return np.stack([self.major * unit, self.minor * np.array([-unit[1], unit[0]])])
 
     def outline(self, points: int = 72) -> Float[np.ndarray, "point 2"]:
-        """Return places (east, north) on it, anticlockwise, the first one once [m]."""
+        """Return points (east, north) of the outline, anticlockwise, not closed [m]."""
         turn = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False)
         major, minor = self.axes()
         ring = np.cos(turn)[:, None] * major + np.sin(turn)[:, None] * minor
@@ -97,12 +101,12 @@ class ConfidenceEllipse:
     def holds(
         self, east: Float[np.ndarray, "..."], north: Float[np.ndarray, "..."]
     ) -> Bool[np.ndarray, "..."]:
-        """Return whether places lie inside; on an ellipse without width, along it."""
+        """Return True for points inside; without width, for points on the axis."""
         away = np.stack([east - self.east, north - self.north], axis=-1)
         length = np.array([self.major, self.minor])
         unit = self.axes() / np.where(length > 0.0, length, 1.0)[:, None]
         scaled = (away @ unit.T) / np.where(length > 0.0, length, 1.0)
-        # what stands on the rim was left there by rounding
+        # points on the outline may be outside by rounding
         return np.sum(scaled**2, axis=-1) <= 1.0 + 1e-9
 
 
@@ -111,21 +115,23 @@ def confidence_ellipse(
     north: Float[np.ndarray, " draw"],
     share: float = 0.9,
 ) -> ConfidenceEllipse:
-    """Return the ellipse of the draws' covariance that holds a share of them.
+    """Return the ellipse of the draws' covariance that contains a share of them.
 
     Args:
-        east: Draws of the place [m]; all equal where it is known.
-        north: Likewise.
-        share: Of the draws to be held, between 0 and 1.
+        east: Draws of the position [m]; all equal if it is fixed.
+        north: Draws of the position [m].
+        share: Share of the draws to be contained, between 0 and 1.
     """
     draws = np.stack([east, north], axis=-1)
     centre = draws.mean(axis=0)
     away = draws - centre
     variances, vectors = np.linalg.eigh(away.T @ away / len(draws))
-    wide = variances > THIN * variances[1]  # ascending: of two, the second
+    wide = (
+        variances > MIN_VARIANCE_RATIO * variances[1]
+    )  # ascending: of two, the second
     scale = np.sqrt(np.where(wide, variances, 1.0))
     distance = np.sqrt(np.sum(np.where(wide, away @ vectors / scale, 0.0) ** 2, -1))
-    # a step up, so that the draw at the rim is inside
+    # the next higher draw, not interpolated: the stated share is contained exactly
     size = float(np.quantile(distance, share, method="higher"))
     minor, major = np.where(wide, size * scale, 0.0)
     azimuth = float(np.rad2deg(np.arctan2(vectors[0, 1], vectors[1, 1])))
@@ -142,18 +148,18 @@ def confidence_ellipse(
 def place_draws(
     fit: Fit, shot: int = 0
 ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"]] | None:
-    """Return draws of where a charge stood, east and north [m].
+    """Return draws of the position of a charge, east and north [m].
 
-    None where its position was not fitted, or a coordinate is not identified.
+    None if its position was not fitted, or a coordinate is not identified.
 
     Args:
         fit: The fit.
-        shot: Which of the scene's charges.
+        shot: Index of the charge in the scene.
     """
     charge = fit.scene.charges[shot]
     label = fit.scene.label(charge)
-    asked = [f"charge_{axis}_m{label}" for axis in ("east", "north")]
-    free = [name for name in asked if name in fit.summary.free]
+    names = [f"charge_{axis}_m{label}" for axis in ("east", "north")]
+    free = [name for name in names if name in fit.summary.free]
     unknown = fit.summary.unidentified
     drawn = [name for name in free if name in fit.draws and name not in unknown]
     if not drawn or len(drawn) < len(free):
@@ -163,7 +169,7 @@ def place_draws(
         return None
     east, north = (
         fit.draws[name] if name in drawn else np.full(count, float(known))
-        for name, known in zip(asked, np.asarray(charge.position_m)[:2], strict=True)
+        for name, known in zip(names, np.asarray(charge.position_m)[:2], strict=True)
     )
     return east, north
 
@@ -171,10 +177,10 @@ def place_draws(
 def charge_ellipse(
     fit: Fit, share: float = 0.9, shot: int = 0
 ) -> ConfidenceEllipse | None:
-    """Return the ellipse that holds a share of where a charge may have stood.
+    """Return the ellipse that contains a share of the positions of a charge.
 
-    None where `place_draws` has none, and where the place rests on clocks that were
-    taken to agree: such an ellipse is far too small if they do not.
+    None if `place_draws` returns None, or if the position depends on the assumption
+    that clocks agree: the ellipse is far too small if they do not.
     """
     draws = place_draws(fit, shot)
     if draws is None or rests_on_clocks(fit, shot):
@@ -183,11 +189,11 @@ def charge_ellipse(
 
 
 def rests_on_clocks(fit: Fit, shot: int = 0) -> bool:
-    """Return whether a place is identified only if clocks agree that nobody compared.
+    """Return True if a position is identified only by assuming that clocks agree.
 
     Args:
         fit: The fit.
-        shot: Which of the scene's charges.
+        shot: Index of the charge in the scene.
     """
     label = fit.scene.label(fit.scene.charges[shot])
     place = {f"charge_east_m{label}", f"charge_north_m{label}"}
@@ -203,9 +209,9 @@ class CredibleRegion:
     """The densest part of a posterior that contains a share of it.
 
     Attributes:
-        share: Of the draws inside.
-        parts: Its outlines, each a ring (east, north) [m], anticlockwise, the first
-            place once; and the rings of the holes in it, clockwise.
+        share: Share of the draws inside.
+        parts: Outline of each part, a ring (east, north) [m], anticlockwise and not
+            closed, with the rings of its holes, clockwise.
     """
 
     share: float
@@ -219,12 +225,12 @@ def credible_regions(
     north: Float[np.ndarray, " draw"],
     shares: Sequence[float] = (0.5, 0.9),
 ) -> tuple[CredibleRegion, ...]:
-    """Return regions of highest density where an ellipse would mislead, else none.
+    """Return regions of highest density if an ellipse would mislead, else ().
 
     Args:
-        east: Draws of the place [m].
-        north: Likewise.
-        shares: Of the draws to be held, a region each.
+        east: Draws of the position [m].
+        north: Draws of the position [m].
+        shares: Share of the draws in each region.
     """
     ellipse = confidence_ellipse(east, north)
     if not ellipse.minor > 0.0:
@@ -250,7 +256,7 @@ def credible_regions(
 
 
 def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
-    """Return whether Mardia's measures find nothing against a normal density."""
+    """Return True if Mardia's measures are consistent with a normal density."""
     away = x - x.mean(axis=0)
     white = away @ np.linalg.inv(np.linalg.cholesky(np.cov(away.T))).T
     kurtosis = np.mean(np.sum(white**2, axis=1) ** 2)
@@ -261,10 +267,11 @@ def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
 
 def _sparseness(x: Float[np.ndarray, "draw 2"]):
     """Return a function of places: the distance to the k-th nearest draw."""
-    # imported here, as is contourpy below: an ellipse does without
+    # imported here, as is contourpy below: an ellipse does not need it
     from scipy.spatial import KDTree
 
-    # a draw that was picked repeatedly counts once
+    # Weighted draws are resampled with repetition. With fewer neighbours than the
+    # copies of one draw the distance would be 0, and the density infinite.
     _, times = np.unique(x, axis=0, return_counts=True)
     nearest = min(max(NEIGHBOURS, 3 * int(times.max())), len(x))
     tree = KDTree(x)
@@ -272,7 +279,7 @@ def _sparseness(x: Float[np.ndarray, "draw 2"]):
 
 
 def _outlines(inside, sparse, limit: float, axes, centre):
-    """Return the rings about draws that are no sparser than a limit."""
+    """Return the outlines of the region where draws are denser than a limit."""
     from contourpy import FillType, contour_generator
 
     low, high = inside.min(axis=0) - 0.3, inside.max(axis=0) + 0.3
@@ -284,7 +291,7 @@ def _outlines(inside, sparse, limit: float, axes, centre):
     for points, starts in zip(*contours.filled(-np.inf, np.log(limit)), strict=True):
         rings = [points[i : j - 1] @ axes + centre for i, j in pairwise(starts)]
         found.append([_turned(ring, left=k == 0) for k, ring in enumerate(rings)])
-    least = SPECK * max(_area(outer) for outer, *_ in found)
+    least = MIN_PART * max(_area(outer) for outer, *_ in found)
     return tuple(
         (outer, tuple(hole for hole in holes if -_area(hole) > least))
         for outer, *holes in found
@@ -293,12 +300,13 @@ def _outlines(inside, sparse, limit: float, axes, centre):
 
 
 def _turned(ring: Float[np.ndarray, "point 2"], left: bool):
-    """Return a ring that runs anticlockwise (`left`), or clockwise."""
+    """Return a ring in anticlockwise (`left`) or clockwise order."""
     return ring if (_area(ring) > 0.0) == left else ring[::-1]
 
 
 def _area(ring: Float[np.ndarray, "point 2"]) -> float:
-    """Return the area in a ring, negative where it runs clockwise."""
+    """Return the area of a ring, negative if clockwise."""
+    # relative to its first point: coordinates of kilometres would cancel
     x, y = (ring - ring[0]).T
     return float(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
@@ -308,13 +316,12 @@ class PlaceOnEarth:
     """Position of a charge, WGS84.
 
     Attributes:
-        lat_deg: Latitude of the most probable place [degree].
+        lat_deg: Latitude of the most probable position [degree].
         lon_deg: Longitude, -180 to 180 [degree].
-        alt_m: Height, by the datum of the sensors' [m].
-        ellipse_90_m: Half axes of the ellipse that holds 90 % of the posterior, the
-            longer one first [m], and the direction of that, clockwise from north
-            [rad]; null where the place was given, or rests on clocks that were taken
-            to agree.
+        alt_m: Height above the datum of the sensors' heights [m].
+        ellipse_90_m: Half axes of the ellipse that contains 90 % of the posterior, the
+            longer one first [m], and its direction, clockwise from north [rad]; null
+            if the position was given, or depends on clocks that were assumed to agree.
     """
 
     lat_deg: float
@@ -328,11 +335,11 @@ class ChargeOnEarth:
     """Position and time of a charge, in degrees and by the calendar.
 
     Attributes:
-        charge: Its name; "" of the only one.
-        place: Where it stood; null where the log has no latitudes, its scene no
-            [place], or it is not identified.
-        origin_time_utc: When it exploded, ISO 8601, on the clock of `origin_clock`;
-            null where the log has no dates, or it is not identified.
+        charge: Name of the charge; "" for the only one.
+        place: Position; null if the log has no latitudes, its scene no [place], or it
+            is not identified.
+        origin_time_utc: Origin time, ISO 8601, on the clock of `origin_clock`; null if
+            the log has no dates, or it is not identified.
     """
 
     charge: str
@@ -345,11 +352,11 @@ class OnEarth:
     """Positions and times of a fit, in degrees and by the calendar.
 
     Attributes:
-        place: Where the first charge stood, as `charges_on_earth` has it.
-        origin_time_utc: When the first charge exploded, likewise.
-        origin_clock: The recorder whose clock that is, where those of others are free;
-            "" for the common clock.
-        charges_on_earth: The same of every charge of the scene.
+        place: Position of the first charge, as in `charges_on_earth`.
+        origin_time_utc: Origin time of the first charge, as in `charges_on_earth`.
+        origin_clock: Recorder with the clock of the origin times if other clocks are
+            free; "" for the common clock.
+        charges_on_earth: Position and time of every charge of the scene.
     """
 
     place: PlaceOnEarth | None
@@ -359,7 +366,7 @@ class OnEarth:
 
 
 def on_earth(fit: Fit) -> OnEarth:
-    """Return an answer in degrees and by the calendar, as far as its log allows."""
+    """Return positions in degrees and times in UTC, as far as the log has them."""
     charges = tuple(
         ChargeOnEarth(charge.name, _place(fit, shot), _time(fit, shot))
         for shot, charge in enumerate(fit.scene.charges)
@@ -373,8 +380,8 @@ def on_earth(fit: Fit) -> OnEarth:
 def _place(fit: Fit, shot: int) -> PlaceOnEarth | None:
     frame, charge = fit.observations.frame, fit.scene.charges[shot]
     label = fit.scene.label(charge)
-    asked = [f"charge_{axis}_m{label}" for axis in ("east", "north", "up")]
-    estimates = [fit.summary.estimates.get(name, Estimate(0.0)) for name in asked]
+    names = [f"charge_{axis}_m{label}" for axis in ("east", "north", "up")]
+    estimates = [fit.summary.estimates.get(name, Estimate(0.0)) for name in names]
     if frame is None or charge.range_m is not None:
         return None
     if not all(estimate.identified for estimate in estimates):
@@ -388,7 +395,7 @@ def _place(fit: Fit, shot: int) -> PlaceOnEarth | None:
 
 
 def _time(fit: Fit, shot: int) -> str | None:
-    """Return when a charge exploded."""
+    """Return the origin time of a charge as ISO 8601."""
     epoch, charge = fit.observations.epoch, fit.scene.charges[shot]
     name = f"origin_time_s{fit.scene.label(charge)}"
     estimate = fit.summary.estimates.get(name, Estimate(float(charge.time_s)))
@@ -401,15 +408,15 @@ def utc(epoch: datetime, seconds: float) -> str:
     """Return an instant as ISO 8601 to the microsecond, UTC.
 
     Args:
-        epoch: Of time zero.
-        seconds: Since then.
+        epoch: Instant of time zero.
+        seconds: Seconds since the epoch.
     """
     text = written(epoch.astimezone(UTC), round(seconds, 6))
     return f"{text[:-4]}Z"
 
 
 def _common_clock(fit: Fit) -> str:
-    """Return the clock that others are set by, "" where that is everybody's."""
+    """Return the clock relative to which others are free; "" for the common clock."""
     free = [n for n in fit.summary.free if n.startswith(f"{CLOCK_OFFSET}.")]
     if not free:
         return ""
@@ -423,12 +430,13 @@ class ShockRing:
     """Range at which a peak overpressure is reached, on level ground at the height 0.
 
     Attributes:
-        peak_overpressure_pa: The value.
-        range_m: How far from the charge along the ground, at the answer [m].
-        range_q05_m: By the 5 % quantile of the mass, the law taken as exact [m].
-        range_q95_m: By its 95 % quantile [m].
+        peak_overpressure_pa: Peak overpressure [Pa].
+        range_m: Ground range from the charge at the answer [m].
+        range_q05_m: Range by the 5 % quantile of the mass, without the scatter of the
+            law [m].
+        range_q95_m: Range by the 95 % quantile of the mass [m].
         law: Name of the law.
-        valid: Whether it holds there.
+        valid: True if the law is within its range.
     """
 
     peak_overpressure_pa: float
@@ -442,15 +450,14 @@ class ShockRing:
 def shock_rings(
     fit: Fit, shot: int = 0, levels: Sequence[float] = LEVELS
 ) -> tuple[ShockRing, ...]:
-    """Return where a charge's shock falls to some peaks, by the answer's law and mass.
+    """Return the ranges at which the shock of a charge falls to given peaks.
 
-    The law is the one that read the log's peak overpressures; without any, one of the
-    same source as another of the log's. No ring where there is no such law, where
-    the mass is not identified, or where the charge stands higher than it is wide.
+    Law and mass are those of the fit (`peak_law`). There is no ring without a law, with
+    an unidentified mass, or if the charge is higher above the ground than the range.
 
     Args:
         fit: The fit.
-        shot: Which of the scene's charges.
+        shot: Index of the charge in the scene.
         levels: Peak overpressures [Pa].
     """
     law = peak_law(fit)
@@ -483,14 +490,14 @@ def shock_rings(
 
 
 def peak_law(fit: Fit) -> Law | None:
-    """Return the law of the peak that goes with an answer; None where there is none.
+    """Return the law of peak overpressure that matches a fit; None without one.
 
-    The one that read the log's peaks, else that of the same source as another law of
-    the answer.
+    It is the law of the peaks in the log, else that of the same source as another law
+    of the fit.
     """
-    by_name = {law.name: law for law in calculated_laws(PEAK)}
+    by_name = {law.name: law for law in calculated_laws("peak_overpressure_pa")}
     used = fit.summary.law
-    for name in (used.get(PEAK), *used.values()):
+    for name in (used.get("peak_overpressure_pa"), *used.values()):
         if name in by_name:
             return by_name[name]
     return None
@@ -499,21 +506,21 @@ def peak_law(fit: Fit) -> Law | None:
 def ranges_at(
     scene: Scene, law: Law, masses: Sequence[float], levels: Sequence[float]
 ) -> tuple[Float[np.ndarray, "mass level"], Bool[np.ndarray, "mass level"]]:
-    r"""Return how far from a charge a law's peak last passes each level.
+    r"""Return the largest ranges at which the peak of a law falls below each level.
 
-    The law is looked at where the calculator's `roots` looks, all masses at once; one
-    of several roots is the outermost. Between two points, 0.4 % apart, $\ln p$ runs
-    straight in $\ln R$: the range is off by 1e-5 of itself where the slope is smooth.
+    The law is evaluated at the points of the calculator's `roots`, for all masses in
+    one call. Between two points, 0.4 % apart, $\ln p$ is interpolated linearly in $\ln
+    R$: the relative error of the range is 1e-5 where the slope is smooth.
 
     Args:
         scene: Charge, air and ground; the mass of its charge is not used.
-        law: Of the peak overpressure.
-        masses: Of the explosive [kg], positive.
+        law: Law of the peak overpressure.
+        masses: Masses of the explosive [kg], positive.
         levels: Peak overpressures [Pa].
 
     Returns:
-        Slant ranges [m], NaN where a level is not reached; and whether the law holds
-        on both sides.
+        Slant ranges [m], NaN where a level is not reached, and True where the law is
+        within its range on both sides.
     """
     ambient = float(scene_path(scene).ambient_pressure)
     scale = (

@@ -45,45 +45,53 @@ from jblast.sensors import Layout, resolve_laws
 from jblast.sensors.law_choice import law_names, settled, with_bursts
 
 ROUNDS = 3
-"""So often laws are chosen again at an answer. A choice that has not settled by then
-goes to and fro between two laws near the border of their ranges."""
+"""Largest number of times that laws are chosen again at an answer. A choice that has
+not settled by then alternates between two laws near the border of their ranges."""
+# The first round is about the optimum of the picks; a later one follows an optimum that
+# moved or widened.
 NODE_ROUNDS = 3
-MIN_DRAWS = 16
+# Nodes come in multiples of this: the compiled loop over places has few sizes.
+MIN_NODES = 16
 SPARE = 2.5
-"""Nodes for each coefficient of a quadratic."""
+"""Nodes per coefficient of a quadratic. The nodes beyond 1 determine the cubic terms of
+the spline and its leave-one-out error."""
 NODE_REACH_SD = 3.0
-"""Distance of the nodes beyond the typical draw [sd]."""
-FARTHER = 1.6
-"""So many times as far nodes are laid next, where the farthest still count."""
-EDGE = 0.75
-"""Of the farthest node's distance, from which on nodes are the farthest."""
-MOVED = 0.7
-"""An optimum that moves by less, in standard deviations, lies among its nodes."""
-WIDENED = 1.5
-"""So it does while no width changes by such a factor."""
+"""Distance of the farthest nodes beyond the typical draw [sd]: nearly all draws lie
+among the nodes."""
+REACH_FACTOR = 1.6
+"""Factor on the distances of the next nodes if the density at the farthest ones is not
+negligible."""
+OUTER_SHARE = 0.75
+"""Share of the farthest node's distance beyond which nodes count as the farthest."""
+MAX_SHIFT_SD = 0.7
+"""Largest shift of the optimum, in standard deviations, that leaves it among its
+nodes."""
+MAX_WIDENING = 1.5
+"""Largest factor on a standard deviation with which the nodes still cover it."""
 KNOWN = 0.02
-"""A density that is known to this in ln needs no more nodes."""
+"""Error of the log-density below which no more nodes are added: weights of draws are
+then off by 2 %."""
 WITHIN = 4.5
-"""Nodes count for how well it is known that lie less than three standard deviations
-off: so much is lost in ln there."""
+"""Fall in ln-density at three standard deviations of a normal. Nodes with a smaller
+fall are used for the error of the density."""
 
 
 class Solution(NamedTuple):
-    """What inference found.
+    """Result of the inference for one log.
 
     Attributes:
-        posterior: What was climbed.
-        laws: The law of each quantity, and what it was taken by.
-        laws_settled: Whether the automatic choice of law at the answer is that used.
-        optima: The ends of the searches, the best first.
-        identifiability: What the data identify of the parameters.
-        laplace: The posterior about the best optimum.
-        bursts_settled: Whether the curve sets that heights leave at the answer are
-            those used.
-        samples_known: To how much in ln the density of samples is known between the
-            places where it was computed; None where no samples count.
-        sight: The range of a charge beside a small array followed inwards and outwards;
-            None where the array is not small, or the place not free.
+        posterior: The posterior.
+        laws: The law of each quantity, with the reason for its choice.
+        laws_settled: True if the automatic choice at the answer is that of the fit.
+        optima: Optima of the searches, the best first.
+        identifiability: Identified and null directions.
+        laplace: Normal approximation about the best optimum.
+        bursts_settled: True if the curve sets by height at the answer are those of the
+            fit.
+        samples_known: Error of the log-density of samples between its nodes; None
+            without samples.
+        sight: Range profile of a charge outside a small array; None if the array is not
+            small, or the position not free.
     """
 
     posterior: Posterior
@@ -98,12 +106,12 @@ class Solution(NamedTuple):
 
 
 class Choices(NamedTuple):
-    """Automatic choices before a search, which depend on where the answer lies.
+    """Automatic choices before a search, which depend on the answer.
 
     Attributes:
-        scene: Its charges have the curve sets that their heights leave.
-        layout: It has the curve set of each row where a charge has both.
-        laws: The law of each quantity, and what it was taken by.
+        scene: Scene whose charges have the curve sets of their heights.
+        layout: Layout with the curve set of each row, if a charge has both.
+        laws: The law of each quantity, with the reason for its choice.
     """
 
     scene: Scene
@@ -111,19 +119,19 @@ class Choices(NamedTuple):
     laws: Mapping[str, TakenLaw]
 
     def as_for(self, there: "Choices") -> "Choices":
-        """Return what another scene leaves, for the numbers of this one."""
+        """Return the choices of another scene, with the numbers of this one."""
         return there._replace(scene=with_bursts(self.scene, there.scene))
 
     def has_laws_of(self, there: "Choices") -> bool:
-        """Return whether the laws are the same."""
+        """Return True if the laws are the same."""
         return law_names(self.laws) == law_names(there.laws)
 
     def agrees_with(self, there: "Choices") -> bool:
-        """Return whether laws and curve sets are the same."""
+        """Return True if laws and curve sets are the same."""
         return self.has_laws_of(there) and self.has_bursts_of(there)
 
     def has_bursts_of(self, there: "Choices") -> bool:
-        """Return whether the curve sets are the same."""
+        """Return True if the curve sets are the same."""
         mine, others = (
             [charge.burst for charge in of.scene.charges] for of in (self, there)
         )
@@ -133,7 +141,7 @@ class Choices(NamedTuple):
 def choices_for(
     scene: Scene, rows: Layout, sigma: Float[np.ndarray, " row"]
 ) -> Choices:
-    """Choose laws and curve sets for a scene, and the rows and errors of a log."""
+    """Return the choices for a scene and the rows and errors of a log."""
     scene, layout = settled(scene, rows)
     return Choices(scene, layout, resolve_laws(scene, layout, sigma))
 
@@ -142,13 +150,13 @@ def settle_laws(
     choices: Choices,
     search: Callable[[Choices], tuple[Posterior, Optima, Choices]],
 ) -> tuple[tuple[Posterior, Optima, Choices], Choices]:
-    """Search with what was chosen, and choose again at the answer until it settles.
+    """Search with choices, and choose again at the answer until they settle.
 
-    Where it does not settle, the answer is taken that lies within its own laws for the
-    most rows; of several, the most probable one.
+    If they do not settle, the answer with the most rows within its own laws is used; of
+    several, the most probable one.
 
     Returns:
-        Result of one of the searches, and the choices it was made with.
+        Result of one of the searches, and its choices.
     """
     tried: list[tuple[tuple[Posterior, Optima, Choices], Choices]] = []
     for _ in range(1 + ROUNDS):
@@ -157,24 +165,25 @@ def settle_laws(
         if choices.agrees_with(there):
             return tried[-1]
         choices = choices.as_for(there)
+        # a cycle: further searches would repeat earlier ones
         if any(choices.agrees_with(before) for _, before in tried):
             break
-    return max(tried, key=lambda one: _standing(*one[0][:2]))
 
+    def valid_rows_and_density(one) -> tuple[int, float]:
+        posterior, optima, _ = one[0]
+        valid = posterior.misfit(jnp.asarray(np.asarray(optima.z)[0])).valid
+        return int(np.sum(np.asarray(valid))), float(optima.log_density[0])
 
-def _standing(posterior, found: Optima) -> tuple[int, float]:
-    """Return how many rows lie within their laws at an answer, and its log density."""
-    valid = posterior.misfit(jnp.asarray(np.asarray(found.z)[0])).valid
-    return int(np.sum(np.asarray(valid))), float(found.log_density[0])
+    return max(tried, key=valid_rows_and_density)
 
 
 def with_samples(
     log: Observations, scaling: Scaling | None, high_pass_hz: float | None
 ) -> tuple[Observations, SampledRecords | None]:
-    """Return a log of readings, and the samples that count in place of some of them."""
+    """Return a log of readings, and the samples that replace some of them."""
     if SAMPLES not in log.quantity:
         return log, None
-    # picks are a second of imports, which other logs do without
+    # importing picks takes a second, which logs without samples do not need
     from jblast.inference.sampled_records import sampled_records
     from jblast.signals.picks.pick_log import picked_log
 
@@ -183,15 +192,15 @@ def with_samples(
 
 
 def nodes_for(free: int) -> int:
-    """Return how many nodes a round lays for so many unknowns."""
+    """Return the number of nodes of a round for `free` unknowns."""
     coefficients = (free + 1) * (free + 2) // 2
-    return MIN_DRAWS * max(1, -int(-SPARE * coefficients // MIN_DRAWS))
+    return MIN_NODES * max(1, -int(-SPARE * coefficients // MIN_NODES))
 
 
 def room_for(free: int) -> DensityCorrection:
-    """Return a correction that adds nothing, with room for the nodes of all rounds.
+    """Return a correction of zero with space for the nodes of all rounds.
 
-    A posterior has it from the first: so what is compiled for it serves for all.
+    A posterior has it from the start, so its programs are compiled once.
     """
     return no_correction(free, NODE_ROUNDS * nodes_for(free))
 
@@ -203,17 +212,18 @@ def with_sample_density(
     *,
     seed: int = 0,
 ) -> Solution:
-    """Return a solution by the samples of records in place of what was read off them.
+    """Return the solution by the samples of records in place of their picks.
 
     Args:
-        solution: By readings; its posterior has room for a correction.
+        solution: Solution by picks; its posterior has space for a correction.
         records: The samples.
-        search: Finds the optima of a posterior.
-        seed: Of the directions in which nodes lie.
+        search: Function that returns the optima of a posterior.
+        seed: Seed of the directions of the nodes.
     """
     read = replace(solution.posterior, correction=None)
     root, inverse = _roots(solution.laplace)
     center = solution.laplace.z
+    # all rounds share the coordinates of the first optimum: earlier nodes stay usable
     blank = eqx.tree_at(
         lambda of: (of.center, of.inverse),
         room_for(center.size),
@@ -234,6 +244,7 @@ def with_sample_density(
             return solution._replace(samples_known=np.inf)
         made, missed = correction_by(blank, w, apart)
         near = density > density.max() - WITHIN
+        # leave-one-out error, of nodes near enough to matter
         known = float(np.sqrt(np.mean(np.square(missed[near]))))
         posterior = replace(solution.posterior, correction=made)
         found = search(posterior)
@@ -250,7 +261,7 @@ def with_sample_density(
         ends = _ends(w, density)
         if known < KNOWN and ends and _stays(before, solution.laplace):
             break
-        far = 1.0 if ends else far * FARTHER
+        far = 1.0 if ends else far * REACH_FACTOR
     return solution
 
 
@@ -269,10 +280,10 @@ def _both(
 def densities_of_samples(
     read: Posterior, records: SampledRecords, z: Float[Array, "place free"]
 ) -> Float[np.ndarray, "2 place"]:
-    """Return the log-density of samples, and that of what was read off them.
+    """Return the log-density of samples, and that of their picks.
 
     Args:
-        read: The posterior of readings.
+        read: Posterior of the picks.
         records: The samples.
         z: Places.
     """
@@ -289,38 +300,43 @@ def _roots(normal: Laplace) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _spread(rng: np.random.Generator, free: int) -> Float[np.ndarray, "node free"]:
-    """Return nodes in pairs on either side of the center, ever farther off."""
+    """Return nodes in antithetic pairs about the center, at increasing distances.
+
+    Pairs determine odd and even terms of the difference equally well.
+    """
     count = nodes_for(free)
-    ways = rng.standard_normal((count // 2, free))
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    pairs = np.stack([ways, -ways], axis=1).reshape(-1, free)
+    directions = rng.standard_normal((count // 2, free))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    pairs = np.stack([directions, -directions], axis=1).reshape(-1, free)
     share = np.arange(1, count) / (count - 1)
     far = (NODE_REACH_SD + np.sqrt(free)) * share
     return np.concatenate([np.zeros((1, free)), far[:, None] * pairs[: count - 1]])
 
 
 def _ends(w: Float[np.ndarray, "node free"], density: np.ndarray) -> bool:
-    """Return whether the density has ended before the farthest nodes."""
+    """Return True if the density is negligible at the farthest nodes."""
     size = np.linalg.norm(w, axis=1)
-    return bool(np.all(density[size > EDGE * size.max()] < density.max() - WITHIN))
+    return bool(
+        np.all(density[size > OUTER_SHARE * size.max()] < density.max() - WITHIN)
+    )
 
 
 def _stays(before: Laplace, after: Laplace) -> bool:
-    """Return whether an optimum and its widths stay about where they were."""
+    """Return True if optimum and standard deviations are nearly unchanged."""
     was, now = (np.sqrt(np.diag(of.covariance)) for of in (before, after))
     both = (was > 0) & (now > 0)
     moved = np.abs(after.z - before.z)[both] / was[both]
     wider = np.abs(np.log(now[both] / was[both]))
-    return bool((moved < MOVED).all() and (wider < np.log(WIDENED)).all())
+    return bool((moved < MAX_SHIFT_SD).all() and (wider < np.log(MAX_WIDENING)).all())
 
 
 @dataclass(frozen=True)
 class SamplesRoughlyCounted(Finding):
-    """The density of samples is known badly between the places it was computed at.
+    """The density of samples is imprecise between its nodes.
 
     Attributes:
-        known: To how much in ln, root mean square.
-        wanted: To how much it should be.
+        known: Root mean square error of the log-density.
+        wanted: Limit of this error.
     """
 
     known: float

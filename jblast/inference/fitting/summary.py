@@ -60,7 +60,7 @@ TNT_MASS_BY = {
     "impulse": "positive_impulse_pa_s",
     "energy": "shock_radius_m",
 }
-"""A quantity of each kind that explosives have a factor of their own for."""
+"""A quantity of each kind for which explosives have a separate TNT factor."""
 
 
 @dataclass(frozen=True)
@@ -69,32 +69,31 @@ class Summary:
 
     Attributes:
         law: Name of the law that read each quantity.
-        law_reason: What it was taken by: `report.law_reason` words it.
-        law_valid: Whether every row lies where its law holds.
-        law_valid_rows: How many do.
-        estimates: What is known of every free number; one that is not identified has
-            no value.
-        derived: What follows from each mass: as TNT, and as energy; where the place of
-            a charge is not identified and its bearing is, bearing and range.
-        free: Names of what was fitted.
-        identifiable: Whether the data leave one answer.
-        null_directions: Directions in which no datum moves.
+        law_reason: Reason for its choice; `report.law_reason` formats it as text.
+        law_valid: True if every row is within the range of its law.
+        law_valid_rows: Number of these rows.
+        estimates: Estimate of every free number; an unidentified one has no value.
+        derived: TNT mass and energy of each mass. If the position of a charge is not
+            identified but its bearing is, bearing and range.
+        free: Names of the fitted numbers.
+        identifiable: True if the data determine a single answer.
+        null_directions: Directions in which no datum changes.
         ambiguities: Other optima that the data cannot rule out.
         determined: Combinations of unidentified numbers that are identified.
-        posterior: "laplace" or "emcee": where intervals come from.
-        converged: Whether search and sampler arrived.
+        posterior: Method of the intervals: "laplace" or "emcee".
+        converged: True if search and sampler converged.
         chi2: Chi squared.
         dof: Its degrees of freedom.
         n_observations: Rows of the log.
         n_lower_bounds: Rows of the log that are lower bounds.
         suspected_outliers: Readings too far off, worst first.
         explained_by: Clocks and sensors without one of which the log fits, and pairs of
-            sensors with whose places exchanged it does.
-        warnings: Warnings, the gravest first.
-        assumptions: What the answer takes for granted, and what it would be without.
-        extrapolated: Requested numbers that rest, by more than half of their
-            information, on rows outside the range of their laws.
-        understood: What of the log was converted, skipped or supplied to read it.
+            sensors with whose positions exchanged it fits.
+        warnings: Warnings, the most serious first.
+        assumptions: Assumptions of the answer with their effect.
+        extrapolated: Requested numbers with more than half of their information from
+            rows outside the range of their laws.
+        understood: Conversions, skipped rows and supplied values when the log was read.
     """
 
     law: Mapping[str, str]
@@ -128,12 +127,12 @@ class Summary:
 
     @property
     def identifies_nothing(self) -> bool:
-        """Whether none of the numbers that were asked for is identified."""
-        asked = requested(self.free)
-        return bool(asked) and not any(self.estimates[n].identified for n in asked)
+        """True if no requested number is identified."""
+        names = requested(self.free)
+        return bool(names) and not any(self.estimates[n].identified for n in names)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it; null is what is not a finite number."""
+        """Return the summary for JSON; numbers that are not finite become null."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
@@ -148,18 +147,18 @@ def summary_of(
     refit: Refit,
     found_before: tuple[Finding, ...] = (),
 ) -> Summary:
-    """Put together what a fit found.
+    """Return the summary of a fit.
 
     Args:
         observations: The log.
-        uncertain: What was known before.
-        solution: What inference found.
-        sure: How sure it is.
-        valid: Whether each row's laws hold at the answer.
-        deep: Whether they do as deep as its interval reaches, too.
+        uncertain: The scene with its uncertain numbers.
+        solution: Result of the inference.
+        sure: Uncertainty of the result.
+        valid: True for rows within the range of their laws at the answer.
+        deep: True for rows within that range at the depth of the interval as well.
         left: Residuals and shared effects at the answer.
-        refit: Solves for a log of the same rows with more numbers free; used where no
-            scene fits this one.
+        refit: Function that solves for a log of the same rows with more numbers free;
+            used if no scene fits this one.
         found_before: Warnings about the log from before the search.
     """
     z = solution.laplace.z
@@ -173,7 +172,7 @@ def summary_of(
         solution.identifiability.identified_basis.shape[1],
     )
     p = p_value(chi2, dof)
-    # along an open range there is no optimum
+    # along a range without an upper bound there is no optimum
     at_optimum = solution.laplace.converged or sure.bearing is not None
     converged = at_optimum and sure.converged
     poor = p is not None and p < POOR
@@ -189,7 +188,7 @@ def summary_of(
         observations, left.residual, solution.posterior.noise
     )
     several: tuple[Finding, ...] = ()
-    if wrong:  # others may lie far off because of it
+    if wrong:  # other residuals may be large because of it
         accused = accused_sensors(observations, wrong)
         suspected = tuple(of for of in suspected if of.sensor in accused)
     else:
@@ -246,10 +245,10 @@ def summary_of(
 def _derived(
     estimates: Mapping[str, Estimate], solution: Solution
 ) -> dict[str, Estimate]:
-    """Return what follows from each mass: TNT mass by pressure, energy by convention.
+    """Return TNT mass (by pressure) and energy of each mass.
 
-    The TNT mass by impulse is reported where it differs. A log of the front alone
-    identifies the energy: the TNT mass is that of the energy then.
+    The TNT mass by impulse is reported if it differs. A log of the shock front alone
+    identifies the energy: the TNT mass is then by energy.
     """
     z = solution.laplace.z
     parameters = solution.posterior.parameters

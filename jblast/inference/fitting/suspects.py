@@ -1,10 +1,10 @@
 """Explanations of a log that no scene fits: clocks, sensors, fixed numbers.
 
 A log may fit without one clock or sensor, or with the positions of two sensors
-exchanged. Rows are left out by an error too large for them to matter (`UNHEARD`): the
-log keeps its layout, and nothing is compiled again. An accused clock is one whose
-readings are left out, not one whose offset is fitted; with one arrival the two are the
-same.
+exchanged. Rows are left out by an error too large for them to matter
+(`LEFT_OUT_SIGMA`): the log keeps its layout, and nothing is compiled again. An accused
+clock is one whose readings are left out, not one whose offset is fitted; with one
+arrival the two are the same.
 
 A log without a scene is fitted with the default scene, which fixes position, time and
 clocks. Where it does not fit, these are freed one set after another, and the first set
@@ -61,36 +61,41 @@ from jblast.quantities import ARRIVALS
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-UNHEARD = 1e6
-"""Error of a row that is left out: seconds, radians or ln."""
+LEFT_OUT_SIGMA = 1e6
+"""Error of a row that is left out: seconds, radians or ln. Its information is 1e-12 of
+that of a reading to a second, and the square does not overflow."""
 WIDTH = 10.0
-"""A wrong reading may be anything within so many seconds, radians or in ln."""
-AS_LIKELY = 3.0
-"""Explanations worse than the best by more in ln-density are left out."""
+"""Range of the values of a wrong reading: seconds, radians or ln. Its density, one over
+this, is the price of leaving a reading out."""
+EXPLANATION_FALL = 3.0
+"""Largest difference in ln-density from the best explanation, a factor of 20. Less
+probable explanations are not reported."""
 MAX_SUSPECTS = 8
-"""Largest number of sensors that are tried, in the order of a linear law's
-residuals.
-"""
-MOST_EXCHANGES = 3
-"""So many exchanges are solved for, the most promising: each is a search of its own."""
+"""Largest number of clocks and sensors that are left out in turn, in the order of a
+linear fit. Each is a search: a few seconds."""
+MAX_EXCHANGES = 3
+"""Largest number of exchanges that are solved for, those that lower chi squared most:
+each is a search."""
 SCATTER = 0.015
-"""Of travel times, as a share of them: 1 % a shot and 1 % a record, declared."""
-SLOWEST = 300.0
-"""Of sound, in the coldest air that people stand in [m/s]."""
+"""Relative scatter of travel times: 1 % per shot and 1 % per record in quadrature, as
+laws declare it."""
+MIN_SOUND_SPEED = 300.0
+"""Speed of sound in air of -49 C [m/s], the lowest in which people measure."""
 TIMES_SIGMA = 5.0
-"""A difference of arrivals this large is no error of reading or of a law."""
+"""Smallest difference of arrivals, in their errors, that neither readings nor laws
+explain: 1 in 1.7 million by chance."""
 MIN_ARRIVALS = 4
 """Smallest number of arrivals: three determine a position and a time."""
 
 
 @runtime_checkable
 class Refit(Protocol):
-    """Solves for a log of the same rows with more numbers free."""
+    """Function that solves for a log of the same rows with more numbers free."""
 
     def __call__(
         self, log: Observations, names: Sequence[str], /, *, follow_range: bool
     ) -> Solution:
-        """Return the solution; with `follow_range` by `range_profile`."""
+        """Return the solution, with `range_profile` if `follow_range`."""
         ...
 
 
@@ -108,22 +113,23 @@ def explained_by(
     fits: bool,
     refit: Refit,
 ) -> tuple[WrongSensor, ...]:
-    """Name each clock or sensor without which a log fits, and from which it is far.
+    """Return the clocks and sensors without one of which a log fits.
 
-    Two sensors whose exchanged places make all rows fit are named likewise. One clock
-    or sensor is accused if the rest converges, identifies every number and fits; and if
-    errors as stated would put one among all so far off once in a thousand logs. Where
-    all rows together have an answer as well, perhaps of kilotons miles away where laws
-    scatter by seconds, the rest must be a thousand times as probable, the rows left out
-    being anything within `WIDTH`.
+    Pairs of sensors with whose positions exchanged all rows fit are returned as well. A
+    clock or sensor is named if the other rows converge, identify every number and fit,
+    and if its readings deviate from them by more than stated errors explain in one of a
+    thousand logs. If all rows together have an answer too (perhaps kilotons far away,
+    where laws scatter by seconds), the explanation must be a thousand times as
+    probable, with the rows left out uniform within `WIDTH`.
 
     Args:
         observations: The log.
-        solution: What was found of all of it.
-        fits: Whether that is an answer.
-        refit: Solves for a log of the same rows. The range of a charge beside a small
-            array is followed for explanations alone: it takes most of a fit's time, and
-            the density of the search's best optimum is enough to reject the others.
+        solution: Solution of the whole log.
+        fits: True if that is an answer.
+        refit: Function that solves for a log of the same rows. The range of a charge
+            outside a small array is computed for explanations only: it takes most of
+            the time of a fit, and the density of the best optimum is enough to reject
+            the others.
 
     Returns:
         The most probable first.
@@ -145,7 +151,11 @@ def explained_by(
         except InputError:  # no scene gives the others a probability
             continue
         density = float(rest.optima.log_density[0])
-        left_out = float(log_noise(jnp.zeros(()), posterior.noise)) - math.log(UNHEARD)
+        # the density of a left-out row by its huge error is replaced by that of a
+        # uniform value
+        left_out = float(log_noise(jnp.zeros(()), posterior.noise)) - math.log(
+            LEFT_OUT_SIGMA
+        )
         readings = int(np.sum(~observations.bounds()[suspect.rows]))
         density -= readings * (left_out + math.log(WIDTH))  # a bound has no density
         if fits and density < density_of_all - math.log(POOR / len(possible)):
@@ -171,14 +181,16 @@ def explained_by(
     if any(wrong.law_valid_rows for _, wrong in found):
         found = [pair for pair in found if pair[1].law_valid_rows]
     found.sort(key=lambda pair: -pair[0])
-    likely = [wrong for density, wrong in found if found[0][0] - density < AS_LIKELY]
+    likely = [
+        wrong for density, wrong in found if found[0][0] - density < EXPLANATION_FALL
+    ]
     return tuple(likely)
 
 
 def lies_far(solution: Solution) -> bool:
-    """Return whether a place that was searched is further off than sensors spread.
+    """Return True if a fitted position is farther away than the extent of the layout.
 
-    There laws scatter by more than any clock is off, and every log fits.
+    Laws then scatter by more than any clock error, and every log fits.
     """
     posterior = solution.posterior
     searched = {name.partition(".")[0] for name in posterior.parameters.names}
@@ -189,10 +201,10 @@ def lies_far(solution: Solution) -> bool:
 
 
 def is_contradicted(solution: Solution) -> bool:
-    """Return whether the densest optimum is not the answer and does not fit the log.
+    """Return True if the optimum of highest density is not the answer and does not fit.
 
-    Places far from a small array can win by the extent of their range against one
-    among the sensors that a single wrong reading contradicts.
+    Far positions can be more probable in total than a position among the sensors that a
+    single wrong reading contradicts.
     """
     posterior, z = _densest(solution)
     if np.array_equal(z, solution.laplace.z):
@@ -203,14 +215,14 @@ def is_contradicted(solution: Solution) -> bool:
 
 
 def _densest(solution: Solution) -> tuple[Posterior, Float[np.ndarray, " free"]]:
-    """Return the optimum of the highest density, and the posterior weighed there."""
+    """Return the optimum of highest density, and the posterior weighted there."""
     best = np.nanargmax(np.asarray(solution.optima.log_density))
     z = np.asarray(solution.optima.z)[best]
     return solution.posterior.weighed(jnp.asarray(z)), z
 
 
 def suspects(observations: Observations, solution: Solution) -> list[Suspect]:
-    """Return every clock that is not free, and every sensor of other rows than it."""
+    """Return every clock that is not free, and every sensor with different rows."""
     clocks = np.array(observations.clocks())
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     names = solution.posterior.parameters.names
@@ -228,12 +240,15 @@ def suspects(observations: Observations, solution: Solution) -> list[Suspect]:
 
 
 def _without(observations: Observations, rows: Int[np.ndarray, " out"]) -> Observations:
-    """Return a log some of whose rows have no weight."""
+    """Return a log in which some rows have no weight."""
     scale = observations.error_scale()
     sigma = observations.sigma.copy()
+    # sigma in the unit of the reading, for an error of LEFT_OUT_SIGMA on the error
+    # scale
     given = np.where(np.isfinite(scale), scale / observations.sigma, 1.0)
-    sigma[rows] = UNHEARD / given[rows]
-    # rows without weight share no errors: of equal shares they would fix these at 0
+    sigma[rows] = LEFT_OUT_SIGMA / given[rows]
+    # These rows leave their record: as large shared errors they would fix the errors of
+    # the other rows at 0.
     record = np.array(observations.records(), object)
     record[rows] = ""
     return replace(observations, sigma=sigma, record=tuple(record))
@@ -242,7 +257,7 @@ def _without(observations: Observations, rows: Int[np.ndarray, " out"]) -> Obser
 def _likeliest(
     posterior: Posterior, z: Float[np.ndarray, " free"], possible: Sequence[Suspect]
 ) -> list[Suspect]:
-    """Order suspects by how much chi squared would fall without each, laws linear."""
+    """Return suspects in the order of the fall of chi squared without each (linear)."""
     falls = _falls(posterior, z, possible)
     order = (
         np.argsort(-np.array(falls), kind="stable") if falls else range(len(possible))
@@ -253,9 +268,9 @@ def _likeliest(
 def _falls(
     posterior: Posterior, z: Float[np.ndarray, " free"], possible: Sequence[Suspect]
 ) -> list[float]:
-    """Return by how much chi squared would fall without each suspect, laws linear.
+    """Return the fall of chi squared without each suspect, for linear predictions.
 
-    Nothing is returned where predictions have no slopes.
+    Without finite slopes the list is empty.
     """
     linear = _linear_fit(posterior, z)
     if linear is None:
@@ -263,6 +278,7 @@ def _falls(
     basis, left = linear
 
     def fall(suspect: Suspect) -> float:
+        # leave-out formula of linear regression: r^T (1 - H)^-1 r of the rows left out
         free = np.eye(len(suspect.rows)) - basis[suspect.rows] @ basis[suspect.rows].T
         return float(left[suspect.rows] @ np.linalg.pinv(free) @ left[suspect.rows])
 
@@ -272,9 +288,9 @@ def _falls(
 def _linear_fit(
     posterior: Posterior, z: Float[np.ndarray, " free"]
 ) -> tuple[Float[np.ndarray, "row rank"], Float[np.ndarray, " row"]] | None:
-    """Return the basis of what least squares can fit about a place, and what it leaves.
+    """Return the column space of the slopes at a place, and the least-squares residual.
 
-    Both are in standard deviations; None where predictions have no slopes.
+    Both are in standard deviations; None without finite slopes.
     """
     at = jnp.asarray(z)
     misfit = posterior.misfit(at)
@@ -288,18 +304,18 @@ def _linear_fit(
 
 
 class Exchanged(NamedTuple):
-    """A log with the places of two sensors exchanged."""
+    """A log with the positions of two sensors exchanged."""
 
     names: tuple[str, str]
     log: Observations
 
 
 def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged]:
-    """Return the exchanges of two sensors' places that lower chi squared most.
+    """Return the exchanges of two sensors' positions that lower chi squared most.
 
-    Chi squared is that of a least-squares step about the densest optimum. The sensors
-    are exchanged without which it would fall most (`MAX_SUSPECTS`). Only exchanges that
-    lower it are returned: of an honest log none.
+    Chi squared is that of a least-squares step from the optimum of highest density.
+    Exchanged are the sensors without which it would fall most (`MAX_SUSPECTS`). Only
+    exchanges that lower it are returned: none for a correct log.
     """
     posterior, z = _densest(solution)
     names = np.array(observations.sensor, object)
@@ -324,11 +340,11 @@ def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged
             log = replace(observations, position=moved)
             found.append((float(np.sum(then[1] ** 2)), (one.name, other.name), log))
     found.sort(key=lambda entry: entry[0])
-    return [Exchanged(pair, log) for _, pair, log in found[:MOST_EXCHANGES]]
+    return [Exchanged(pair, log) for _, pair, log in found[:MAX_EXCHANGES]]
 
 
 def _exchange(rest: Solution, exchanged: Exchanged) -> ExchangedSensors | None:
-    """Return an exchange that makes a log fit; None if it does not."""
+    """Return the finding of an exchange; None if the log does not fit with it."""
     normal = rest.laplace
     if not (normal.converged and all(rest.identifiability.determined)):
         return None
@@ -353,7 +369,7 @@ def _exchange(rest: Solution, exchanged: Exchanged) -> ExchangedSensors | None:
 def accused_sensors(
     observations: Observations, wrong: Sequence[WrongSensor]
 ) -> set[str]:
-    """Return the sensors whose readings are wrong by any of some explanations."""
+    """Return the sensors with wrong readings by any of the explanations."""
     names: set[str] = set()
     for one in wrong:
         if isinstance(one, WrongClock):
@@ -371,10 +387,10 @@ def other_explanations(
     solution: Solution,
     suspected: Sequence[SuspectedOutlier],
 ) -> tuple[SeveralExplanations, ...]:
-    """Return the sensors that explain a log as well as the one of the worst outlier.
+    """Return the sensors that explain a log as well as that of the largest outlier.
 
-    Without one of them chi squared would fall by as much, to `AS_LIKELY` in ln
-    density. Where a log has one degree of freedom that holds of every sensor.
+    Without one of them chi squared would fall by as much, within `EXPLANATION_FALL` in
+    ln density. With one degree of freedom this is true for every sensor.
     """
     if not suspected or is_long(solution.posterior):
         return ()
@@ -389,7 +405,7 @@ def other_explanations(
     others = tuple(
         name
         for name, fall in falls.items()
-        if name != worst and fall > falls[worst] - 2 * AS_LIKELY
+        if name != worst and fall > falls[worst] - 2 * EXPLANATION_FALL
     )
     return (SeveralExplanations(worst, others),) if others else ()
 
@@ -397,7 +413,7 @@ def other_explanations(
 def _judged(
     observations: Observations, rest: Solution, suspect: Suspect, among: int
 ) -> WrongSensor | None:
-    """Return the fit without a suspect; None if that does not explain the log."""
+    """Return the finding about a suspect; None if it does not explain the log."""
     normal, found = rest.laplace, rest.identifiability
     if not (normal.converged and all(found.determined)):
         return None
@@ -421,6 +437,7 @@ def _judged(
     missed, covariance = _missed(as_read, rest, suspect.rows)
     clock: dict[str, Any] = {}
     if suspect.kind == "clock":
+        # generalised least squares: one offset for all readings of the clock
         weights = np.linalg.solve(covariance, np.ones(len(missed)))
         offset = float(weights @ missed / weights.sum())
         sd = float(weights.sum() ** -0.5)
@@ -428,6 +445,8 @@ def _judged(
         alike = p_value(
             float(apart @ np.linalg.solve(covariance, apart)), len(missed) - 1
         )
+        # readings that differ among themselves are not explained by an offset of their
+        # clock
         if alike is not None and alike < FITS:
             return None
         rarity = float(tail_probability(np.array([offset / sd]), posterior.noise)[0])
@@ -438,6 +457,7 @@ def _judged(
     else:
         far = missed / np.sqrt(np.diag(covariance))
         rarity = float(tail_probability(far, posterior.noise).min()) * len(missed)
+    # Bonferroni: any of the suspects could have been the worst by chance
     if rarity * among > POOR:
         return None
     return (WrongClock if clock else WrongSensor)(
@@ -454,11 +474,13 @@ def _judged(
 def _missed(
     posterior: Posterior, rest: Solution, rows: Int[np.ndarray, " out"]
 ) -> tuple[Float[np.ndarray, " out"], Float[np.ndarray, "out out"]]:
-    """Return by how much rows miss the prediction by the rest, and its covariance."""
+    """Return the residuals of rows from the prediction by the rest, and covariance."""
     z = rest.laplace.z
     values, vectors = np.linalg.eigh(rest.laplace.covariance)
     axes = (vectors * np.sqrt(np.maximum(values, 0.0))).T
     misfit = posterior.misfit(jnp.asarray(z))
+    # central differences along the axes of the normal approximation: one standard
+    # deviation is the scale on which the prediction has to be linear
     moved = [
         0.5
         * np.asarray(
@@ -479,17 +501,18 @@ def more_to_free(
     solution: Solution,
     refit: Refit,
 ) -> MoreToFree | None:
-    """Return what to free beside the mass so that a log fits; None if nothing does.
+    """Return the parameters to free so that a log fits; None if nothing helps.
 
-    Tried are the origin time, then the place too, then clocks that a flash and a bang
-    set. Where none of these is enough, a clock that is wrong may be: it is free, too.
-    At last all clocks are that the log names apart: more than one may be wrong.
+    The origin time is tried first, then the position as well, then clocks that a flash
+    and an arrival synchronise. If these are not enough, one wrong clock is searched and
+    freed. Finally all clocks that the log distinguishes are freed: several may be
+    wrong.
 
     Args:
         observations: The log, which the default scene does not fit.
         uncertain: The scene.
-        solution: What was found with it.
-        refit: Solves for a log with more numbers free.
+        solution: Solution with it.
+        refit: Function that solves for a log with more numbers free.
     """
     arrivals = np.isin(observations.quantity, ARRIVALS).sum()
     blind = uncertain.source == NO_SCENE
@@ -531,7 +554,7 @@ def _refits(
 def _all_clocks(
     observations: Observations, uncertain: UncertainScene
 ) -> list[tuple[str, ...]]:
-    """Return every clock that the log names but the common one, and place and time."""
+    """Return sets of all clocks but the common one, with time, and with position."""
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     read = set(np.array(observations.clock, object)[timed])
     apart = [name for name in clocks_apart(observations) if name in read]
@@ -548,7 +571,7 @@ def _all_clocks(
 def _not_free(
     names: Sequence[str], observations: Observations, uncertain: UncertainScene
 ) -> tuple[str, ...]:
-    """Return which of names are not free yet; none if the rows are too few for them."""
+    """Return the names that are not free yet; () if there are too few rows."""
     new = tuple(name for name in names if name not in uncertain.beliefs)
     spare = len(observations) - len(uncertain.beliefs) - len(new)
     return new if spare > 0 else ()
@@ -557,7 +580,7 @@ def _not_free(
 def _candidates(
     observations: Observations, uncertain: UncertainScene
 ) -> list[tuple[str, ...]]:
-    """Return what might be freed, the least first, as far as rows can identify it."""
+    """Return sets of parameters that rows can identify, the smallest first."""
     timed = bool(set(CLOCK_TIMES) & set(observations.quantity))
     origin = ("origin_time_s",) if timed else ()
     placed = bool(np.isnan(observations.slant_range).all())
@@ -570,18 +593,20 @@ def _candidates(
         if new and new not in found:
             found.append(new)
     if place and len(found) > 2 and found[1] == place:
-        del found[1]  # a place at a known time is no more likely, and costs as much
+        # a known time with an unknown position is no more probable, and costs a search
+        del found[1]
     if len(found) > 1 and found[0] == origin and out_of_order(observations, uncertain):
-        del found[0]  # each set is a program of its own to compile, some 10 s
+        # each set compiles a program, which takes some 10 s
+        del found[0]
     return found
 
 
 def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
-    """Return whether a sensor heard the air wave well before a nearer one did.
+    """Return True if the air wave reached a sensor well before a nearer one.
 
-    Then no origin time is enough: at a fixed place, in still air, any mass is heard the
-    later the further off. Laws scatter by a share of the travel time, which is taken as
-    that of sound.
+    Then no origin time suffices: for a fixed position in still air, arrivals increase
+    with distance for any mass. Laws scatter by a share of the travel time, which is
+    taken as that of sound.
 
     Args:
         observations: The log.
@@ -592,10 +617,12 @@ def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
     free = {"wind_east_m_s", "wind_north_m_s", *PLACE} & set(uncertain.beliefs)
     if scene.others or scene.charge.range_m is not None or free or not still:
         return False
-    heard = np.array(observations.quantity) == "air_arrival_s"
+    is_arrival = np.array(observations.quantity) == "air_arrival_s"
     place = observations.position - np.asarray(scene.charge.position_m, float)
-    reach = np.where(heard, np.linalg.norm(place, axis=1), np.nan)
-    allowed = np.hypot(np.nan_to_num(observations.sigma), SCATTER * reach / SLOWEST)
+    reach = np.where(is_arrival, np.linalg.norm(place, axis=1), np.nan)
+    allowed = np.hypot(
+        np.nan_to_num(observations.sigma), SCATTER * reach / MIN_SOUND_SPEED
+    )
     earliest = observations.value - TIMES_SIGMA * allowed
     latest = observations.value + TIMES_SIGMA * allowed
     clocks = np.array(observations.clock)
@@ -609,11 +636,11 @@ def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
 
 
 def _as_more_to_free(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:
-    """Return the finding of a solution; None if it is no answer."""
+    """Return the finding of a solution; None if it does not fit."""
     normal = freed.laplace
     if not (normal.converged and all(freed.identifiability.determined)):
         return None
-    if lies_far(freed):  # where every log fits
+    if lies_far(freed):  # every log fits there
         return None
     posterior, z = freed.posterior, normal.z
     left = standardised_residuals(posterior, z)

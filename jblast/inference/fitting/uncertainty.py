@@ -50,27 +50,29 @@ from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.parameters import CHARGE_POSITION
 
 Method = Literal["weighted", "laplace", "emcee", "auto"]
+# The 5 % quantile rests on 400 draws: its Monte Carlo error is 0.02 sd.
 DRAWS = 8000
 MIN_EFFECTIVE_DRAWS = 100
-"""Smallest effective sample size of an interval."""
+"""Smallest effective sample size of an interval: its bounds then have a Monte Carlo
+error of 0.2 sd, which the check allows (`importance.MAX_QUANTILE_ERROR`)."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Marginals and draws of a posterior, and the method that gave them.
+    """Marginals and draws of a posterior, and their method.
 
     Attributes:
         method: "laplace" or "emcee".
-        weighted: Whether the normal approximation's draws were weighted by the
+        weighted: True if draws of the normal approximation were weighted by the
             posterior.
-        reason: Why that one.
+        reason: Reason for the method.
         z: Draws of the coordinates.
-        marginals: What is known of each number, its value the most probable.
-        converged: Whether the method reached what it should.
-        findings: What draws showed: modes, a ridge, intervals that are off.
-        ensemble: The walk, where there was one.
-        bearing: Where arrival times determine the bearing of a charge and not its
-            place: the bearing [degrees clockwise from north] and the range [m].
+        marginals: Estimate of each number; its value is the most probable one.
+        converged: True if the method converged.
+        findings: Findings about modes, ridges and inaccurate intervals.
+        ensemble: The walkers' chain, if they ran.
+        bearing: Bearing [degrees clockwise from north] and range [m], if arrival times
+            determine the bearing of a charge but not its position.
     """
 
     method: str
@@ -92,21 +94,20 @@ def uncertainty(
     rows: Sequence[str] = (),
     store: str | os.PathLike[str] | None = None,
 ) -> Uncertainty:
-    """Draw from the posterior by the method wanted, or along the range of a charge.
+    """Draw from the posterior by the requested method, or along the range of a charge.
 
-    Draws follow the range where it has no upper bound, where the place is not
-    identified, or where importance sampling fails for a charge beside a small array.
+    Draws follow the range if it has no upper bound, if the position is not identified,
+    or if importance sampling fails for a charge outside a small array.
 
     Args:
         solution: Result of the search.
-        method: "laplace" takes the normal approximation, and warns where the ends of
-            its intervals are off; "weighted" moves them to where importance sampling
-            finds the posterior's, wherever it can. "auto" takes the normal
-            approximation where importance sampling finds nothing against it and
-            numbers are narrow, and walkers else.
-        seed: Of the draws.
-        rows: What to call each row of the log in messages.
-        store: Folder in which a walk is kept, to be gone on with if it is cut short.
+        method: "laplace": normal approximation, with a warning if the bounds of its
+            intervals are inaccurate. "weighted": the bounds by importance sampling,
+            where it is reliable. "auto": normal approximation if importance sampling
+            confirms it and numbers are narrow, else walkers. "emcee": walkers.
+        seed: Seed of the draws.
+        rows: Name of each row of the log in messages.
+        store: Folder in which a chain is stored, and resumed if it was interrupted.
     """
     sight = solution.sight
     if sight is None or len(solution.identifiability.null):
@@ -119,7 +120,7 @@ def uncertainty(
 
 
 def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertainty:
-    """Draw along the range; give the bearing where the place is not identified."""
+    """Draw along the range; report the bearing if the position is not identified."""
     parameters = solution.posterior.parameters
     z = sight.draws(DRAWS, np.random.default_rng(seed))
     by_name = _at_best(solution, marginals_of_draws(parameters, z))
@@ -128,7 +129,7 @@ def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertai
     bearing = None
     if sight.is_open or not all(judged[n].identified for n in place):
         unknown = {*place, "origin_time_s"}
-        if sight.is_open:  # a larger charge farther away
+        if sight.is_open:  # a larger charge farther away gives the same arrivals
             unknown |= {n for n in by_name if n.partition(".")[0] == "charge_mass_kg"}
         by_name = {n: Estimate() if n in unknown else by_name[n] for n in by_name}
         bearing = _bearing_and_range(sight, z)
@@ -145,7 +146,7 @@ def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertai
 def _bearing_and_range(
     sight: RangeProfile, z: Float[np.ndarray, "draw free"]
 ) -> dict[str, Estimate]:
-    """Return the bearing, a second one where there is one, and bounds of the range."""
+    """Return the bearing, a second one if there is one, and bounds of the range."""
     ranges = np.linalg.norm(z[:, sight.at] - sight.middle, axis=1)
     q05, q95 = np.quantile(ranges, [0.05, 0.95])
     if sight.is_open:
@@ -157,6 +158,8 @@ def _bearing_and_range(
         middle = np.degrees(sight.bearing[place])
         if not len(off) or not np.std(off) < np.degrees(DETERMINED):
             continue
+        # quantiles of differences from the place, so that an interval across north is
+        # one interval; the median is then put between 0 and 360 degrees
         ends = middle + np.quantile(off, [0.05, 0.5, 0.95])
         low, median, high = (ends - 360 * (ends[1] // 360)).tolist()
         found[name] = Estimate(
@@ -173,7 +176,7 @@ def _by_method(
     rows: Sequence[str] = (),
     store: str | os.PathLike[str] | None = None,
 ) -> Uncertainty:
-    """Draw from the posterior by the method wanted; see `uncertainty`."""
+    """Draw from the posterior by the requested method; see `uncertainty`."""
     normal = solution.laplace
     if len(solution.identifiability.null):
         return _by_normal(solution, DirectionUnidentified(), seed)
@@ -223,7 +226,7 @@ def _by_method(
 
 
 def _weighted(solution: Solution, seed: int) -> Uncertainty:
-    """Weight draws of the normal approximation; without weights where these fail."""
+    """Return weighted draws, or the normal approximation if the weights fail."""
     normal, parameters = solution.laplace, solution.posterior.parameters
     if not normal.converged:
         return _by_normal(solution, NotAtOptimum(), seed)
@@ -241,13 +244,14 @@ def _weighted(solution: Solution, seed: int) -> Uncertainty:
     by_name = marginals_of_draws(parameters, drawn.z, drawn.weights, drawn.quantiles)
     alone = marginals_of_draws(parameters, drawn.straight, drawn.of_normal)
     exact = marginals(parameters, normal)
-    # what chance did to both, it did to one alike
+    # The same draws give the sd of the normal approximation, which is known exactly:
+    # the ratio corrects the Monte Carlo error that both share.
     for name, number in by_name.items():
         one, other = alone[name], exact[name]
         by_name[name] = replace(
             number,
-            sd=_less_chance(number.sd, one.sd, other.sd),
-            log_sd=_less_chance(number.log_sd, one.log_sd, other.log_sd),
+            sd=_corrected(number.sd, one.sd, other.sd),
+            log_sd=_corrected(number.log_sd, one.log_sd, other.log_sd),
         )
     picked = np.random.default_rng(seed).choice(len(drawn.z), DRAWS, p=drawn.weights)
     return Uncertainty(
@@ -263,19 +267,19 @@ def _weighted(solution: Solution, seed: int) -> Uncertainty:
 def _at_best(
     solution: Solution, by_name: Mapping[str, Estimate]
 ) -> dict[str, Estimate]:
-    """Return estimates whose values are the most probable ones, not the medians."""
+    """Return estimates with the most probable values instead of the medians."""
     best = solution.posterior.parameters.values(jnp.asarray(solution.laplace.z))
     return {n: replace(one, value=float(best[n])) for n, one in by_name.items()}
 
 
-def _less_chance(sd: float, by_draws: float, exact: float) -> float:
-    """Return an sd of draws, less what chance did to one that is known exactly."""
+def _corrected(sd: float, by_draws: float, exact: float) -> float:
+    """Return an sd of draws, corrected by the error of one that is known exactly."""
     known = by_draws and exact and np.isfinite([by_draws, exact]).all()
     return sd * exact / by_draws if known else sd
 
 
 def _checked(solution: Solution, seed: int) -> tuple[Finding, ...]:
-    """Return where the normal approximation's intervals are off, of an optimum."""
+    """Return the finding about inaccurate intervals of the normal approximation."""
     if not solution.laplace.converged:
         return ()
     found = check_intervals(solution.posterior, solution.laplace, seed=seed).finding()

@@ -38,7 +38,8 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import Free, parameter_named
 
 AMBIGUITY = 6.0
-"""Another optimum within this of the best, in -2 ln density, is an ambiguity."""
+"""Another optimum within this of the best, in -2 ln density, is an ambiguity: its
+probability is 5 % of the best or more."""
 
 WIDEST_FACTOR = 30.0
 """A positive number whose 90 % interval spans a larger factor is not identified.
@@ -49,21 +50,21 @@ scaling: distances go as the cube root), so of about 3 to 10 in a peak overpress
 """
 
 UNLEARNED = 0.95
-"""A number whose sd is more than this much of its prior's has not been learned: the
-data then hold less than a tenth of the information of the prior."""
+"""Ratio of a number's sd to that of its prior above which the log adds nothing: the
+data then contain less than a tenth of the information of the prior."""
 
 OF_CHARGE = (
     *("charge_mass_kg", "charge_range_m", "charge_east_m", "charge_north_m"),
     "origin_time_s",
 )
 """The requested numbers of a fit. Others (height, air, ground, clocks) are conditions:
-a prior on one of them stands as given where the data add nothing to it."""
+if the data add nothing to a prior on one of them, the prior is the answer."""
 
 
 def requested(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the fitted numbers that an answer consists of.
+    """Return the requested numbers among the fitted ones.
 
-    These are mass, place and time of the charges; all numbers where none of these was
+    These are mass, position and time of the charges; all numbers if none of these was
     fitted.
     """
     of_charge = tuple(n for n in names if n.partition(".")[0] in OF_CHARGE)
@@ -71,7 +72,7 @@ def requested(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def unlearned(solution: Solution) -> tuple[str, ...]:
-    """Return the numbers that are as uncertain as their priors, log or no log."""
+    """Return the numbers to whose priors the log adds nothing."""
     parameters = solution.posterior.parameters
     sds = np.sqrt(np.diag(solution.laplace.covariance))
     priors = np.asarray(parameters.has_prior())
@@ -85,15 +86,15 @@ def unlearned(solution: Solution) -> tuple[str, ...]:
 def widest(posterior: Posterior, z: Float[np.ndarray, " free"], name: str) -> float:
     """Return the widest 90 % interval with which a number counts as identified.
 
-    Of a positive number it is a factor, of others a difference in their unit. A
-    coordinate is held against the larger of the extent of the layout and the range of
-    the charge at the answer, a time against what sound takes over that, any other
-    number against the bounds of what is possible.
+    For a positive number it is a factor, for others a difference in their unit. A
+    coordinate is compared with the larger of the extent of the layout and the range of
+    the charge at the answer, a time with the travel time of sound over that, any other
+    number with the width of its allowed range.
 
     Args:
-        posterior: Holds the layout.
+        posterior: Posterior with the layout.
         z: The answer.
-        name: Of the number.
+        name: Name of the number.
     """
     parameter = parameter_named(name)
     if parameter.positive:
@@ -155,7 +156,7 @@ def resting_on(
     the fitted numbers, $W$ those by the unknowns, in standard deviations.
 
     Args:
-        solution: What was found with the unknowns held fixed.
+        solution: Solution with the unknowns fixed.
         columns: Slopes of the readings by each unknown, in units of their residuals.
         estimates: Estimates of the fitted numbers.
     """
@@ -175,7 +176,7 @@ def resting_on(
     for name, sd in zip(posterior.parameters.names, sds, strict=True):
         wide = 2 * NORMAL_Q95 * sd
         if parameter_named(name).positive:
-            wide = np.exp(min(wide, 700.0))  # ln of the largest double is 709
+            wide = np.exp(min(wide, 700.0))  # exp(709) is the largest double
         if estimates[name].identified and wide > widest(posterior, z, name):
             answer.append(name)
     return tuple(answer)
@@ -188,7 +189,7 @@ def _reach(posterior: Posterior, z: Float[np.ndarray, " free"]) -> float:
 
 
 def null_directions(solution: Solution) -> tuple[NullDirection, ...]:
-    """Name every direction along which no datum moves, and what would end it."""
+    """Return every null direction with its remedies."""
     parameters = solution.posterior.parameters
     return tuple(
         NullDirection(
@@ -205,7 +206,7 @@ def null_directions(solution: Solution) -> tuple[NullDirection, ...]:
 
 
 def estimable_combinations(solution: Solution) -> tuple[EstimableCombination, ...]:
-    """List the estimable combinations of parameters that are not identified singly."""
+    """Return the estimable combinations of unidentified parameters."""
     parameters, normal = solution.posterior.parameters, solution.laplace
     answer = []
     for form in estimable_forms(solution.identifiability):
@@ -225,10 +226,11 @@ def estimable_combinations(solution: Solution) -> tuple[EstimableCombination, ..
 
 
 def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
-    """Name every other optimum that the data cannot rule out.
+    """Return every other optimum that the data cannot rule out.
 
-    One that differs in numbers the data do not determine anyway is none, nor is one
-    where a law does not hold, if the best lies where all do.
+    An optimum that differs in unidentified numbers only is not returned. If all laws
+    are valid at the best optimum, those where a law is not valid are not returned
+    either.
     """
     found, posterior = solution.optima, solution.posterior
     best = solution.laplace.z
@@ -268,7 +270,7 @@ def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
 
 
 def _apart(solution: Solution, one, other) -> float:
-    """Distance of two places in standard deviations of what is determined."""
+    """Distance of two places in standard deviations of the identified numbers."""
     away = (one - other)[list(solution.identifiability.determined)]
     if len(solution.identifiability.null):
         kept = np.flatnonzero(solution.identifiability.determined)

@@ -1,7 +1,7 @@
 """Warnings and assumptions of an answer.
 
 They concern fit, priors, laws, clocks, and the height, shape and surroundings of the
-charge. The gravest warning stands first; each is a `Finding`, without words.
+charge. The most serious warning is the first; each is a `Finding`, without text.
 """
 
 import inspect
@@ -47,14 +47,16 @@ from jblast.sensors.layout import components
 from jblast.waves.height_of_burst import scaled_height
 
 LARGE_EFFECT_SD = 4.0
-"""A shared effect larger than this many standard deviations is reported."""
+"""A shared effect larger than this many standard deviations is reported: one in 16,000
+by chance."""
 ROUGH = 0.2
-"""A density of samples that is known no better in ln is reported: draws have weights
-that are off by a fifth."""
+"""Error of the log-density of samples above which it is reported: weights of draws are
+then off by a fifth."""
 
 POINT_SOURCES = ("sedov_taylor", "point_source")
-"""Laws of energy let go at a point, by which chemical charges cannot be weighed near
-them: of TNT radius and time give 5 % of the energy at Z = 0.2, the peak 37 % at 0.3."""
+"""Laws of energy released at a point. They do not give the energy of a chemical charge
+near it: for TNT, radius and time give 5 % of it at Z = 0.2, the peak 37 % at Z =
+0.3."""
 
 
 def warnings_of(
@@ -69,7 +71,7 @@ def warnings_of(
     estimates: Mapping[str, Estimate],
     independent: PathsTakenAsIndependent | None,
 ) -> list[Finding]:
-    """Collect the warnings of an answer, the gravest first."""
+    """Return the warnings of an answer, the most serious first."""
     findings: list[Finding] = []
     against: Mapping[str, float] = {}
     blind = uncertain.source == NO_SCENE
@@ -96,7 +98,10 @@ def warnings_of(
     if not solution.bursts_settled:
         findings.append(BurstsUnsettled())
     if blind:
-        findings.append(_without_scene(observations, uncertain))
+        frame = observations.frame
+        known = ("charge_mass_kg", "fireball_growth_s")  # free in any default scene
+        free = tuple(name for name in uncertain.beliefs if name not in known)
+        findings.append(NoScene(free, frame.alt_m if frame else 0.0))
     if same := tuple(name for name in unlearned(solution) if name not in against):
         findings.append(NothingLearned(same))
     if np.abs(effects).max(initial=0.0) > LARGE_EFFECT_SD:
@@ -115,14 +120,14 @@ def warnings_of(
 def assumptions_of(
     solution: Solution, independent: PathsTakenAsIndependent | None
 ) -> tuple[Finding, ...]:
-    """Return what an answer takes for granted, with what that is worth."""
+    """Return the assumptions of an answer with their effect."""
     if independent is not None and independent.beyond_array:
-        independent = None  # a warning
+        independent = None  # reported as a warning
     return tuple(found for found in (still_air(solution), independent) if found)
 
 
 def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:
-    """Return what the flat ground is off by, where that is noticed."""
+    """Return the largest error by flat ground, if it is not negligible."""
     if observations.frame is None:
         return []
     z, posterior = jnp.asarray(solution.laplace.z), solution.posterior
@@ -134,7 +139,7 @@ def _round_earth(observations: Observations, solution: Solution) -> list[Finding
 
 
 def outside(observations, solution: Solution, valid) -> LawOutOfRange:
-    """Return how many rows lie where their laws do not hold, and where these do."""
+    """Return the number of rows outside their laws, and the ranges of these laws."""
     rows = np.flatnonzero(~valid)
     quantities = dict.fromkeys(observations.quantity[row] for row in rows)
     ranges = {
@@ -154,23 +159,16 @@ def outside(observations, solution: Solution, valid) -> LawOutOfRange:
     )
 
 
-def _without_scene(observations: Observations, uncertain: UncertainScene) -> NoScene:
-    """Return what the default scene was taken to be for this log."""
-    frame = observations.frame
-    known = ("charge_mass_kg", "fireball_growth_s")  # free in any default scene
-    free = tuple(name for name in uncertain.beliefs if name not in known)
-    return NoScene(free, frame.alt_m if frame else 0.0)
-
-
 def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding]:
-    """Return by which curves a charge off the ground is read, and what they miss."""
+    """Return the curves used for a charge off the ground, and their limitations."""
     laws = [law_for(quantity, law.name) for quantity, law in solution.laws.items()]
-    asks = any("burst" in law.arguments() for law in laws)
-    if (
-        not charge.by_height
-    ):  # one law, of one set, holds or not for the burst that the user stated
-        asks |= any("burst" in inspect.signature(law.valid).parameters for law in laws)
-    if not asks:
+    depends = any("burst" in law.arguments() for law in laws)
+    # with a stated burst there is one curve set, whose laws are valid for it or not
+    if not charge.by_height:
+        depends |= any(
+            "burst" in inspect.signature(law.valid).parameters for law in laws
+        )
+    if not depends:
         return []
     scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
     shot = [each.name for each in scene.charges].index(charge.name)
@@ -183,7 +181,7 @@ def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding
 
 
 def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[Finding]:
-    """Return whether a law of a point source weighed a chemical charge."""
+    """Return a finding if a law of a point source was used for a chemical charge."""
     used = tuple(name for name in POINT_SOURCES if name in laws)
     if not used or charge.explosive == "nuclear":
         return []
@@ -198,7 +196,7 @@ def clocks_taken_to_agree(
 ) -> list[Finding]:
     """Return the clocks of a log that are neither fitted nor given in the scene.
 
-    The clock by which all are set stands first among them.
+    The first of them is the reference clock.
     """
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     clocks = np.array(observations.clocks(), object)

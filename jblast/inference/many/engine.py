@@ -41,7 +41,7 @@ from jblast.inference.many.residuals import (
     rows_of,
 )
 from jblast.inference.many.solver import (
-    MOST_UNKNOWNS,
+    MAX_UNKNOWNS,
     Expansion,
     LaneLevenbergMarquardt,
     Triangle,
@@ -68,19 +68,24 @@ from jblast.sensors.law_choice import settled
 from jblast.sensors.simulated_readings import Noise
 
 KEPT = 16
-"""Layouts whose compiled programs are kept."""
+"""Largest number of layouts whose compiled programs are kept: each holds its programs
+in memory."""
 STRAGGLERS = 0.02
-"""A loop does not wait for this share of its logs; they go on together later."""
+"""Share of its logs for which a loop does not wait. They are collected and continued
+together: without that every loop takes as long as its slowest log."""
 RETRY_LOGS = 1024
-"""Largest number of logs whose remaining starts are tried simultaneously."""
-_ENGINES: dict[Any, "Engine"] = {}
-MOST_STEPS = 200
+"""Largest number of logs whose remaining starts are tried simultaneously: for few logs
+one loop costs less than several, for many the first retry settles most."""
+_ENGINES: dict[Any, "Engine"] = {}  # in the order of their creation
+# Lanes that have not converged by then are continued by Newton's method.
+MAX_STEPS = 200
 Inputs = tuple[Float[Array, "unknown lane"] | None, Readings]
-"""Where lanes start, or nothing where that is the closed form; and their readings."""
+"""Starts of lanes (None for the closed form) and their readings."""
 LANES = {"cpu": (16, 128), "gpu": (1 << 10, 1 << 14, 1 << 18, 1 << 20)}
-"""Logs that go through one loop together, by platform: the least that suffices."""
+"""Numbers of lanes of one loop by platform; the smallest sufficient one is used. On a
+CPU the arrays of 128 lanes fit into its cache, a GPU needs many lanes to be busy."""
 CHUNKS = {"cpu": 128, "gpu": 1}
-"""Loops that one call of the compiled program runs, on each device."""
+"""Loops of one call of the compiled program on each device: fewer calls from Python."""
 
 
 def engine_for(
@@ -90,9 +95,11 @@ def engine_for(
     noise: Noise,
     devices: int | None = None,
 ) -> "Engine":
-    """Return what fits logs of a layout; compiled once for each."""
+    """Return the engine that fits logs of a layout; compiled once for each."""
     leaves, tree = jax.tree.flatten((uncertain, layout))
     arrays = [np.asarray(leaf) for leaf in leaves]
+    # all values, not only shapes: positions and fixed numbers are constants of the
+    # program
     key = (
         str(tree),
         tuple((a.dtype.str, a.shape, a.tobytes()) for a in arrays),
@@ -107,13 +114,12 @@ def engine_for(
         if not parameters.names:
             raise InputError("nothing to fit: every number of the scene is fixed")
         rows = rows_of(parameters, layout, laws, noise)
-        if rows.unknowns > MOST_UNKNOWNS:
+        if rows.unknowns > MAX_UNKNOWNS:
             raise InputError(
-                f"{len(parameters.names)} free numbers and {rows.effects} effects that "
-                f"rows share: expected at most {MOST_UNKNOWNS} together; fit such logs "
-                "one by one"
+                f"expected at most {MAX_UNKNOWNS} free numbers and shared effects, got "
+                f"{len(parameters.names)} and {rows.effects}; fit such logs one by one"
             )
-        while len(_ENGINES) >= KEPT:
+        while len(_ENGINES) >= KEPT:  # the oldest first
             del _ENGINES[next(iter(_ENGINES))]
         _ENGINES[key] = Engine(rows, devices)
     return _ENGINES[key]
@@ -121,12 +127,12 @@ def engine_for(
 
 @dataclass(frozen=True)
 class Loop:
-    """Fits lanes of one layout.
+    """A loop that fits lanes of one layout.
 
     Attributes:
-        rows: The layout.
-        solver: With the loss of these rows.
-        form: Where lanes start that are given no start.
+        rows: Rows of the layout.
+        solver: Solver with the loss of these rows.
+        form: Closed form of starts, if it applies.
         sigma: Instrument errors if all logs have the same.
     """
 
@@ -136,13 +142,14 @@ class Loop:
     sigma: Float[np.ndarray, "row 1"] | None
 
     def fit(self, stragglers: Float[Array, ""], lanes: Inputs) -> LaneResults:
-        """Fit lanes, but for the share of them that is not waited for."""
+        """Fit lanes until all but a share of stragglers have ended."""
         y, (measured, errors, bad) = lanes
         if y is None:
-            # here, and not beforehand: where the readings are in a cache
+            # inside of the loop, while the readings of the block are in the cache
             y = self._begin(measured)
         sigma = self._sigma(errors)
         bad = bad | ~jnp.isfinite(y).all(axis=0)
+        # bad lanes are computed, too, and must not produce NaN in shared reductions
         y = jnp.where(jnp.isfinite(y), y, 0.0)
         floor = self._floor(measured, sigma)
         options = {"floor": floor, "skip": bad, "stragglers": stragglers}
@@ -157,12 +164,13 @@ class Loop:
             (measured, errors),
             options=options,
             has_aux=True,
-            max_steps=MOST_STEPS,
+            max_steps=MAX_STEPS,
             throw=False,
         )
         state, free = found.state, len(self.rows.parameters.names)
         true, misfit, known = self._end(found.value, state.info, measured, sigma, floor)
-        # by the curvature that the solver goes by; the true one may be less than it
+        # The gradient is judged by the solver's curvature, which is positive; at a
+        # maximum or saddle the true one is not.
         converged = self.solver.at_optimum(state.info) & cholesky(true.hessian).positive
         factor = cholesky(known)
         columns = inverse_of(factor)
@@ -181,7 +189,7 @@ class Loop:
     def onwards(
         self, y: Float[Array, "unknown lane"], readings: Readings
     ) -> Float[Array, "unknown lane"]:
-        """Return where Newton's method leads from the ends of lanes."""
+        """Continue lanes by Newton's method."""
         measured, errors, bad = readings
         sigma = self._sigma(errors)
         good = ~bad & jnp.isfinite(y).all(axis=0)
@@ -199,14 +207,14 @@ class Loop:
         return jnp.where(good, newton(cost, first, slack), y)
 
     def _floor(self, measured, sigma) -> Float[Array, " lane"]:
-        """Return what rounding adds to the length of the vector of residuals."""
-        # a reading minus a prediction is as wrong as the reading's last digit
-        scale = jnp.where(sigma > 0, sigma, 1.0)  # 0: the law's scatter is all there is
+        """Return the rounding error of the length of the vector of residuals."""
+        # the rounding error of a residual is that of the reading's last digit
+        scale = jnp.where(sigma > 0, sigma, 1.0)  # 0: only the law's scatter
         eps = jnp.finfo(measured.dtype).eps
         return eps * jnp.sqrt(jnp.sum(jnp.square(measured / scale), axis=0))
 
     def _sigma(self, errors: Array | None) -> Array | np.ndarray:
-        """Return the instrument errors, constants where all logs have the same."""
+        """Return the instrument errors; constants if all logs have the same."""
         sigma = self.sigma if errors is None else errors
         assert sigma is not None
         return sigma
@@ -214,7 +222,7 @@ class Loop:
     def _begin(
         self, measured: Float[Array, "row lane"]
     ) -> Float[Array, "unknown lane"]:
-        """Return where lanes start in closed form."""
+        """Return the starts of lanes in closed form."""
         assert self.form is not None
         z = self.form.start(self.rows, measured)
         return with_effects(self.rows, z)
@@ -222,10 +230,10 @@ class Loop:
     def _end(
         self, y, info: Expansion, measured, sigma, floor
     ) -> tuple[Expansion, Float[Array, " lane"], Triangle]:
-        """Return the true cost about an end, the misfit, and the information."""
+        """Return the true expansion at an end, the misfit, and the information."""
         rows, loss = self.rows, self.rows.loss
         if self.solver.loss is half_square:
-            # the last expansion of the solver is exact here
+            # for normal errors of fixed size the last expansion of the solver is exact
             return info, info.f, info.hessian
         miss = rows.miss(y, measured, sigma)
         true = expansion(loss.true, y, *miss, floor)
@@ -248,23 +256,28 @@ class CompiledLoop:
         readings: Readings,
         stragglers: float,
     ) -> LaneResults:
-        """Fit lanes, but for a share of stragglers in each loop.
+        """Fit lanes until all but a share of stragglers in each loop have ended.
 
         Args:
-            y: Where to start; nothing for the closed form.
-            readings: Of the lanes.
-            stragglers: The share.
+            y: Starts; None for the closed form.
+            readings: Readings of the lanes.
+            stragglers: Share of stragglers.
         """
         count = readings.bad.size
-        each, chunks, devices = _sizes(count, self.devices or len(jax.devices()))
+        # the smallest size of block that suffices: each size compiles a program
+        devices = self.devices or len(jax.devices())
+        platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
+        share = -(-count // devices)
+        each = next((n for n in LANES[platform] if n >= share), LANES[platform][-1])
+        chunks = min(CHUNKS[platform], 1 << (-(-share // each) - 1).bit_length())
         block = each * chunks * devices
         program = self._program(chunks, devices, each)
         parts = []
         for begin in range(0, count, block):
             cut = functools.partial(_cut, begin=begin, end=begin + block)
             inputs = jax.tree.map(cut, (y, readings))
-            share = jnp.asarray(stragglers, readings.measured.dtype)
-            parts.append(program(share, inputs))
+            left = jnp.asarray(stragglers, readings.measured.dtype)
+            parts.append(program(left, inputs))
         if len(parts) == 1 and count == block:
             return parts[0]
         return jax.tree.map(lambda *x: jnp.concatenate(x, axis=-1)[..., :count], *parts)
@@ -272,7 +285,7 @@ class CompiledLoop:
     def _program(
         self, chunks: int, devices: int, each: int
     ) -> Callable[..., LaneResults]:
-        """Return what runs one block; compiled once."""
+        """Return the program of one block; compiled once."""
         if (chunks, each) not in self.programs:
 
             def here(stragglers, inputs):
@@ -360,7 +373,7 @@ class Engine:
         readings: Readings,
         times: int = 3,
     ) -> LaneResults:
-        """Solve all lanes but for stragglers, then these, and wait for the last."""
+        """Solve all lanes but stragglers, then these, and finally wait for the last."""
         results = compiled.run(y, readings, STRAGGLERS if times else 0.0)
         lanes = lanes_where(~results.done) if times else np.zeros(0, int)
         if lanes.size == 0:
@@ -374,7 +387,7 @@ class Engine:
     def _ended(
         self, compiled: CompiledLoop, y: Array | None, readings: Readings
     ) -> LaneResults:
-        """Solve all lanes; go on by the whole curvature where that does not end."""
+        """Solve all lanes; continue by Newton's method those that do not converge."""
         results = self._solve(compiled, y, readings)
         lanes = lanes_where(~(results.converged | readings.bad))
         if lanes.size == 0:
@@ -394,7 +407,7 @@ class Engine:
         again_z: float,
         logs: np.ndarray | None,
     ) -> LaneResults:
-        """Start again where a result is doubtful; the lowest of each log counts."""
+        """Start again where a result is doubtful; the lowest cost of each log is kept."""
         if not tries:
             return best
         lanes = lanes_where(self.doubtful(best, readings.bad, again_z))
@@ -402,7 +415,7 @@ class Engine:
             return best
         logs = lanes if logs is None else logs[lanes]
         few, some = gather_lanes(best, lanes), gather_lanes(readings, lanes)
-        # a loop over few lanes takes as long as its slowest, however many they are
+        # a loop over few lanes takes as long as its slowest, so all tries run in one
         now = len(tries) if lanes.size <= RETRY_LOGS else 1
         z = [where.at(which, some.measured, logs) for which in tries[:now]]
         y = with_effects(self.rows, jnp.concatenate(z, axis=1))
@@ -413,7 +426,7 @@ class Engine:
         return scatter_lanes(best, few, lanes)
 
     def _compiled(self, sigma) -> CompiledLoop:
-        """Return what runs lanes with these errors; they are constants of it."""
+        """Return the loop for these errors, which are constants of its program."""
         fixed = sigma[:, None] if isinstance(sigma, np.ndarray) else None
         key = None if fixed is None else fixed.tobytes()
         if key not in self.compiled:
@@ -448,29 +461,21 @@ class Engine:
 def with_effects(
     rows: LaneRows, z: Float[Array, "free lane"]
 ) -> Float[Array, "unknown lane"]:
-    """Return a place by its coordinates, the shared effects at zero."""
+    """Return unknowns from coordinates, with shared effects of zero."""
     return jnp.concatenate([z, jnp.zeros((rows.effects, z.shape[1]), z.dtype)])
 
 
-def _sizes(count: int, devices: int) -> tuple[int, int, int]:
-    """Return lanes of a loop, loops of a device, and devices, for so many lanes."""
-    platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
-    share = -(-count // devices)
-    each = next((n for n in LANES[platform] if n >= share), LANES[platform][-1])
-    chunks = min(CHUNKS[platform], 1 << (-(-share // each) - 1).bit_length())
-    return each, chunks, devices
-
-
 def _cut(x: Array, begin: int, end: int) -> Array:
-    """Return a block of lanes, filled up with bad ones, which are skipped."""
+    """Return a block of lanes, padded with bad ones, which are skipped."""
     x = x[..., begin:end]
     short = end - begin - x.shape[-1]
     around = [(0, 0)] * (x.ndim - 1) + [(0, short)]
+    # 1 is True for the flag `bad`, and a harmless reading or error
     return jnp.pad(x, around, constant_values=1) if short else x
 
 
 def _one_by_one(loop: Loop, chunks: int, stragglers, inputs: Inputs) -> LaneResults:
-    """Go through the chunks of a device one by one."""
+    """Fit the chunks of a device one after another."""
     if chunks == 1:
         return loop.fit(stragglers, inputs)
     split = jax.tree.map(
@@ -485,7 +490,7 @@ def _one_by_one(loop: Loop, chunks: int, stragglers, inputs: Inputs) -> LaneResu
 def _over_devices(
     here: Callable[..., LaneResults], devices: int
 ) -> Callable[..., LaneResults]:
-    """Give each device its share of the lanes."""
+    """Return a function that distributes lanes over devices."""
     mesh = jax.make_mesh((devices,), ("lane",), axis_types=(AxisType.Auto,))
     along: dict[int, Any] = {
         n: PartitionSpec(*[None] * (n - 1), "lane") for n in (1, 2, 3)

@@ -3,7 +3,7 @@
 `batch_of` joins logs of equal rows into the arrays that `fit_many` takes. Logs whose
 rows differ, lower bounds and correlated errors are refused.
 
-`fit_from_host` fits logs in host memory in pieces. While the device fits one piece, the
+`fit_from_host` fits logs in host memory in chunks. While the device fits one chunk, the
 next is copied to it and the results of the previous one are copied back, so copies take
 no extra time until they take longer than the fits.
 """
@@ -32,9 +32,9 @@ from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import Noise
 
 PIECE = {"cpu": 1 << 14, "gpu": 1 << 20}
-"""Logs of a piece, by platform."""
+"""Logs of a chunk, by platform: one call of the compiled program (`engine.LANES`)."""
 COPIES = 2
-"""Pieces that are copied back at a time."""
+"""Chunks that are copied back simultaneously: more would fill the device's memory."""
 KEPT: dict[str, Callable[[ManyFits], Array]] = {
     "z": lambda fits: fits.z,
     "sd": lambda fits: fits.sd(),
@@ -47,7 +47,8 @@ KEPT: dict[str, Callable[[ManyFits], Array]] = {
     "steps": lambda fits: fits.steps,
     "bad": lambda fits: fits.bad,
 }
-"""What may be asked of fits: fields of `ManyFits`, and standard deviations."""
+"""Results that can be requested: fields of `ManyFits`, and standard deviations."""
+# columns of a log, and its arrays, that the logs of a batch have in common
 SHARED_COLUMNS = ("sensor", "quantity", "path", "shot", "clock")
 PLACED = ("position", "slant_range", "time")
 
@@ -68,49 +69,49 @@ def fit_many(
 ) -> ManyFits:
     r"""Fit many logs of one layout.
 
-    What is minimised for each log is minus ln of the joint density of its readings, the
-    shared effects among the unknowns (`fit` integrates them out: where laws scatter,
-    its optimum differs by what ln det of their curvature varies). Levenberg-Marquardt
-    (`LaneLevenbergMarquardt`).
+    For each log, minus ln of the joint density of readings and shared effects is
+    minimised by Levenberg-Marquardt (`LaneLevenbergMarquardt`). `fit` integrates the
+    effects out instead: where laws scatter, its optimum differs by the variation of
+    ln det of their curvature.
 
-    Where `burst` is left to the height, the curve sets are settled once, at the scene's
-    own numbers, the same for all logs; nothing marks a log whose answer would change
-    them.
+    If `burst` follows from the height, the curve sets are chosen once at the scene's
+    own numbers, for all logs. A log whose answer would change them is not marked.
 
     Args:
-        uncertain: The scene and what is not known of it, the same for all logs.
-        layout: Who recorded what.
+        uncertain: The scene and its uncertain parameters, common to all logs.
+        layout: Quantity and sensor of each row.
         values: The readings.
         relative_sigma: Their instrument errors, of each row or of each row of each log:
-            shares of the reading; of what errs in its own unit (`ADDITIVE`: times and
-            directions), seconds and radians. A log's own `sigma`, in the unit of the
-            reading, is refused with what to divide by.
+            relative, but seconds and radians for times and directions (`ADDITIVE`). A
+            log's own `sigma`, in the unit of the reading, is rejected with the number
+            by which to divide it.
         laws: Name of the law for each of `layout.quantities()`.
         noise: Distribution of the independent errors.
-        starts: Fitted coordinates to start from, (log, free) or (try, log, free);
-            without them in closed form (`many.starts.closed_form`), or where that
-            does not apply, and for tries after the first, the nearest of draws of the
-            prior, by the readings (`many.starts.reference_set`).
-        tries: How often a log may start again whose end is no optimum, or has a cost
-            that readings would hardly have; the lowest cost counts.
-        seed: Of the reference set.
-        devices: 1: on the default device alone; None: on all there are.
-        again_z: By how many standard deviations a cost is above its mean where a log
-            starts again: less finds more of those that ended in another optimum.
+        starts: Fitted coordinates to start from, (log, free) or (try, log, free). The
+            default is the closed form (`many.starts.closed_form`). If that does not
+            apply, and for tries after the first, it is the draw of the prior with the
+            nearest readings (`many.starts.reference_set`).
+        tries: Largest number of starts of a log whose result is doubtful. The lowest
+            cost is returned.
+        seed: Seed of the reference set.
+        devices: 1 for the default device; None for all devices.
+        again_z: Excess of a cost over its mean, in standard deviations, above which a
+            log starts again. Smaller values find more of the logs that ended in another
+            optimum.
 
     Returns:
-        Estimates and standard deviations of each log, whether it converged, and what
-        is wrong with those that did not.
+        Estimates and standard deviations of each log, convergence, and faults.
 
     Raises:
-        InputError: The batch as a whole cannot be fitted: a shape is another, which is
-            named, or an error is no share. A bad log does not raise: its lane alone
-            fails, for the reason in `faults`.
+        InputError: The whole batch cannot be fitted, for a wrong shape or an error that
+            is not relative. A bad log does not raise: its result is NaN, with the
+            reason in `faults`.
 
     Example:
         `jblast.fit_many(uncertain, *jblast.inference.batch_of(logs, uncertain))`
     """
-    # imports optimistix, which a fit of one log does without where it has been kept
+    # imported here: it needs optimistix, which takes longer to import than the stored
+    # programs of a single fit to load
     from jblast.inference.many.engine import engine_for
 
     engine = engine_for(uncertain, layout, laws, noise, devices)
@@ -137,28 +138,27 @@ def fit_from_host(
     out: Mapping[str, np.ndarray] | None = None,
     **options: Any,
 ) -> dict[str, np.ndarray]:
-    """Fit many logs of one layout from host to host.
+    """Fit many logs of one layout from host memory to host memory.
 
     Args:
-        uncertain: As in `fit_many`, like what follows.
-        layout: Who recorded what.
+        uncertain: As for `fit_many`.
+        layout: As for `fit_many`.
         values: The readings.
         relative_sigma: Their errors, of each row or of each row of each log.
         laws: Names of laws by quantity.
-        keep: What is wanted of each log: names of `KEPT`.
-        piece: Logs that are fitted together.
-        dtype: Of the numbers that come back; `numpy.float32` halves what is copied. The
-            fits are in the precision of JAX whatever it is.
-        out: Arrays to fill, as an earlier call returned them: memory that the system
-            has given already is not asked for again.
-        **options: Of `fit_many`: noise, tries, seed, devices.
+        keep: Results to return: names of `KEPT`.
+        piece: Number of logs that are fitted together.
+        dtype: Type of the returned numbers; `numpy.float32` halves the copies. It does
+            not change the precision of the fits.
+        out: Arrays to fill, as returned by an earlier call: their memory is reused.
+        **options: Options of `fit_many`: noise, tries, seed, devices.
 
     Returns:
-        What was asked for by name, a row a log.
+        The requested results by name, one row per log.
 
     Raises:
-        InputError: As `fit_many`, or there is nothing of such a name to keep, or `out`
-            has another shape.
+        InputError: As for `fit_many`, or `keep` has an unknown name, or `out` has
+            another shape.
 
     Example:
         `fit_from_host(uncertain, layout, readings, sigma, laws, keep=("z", "sd"))`
@@ -176,7 +176,7 @@ def fit_from_host(
     each = np.ndim(relative_sigma) == 2
 
     def cut(begin: int) -> tuple[Array, Any]:
-        """Return a piece on the device: the last as long as the others."""
+        """Return a chunk on the device; the last is padded to the size of the others."""
         rows = np.minimum(np.arange(begin, begin + size), len(values) - 1)
         whole = begin + size <= len(values)
         some = values[begin : begin + size] if whole else values[rows]
@@ -196,13 +196,20 @@ def fit_from_host(
             if begin + size < len(values):
                 coming = there.submit(cut, begin + size)
             fits = fit_many(uncertain, layout, here, sigma, laws, **options)
-            found = {name: _in(dtype, KEPT[name](fits)) for name in keep}
+            found = {name: KEPT[name](fits) for name in keep}
+            if dtype is not None:  # flags and counts keep their type
+                found = {
+                    name: x.astype(dtype)
+                    if jnp.issubdtype(x.dtype, jnp.floating)
+                    else x
+                    for name, x in found.items()
+                }
             if not whole:
                 whole |= {n: _filled(n, x, shape[0], out) for n, x in found.items()}
             for part in found.values():
                 part.copy_to_host_async()
             waiting.append(returning.submit(back, found, begin))
-            while len(waiting) > COPIES:  # no more answers on the device than that
+            while len(waiting) > COPIES:  # bounds the results in device memory
                 waiting.pop(0).result()
         for one in waiting:
             one.result()
@@ -210,7 +217,7 @@ def fit_from_host(
 
 
 def _refuse_other(keep: Sequence[str], piece: int | None) -> None:
-    """Refuse what cannot be kept, and pieces of nothing."""
+    """Reject unknown names of results, and chunks without logs."""
     for name in keep:
         if name not in KEPT:
             raise InputError(
@@ -221,16 +228,10 @@ def _refuse_other(keep: Sequence[str], piece: int | None) -> None:
         raise InputError(f"piece: expected a positive whole number, got {piece}")
 
 
-def _in(dtype: Any, x: Array) -> Array:
-    """Return numbers in another precision, where they are."""
-    numbers = dtype is not None and jnp.issubdtype(x.dtype, jnp.floating)
-    return x.astype(dtype) if numbers else x
-
-
 def _filled(
     name: str, like: Array, logs: int, out: Mapping[str, np.ndarray] | None
 ) -> np.ndarray:
-    """Return the array that answers of a name go into."""
+    """Return the array for the results of a name."""
     shape, dtype = (logs, *like.shape[1:]), np.dtype(like.dtype)
     if out is None:
         return np.empty(shape, dtype)
@@ -242,13 +243,13 @@ def _filled(
 
 
 class Batch(NamedTuple):
-    """What `fit_many` takes after the scene, in its order.
+    """Arguments of `fit_many` after the scene, in its order.
 
     Attributes:
-        layout: Who recorded what, the same in every log.
+        layout: Quantity and sensor of each row, common to all logs.
         values: The readings.
-        relative_sigma: Their instrument errors: shares of the readings, of times and
-            directions seconds and radians; 0 where the law's scatter is all there is.
+        relative_sigma: Their instrument errors: relative, but seconds and radians for
+            times and directions; 0 where the law's scatter is the only error.
         laws: Name of the law for each of `layout.quantities()`.
     """
 
@@ -259,19 +260,18 @@ class Batch(NamedTuple):
 
 
 def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
-    """Put logs together: `fit_many(uncertain, *batch_of(logs, uncertain))` fits them.
+    """Combine logs: `fit_many(uncertain, *batch_of(logs, uncertain))` fits them.
 
-    All logs share their laws, so the scene has to name them (`scene.with_laws`): the
-    automatic choice depends on the answer of each.
+    All logs have the same laws, so the scene has to name them (`scene.with_laws`). The
+    automatic choice would depend on the answer of each.
 
     Args:
-        logs: Each of a blast of its own: the same rows in the same order.
-        uncertain: The scene and what is not known of it, the same for all.
+        logs: Logs of separate blasts, with the same rows in the same order.
+        uncertain: The scene and its uncertain parameters, common to all.
 
     Raises:
-        InputError: There is no log, one has other rows than the first, a lower bound
-            or covariances; one and the scene do not go together, or the choice of a law
-            is left open.
+        InputError: There is no log; one has other rows than the first, a lower bound or
+            covariances; log and scene do not match; or a law is not named.
     """
     if not logs:
         raise InputError("logs: expected at least one, got none")
@@ -286,8 +286,18 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     laws = _named_laws(uncertain.scene, layout)
     for number, log in enumerate(logs):
         _refuse_other_rows(log, logs[0], number)
-        _refuse_bounds(log)
-        _refuse_covariances(log)
+        if (bounds := log.bounds()).any():
+            row = int(np.argmax(bounds))
+            raise InputError(
+                f"{log.where(row)}: expected a reading, got the lower bound "
+                f">{log.value[row]:g}; fit logs with lower bounds with fit_each"
+            )
+        if log.covariances:  # lanes take the errors of readings as independent
+            raise InputError(
+                f"{log.source or 'observations'}: expected independent errors, got the "
+                f"covariance of record {shown(log.covariances[0].record)}; fit logs "
+                "whose readings share errors with fit_each"
+            )
         refuse_exact(log, uncertain.scene.scatter, laws)
         refuse_unresolved(log)
     values = np.array([log.value for log in logs])
@@ -296,7 +306,7 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
 
 
 def _named_laws(scene: Scene, layout: Layout) -> dict[str, str]:
-    """Return the law of every quantity, if there is no choice left."""
+    """Return the law of every quantity, if the scene names all of them."""
     named = dict(scene.law)
     for quantity in layout.quantities():
         if named.get(quantity, "auto") == "auto" and len(names_for(quantity)) > 1:
@@ -308,28 +318,8 @@ def _named_laws(scene: Scene, layout: Layout) -> dict[str, str]:
     return law_names(resolve_laws(scene, layout))
 
 
-def _refuse_bounds(log: Observations) -> None:
-    """Refuse a log one of whose readings is a lower bound."""
-    if (bounds := log.bounds()).any():
-        row = int(np.argmax(bounds))
-        raise InputError(
-            f"{log.where(row)}: expected a reading, got the lower bound "
-            f">{log.value[row]:g}; fit logs with lower bounds with fit_each"
-        )
-
-
-def _refuse_covariances(log: Observations) -> None:
-    """Refuse a log whose readings share errors, which lanes take as independent."""
-    if log.covariances:
-        raise InputError(
-            f"{log.source or 'observations'}: expected independent errors, got the "
-            f"covariance of record {shown(log.covariances[0].record)}; fit logs whose "
-            "readings share errors with fit_each"
-        )
-
-
 def _refuse_other_rows(log: Observations, first: Observations, number: int) -> None:
-    """Refuse a log whose rows are not those of the first."""
+    """Reject a log whose rows differ from those of the first."""
     name = log.source or f"log {number}"
     if len(log) != len(first):
         raise InputError(

@@ -25,8 +25,11 @@ from jax import lax
 from jax.extend.core import ClosedJaxpr, Literal
 from jaxtyping import Array
 
+# Primitives that wrap a jaxpr, which is run in place.
 INNER = ("jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "remat2")
+# Primitives that cannot be evaluated entry by entry; most are loops or branches.
 NOT_ELEMENTWISE = ("while", "scan", "cond", "sort", "cumsum", "custom_vjp_call")
+# Reductions, with the operation that combines two entries.
 REDUCE = {
     "reduce_sum": "add",
     "reduce_max": "max",
@@ -35,6 +38,7 @@ REDUCE = {
     "reduce_or": "or",
     "reduce_prod": "mul",
 }
+# Scatters, with the operation that combines an entry with its update (None: replace).
 SCATTER = {
     "scatter": None,
     "scatter-add": lax.add_p,
@@ -42,6 +46,7 @@ SCATTER = {
     "scatter-min": lax.min_p,
     "scatter-max": lax.max_p,
 }
+# These operations as primitives on cells.
 WITH_CELLS = {
     "add": lax.add_p,
     "max": lax.max_p,
@@ -50,6 +55,7 @@ WITH_CELLS = {
     "or": lax.or_p,
     "mul": lax.mul_p,
 }
+# Primitives that only move entries: they are run on the numbers of the entries.
 REARRANGE = [
     "broadcast_in_dim",
     "reshape",
@@ -100,9 +106,9 @@ BY_NUMPY: dict[str, Callable[..., Any]] = {
     "copy": np.asarray,
     "select_n": lambda which, *cases: np.choose(np.asarray(which, int), cases),
 }
-"""What NumPy computes of known cells: each call of JAX would compile a program."""
+"""Operations that NumPy computes for known cells: JAX would compile each call."""
 Cell = Any
-"""A NumPy array where it is known beforehand, else a JAX array; of two dimensions."""
+"""A two-dimensional array: of NumPy for values known at tracing, else of JAX."""
 
 
 def fold(
@@ -111,11 +117,11 @@ def fold(
     """Run a function of numbers over cells.
 
     Args:
-        function: Takes as many numbers, returns a flat sequence of numbers.
-        arguments: A cell for each; NumPy arrays are taken as known beforehand.
+        function: Function of scalars that returns a flat sequence of scalars.
+        arguments: One cell for each scalar; NumPy arrays count as known at tracing.
 
     Raises:
-        CannotFoldError: The function holds a loop or the like.
+        CannotFoldError: The function has a primitive that cannot be folded (a loop).
     """
     shapes = [jax.ShapeDtypeStruct((), a.dtype) for a in arguments]
     closed = jax.make_jaxpr(function)(*shapes)
@@ -128,12 +134,12 @@ def over_cells(
     arguments: Sequence[Cell],
     whole: Callable[..., Any] | None = None,
 ) -> list[Array | np.ndarray]:
-    """Run a function of numbers over cells: taken apart, or if need be by `vmap`.
+    """Run a function of numbers over cells by `fold`, or if that fails by `vmap`.
 
     Args:
-        function: Takes as many numbers, returns a flat sequence of numbers.
-        arguments: A cell for each.
-        whole: The same function as `vmap` is to have it; None: as it is.
+        function: Function of scalars that returns a flat sequence of scalars.
+        arguments: One cell for each scalar.
+        whole: The same function in a form that suits `vmap`; None for the same.
     """
     try:
         return fold(function, arguments)
@@ -144,14 +150,16 @@ def over_cells(
 
 
 class Operations:
-    """Remembers what was computed."""
+    """Elementwise operations of cells with a cache (common subexpressions)."""
 
     def __init__(self) -> None:
         self.known: dict[Any, Cell] = {}
-        self.kept: list[Cell] = []  # an id is good while its object lives
+        # Keys contain ids of cells. An id is unique only while its object lives, so
+        # cells are kept alive.
+        self.kept: list[Cell] = []
 
     def __call__(self, primitive, cells: list[Cell], params) -> Cell:
-        """Compute one elementwise operation of cells, if it has to be computed."""
+        """Return the result of one elementwise operation of cells."""
         name = primitive.name
         short = shortcut(name, cells, params)
         if short is not None:
@@ -166,7 +174,7 @@ class Operations:
         return self.known[key]
 
     def _lower_power(self, name: str, cells: list[Cell]) -> Cell | None:
-        """Return a power by the next higher one, if that is known."""
+        """Return $x^{c-1}$ as $x^c / x$ if $x^c$ is known: a division replaces a power."""
         if name != "pow" or not isinstance(cells[1], np.ndarray):
             return None
         higher = self.known.get(("pow", "{}", id(cells[0]), identity(cells[1] + 1.0)))
@@ -194,7 +202,7 @@ def _run(
 def _equation(
     operation: Operations, equation: Any, inputs: list[np.ndarray]
 ) -> list[np.ndarray]:
-    """Run one equation of a jaxpr."""
+    """Run one equation of a jaxpr over boxes of cells."""
     name, params = equation.primitive.name, equation.params
     if name in INNER:
         inner = params.get("jaxpr", params.get("call_jaxpr"))
@@ -225,7 +233,7 @@ def _equation(
 
 
 def shortcut(name: str, cells: list[Cell], params) -> Cell | None:
-    """Return the answer where a cell known beforehand gives it."""
+    """Return the result if a known cell determines it (0, 1, or a branch); else None."""
     if name == "select_n" and isinstance(cells[0], np.ndarray) and cells[0].size == 1:
         return cells[1 + int(cells[0].item())]
     if name == "convert_element_type" and cells[0].dtype == params["new_dtype"]:
@@ -241,6 +249,8 @@ def shortcut(name: str, cells: list[Cell], params) -> Cell | None:
     if name == "sub" and b == 0:
         return cells[0]
     if name == "mul":
+        # 0 times inf is 0 here, not NaN: entries that are zero by the layout are left
+        # out
         if a == 0 or b == 0:
             return np.zeros((1, 1), cells[0].dtype)
         return cells[1] if a == 1 else cells[0] if b == 1 else None
@@ -252,7 +262,7 @@ def shortcut(name: str, cells: list[Cell], params) -> Cell | None:
 
 
 def computed(primitive, cells: list[Cell], params) -> Cell:
-    """Compute, now if all is known."""
+    """Compute an operation, at tracing if all cells are known."""
     shape = np.broadcast_shapes(*(c.shape for c in cells))
     if all(isinstance(c, np.ndarray) for c in cells):
         full = [np.broadcast_to(c, shape) for c in cells]
@@ -277,12 +287,13 @@ def reduced(
 
 
 def scattered(operation: Operations, equation, inputs: list[np.ndarray]) -> np.ndarray:
-    """Combine some entries of an array with others."""
+    """Combine entries of an array with updates at known positions."""
     onto, places, new = inputs
     primitive = SCATTER[equation.primitive.name]
     if not plain(places):
-        raise CannotFoldError("scatter to places that are not known")
+        raise CannotFoldError("scatter to unknown positions")
     params = dict(equation.params) | {"update_jaxpr": None, "update_consts": ()}
+    # the primitive itself is run on numbers of updates, which gives where each goes
     numbers = np.arange(new.size, dtype=np.int32).reshape(new.shape)
     with jax.ensure_compile_time_eval():
         nowhere = jnp.full(onto.shape, -1, jnp.int32)
@@ -290,7 +301,7 @@ def scattered(operation: Operations, equation, inputs: list[np.ndarray]) -> np.n
             lax.scatter_p.bind(nowhere, unboxed(places), numbers, **params)
         )
     if np.unique(where[where >= 0]).size != new.size:
-        raise CannotFoldError("scatter of several to one place")
+        raise CannotFoldError("scatter of several updates to one position")
     out, flat = onto.copy(), new.ravel()
     for at in np.ndindex(onto.shape):
         if where[at] >= 0:
@@ -300,7 +311,7 @@ def scattered(operation: Operations, equation, inputs: list[np.ndarray]) -> np.n
 
 
 def contracted(operation: Operations, a, b, contract, batch) -> np.ndarray:
-    """Multiply small matrices."""
+    """Multiply small matrices of cells."""
     if batch != ((), ()):
         raise CannotFoldError("dot_general over a batch")
     (left, right) = (list(c) for c in contract)
@@ -319,11 +330,11 @@ def contracted(operation: Operations, a, b, contract, batch) -> np.ndarray:
 
 
 def rearranged(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
-    """Run an operation that only moves entries: on their numbers, then look them up."""
+    """Run a primitive that only moves entries: on their numbers, then look them up."""
     name = equation.primitive.name
     moved = inputs if name in ("concatenate", "stack", "pad") else inputs[:1]
     if not all(plain(x) for x in inputs[len(moved) :]):
-        raise CannotFoldError(f"{name} at places that are not known")
+        raise CannotFoldError(f"{name} at unknown positions")
     numbers, start = [], 0
     for x in moved:
         number = np.arange(start, start + x.size, dtype=np.int32)
@@ -333,7 +344,7 @@ def rearranged(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
     every = np.concatenate([x.ravel() for x in moved])
     params = dict(equation.params)
     if name == "gather":
-        params["fill_value"] = -1
+        params["fill_value"] = -1  # marks entries outside of the array
     where = at_once(equation.primitive, params, [*numbers, *rest])
     return [_looked_up(every, w) for w in where]
 
@@ -341,6 +352,7 @@ def rearranged(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
 def _looked_up(every: np.ndarray, where: np.ndarray) -> np.ndarray:
     if (where < 0).any():
         raise CannotFoldError("gather outside of its array")
+    # entry by entry: indexing by an array of no dimensions would return the cell itself
     out = np.empty(where.shape, object)
     for at in np.ndindex(where.shape):
         out[at] = every[where[at]]
@@ -348,7 +360,7 @@ def _looked_up(every: np.ndarray, where: np.ndarray) -> np.ndarray:
 
 
 def by_numpy(primitive, params, inputs: list[np.ndarray]) -> np.ndarray | None:
-    """Compute by NumPy, if that is known to mean the same."""
+    """Return the result by NumPy if it has the same meaning there; else None."""
     name, x = primitive.name, inputs[0] if inputs else None
     floating = all(i.dtype.kind in "fb" for i in inputs)
     with np.errstate(all="ignore"):
@@ -384,7 +396,7 @@ def by_numpy(primitive, params, inputs: list[np.ndarray]) -> np.ndarray | None:
 
 
 def at_once(primitive, params, inputs: list[np.ndarray]) -> list[np.ndarray]:
-    """Compute now, while the program is traced: by NumPy, or if need be by JAX."""
+    """Compute at tracing: by NumPy, or if that is not possible by JAX."""
     out = by_numpy(primitive, params, inputs)
     if out is not None:
         return [out]
@@ -394,11 +406,11 @@ def at_once(primitive, params, inputs: list[np.ndarray]) -> list[np.ndarray]:
 
 
 class CannotFoldError(Exception):
-    """The program holds an operation that cannot be taken apart."""
+    """The program has an operation that cannot be written in cells."""
 
 
 def boxed(cell: Cell) -> np.ndarray:
-    """Return a box of no dimensions, which holds one cell."""
+    """Return an object array of no dimensions with one cell."""
     box = np.empty((), object)
     box[()] = cell
     return box
@@ -414,7 +426,7 @@ def cells(values: Any) -> np.ndarray:
 
 
 def plain(x: np.ndarray) -> bool:
-    """Return whether every cell of a box is one number known beforehand."""
+    """Return True if every cell of a box is a single known number."""
     return all(isinstance(c, np.ndarray) and c.size == 1 for c in x.ravel())
 
 
@@ -426,7 +438,7 @@ def unboxed(x: np.ndarray) -> np.ndarray:
 
 
 def uniform(cell: Cell) -> Cell:
-    """Return a known cell that is the same everywhere as one number."""
+    """Return a known cell of equal values as a single number, else the cell."""
     if isinstance(cell, np.ndarray) and cell.size > 1:
         first = cell[:1, :1]
         if np.array_equal(cell, np.broadcast_to(first, cell.shape), equal_nan=True):
@@ -435,14 +447,14 @@ def uniform(cell: Cell) -> Cell:
 
 
 def number(cell: Cell) -> float | None:
-    """Return the number a cell is everywhere, if that is known."""
+    """Return the number of a cell with a single known value, else None."""
     if isinstance(cell, np.ndarray) and cell.size == 1:
         return float(cell.item())
     return None
 
 
 def identity(cell: Cell) -> Any:
-    """Return what two cells share if they are the same."""
+    """Return a key that equal cells share."""
     if isinstance(cell, np.ndarray) and cell.size == 1:
         return cell.dtype.str, cell.item()
     return id(cell)

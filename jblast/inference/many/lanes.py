@@ -19,18 +19,22 @@ from jblast.sensors import Layout
 from jblast.sensors.simulated_readings import Noise
 
 MIN_LANES = 16
-"""Batches with fewer elements are padded to this number."""
+"""Batches with fewer lanes are padded to this number: fewer sizes are compiled."""
 Tree = TypeVar("Tree")
 COST = {"gaussian": (0.5, 0.70711), "student": (0.70093, 0.98290)}
 """Mean and standard deviation of the cost of one reading: for Student-t of nu degrees
 of freedom, with a = (nu + 1)/2, a (psi(a) - psi(nu/2)) and a sqrt(psi'(nu/2) -
 psi'(a)), since 1/(1 + t^2/nu) is a beta variable."""
 COST_Z_MAX = 6.0
-"""A cost above its mean by more standard deviations makes a result doubtful."""
+"""Excess of the cost over its mean, in standard deviations, above which a result is
+doubtful: a correct log hardly ever exceeds it."""
 
 
 def lanes_where(wanted: Bool[Array, " lane"]) -> Int[np.ndarray, " some"]:
-    """Return which lanes; the last again, so that few sizes are ever compiled."""
+    """Return indices of lanes, padded by the last to a power of two.
+
+    Few sizes are then compiled.
+    """
     lanes = np.flatnonzero(np.asarray(wanted))
     if lanes.size == 0:
         return lanes
@@ -40,13 +44,13 @@ def lanes_where(wanted: Bool[Array, " lane"]) -> Int[np.ndarray, " some"]:
 
 @jax.jit
 def gather_lanes(tree: Tree, lanes) -> Tree:
-    """Pick lanes of arrays whose last axis is the lane."""
+    """Return some lanes of arrays whose last axis is the lane."""
     return jax.tree.map(lambda x: x[..., lanes], tree)
 
 
 @jax.jit
 def scatter_lanes(onto: Tree, new: Tree, lanes) -> Tree:
-    """Put lanes in their places."""
+    """Replace some lanes of arrays."""
     return jax.tree.map(lambda a, b: a.at[..., lanes].set(b), onto, new)
 
 
@@ -54,7 +58,7 @@ class LaneResults(NamedTuple):
     """The result of each lane; see `ManyFits`. The lane is the last axis.
 
     Attributes:
-        done: Whether a lane has ended at all, and was not left on its way.
+        done: True for lanes that have ended; False for stragglers.
     """
 
     y: Float[Array, "unknown lane"]
@@ -74,14 +78,14 @@ def doubtful(
     bad: Bool[Array, " lane"],
     most_z: float | Float[Array, ""] = COST_Z_MAX,
 ) -> Bool[Array, " lane"]:
-    """Return which results may not be the best there are.
+    """Return True for results that may not be the best optimum.
 
     Args:
-        noise: Of the readings.
-        rows: How many readings a log has.
-        results: Of the logs.
-        bad: Which could not be read.
-        most_z: By how many standard deviations a cost may be above its mean.
+        noise: Distribution of the errors.
+        rows: Number of readings of a log.
+        results: Results of the logs.
+        bad: True for logs that could not be read.
+        most_z: Largest excess of a cost over its mean, in standard deviations.
     """
     mean, sd = COST[noise]
     likely = results.misfit <= rows * mean + most_z * sd * np.sqrt(rows)
@@ -90,9 +94,10 @@ def doubtful(
 
 @jax.jit
 def better(a: LaneResults, b: LaneResults) -> LaneResults:
-    """Take the lower cost of each lane; of two as low, the one that converged."""
+    """Return the lower cost of each lane; of equal costs, the one that converged."""
     lower = ~(a.cost <= b.cost) & jnp.isfinite(b.cost)
-    # a quarter of a tolerance is the most that rounding adds to the residuals' length
+    # the tolerance is four times the rounding error of the residuals' length
+    # (`solver.square_tolerance`)
     rounding = 0.25 * jnp.maximum(a.tolerance, b.tolerance)
     slack = rounding * (jnp.sqrt(2 * jnp.abs(a.cost)) + rounding)
     level = (jnp.abs(a.cost - b.cost) <= slack) & (a.converged != b.converged)
@@ -115,12 +120,12 @@ def fitted_values(rows: LaneRows, results: LaneResults, bad: Bool[Array, " lane"
 def beyond_array(
     layout: Layout, numbers: dict[str, Float[Array, " log"]], bad: Bool[Array, " log"]
 ) -> Bool[Array, " log"]:
-    """Return which places lie farther from the sensors than these are apart.
+    """Return True for positions farther from the sensors than their extent.
 
     Args:
-        layout: Where the sensors stand.
-        numbers: What was fitted, by name; False for all logs without a fitted place.
-        bad: Logs that could not be read.
+        layout: Layout of the sensors.
+        numbers: Fitted numbers by name; without a position the result is False.
+        bad: True for logs that could not be read.
     """
     position = layout.places()[:, :2]
     if not {*CHARGE_POSITION[:2]} <= {*numbers} or len(position) < 2:
@@ -132,30 +137,30 @@ def beyond_array(
 
 
 class ManyFits(eqx.Module):
-    """What many logs say, each of its own blast.
+    """Fits of many logs, each of its own blast.
 
     Attributes:
-        names: The free numbers.
-        z: Where the optimum is, in fitted coordinates: ln of a free positive number;
-            what has a prior counts from its median, in its standard deviations (of ln,
-            for a log-normal). NaN for a bad log.
+        names: Names of the free numbers.
+        z: Optimum in fitted coordinates: ln of a free positive number; a number with a
+            prior relative to its median, in its standard deviations (of ln, for a
+            log-normal). NaN for a bad log.
         values: The numbers by name.
         cost: Minus ln of the joint density at the optimum, up to a constant.
-        misfit: What of it the readings and priors add, 0 for a perfect log.
-        covariance: Of the coordinates, by Fisher information; NaN where that is
-            singular.
-        converged: Whether $z$ is an optimum: the gradient, in standard deviations, is
-            down to `tolerance`, and the cost curves upwards on every side. It does not
-            say that it is the best one.
-        doubtful: Whether $z$ may not be the best there is, all tries used up: it did
-            not converge, or has a misfit that readings would hardly have.
-        beyond_array: Whether the place lies farther from the middle of the sensors than
-            they are apart. The scatter of neighbouring paths is taken as independent
-            here: such a place is too near and its covariance too small. Take `fit`.
-        tolerance: How long a gradient counts as none; larger where rounding hides more.
-        steps: Places tried.
-        bad: Whether a log could not be read.
-        faults: What is wrong with each of the first bad logs, by number.
+        misfit: Contribution of readings and priors to the cost, 0 for a perfect log.
+        covariance: Covariance of the coordinates by Fisher information; NaN where that
+            is singular.
+        converged: True if $z$ is an optimum: the gradient, in standard deviations, is
+            at most `tolerance`, and the cost curves upwards in every direction. There
+            may be a better optimum.
+        doubtful: True if $z$ may not be the best optimum after all tries: it did not
+            converge, or its misfit is improbable.
+        beyond_array: True if the position is farther from the middle of the sensors
+            than their extent. The scatter of neighbouring paths is taken as independent
+            here: such a position is too near and its covariance too small. Use `fit`.
+        tolerance: Largest gradient of an optimum; larger where rounding is larger.
+        steps: Number of places tried.
+        bad: True for a log that could not be read.
+        faults: Fault of each of the first bad logs, by number.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)

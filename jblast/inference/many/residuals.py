@@ -36,20 +36,21 @@ from jblast.sensors.simulated_readings import Noise, loadings
 MAX_NAMED = 20
 """Largest number of bad logs that a message names."""
 LEAST_CURVATURE = 0.1
-"""A wild reading's cost bends downwards; a step counts it as this much of its weight,
-which bends upwards."""
+"""Smallest curvature of a Student-t reading, relative to its reweighted one. That of an
+outlier is negative, and a step needs a positive one; a small one leaves it little
+influence."""
 
 
 class Miss(NamedTuple):
     """Residuals and their slopes over lanes.
 
-    Rows are first those of the log, then the shared effects and the numbers with a
-    prior (standard normal all), then ln of the rows' scales where they vary with what
-    is fitted (not where logs merely have errors of their own).
+    The terms are the rows of the log, then the shared effects and the numbers with a
+    prior (all standard normal), then ln of the rows' scales if these depend on the
+    fitted numbers.
 
     Attributes:
-        residual: In standard deviations.
-        columns: Its derivative to each unknown.
+        residual: Residuals in standard deviations.
+        columns: Derivative by each unknown.
     """
 
     residual: Float[Array, "term lane"]
@@ -57,12 +58,12 @@ class Miss(NamedTuple):
 
 
 class RowGroup(NamedTuple):
-    """Rows that differ by numbers alone, which one program serves.
+    """Rows that differ by numbers only and share one program.
 
     Attributes:
-        layout: The first of them.
-        rows: Which rows they are.
-        slots: Of each effect that a row has, which of the log's effects it is.
+        layout: Layout of the first row.
+        rows: Row numbers.
+        slots: For each effect of a row, its index among the effects of the log.
     """
 
     layout: Layout
@@ -70,7 +71,7 @@ class RowGroup(NamedTuple):
     slots: tuple[np.ndarray, ...]
 
     def of(self, x):
-        """Pick these rows of an array, by a slice if one will do."""
+        """Return these rows of an array, by a slice if possible: a gather costs a copy."""
         rows, steps = self.rows, np.unique(np.diff(self.rows))
         if rows.size > 1 and steps.size > 1:
             return x[rows]
@@ -78,12 +79,12 @@ class RowGroup(NamedTuple):
         return x[int(rows[0]) : int(rows[-1]) + 1 : step]
 
     def spread(self, slopes: list[Cell], effects: int, dtype) -> list[Cell]:
-        """Give the slopes to a row's own effects to the effects of the log.
+        """Return the derivatives by the log's effects from those by a row's own effects.
 
         Args:
-            slopes: To the fitted coordinates, then to each of `slots`.
-            effects: How many effects the log has.
-            dtype: Of the slopes.
+            slopes: Derivatives by the fitted coordinates, then by each of `slots`.
+            effects: Number of effects of the log.
+            dtype: Type of the derivatives.
         """
         n = len(slopes) - len(self.slots)
         nothing = np.zeros((1, 1), dtype)
@@ -101,8 +102,8 @@ class TermLoss:
 
     Attributes:
         noise: Distribution of the independent errors.
-        rows: How many terms are readings.
-        scored: How many are readings, effects or numbers with a prior; those after
+        rows: Number of terms that are readings.
+        scored: Number of readings, effects and numbers with a prior; the terms after
             them are ln of the rows' scales.
     """
 
@@ -117,7 +118,7 @@ class TermLoss:
         return self._loss(residual, LEAST_CURVATURE)
 
     def true(self, residual: Float[Array, "term lane"]) -> tuple[Array, Array, Array]:
-        """Return the same, with the curvature that wild readings really have."""
+        """Return the same with the true curvature, which is negative for outliers."""
         return self._loss(residual, None)
 
     def information(self, residual: Float[Array, "term lane"]) -> np.ndarray:
@@ -149,13 +150,13 @@ class LaneRows:
     The unknowns are the coordinates of `parameters`, then the shared effects.
 
     Attributes:
-        parameters: What is fitted.
-        layout: Who recorded what.
+        parameters: Fitted parameters.
+        layout: Quantity and sensor of each row.
         laws: Pairs of quantity and law name.
         noise: Distribution of the independent errors.
-        groups: The rows in parts.
-        effects: How many effects the rows share.
-        offsets: What clocks that are known show too much, by row.
+        groups: Groups of rows.
+        effects: Number of shared effects.
+        offsets: Known clock offset of each row.
     """
 
     parameters: Parameters
@@ -173,14 +174,14 @@ class LaneRows:
 
     @property
     def with_prior(self) -> list[int]:
-        """Which numbers have a prior."""
+        """Indices of the numbers with a prior."""
         return [
             k for k, b in enumerate(self.parameters.beliefs) if not isinstance(b, Free)
         ]
 
     @property
     def varies(self) -> bool:
-        """Whether the size of the errors may depend on what is fitted."""
+        """True if the size of the errors may depend on the fitted numbers."""
         return self.parameters.scene.scatter
 
     @property
@@ -206,9 +207,9 @@ class LaneRows:
         Args:
             y: Unknowns.
             measured: Readings; in ln unless they are `ADDITIVE`.
-            sigma: Their instrument error, same unit; best a NumPy array (row, 1) if
-                all logs have the same.
-            sd_known: Take the size of the errors as known, as Fisher information does.
+            sigma: Their instrument error, same unit. A NumPy array (row, 1) for errors
+                common to all logs becomes a constant of the program.
+            sd_known: Treat the size of the errors as known, as Fisher information does.
         """
         lanes, known = y.shape[1], np.zeros((1, 1), y.dtype)
         terms: list[tuple[int, Cell, list[Cell]]] = []
@@ -244,14 +245,14 @@ class LaneRows:
     def to_error_scale(
         self, readings: Float[Array, "log row"]
     ) -> Float[Array, "row log"]:
-        """Return readings as `miss` wants them, by clocks that are right."""
+        """Return readings on the scale of errors, corrected for known clock offsets."""
         timed = np.isin(self.layout.quantity, CLOCK_TIMES)
         late = np.where(timed, self.offsets, 0.0).astype(readings.dtype)
         value = jax.vmap(lambda r: to_error_scale(r, self.layout.quantity))(readings)
         return (value - late[None, :]).T
 
     def _part(self, part: RowGroup, y, measured, sigma, *, sd_known):
-        """Run the program of some rows over lanes."""
+        """Run the program of a group of rows over lanes."""
         n, rows, layout = len(self.parameters.names), part.rows, self.layout
         slots = len(part.slots)
         programs = row_program(self.parameters, self.laws, part, sd_known=sd_known)
@@ -287,14 +288,14 @@ class LaneRows:
 
 
 def _is_zero(cell: Cell) -> bool:
-    """Return whether a slope is known to be none, before any lane is."""
+    """Return True if a derivative is known to be zero at tracing."""
     return isinstance(cell, np.ndarray) and not cell.any()
 
 
 def rows_of(
     parameters: Parameters, layout: Layout, laws: Mapping[str, str], noise: Noise
 ) -> LaneRows:
-    """Sort the rows of a layout into parts that are alike."""
+    """Return the rows of a layout in groups of equal programs."""
     groups, effects = grouped_rows(parameters, layout, laws)
     offsets = np.asarray(clock_offsets(parameters.scene, layout))
     fixed = ~np.isin(layout.clock, free_clocks(parameters))
@@ -310,13 +311,13 @@ def rows_of(
 
 
 class RowPrograms(NamedTuple):
-    """The same numbers in two ways.
+    """Residual and derivatives of a row, as two equivalent programs.
 
     Attributes:
-        each: Slopes to one unknown after another: what does not depend on it drops out
-            where the program is taken apart.
-        together: Slopes to all unknowns along one more axis: a fifth of the program
-            with four unknowns, where it cannot be taken apart.
+        each: Derivatives by one unknown after another. `fold` removes what does not
+            depend on an unknown.
+        together: Derivatives by all unknowns along an additional axis: a fifth of the
+            program for four unknowns, used if `fold` fails.
     """
 
     each: Callable[..., list[Array]]
@@ -330,18 +331,18 @@ def row_program(
     *,
     sd_known: bool,
 ) -> RowPrograms:
-    """Return the programs that rows of one part share.
+    """Return the programs that the rows of a group share.
 
-    Each takes the fitted coordinates, the row's own effects, its place (east, north,
-    up), slant range and time, its reading and instrument error; and returns the
-    residual in standard deviations, ln of the standard deviation, the slopes of the
-    one to each unknown, then those of the other.
+    The arguments are the fitted coordinates, the row's own effects, its position (east,
+    north, up), slant range and time, its reading and instrument error. The results are
+    the residual in standard deviations, ln of the standard deviation, the derivatives
+    of the residual by each unknown, then those of ln of the standard deviation.
 
     Args:
-        parameters: What is fitted.
+        parameters: Fitted parameters.
         laws: Pairs of quantity and law name.
-        part: The rows.
-        sd_known: Take the size of the errors as known.
+        part: The group of rows.
+        sd_known: Treat the size of the errors as known.
     """
     n, slots = len(parameters.names), len(part.slots)
 
@@ -404,7 +405,7 @@ def row_program(
 def grouped_rows(
     parameters: Parameters, layout: Layout, laws: Mapping[str, str]
 ) -> tuple[tuple[RowGroup, ...], int]:
-    """Return the rows in parts, and how many effects they share."""
+    """Return the groups of rows, and the number of shared effects."""
     free = free_clocks(parameters)
     found: dict[tuple[str, int, str], list[int]] = {}
     kinds = zip(layout.quantity, layout.shot, layout.clock, strict=True)
@@ -439,7 +440,7 @@ def grouped_rows(
 
 
 def free_clocks(parameters: Parameters) -> list[str]:
-    """Return the clocks whose offset is fitted."""
+    """Return the names of clocks with a fitted offset."""
     parts = [name.partition(".") for name in parameters.names]
     return [label for base, _, label in parts if base == CLOCK_OFFSET]
 
@@ -448,9 +449,9 @@ class Readings(NamedTuple):
     """Logs as they are fitted; the lane is the last axis.
 
     Attributes:
-        measured: Readings; in ln unless `ADDITIVE`, by clocks that are right.
-        errors: Their instrument errors, unless all logs have the same.
-        bad: Whether a log could not be read; it holds numbers that stand for nothing.
+        measured: Readings; in ln unless `ADDITIVE`, corrected for known clock offsets.
+        errors: Their instrument errors; None if all logs have the same.
+        bad: True for logs with invalid readings, which are replaced by 1.
     """
 
     measured: Float[Array, "row lane"]
@@ -459,18 +460,18 @@ class Readings(NamedTuple):
 
 
 def checked(layout: Layout, values, sigma):
-    """Return values and sigmas, whose shapes fit together.
+    """Return values and sigmas with checked shapes.
 
     Raises:
-        InputError: They do not, errors that all logs share are not finite, or errors
-            are in the unit of the reading where shares are expected.
+        InputError: The shapes do not match, common errors are not finite, or errors are
+            in the unit of the reading instead of relative.
     """
     checked_shapes(layout, np.shape(values), np.shape(sigma))
     _refuse_absolute(layout, values, sigma)
     values = jnp.asarray(values)
     if np.ndim(sigma) > 1:
         return values, jnp.asarray(sigma)
-    # known beforehand, so that programs hold them as constants
+    # NumPy arrays are known at tracing, so they are constants of the programs
     sigma = np.asarray(sigma, values.dtype)
     if not (np.isfinite(sigma) & (sigma >= 0)).all():
         raise InputError(f"relative_sigma: expected finite errors, got {sigma}")
@@ -480,10 +481,10 @@ def checked(layout: Layout, values, sigma):
 def checked_shapes(
     layout: Layout, values: tuple[int, ...], sigma: tuple[int, ...]
 ) -> None:
-    """Refuse readings and errors of shapes that do not fit together.
+    """Reject readings and errors with shapes that do not match.
 
     Raises:
-        InputError: They do not.
+        InputError: The shapes do not match.
     """
     if len(values) != 2 or values[1] != len(layout.quantity):
         rows = len(layout.quantity)
@@ -495,7 +496,7 @@ def checked_shapes(
 
 
 def _refuse_absolute(layout: Layout, values, sigma) -> None:
-    """Refuse errors of most logs that are more than the whole reading: no shares."""
+    """Reject errors that exceed the whole reading in most logs: they are not relative."""
     errors = np.atleast_2d(np.asarray(sigma))
     most = np.mean(errors > 1.0, axis=0) > 0.5
     for row in np.flatnonzero(most & ~np.isin(layout.quantity, ADDITIVE)):
@@ -510,7 +511,7 @@ def _refuse_absolute(layout: Layout, values, sigma) -> None:
 
 
 def read(rows: LaneRows, values, sigma) -> Readings:
-    """Turn readings into what is fitted, and find the logs that cannot be."""
+    """Return readings on the scale of errors, with a flag for invalid logs."""
     additive = np.isin(rows.layout.quantity, ADDITIVE)[None, :]
     good = jnp.isfinite(values) & (additive | (values > 0))
     sigmas = jnp.broadcast_to(jnp.atleast_2d(jnp.asarray(sigma)), values.shape)
@@ -526,7 +527,7 @@ def faults_of(
     layout: Layout, values, sigma, bad: Bool[Array, " log"]
 ) -> tuple[tuple[int, str], ...]:
     """Return the fault of the first bad logs, each by its number."""
-    if not bad.any():  # one number, where the mask would have to come from a device
+    if not bad.any():  # copies one number from the device instead of the mask
         return ()
     logs = [int(log) for log in np.flatnonzero(np.asarray(bad))[:MAX_NAMED]]
     return tuple((log, _fault(layout, values, sigma, log)) for log in logs)

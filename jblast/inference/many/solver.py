@@ -1,4 +1,4 @@
-r"""Levenberg-Marquardt for many small problems at once, as an optimistix solver.
+r"""Levenberg-Marquardt for many small problems together, as an optimistix solver.
 
 The unknowns $y$ have a first axis of unknowns. Any further axes are lanes, each lane a
 problem of its own: its residuals, a first axis of rows and the same lanes, depend on
@@ -31,24 +31,29 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, ScalarLike
 
 TOLERANCE = 1e-8
-"""Converged: the whitened gradient, in standard deviations, is no longer than this, or
-than rounding leaves it."""
+"""Largest whitened gradient of an optimum, in standard deviations; or four times the
+rounding error, if that is larger."""
 COARSEST = 0.1
-"""Where rounding leaves more than this, nothing counts as converged [sd]."""
+"""Largest such tolerance of a converged lane [sd]: with more rounding the optimum is
+not resolved within its error."""
 Loss = Callable[[Array], tuple[Array, Array, Array]]
+# 1 / lambda: nearly undamped, since most lanes start in the basin of their optimum
 FIRST_STEP_SIZE = 100.0
+# of Newton's method, a fixed number for all lanes: it doubles the digits in each
 STEPS = 24
 SHARES = (1.0, 0.25, 0.0625, 0.015625)
-"""Of a step, the lowest of which is taken; of none that is lower, none."""
+"""Trial lengths of a Newton step. The lowest cost is used; if none is lower the step is
+rejected."""
 FLATTEST = 1e-9
-"""Of the largest curvature: what is less counts as this much."""
+"""Smallest curvature relative to the largest: along a flat direction the step is
+finite."""
 Cost = Callable[
     [Float[Array, "unknown lane"]],
     tuple[Float[Array, " lane"], Float[Array, "unknown lane"]],
 ]
-"""From a place to the cost and its gradient, each lane by itself."""
-MOST_UNKNOWNS = 16
-"""More are not written out: the program grows with their cube."""
+"""Function that returns cost and gradient of each lane."""
+MAX_UNKNOWNS = 16
+"""Largest number of unknowns: the written-out program grows with its cube."""
 Lanes = Float[Array, "..."]
 Triangle = tuple[tuple[Lanes, ...], ...]
 
@@ -57,10 +62,10 @@ class Expansion(optx.FunctionInfo):
     """The cost about a place, to second order.
 
     Attributes:
-        f: The cost.
-        grad: Its gradient.
-        hessian: Lower triangle of its curvature (Gauss-Newton's).
-        floor: What rounding adds to the length of the vector of residuals.
+        f: Cost.
+        grad: Gradient.
+        hessian: Lower triangle of the Gauss-Newton curvature.
+        floor: Rounding error of the length of the vector of residuals.
     """
 
     f: Lanes
@@ -73,7 +78,8 @@ class Expansion(optx.FunctionInfo):
         return self.f
 
     def slack(self) -> Lanes:
-        """Return what rounding does to the cost."""
+        """Return the rounding error of the cost."""
+        # cost = |r|^2 / 2, so an error e of |r| changes it by e (|r| + e)
         cost = jnp.abs(self.f)
         rounded = 8 * jnp.finfo(cost.dtype).eps * cost
         return self.floor * (jnp.sqrt(2 * cost) + self.floor) + rounded
@@ -83,12 +89,12 @@ class SolverState(eqx.Module):
     """State of the solver.
 
     Attributes:
-        first_step: Whether nothing has been computed yet.
-        y_eval: The place to try next.
-        info: The cost about the place accepted last.
+        first_step: True before the first evaluation.
+        y_eval: Next place to try.
+        info: Expansion about the last accepted place.
         search: State of the trust region.
-        done: Whether a lane has ended.
-        steps: How many places a lane has tried.
+        done: True for lanes that have ended.
+        steps: Number of places tried by each lane.
     """
 
     first_step: Bool[Array, ""]
@@ -100,7 +106,7 @@ class SolverState(eqx.Module):
 
 
 class FloorTrustRegion(optx.ClassicalTrustRegion):
-    """A classical trust region that accepts what rounding alone seems to reject."""
+    """A classical trust region that ignores increases within rounding."""
 
     high_constant: ScalarLike = 100.0
     low_constant: ScalarLike = 0.1
@@ -113,7 +119,7 @@ class FloorTrustRegion(optx.ClassicalTrustRegion):
         return eqx.tree_at(lambda s: s.step_size, state, size)
 
     def predict_reduction(self, y_diff, f_info: Any):
-        """Return by how much the cost would change if it were quadratic."""
+        """Return the change of the cost in the quadratic model."""
         slope = [g * d for g, d in zip(f_info.grad, y_diff, strict=True)]
         bend = [
             (0.5 if i == j else 1.0) * h * y_diff[i] * y_diff[j]
@@ -123,11 +129,11 @@ class FloorTrustRegion(optx.ClassicalTrustRegion):
         return sum(slope[1:] + bend, start=slope[0])
 
     def step(self, first_step, y, y_eval, f_info: Any, f_eval_info: Any, state):
-        """Compare promise with outcome; as optimistix does, but for the floor."""
+        """Compare predicted and actual change, as optimistix does, with a rounding floor."""
         promised = self.predict_reduction(y_eval - y, f_info)
         change = f_eval_info.as_min() - f_info.as_min()
         slack = f_info.slack() + f_eval_info.slack()
-        # a cost that is not finite compares as False, and so is rejected
+        # NaN compares as False, so a cost that is not finite is rejected
         accept = (change <= self.low_cutoff * promised + slack) | first_step
         good = change <= self.high_cutoff * promised + slack
         grow = jnp.where(good & ~first_step, self.high_constant, 1.0)
@@ -137,7 +143,7 @@ class FloorTrustRegion(optx.ClassicalTrustRegion):
 
 
 class MarquardtDescent(optx.AbstractDescent):
-    """The damped Newton step; its state is the cost about the last place accepted."""
+    """The damped Gauss-Newton step; its state is the last accepted expansion."""
 
     def init(self, y, f_info_struct):
         """Return a state of the right shape."""
@@ -145,7 +151,7 @@ class MarquardtDescent(optx.AbstractDescent):
         return f_info_struct
 
     def query(self, y, f_info, state):
-        """Remember where we are."""
+        """Return the expansion as the state."""
         del y, state
         return f_info
 
@@ -164,16 +170,17 @@ def half_square(residual: Float[Array, "..."]) -> tuple[Array, Array, Array]:
 class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt over lanes; see the top of this file.
 
-    `options` may hold, for each lane, `floor`: what rounding adds to the length of the
-    vector of residuals, without it 0; and `skip`: whether to leave it where it is. And
-    `stragglers`: the share of lanes not to wait for. Which lanes have ended is in the
-    state; `at_optimum` returns which of them are at an optimum.
+    `options` may have, for each lane, `floor` (rounding error of the length of the
+    vector of residuals, default 0) and `skip` (do not move the lane), and `stragglers`:
+    the share of lanes for which the loop does not wait. The state contains the lanes
+    that have ended; `at_optimum` returns those at an optimum.
 
     Attributes:
-        tolerance: Ends where the whitened gradient is this short, or at the floor.
-        loss: Cost, slope and curvature (positive) of each residual; half of the square.
-        jacobian: "fwd", or "aux" where the function returns it as its aux: one array
-            of the shape of the residuals (or one that broadcasts to it) per unknown.
+        tolerance: Largest whitened gradient of an optimum, unless rounding is larger.
+        loss: Cost, slope and (positive) curvature of each residual; default half of the
+            square.
+        jacobian: "fwd", or "aux" if the function returns the Jacobian as auxiliary
+            output: one array per unknown that broadcasts to the residuals.
     """
 
     tolerance: float = TOLERANCE
@@ -227,7 +234,8 @@ class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         )
         size = jnp.where(state.done, state.search.step_size, size)
         diff, _ = self.descent.step(size, self.descent.query(y, info, None))
-        # of the undamped step: a damped one is short wherever it leads
+        # whitened gradient, the length of the undamped step: a damped step is short
+        # even far from the optimum
         length = squared(forward(cholesky(info.hessian), info.grad))
         ended = lost | ~(length > self.square_tolerance(info))
         state = SolverState(
@@ -241,11 +249,11 @@ class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         return y, state, aux
 
     def square_tolerance(self, info: Expansion) -> Lanes:
-        """Return the square of how long a whitened gradient may be at an optimum."""
+        """Return the square of the largest whitened gradient at an optimum."""
         return jnp.maximum(self.tolerance, 4 * info.floor) ** 2
 
     def at_optimum(self, info: Expansion) -> Bool[Array, "..."]:
-        """Return which lanes are at an optimum, as far as rounding lets one see."""
+        """Return True for lanes at an optimum, within rounding."""
         factor = cholesky(info.hessian)
         least = self.square_tolerance(info)
         length = squared(forward(factor, info.grad))
@@ -253,13 +261,13 @@ class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         return jnp.isfinite(info.f) & factor.positive & near
 
     def terminate(self, fn, y, args, options, state, tags):
-        """Return whether enough lanes have ended."""
+        """Return True if all lanes but the stragglers have ended."""
         del fn, args, tags
         left = jnp.mean(~state.done, dtype=y.dtype)
         return left <= options.get("stragglers", 0.0), optx.RESULTS.successful
 
     def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        """Change nothing: which lanes converged is in the state."""
+        """Return the inputs: convergence of lanes is in the state."""
         del fn, args, options, state, tags, result
         return y, aux, {}
 
@@ -271,21 +279,21 @@ def expansion(
     columns: Sequence[Float[Array, "..."]],
     floor: Lanes | float = 0.0,
 ) -> Expansion:
-    """Return the cost about a place, of residuals and their slopes.
+    """Return the expansion of the cost from residuals and their derivatives.
 
     Args:
         loss: Cost, slope and curvature of each residual.
         y: The place.
-        residual: The residuals there.
-        columns: Their derivative to each unknown.
-        floor: What rounding adds to the length of the vector of residuals.
+        residual: Residuals at the place.
+        columns: Derivative of the residuals by each unknown.
+        floor: Rounding error of the length of the vector of residuals.
     """
     value, slope, curvature = loss(residual)
     cost = jnp.sum(value, axis=0)
     grad = tuple(jnp.sum(column * slope, axis=0) for column in columns)
     hessian = triangle(columns, None if loss is half_square else curvature)
     eps = jnp.finfo(residual.dtype).eps
-    # the last digit of an unknown moves residuals, too
+    # rounding of the unknowns changes the residuals as well
     moved = [
         jnp.sqrt(jnp.maximum(row[-1], 0.0)) * jnp.abs(x)
         for row, x in zip(hessian, y, strict=True)
@@ -298,8 +306,8 @@ def triangle(columns, weight=None) -> Triangle:
     r"""Return the lower triangle of $J^T W J$.
 
     Args:
-        columns: Those of $J$.
-        weight: Diagonal of $W$; without it 1.
+        columns: Columns of $J$.
+        weight: Diagonal of $W$; default 1.
     """
     rows = []
     for k, column in enumerate(columns):
@@ -311,14 +319,14 @@ def triangle(columns, weight=None) -> Triangle:
 def newton(
     cost: Cost, y: Float[Array, "unknown lane"], floor: Float[Array, " lane"]
 ) -> Float[Array, "unknown lane"]:
-    """Return where lanes get to; a place is left for a lower one alone.
+    """Minimise a cost by Newton's method; a step is accepted only if it descends.
 
-    Directions that curve downwards count as if they curved upwards (saddles are left).
+    Negative curvatures are replaced by their magnitude, so saddles are left.
 
     Args:
-        cost: To be minimised.
-        y: Where lanes begin.
-        floor: What rounding does to the cost: a step that is up by less may be taken.
+        cost: Cost and gradient of each lane.
+        y: Starts of the lanes.
+        floor: Rounding error of the cost: a larger increase is rejected.
     """
     units = jnp.eye(y.shape[0], dtype=y.dtype)
 
@@ -336,7 +344,8 @@ def newton(
         there = jnp.where(jnp.isfinite(there), there, jnp.inf)
         which = jnp.argmin(there, axis=0)
         lowest = jnp.take_along_axis(there, which[None], axis=0)[0]
-        # below the rounding of the cost the whole step is as good as any, and ends
+        # Within rounding of the cost all shares are equal: the whole step is used,
+        # which converges in the gradient.
         level = there[0] <= f + floor
         which = jnp.where(level & (lowest > f - floor), 0, which)
         best = jnp.take_along_axis(places, which[None, None], axis=0)[0]
@@ -348,8 +357,9 @@ def newton(
 def _direction(
     curvature: Float[Array, "unknown unknown"], gradient: Float[Array, " unknown"]
 ) -> Float[Array, " unknown"]:
-    """Return the step to the optimum of a cost of that curvature, made positive."""
+    """Return the Newton step with eigenvalues replaced by their magnitudes."""
     curvature = 0.5 * (curvature + curvature.T)
+    # scaled to a unit diagonal: the signs of eigenvalues do not depend on units
     scale = jnp.sqrt(jnp.abs(jnp.diagonal(curvature)))
     scale = jnp.where(scale > 0, scale, 1.0)
     values, vectors = jnp.linalg.eigh(curvature / (scale[:, None] * scale[None, :]))
@@ -364,9 +374,9 @@ class Factor(NamedTuple):
 
     Attributes:
         rows: Its lower triangle, below the diagonal.
-        inverse: One over its diagonal; 0 where the matrix is singular, which leaves
-            that unknown where it is.
-        positive: Whether the matrix is positive definite beyond rounding.
+        inverse: One over its diagonal; 0 where the matrix is singular, so that the
+            unknown does not move.
+        positive: True if the matrix is positive definite beyond rounding.
     """
 
     rows: Triangle
@@ -392,7 +402,7 @@ def cholesky(matrix: Triangle, damping: Lanes | float = 0.0) -> Factor:
                 rest = rest - out[i] * rows[j][i]
             out.append(rest * inverse[j])
         pivot = row[k] + damping * row[k]
-        # what is left of a pivot by rounding alone is zero
+        # a pivot within rounding of zero counts as zero
         least = 8 * (k + 1) * jnp.finfo(pivot.dtype).eps * pivot
         for entry in out:
             pivot = pivot - entry * entry
@@ -404,7 +414,7 @@ def cholesky(matrix: Triangle, damping: Lanes | float = 0.0) -> Factor:
 
 
 def forward(factor: Factor, right: tuple[Lanes, ...]) -> tuple[Lanes, ...]:
-    """Solve with the factor itself: of a gradient, its whitened form."""
+    """Solve with the factor: of a gradient it gives the whitened gradient."""
     out: list[Lanes] = []
     for row, inverse, rest in zip(factor.rows, factor.inverse, right, strict=True):
         for entry, known in zip(row, out, strict=True):

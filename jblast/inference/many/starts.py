@@ -34,29 +34,32 @@ from jblast.sensors import Layout
 from jblast.sensors.record import record
 
 Z = Float[Array, "free lane"]
-SOUGHT = {"charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"}
+# the numbers that the closed form determines: others have to be fixed
+CLOSED_FORM = {"charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s"}
+# of the polynomials over two decades of range: a start needs no better fit
 DEGREE = 5
-NEAR, FAR = 0.02, 4.0
-"""The laws are fitted for ranges between these multiples of the layout's size."""
+MIN_RANGE, MAX_RANGE = 0.02, 4.0
+"""Ranges for which the laws are fitted, relative to the size of the layout."""
 MAX_SCALE = 1e3
-"""$s$ lies between one over this and this."""
+"""Largest $s$, and one over the smallest: wrong readings may give any number."""
 REFERENCE_DRAWS = 64
-"""Size of the reference set."""
-AT_ONCE = 4096
-"""Logs compared with it together: what stays in a cache."""
+"""Size of the reference set, as many as `fit` has starts."""
+BATCH = 4096
+"""Logs that are compared with it together: their arrays stay in a cache."""
 
 
 class ReferenceSet(NamedTuple):
-    """Places, and what would be read of them.
+    """Places with their predicted readings.
 
     Attributes:
-        z: Places.
-        projected: Readings in standard deviations, without what an origin time adds.
+        z: Coordinates of the places.
+        projected: Readings in standard deviations, projected onto the complement of an
+            origin time.
         half_square: Half of their squared length.
-        weight: What turns a log's readings into the same.
-        late: Mean lateness of a log's readings.
-        late_of_place: And of the places'.
-        clock: 1 for the coordinate that is the origin time.
+        weight: Matrix of this projection for the readings of a log.
+        late: Weights of the mean lateness of a log's readings.
+        late_of_place: Mean lateness of each place.
+        clock: 1 for the coordinate of the origin time.
     """
 
     z: Float[Array, "place free"]
@@ -70,12 +73,13 @@ class ReferenceSet(NamedTuple):
     def nearest(
         self, measured: Float[Array, "row lane"], skipped: int = 0
     ) -> Float[Array, "free lane"]:
-        """Return the places nearest to logs, but for so many that are nearer."""
+        """Return the nearest places to logs, after `skipped` nearer ones."""
         return jax.lax.map(
-            lambda log: self._nearest(log, skipped), measured.T, batch_size=AT_ONCE
+            lambda log: self._nearest(log, skipped), measured.T, batch_size=BATCH
         ).T
 
     def _nearest(self, log: Float[Array, " row"], skipped: int):
+        # half the squared distance, without the square of the log's own readings
         away = self.half_square - (self.weight @ log) @ self.projected
         for _ in range(skipped):
             away = away.at[jnp.argmin(away)].set(jnp.inf)
@@ -94,10 +98,10 @@ def reference_set(
 
     Args:
         key: Random key.
-        posterior: Of any log of the layout.
-        rows: The layout.
+        posterior: Posterior of any log of the layout.
+        rows: Rows of the layout.
         sigma: Instrument errors of a typical log.
-        count: How many places.
+        count: Number of places.
     """
     z = starts(key, posterior, count)
     misfit = jax.vmap(posterior.misfit)(z)
@@ -116,7 +120,7 @@ def reference_set(
     late = late / late.sum() if any(clock) and timed.any() else 0 * late
     weight = (np.eye(scale.size) - timed[:, None] * late[None, :]) / scale[:, None]
     projected = weight @ np.asarray(readings)
-    # of no device in particular, whatever drew them: lanes may lie on another
+    # uncommitted to a device: lanes may be on another one
     return ReferenceSet(
         *map(
             jnp.asarray,
@@ -138,8 +142,8 @@ class Starts(NamedTuple):
 
     Attributes:
         given: Places by try, if the caller gives them.
-        in_closed_form: Whether the first try begins where the loop itself does.
-        reference_set: Draws it, once it is needed.
+        in_closed_form: True if the loop computes the first start itself.
+        reference_set: Function that draws the reference set when it is needed.
     """
 
     given: Float[Array, "try free log"] | None
@@ -149,19 +153,19 @@ class Starts(NamedTuple):
     def at(
         self, which: int, measured: Float[Array, "row lane"], lanes: np.ndarray
     ) -> Z:
-        """Return where some logs begin again.
+        """Return the starts of another try of some logs.
 
         Args:
-            which: The number of the try, 1 or more.
+            which: Number of the try, 1 or more.
             measured: Readings of these logs.
-            lanes: Which logs they are.
+            lanes: Indices of these logs.
         """
         if self.given is not None:
             return gather_lanes(self.given[which], lanes)
         return _nearest(self.reference_set(), measured, which - self.in_closed_form)
 
     def first(self, measured: Float[Array, "row lane"]) -> Z | None:
-        """Return where all logs begin, nothing for the closed form."""
+        """Return the first starts of all logs; None for the closed form."""
         if self.given is not None:
             return self.given[0]
         return (
@@ -175,10 +179,10 @@ def _nearest(references: ReferenceSet, measured, skipped: int) -> Z:
 
 
 def given_starts(starts, logs: int, free: int) -> Float[Array, "try free log"]:
-    """Return starts as the engine has them.
+    """Return starts in the form of the engine.
 
     Raises:
-        InputError: They are not (log, free) or (try, log, free).
+        InputError: Their shape is not (log, free) or (try, log, free).
     """
     starts = jnp.asarray(starts)
     if starts.shape[-2:] != (logs, free) or starts.ndim not in (2, 3):
@@ -193,14 +197,14 @@ class ClosedForm(NamedTuple):
     r"""Coefficients of the closed form for a layout; see the top of this file.
 
     Attributes:
-        late, early: The rows whose difference is $d$, for each sensor.
+        late, early: Rows whose difference is $d$, for each sensor.
         square_range: Polynomial of $\ln R^2$ in $\ln d$, highest power first.
         early_time: Polynomial of ln of the earlier travel time in $\ln R^2$.
-        exponent: Of $s$ in the mass.
-        mass: The mass of reference [kg].
-        place: Sensors, in the plane.
-        solve: What gives $x$ from $s R_i^2 - |x_i|^2$.
-        rest: What of it no $x$ explains.
+        exponent: Exponent of the mass in $s$.
+        mass: Reference mass [kg].
+        place: Positions of the sensors in the plane.
+        solve: Matrix that gives $x$ from $s R_i^2 - |x_i|^2$.
+        rest: Projection onto the part that no $x$ explains.
     """
 
     late: np.ndarray
@@ -216,7 +220,7 @@ class ClosedForm(NamedTuple):
     def start(
         self, rows: LaneRows, measured: Float[Array, "row lane"]
     ) -> Float[Array, "free lane"]:
-        """Return where to start."""
+        """Return the starts of logs by their readings."""
         d = jnp.stack(
             [
                 measured[a] - measured[g]
@@ -229,6 +233,7 @@ class ClosedForm(NamedTuple):
         known = np.sum(self.place**2, axis=1).astype(square.dtype)
         s = jnp.ones_like(square[0])
         if "charge_mass_kg" in rows.parameters.names:
+            # s minimises the part that no position explains, |P (s R^2 - |x|^2)|^2
             bent = _product(rest, square)
             s = jnp.sum(bent * (rest @ known)[:, None], axis=0)
             s = jnp.clip(s / jnp.sum(bent * bent, axis=0), 1 / MAX_SCALE, MAX_SCALE)
@@ -249,14 +254,17 @@ class ClosedForm(NamedTuple):
 
 
 def closed_form(rows: LaneRows) -> ClosedForm | None:
-    """Prepare the solve; None where it does not apply.
+    """Return the closed form of a layout; None if it does not apply.
 
-    It needs one charge at an unknown place in the plane, air and ground arrivals at
-    four places or more that do not lie in one line, and nothing unknown besides mass
+    It needs one charge at an unknown position in the plane, air and ground arrivals at
+    four positions or more that are not in one line, and no further unknowns but mass
     and origin time.
     """
     names, layout, scene = rows.parameters.names, rows.layout, rows.parameters.scene
-    if not {"charge_east_m", "charge_north_m"} <= set(names) <= SOUGHT or scene.others:
+    if (
+        not {"charge_east_m", "charge_north_m"} <= set(names) <= CLOSED_FORM
+        or scene.others
+    ):
         return None
     if np.isfinite(np.asarray(layout.slant_range)).any():
         return None
@@ -276,10 +284,11 @@ def closed_form(rows: LaneRows) -> ClosedForm | None:
     at = place[[late for late, _ in pairs]][:, :2]
     system = np.column_stack([-2 * at, np.ones(len(at))])
     values = np.linalg.svd(at - at.mean(axis=0))[1]
+    # nearly in one line the position across it would have no precision
     if values[1] < 0.05 * values[0]:
         return None
     size = float(np.linalg.norm(np.ptp(at, axis=0)))
-    ranges = size * np.geomspace(NEAR, FAR, 60)
+    ranges = size * np.geomspace(MIN_RANGE, MAX_RANGE, 60)
     known = value_of(scene, "charge_mass_kg")
     mass = 1.0 if known is None or not known > 0 else float(known)
     ln_d, ln_early = _travel(rows, scene, ranges, mass)
@@ -336,7 +345,7 @@ def _polynomial(coefficients: np.ndarray, x: Array) -> Array:
 
 
 def _product(matrix: np.ndarray, x: Array) -> Array:
-    """Multiply lanes by a small matrix, written out."""
+    """Multiply lanes by a small matrix, written out: XLA fuses it with its neighbours."""
     return jnp.stack(
         [
             sum(

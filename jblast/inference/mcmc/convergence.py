@@ -21,17 +21,24 @@ from scipy.special import ndtri
 
 from jblast.progress import Level, Task
 
+# Sokal's window in autocorrelation times, the value of emcee: shorter ones are biased,
+# in longer ones the noise of the tail is summed.
 WINDOW = 5.0
 LONG_ENOUGH = 50.0
-"""So many autocorrelation times make an estimate of one trustworthy."""
+"""Autocorrelation times of a chain that make the estimate of one reliable (the advice
+of emcee's manual). Shorter chains underestimate it."""
 WARM_UP = 5.0
-"""So many autocorrelation times after the start are left out."""
+"""Autocorrelation times after the start that are discarded: a start is forgotten to
+e^-5."""
 ALIKE = 1.01
-"""R-hat below this: the halves agree."""
+"""R-hat below which the halves of the chain agree (Vehtari et al. 2021)."""
 WATCHED = 64
-"""Walkers whose autocorrelation is averaged: more would cost time and add nothing."""
+"""Largest number of walkers whose autocorrelation is averaged: its error falls with the
+root of their number, while time and memory grow with it."""
+# Every check sorts the draws. Thinning to this number leaves their R-hat nearly the
+# same.
 RANKED = 100_000
-TAILS = (0.05, 0.95)
+TAILS = (0.05, 0.95)  # bounds of the 90 % intervals that a fit reports
 
 
 def r_hat(x: Float[np.ndarray, "step walker"]) -> float:
@@ -49,9 +56,18 @@ def r_hat(x: Float[np.ndarray, "step walker"]) -> float:
             for columns in (slice(0, pack), slice(pack, 2 * pack))
         ]
     )
-    # the same for what lies far from the middle, so that unequal spreads are seen too
+    # also of the distances from the median: parts with equal means may have unequal
+    # spreads (the folded R-hat of Vehtari et al. 2021)
     folded = np.abs(parts - np.median(parts))
-    return max(_r_hat_of(_normal_scores(part)) for part in (parts, folded))
+    found = []
+    for part in (parts, folded):
+        chains = _normal_scores(part)
+        within = np.mean(np.var(chains, axis=1, ddof=1))
+        between = np.var(chains.mean(axis=1), ddof=1)
+        count = chains.shape[1]
+        ratio = (count - 1) / count + between / within if within else np.inf
+        found.append(float(np.sqrt(ratio)))
+    return max(found)
 
 
 @dataclass(frozen=True)
@@ -59,11 +75,11 @@ class Convergence:
     """Convergence of an ensemble; one number for each coordinate.
 
     Attributes:
-        steps: Steps behind the numbers, after the warm-up.
-        warm_up: Steps left out before them.
+        steps: Number of steps after the warm-up.
+        warm_up: Number of discarded steps.
         tau: Autocorrelation time [steps].
-        ess: Effective sample size: independent draws that give as good a mean.
-        r_hat: Of ranks, over halves of the walkers and of the steps.
+        ess: Effective sample size: independent draws with the same error of the mean.
+        r_hat: Rank-normalised R-hat over halves of the walkers and of the steps.
         error: Monte Carlo error of the 5 % or 95 % quantile, the larger, in posterior
             standard deviations.
     """
@@ -76,7 +92,7 @@ class Convergence:
     error: Float[np.ndarray, " free"]
 
     def reached(self, precision: float) -> bool:
-        """Whether the quantiles are as precise as wanted, and may be believed."""
+        """Return True if the quantiles are precise enough and the chain is reliable."""
         return bool(
             np.all(self.error <= precision)
             and np.all(self.steps >= LONG_ENOUGH * self.tau)
@@ -84,20 +100,22 @@ class Convergence:
         )
 
     def steps_wanted(self, precision: float) -> float:
-        """Return about how many steps after the warm-up the precision takes."""
+        """Return the approximate number of steps after the warm-up for a precision."""
+        # the error falls with the root of the steps, R-hat minus 1 with the steps
         by_error = self.steps * np.max(np.square(self.error / precision))
         by_halves = self.steps * np.max((self.r_hat - 1) / (ALIKE - 1))
         return float(max(by_error, by_halves, LONG_ENOUGH * np.max(self.tau)))
 
 
 def convergence(chain: Float[np.ndarray, "step walker free"]) -> Convergence:
-    """Judge an ensemble.
+    """Return the convergence of an ensemble.
 
     Args:
-        chain: Every step from the first on, in any coordinates.
+        chain: All steps from the first, in any coordinates.
     """
     steps, walkers, free = chain.shape
     columns = range(free)
+    # the warm-up is found from the second half, which has forgotten the start
     late = chain[steps // 2 :]
     slowest = max(autocorrelation_time(late[:, :, i]) for i in columns)
     warm_up = int(min(np.ceil(WARM_UP * min(slowest, steps)), steps // 2))
@@ -120,7 +138,7 @@ def autocorrelation_time(
     steps, walkers = x.shape
     some = np.linspace(0, walkers - 1, min(walkers, WATCHED)).astype(int)
     away = x[:, some] - x.mean()
-    length = 1 << (2 * steps - 1).bit_length()  # so that the ends do not meet
+    length = 1 << (2 * steps - 1).bit_length()  # padding: no circular correlation
     power = np.square(np.abs(np.fft.rfft(away, length, axis=0))).mean(axis=1)
     covariance = np.fft.irfft(power, length)[:steps] / np.arange(steps, 0, -1)
     if not covariance[0] > 0 or (x == x[0]).all():
@@ -131,25 +149,19 @@ def autocorrelation_time(
 
 
 def _normal_scores(x: np.ndarray) -> np.ndarray:
-    """Replace numbers by the normal scores of their ranks; equal ones share theirs."""
+    """Return the normal scores of the ranks; equal numbers have their mean rank."""
     _, place, count = np.unique(x, return_inverse=True, return_counts=True)
     rank = (np.cumsum(count) - 0.5 * (count - 1))[place].reshape(x.shape)
-    # by scipy: jax.scipy's would be compiled again for every length of a walk
+    # Blom's offsets. By scipy: jax.scipy would compile for every length of a chain.
     return ndtri((rank - 0.375) / (x.size + 0.25))
-
-
-def _r_hat_of(chains: np.ndarray) -> float:
-    within = np.mean(np.var(chains, axis=1, ddof=1))
-    between = np.var(chains.mean(axis=1), ddof=1)
-    count = chains.shape[1]
-    return float(np.sqrt((count - 1) / count + between / within)) if within else np.inf
 
 
 def _worst_tail(x: Float[np.ndarray, "step walker"]) -> float:
     """Return the Monte Carlo error of the worse outer quantile, in standard deviations.
 
-    The share of draws below a quantile is known to a standard error; the quantiles of
-    those shares differ by twice the quantile's (Vehtari et al. 2021, section 4.4).
+    The share of draws below a quantile has a standard error. The quantiles one standard
+    error to either side differ by twice the error of the quantile (Vehtari et al. 2021,
+    section 4.4).
     """
     sd = x.std()
     if not sd > 0:
@@ -168,10 +180,10 @@ class Progress:
     """Progress of a sampler.
 
     Attributes:
-        steps: Done so far.
-        steps_wanted: About how many it will take in all; NaN until that is known.
-        ess: Effective sample size so far, of the worst coordinate; NaN likewise.
-        ess_wanted: Likewise at the end.
+        steps: Number of steps so far.
+        steps_wanted: Estimated total; NaN before the first check.
+        ess: Effective sample size so far, of the worst coordinate; NaN before it.
+        ess_wanted: Estimated effective sample size at the end; NaN before it.
     """
 
     steps: int
@@ -180,7 +192,7 @@ class Progress:
     ess_wanted: float
 
     def words(self) -> str:
-        """Return all this in words."""
+        """Return the progress as text."""
         if not np.isfinite(self.steps_wanted):
             return f"{self.steps:,} steps"
         return (
@@ -189,7 +201,7 @@ class Progress:
         )
 
     def share(self) -> float:
-        """Return how much of the walk is done; zero as long as that is not known."""
+        """Return the completed share of the chain; 0 before the first check."""
         if not np.isfinite(self.steps_wanted):
             return 0.0
         return min(1.0, self.steps / max(self.steps_wanted, 1.0))
@@ -203,22 +215,22 @@ def nothing(_: Progress) -> None:
 
 
 def to_listener() -> Report:
-    """Return a report to whoever listens."""
-    tell = Task()
-    return lambda progress: tell(Level("", progress.words(), progress.share(), 0.0))
+    """Return a function that reports progress to the listener (`jblast.progress`)."""
+    task = Task()
+    return lambda progress: task(Level("", progress.words(), progress.share(), 0.0))
 
 
 @dataclass
 class Pace:
-    """Turns steps and judgements into progress.
+    """Estimates progress from steps and convergence.
 
     Attributes:
-        done: Steps so far.
-        most: Steps at which it ends whatever is reached.
-        walkers: How many walk.
-        precision: What is wanted.
-        checks: After how many steps it is judged, rising.
-        judged: The last judgement.
+        done: Number of steps so far.
+        most: Largest number of steps.
+        walkers: Number of walkers.
+        precision: Requested precision.
+        checks: Numbers of steps at which convergence is checked, ascending.
+        judged: Result of the last check.
     """
 
     done: int
@@ -229,7 +241,7 @@ class Pace:
     judged: Convergence | None = None
 
     def now(self) -> Progress:
-        """Return how far it has come."""
+        """Return the progress."""
         wanted = ess = ess_wanted = np.nan
         if self.judged is not None:
             tau = np.max(self.judged.tau)

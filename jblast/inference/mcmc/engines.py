@@ -23,31 +23,34 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jblast.inference.whitening import Density, densities
 
 SHARES = {"near": 0.7, "jump": 0.1, "stretch": 0.1, "independence": 0.1}
-r"""Share of the steps of each kind.
+r"""Share of the moves of each kind.
 
-near: along the difference of two other walkers, $2.38/\sqrt{2 d}$ of it long (ter Braak
-2006, Stat. Comput. 16:239). jump: the whole of it, which leads from mode to mode.
-stretch: towards or away from another walker (Goodman & Weare 2010), for long tails.
-independence: to a place drawn from the normals about the known optima (see `Mixture`).
-Five microphones, four unknowns, 64 walkers: autocorrelation time 11 steps, without that
-17, with the stretch move alone 59; for a normal of 12 unknowns 13, 45 and 184. A charge
-beside a line of microphones and its mirror image: 36, without that some 460.
+near: $2.38/\sqrt{2 d}$ of the difference of two other walkers (ter Braak 2006, Stat.
+Comput. 16:239). jump: the whole difference, which leads from mode to mode. stretch:
+towards or away from another walker (Goodman & Weare 2010), for long tails.
+independence: to a draw from the normals about the known optima (see `Mixture`). Five
+microphones, four unknowns, 64 walkers: the autocorrelation time is 11 steps, without
+the independence move 17, with the stretch move alone 59. For a normal of 12 unknowns it
+is 13, 45 and 184. For a charge beside a line of microphones and its mirror image it is
+36, without the independence move some 460.
 """
-A = 2.0
-"""Longest stretch; the shortest is its inverse."""
+STRETCH = 2.0
+"""Largest factor of the stretch move; the smallest is its inverse. The value of Goodman
+& Weare (2010), which emcee uses as well."""
 JITTER = 1e-5
-"""Relative sd of the length of a difference, so that no lattice can be all there is."""
+"""Relative standard deviation of the length of a difference. With an exact length the
+walkers could only reach a lattice."""
 BLOCK = 100
-"""Steps in one compiled call."""
+"""Steps in one compiled call, which Ctrl-C cannot interrupt."""
 
 
 class WalkState(NamedTuple):
-    """Positions of the walkers.
+    """State of the ensemble.
 
     Attributes:
-        walkers: Their places.
-        log_density: ln of the density there.
-        random: What the next random numbers follow from.
+        walkers: Positions of the walkers.
+        log_density: ln of the density at each.
+        random: State of the random numbers.
     """
 
     walkers: Float[np.ndarray, "walker free"]
@@ -56,13 +59,13 @@ class WalkState(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """Steps in a row.
+    """Consecutive steps of a chain.
 
     Attributes:
-        chain: Places after each step.
-        log_density: ln of the density there.
-        random: As of `WalkState`, after the last step.
-        interrupted: Whether Ctrl-C ended it early.
+        chain: Positions after each step.
+        log_density: ln of the density at each.
+        random: State of the random numbers after the last step.
+        interrupted: True if Ctrl-C ended it early.
     """
 
     chain: Float[np.ndarray, "step walker free"]
@@ -72,7 +75,7 @@ class Segment(NamedTuple):
 
     @property
     def end(self) -> WalkState:
-        """Where the walkers stand after the last step."""
+        """State of the ensemble after the last step."""
         return WalkState(self.chain[-1], self.log_density[-1], self.random)
 
 
@@ -81,10 +84,10 @@ class Mixture(eqx.Module):
 
     Attributes:
         center: Means $c_k$.
-        root: One standard deviation along each axis $A_k$, a column each.
+        root: One standard deviation along each axis $A_k$, one column each.
         inverse: $A_k^{-1}$.
-        share: How much of the mixture each is $s_k$; they add to 1.
-        log_height: Each one's part of ln q at its mean, up to a constant.
+        share: Weight of each normal $s_k$; the sum is 1.
+        log_height: ln of the density of each at its mean, up to a constant.
     """
 
     center: Float[Array, "normal free"]
@@ -109,7 +112,7 @@ class Engine(Protocol):
         ...
 
     def first_random(self, seed: int) -> Mapping[str, np.ndarray]:
-        """Return what the random numbers start from, as arrays."""
+        """Return the initial state of the random numbers, as arrays."""
         ...
 
     def walk(
@@ -120,14 +123,14 @@ class Engine(Protocol):
         steps: int,
         tick: Callable[[], None],
     ) -> Segment:
-        """Walk on; Ctrl-C ends the stretch early.
+        """Continue the chain; Ctrl-C ends the segment early.
 
         Args:
-            density: Where to walk.
-            mixture: Of the normals about its known optima.
-            state: Where the walkers stand.
-            steps: How many steps.
-            tick: Called after each, or each `tick_steps`.
+            density: The density to sample.
+            mixture: Normals about its known optima.
+            state: State of the ensemble.
+            steps: Number of steps.
+            tick: Function that is called after every `tick_steps` steps.
         """
         ...
 
@@ -156,7 +159,7 @@ class Emcee:
     tick_steps = 1
 
     def first_random(self, seed: int) -> dict[str, np.ndarray]:
-        """Return what emcee's random numbers start from, as arrays."""
+        """Return the initial state of emcee's random numbers, as arrays."""
         state = np.random.MT19937(seed).state["state"]
         return {
             "key": np.asarray(state["key"], np.uint32),
@@ -172,7 +175,7 @@ class Emcee:
         steps: int,
         tick: Callable[[], None],
     ) -> Segment:
-        """Walk on; Ctrl-C ends the stretch after the last whole step."""
+        """Continue the chain; Ctrl-C ends the segment after the last complete step."""
         import emcee  # see `moves`
 
         walkers, free = state.walkers.shape
@@ -208,7 +211,7 @@ class Emcee:
 
 
 def of_emcee(random: Mapping[str, np.ndarray]) -> tuple:
-    """Return the state of random numbers as emcee takes it."""
+    """Return the state of the random numbers in the form of emcee."""
     position, has_normal = (int(x) for x in random["place"])
     return "MT19937", random["key"], position, has_normal, float(random["normal"])
 
@@ -228,7 +231,7 @@ class Scan:
     tick_steps = BLOCK
 
     def first_random(self, seed: int) -> dict[str, np.ndarray]:
-        """Return what the random numbers start from, as arrays."""
+        """Return the initial state of the random numbers, as arrays."""
         return {"seed": np.array(seed), "step": np.array(0)}
 
     def walk(
@@ -239,8 +242,10 @@ class Scan:
         steps: int,
         tick: Callable[[], None],
     ) -> Segment:
-        """Walk on; Ctrl-C loses the block it falls into."""
+        """Continue the chain; Ctrl-C discards the current block."""
         w, value = jnp.asarray(state.walkers), jnp.asarray(state.log_density)
+        # each step folds its number into the key: a resumed chain draws the same
+        # numbers
         key = jax.random.key(int(state.random["seed"]))
         first = int(state.random["step"])
         chain, log_density = [], []
@@ -256,6 +261,8 @@ class Scan:
                 tick()
         except KeyboardInterrupt:
             interrupted = True
+        # a last block may be longer than the segment: one size is compiled, and the
+        # rest is cut off
         done = min(len(log_density) * BLOCK, steps)
         shape = state.walkers.shape
         return Segment(
@@ -279,6 +286,8 @@ def _step(key: PRNGKeyArray, density, mixture, w: Float[Array, "walker free"], v
     """Move every walker once."""
     shuffle_key, *keys = jax.random.split(key, 3)
     order = jax.random.permutation(shuffle_key, len(w))
+    # Detailed balance: walkers of one half move by the positions of the other half,
+    # which stay fixed meanwhile (Foreman-Mackey et al. 2013).
     half = len(w) // 2
     for key, mine, others in (
         (keys[0], order[:half], order[half:]),
@@ -295,15 +304,17 @@ def _step(key: PRNGKeyArray, density, mixture, w: Float[Array, "walker free"], v
 
 
 def _proposal(key: PRNGKeyArray, mixture, mine, others):
-    """Propose a place for each walker, and ln of what the density ratio is times."""
+    """Propose a place for each walker, and return ln of the Hastings factor."""
     count, free = mine.shape
     kind, one, two, long, far, which, where = jax.random.split(key, 7)
     first = jax.random.randint(one, (count,), 0, len(others))
     apart = jax.random.randint(two, (count,), 1, len(others))
-    second = (first + apart) % len(others)
+    second = (first + apart) % len(others)  # never the same as the first
     jitter = 1 + JITTER * jax.random.normal(long, (count,), mine.dtype)
-    stretch = jnp.square((A - 1) * jax.random.uniform(far, (count,), mine.dtype) + 1)
-    stretch = (stretch / A)[:, None]
+    # inverse distribution function of g(s) ~ 1 / sqrt(s) on [1/STRETCH, STRETCH]
+    uniform = jax.random.uniform(far, (count,), mine.dtype)
+    stretch = jnp.square((STRETCH - 1) * uniform + 1)
+    stretch = (stretch / STRETCH)[:, None]
 
     u = jax.random.uniform(kind, (count, 1), mine.dtype)
     is_stretch = u < SHARES["stretch"]
@@ -318,6 +329,7 @@ def _proposal(key: PRNGKeyArray, mixture, mine, others):
     there = jnp.where(
         is_independent, there, jnp.where(is_stretch, by_stretch, by_difference)
     )
+    # volume of the stretch move: s^(d-1) (Goodman & Weare 2010)
     of_stretch = jnp.where(is_stretch, (free - 1) * jnp.log(stretch), 0.0)[:, 0]
     return there, jnp.where(is_independent[:, 0], of_mixture, of_stretch)
 
@@ -327,10 +339,10 @@ def mixture_of(
     root: Float[np.ndarray, "normal free free"],
     share: Float[np.ndarray, " normal"],
 ) -> Mixture:
-    """Mix normals; shares count beside each other."""
+    """Return a mixture of normals; shares are normalised."""
     share = share / share.sum()
     log_height = np.log(share) - np.linalg.slogdet(root)[1]
-    # inverted once: LAPACK in every step costs more than a step
+    # inverted once: a LAPACK solve in every step costs more than the step
     arrays = center, root, np.linalg.inv(root), share, log_height
     return Mixture(*map(jnp.asarray, arrays))
 
@@ -342,17 +354,17 @@ def independence_move(
     rank: Float[Array, " walker"],
     unit: Float[Array, "walker free"],
 ) -> tuple[Float[Array, "walker free"], Float[Array, " walker"]]:
-    r"""Propose a place for each walker that owes nothing to where it stands.
+    r"""Propose a place for each walker that is independent of its position.
 
     Args:
-        mixture: Drawn from.
-        w: Where the walkers stand.
-        rank: Uniform between 0 and 1: selects the normal of the mixture.
+        mixture: Distribution of the proposals $q$.
+        w: Positions of the walkers.
+        rank: Uniform between 0 and 1; selects the normal of the mixture.
         unit: Standard normals, transformed by it.
 
     Returns:
-        The places $w'$, and $\ln q(w) - \ln q(w')$, which the ratio of the densities is
-        to be multiplied by (Hastings 1970, Biometrika 57:97).
+        The places $w'$, and $\ln q(w) - \ln q(w')$, which is added to ln of the ratio
+        of densities (Hastings 1970, Biometrika 57:97).
     """
     of = jnp.searchsorted(jnp.cumsum(mixture.share)[:-1], rank)
     there = mixture.center[of] + jnp.einsum("nij,nj->ni", mixture.root[of], unit)

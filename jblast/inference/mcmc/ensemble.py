@@ -1,9 +1,9 @@
 """The posterior by an ensemble of walkers, until its quantiles are precise enough.
 
-Walkers start from the normal approximation at every optimum of enough weight, and move
-in coordinates in which the posterior is round: by emcee, or by the same moves in one
-compiled loop. Each step is one of the kinds in `engines.SHARES`. Findings report a
-chain that is too short, chains that disagree, several modes and long ridges.
+Walkers start from the normal approximation at every optimum of enough weight. They move
+in whitened coordinates, by emcee or by the same moves in one compiled loop. Each step
+is one of the kinds in `engines.SHARES`. Findings report a chain that is too short,
+chains that disagree, several modes and long ridges.
 
 Draws are exported in the schema of ArviZ, as one tree and one NetCDF file. Up to ArviZ
 0.23 (Python 3.11) `from_dict` takes a keyword for each group and returns its own
@@ -34,7 +34,7 @@ from jblast.inference.mcmc.convergence import (
 )
 from jblast.inference.mcmc.modes import Mode, Ridge, modes, ridge
 from jblast.inference.mcmc.run import (
-    MOST_STEPS,
+    MAX_STEPS,
     PRECISION,
     WALKERS,
     Sampler,
@@ -58,32 +58,35 @@ if TYPE_CHECKING:
     import xarray
 
 UNLIKELY = 1e-3
-"""An optimum with less of the posterior than this beside the best gets no walkers."""
+"""Smallest share of the posterior of an optimum, relative to the best, for walkers: a
+smaller one hardly moves a 90 % interval."""
+# a user without ArviZ reads this: the packages are optional
 NEEDED = "expected ArviZ and a writer: pip install arviz h5netcdf h5py"
-MOST_DRAWS = 200_000
-"""Steps are thinned so that no more draws than this are kept."""
+MAX_EXPORTED_DRAWS = 200_000
+"""Largest number of exported draws: steps are thinned. 12 numbers each take 20 MB."""
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """Draws of a posterior, and whether to believe them.
+    """Draws of a posterior, and their convergence.
 
     Attributes:
-        names: Of the coordinates.
-        z: Draws in the fitted coordinates, warm-up left out.
+        names: Names of the coordinates.
+        z: Draws in the fitted coordinates, without the warm-up.
         log_density: ln of the posterior density at each, up to a constant.
         convergence: Autocorrelation times, effective sample sizes, R-hat, error of the
             quantiles.
-        acceptance: Share of the moves that were made.
-        converged: Whether the precision wanted was reached, of a proper posterior.
-        interrupted: Whether Ctrl-C ended it.
-        modes: Peaks in the fitted coordinates, mostly one; that of most draws first,
-            and it alone on a ridge without end.
-        ridge: A direction far longer than the normal approximation, if there is one.
-        findings: Where the walk falls short, modes and ridge.
+        acceptance: Share of accepted moves.
+        converged: True if the requested precision was reached and the posterior is
+            proper.
+        interrupted: True if Ctrl-C ended it.
+        modes: Modes in the fitted coordinates, that of most draws first. On a ridge
+            without end only the first is given.
+        ridge: A direction far longer than the normal approximation, or None.
+        findings: Shortfalls of convergence, modes and ridge.
         sampler: "emcee" or "scan".
-        resumed: Steps that were kept from an earlier run.
-        seconds: Taken by this one.
+        resumed: Number of steps stored by earlier runs.
+        seconds: Duration of this run.
     """
 
     names: tuple[str, ...]
@@ -101,7 +104,7 @@ class Ensemble:
     seconds: float
 
     def draws(self, most: int | None = None) -> Float[np.ndarray, "draw free"]:
-        """Return all draws in a row, or so many spread evenly over them."""
+        """Return all draws as one array, or at most `most`, evenly spaced."""
         flat = self.z.transpose(1, 0, 2).reshape(-1, len(self.names))
         if most is None or most >= len(flat):
             return flat
@@ -117,34 +120,35 @@ def ensemble(
     seed: int = 0,
     walkers: int = WALKERS,
     precision: float = PRECISION,
-    most_steps: int = MOST_STEPS,
+    most_steps: int = MAX_STEPS,
     sampler: Sampler = "emcee",
     store: str | os.PathLike[str] | None = None,
     rows: Sequence[str] = (),
     report: Report | None = None,
 ) -> Ensemble:
-    """Draw from a posterior until its quantiles are known well enough.
+    """Draw from a posterior until its quantiles are precise enough.
 
     Args:
         posterior: The posterior.
         normal: Its normal approximation.
         identifiability: Null directions of the log.
-        optima: Where searches ended; walkers start at those that count. Without them
-            all start from the normal approximation.
-        seed: Of all random numbers.
-        walkers: How many; even, and at least twice the unknowns.
+        optima: Optima of the search. Walkers start at those of enough weight; without
+            optima all start from the normal approximation.
+        seed: Seed of all random numbers.
+        walkers: Number of walkers; even, and at least twice the unknowns.
         precision: Largest Monte Carlo error of the 5 and 95 % quantile of any
             coordinate, in its standard deviations.
-        most_steps: Stop here whatever was reached.
+        most_steps: Largest number of steps.
         sampler: "emcee", or "scan" for the same moves compiled.
-        store: Folder in which the walk is kept; one that holds an unfinished walk of
-            this posterior is gone on with, to the result an unbroken one has.
-        rows: What to call each row of the log in messages.
-        report: What to call with `Progress`; None: who listens (`jblast.progress`).
+        store: Folder in which the chain is stored. An unfinished chain of this
+            posterior is resumed, with the same result as an unbroken one.
+        rows: Name of each row of the log in messages.
+        report: Function that is called with `Progress`; None for the listener of
+            `jblast.progress`.
 
     Raises:
-        InputError: The posterior is improper or no number at its optimum, the walkers
-            are too few, or what is kept in `store` is of another posterior.
+        InputError: The posterior is improper or not finite at its optimum, there are
+            too few walkers, or `store` has the chain of another posterior.
     """
     density = whitened_density(posterior, normal, identifiability)
     _refuse_non_finite(posterior, normal.z, rows)
@@ -170,19 +174,29 @@ def ensemble(
     w = chain.reshape(-1, len(names))
     valley = ridge(w, value.ravel())
     peaks = modes(density, w, value.ravel(), axes)
-    if valley is not None and valley.endless:  # a crest walked in part: no peaks yet
+    # on an endless ridge the peaks are those of the part that was reached so far
+    if valley is not None and valley.endless:
         peaks = peaks[:1]
     elif len(peaks) > 1:
         valley = None
-    told_modes = tuple(_mode_about(normal.z, mode) for mode in peaks)
-    told_ridge = valley and replace(valley, ends=normal.z + valley.ends @ axes.T)
+    # back from coordinates relative to the optimum to the fitted ones
+    fitted_modes = tuple(
+        replace(
+            mode,
+            peak=mode.peak + normal.z,
+            low=mode.low + normal.z,
+            high=mode.high + normal.z,
+        )
+        for mode in peaks
+    )
+    fitted_ridge = valley and replace(valley, ends=normal.z + valley.ends @ axes.T)
     findings: list[Finding] = []
     if found.interrupted:
         findings.append(Interrupted(len(found.chain)))
     if not found.reached:
         findings += shortfalls(found.convergence, names, precision)
-    findings += several_modes(told_modes, posterior.parameters)
-    findings += long_ridge(told_ridge, posterior.parameters)
+    findings += several_modes(fitted_modes, posterior.parameters)
+    findings += long_ridge(fitted_ridge, posterior.parameters)
     return Ensemble(
         names=names,
         z=(normal.z + chain @ axes.T).transpose(1, 0, 2),
@@ -193,8 +207,8 @@ def ensemble(
         else 0.0,
         converged=found.reached and not (valley is not None and valley.endless),
         interrupted=found.interrupted,
-        modes=told_modes,
-        ridge=told_ridge,
+        modes=fitted_modes,
+        ridge=fitted_ridge,
         findings=tuple(findings),
         sampler=sampler,
         resumed=found.resumed,
@@ -203,7 +217,7 @@ def ensemble(
 
 
 def _refuse_non_finite(posterior: Posterior, z, rows: Sequence[str]) -> None:
-    """Refuse a posterior that is no number where the walkers start."""
+    """Reject a posterior that is not finite at the optimum, and name the rows."""
     if np.isfinite(float(posterior.log_density(jnp.asarray(z)))):
         return
     wrong = non_finite_rows(posterior, z)
@@ -214,17 +228,17 @@ def _refuse_non_finite(posterior: Posterior, z, rows: Sequence[str]) -> None:
     ]
     at = posterior.parameters.values(jnp.asarray(z))
     raise InputError(
-        "the posterior density is no number where the walkers start ("
+        "the posterior density is not finite where the walkers start ("
         + ", ".join(f"{name} {float(value):.4g}" for name, value in at.items())
-        + "): expected finite predictions and errors, got none for "
+        + "): expected finite predictions and errors, got NaN for "
         + (", ".join(named) or "the priors")
     )
 
 
 def _others(density: Whitened, normal, identifiability, optima: Optima) -> list[Start]:
-    """Return the other optima that hold a part of the posterior worth walkers.
+    """Return starts at the other optima that contain a share of the posterior.
 
-    The share of each is its density times its volume, beside the best.
+    The share of each is its density times its volume, relative to the best.
     """
     root = np.asarray(density.root)
     kept = [(normal.z, root)]
@@ -241,6 +255,7 @@ def _others(density: Whitened, normal, identifiability, optima: Optima) -> list[
         there = root_of(other)
         away = np.linalg.solve(root, np.column_stack([z - normal.z, there]))
         _, volume = np.linalg.slogdet(away[:, 1:])
+        # clipped to the range of doubles: an optimum may have a far larger volume
         share = float(np.exp(np.clip(value - best + volume, -700, 700)))
         kept.append((z, there))
         if share > UNLIKELY:
@@ -248,22 +263,12 @@ def _others(density: Whitened, normal, identifiability, optima: Optima) -> list[
     return starts
 
 
-def _mode_about(center, mode: Mode) -> Mode:
-    """Return a mode in the fitted coordinates; it is given relative to a center."""
-    return replace(
-        mode,
-        peak=mode.peak + center,
-        low=mode.low + center,
-        high=mode.high + center,
-    )
-
-
 @dataclass(frozen=True)
 class Interrupted(Finding):
-    """The walk was stopped by hand.
+    """The chain was interrupted by the user.
 
     Attributes:
-        steps: It had taken by then.
+        steps: Number of steps by then.
     """
 
     steps: int
@@ -271,12 +276,12 @@ class Interrupted(Finding):
 
 @dataclass(frozen=True)
 class QuantilesUncertain(Finding):
-    """Quantiles are known less well than was wanted.
+    """Quantiles are less precise than requested.
 
     Attributes:
-        parameter: Those of which are known worst.
-        error: Their Monte Carlo error, in standard deviations of the number.
-        wanted: What it should have been at most.
+        parameter: Parameter with the least precise quantiles.
+        error: Their Monte Carlo error, in standard deviations of the parameter.
+        wanted: Requested precision.
     """
 
     parameter: str
@@ -286,13 +291,13 @@ class QuantilesUncertain(Finding):
 
 @dataclass(frozen=True)
 class ChainTooShort(Finding):
-    """The walk is short beside its autocorrelation time.
+    """The chain is short compared with its autocorrelation time.
 
     Attributes:
-        parameter: That with the longest.
-        steps: The walk's length.
-        times: So many autocorrelation times that is.
-        wanted: What it should have been at least.
+        parameter: Parameter with the longest autocorrelation time.
+        steps: Length of the chain.
+        times: Length in autocorrelation times.
+        wanted: Required length in autocorrelation times.
     """
 
     parameter: str
@@ -306,9 +311,9 @@ class ChainsDisagree(Finding):
     """Walkers differ among themselves.
 
     Attributes:
-        parameter: Where they do most.
-        r_hat: Their R-hat.
-        wanted: What it should have been less than.
+        parameter: Parameter with the largest R-hat.
+        r_hat: Its R-hat.
+        wanted: Limit of R-hat.
     """
 
     parameter: str
@@ -321,8 +326,8 @@ class SeveralModes(Finding):
     """The posterior has several modes.
 
     Attributes:
-        shares: Of the posterior, one a mode.
-        peaks: Where each is, by the numbers in which they differ.
+        shares: Share of the posterior of each mode.
+        peaks: Position of each, by the parameters in which they differ.
     """
 
     shares: tuple[float, ...]
@@ -334,10 +339,10 @@ class LongRidge(Finding):
     """The posterior is far longer than its normal approximation.
 
     Attributes:
-        longer: How many times.
-        low: Where it begins, by the numbers in which its ends differ.
-        high: Where it ends.
-        is_endless: Whether the density does not fall beyond: it is improper.
+        longer: Length relative to the normal approximation.
+        low: Position of one end, by the parameters in which the ends differ.
+        high: Position of the other end.
+        is_endless: True if the density does not fall beyond: it is improper.
     """
 
     longer: float
@@ -349,7 +354,7 @@ class LongRidge(Finding):
 def shortfalls(
     judged: Convergence, names: Sequence[str], precision: float
 ) -> list[Finding]:
-    """Return in what a walk falls short of what was wanted."""
+    """Return the requirements of convergence that a chain does not meet."""
     found: list[Finding] = []
     worst = int(np.argmax(judged.error))
     error = float(judged.error[worst])
@@ -367,12 +372,12 @@ def shortfalls(
 
 
 def several_modes(modes: Sequence[Mode], parameters: Parameters) -> list[Finding]:
-    """Return the modes by the numbers in which they differ, if there are several."""
+    """Return a finding about several modes, by the parameters in which they differ."""
     if len(modes) < 2:
         return []
     first = modes[0]
     differ = np.zeros(len(parameters.names), bool)
-    for mode in modes[1:]:  # in what the 90 % intervals do not meet
+    for mode in modes[1:]:  # parameters whose 90 % intervals are disjoint
         differ |= (mode.low > first.high) | (mode.high < first.low)
     if not differ.any():
         differ[:] = True
@@ -381,7 +386,7 @@ def several_modes(modes: Sequence[Mode], parameters: Parameters) -> list[Finding
 
 
 def long_ridge(ridge: Ridge | None, parameters: Parameters) -> list[Finding]:
-    """Return the ends of a ridge, if there is one."""
+    """Return a finding about a ridge, with its ends."""
     if ridge is None:
         return []
     values = parameters.values_of_each(jnp.asarray(ridge.ends))
@@ -403,8 +408,8 @@ def _values(parameters: Parameters, z, which) -> tuple[dict[str, float], ...]:
     return tuple(
         {
             name: float(values[name][i])
-            for name, asked in zip(parameters.names, which, strict=True)
-            if asked
+            for name, is_used in zip(parameters.names, which, strict=True)
+            if is_used
         }
         for i in range(len(z))
     )
@@ -422,15 +427,15 @@ def inference_data(
     ln of the density per unit of the fitted coordinates), `observed_data`.
 
     Args:
-        ensemble: The walk.
-        posterior: What was walked.
+        ensemble: The draws.
+        posterior: The posterior.
         observations: The log.
         notes: Findings to store with the draws.
 
     Raises:
         InputError: ArviZ is not installed.
     """
-    stride = max(-(-ensemble.log_density.size // MOST_DRAWS), 1)
+    stride = max(-(-ensemble.log_density.size // MAX_EXPORTED_DRAWS), 1)
     z = ensemble.z[:, ::stride]
     values = posterior.parameters.values_of_each(
         jnp.asarray(z.reshape(-1, z.shape[-1]))
@@ -455,7 +460,7 @@ def inference_data(
 
 
 def write_inference_data(tree: "xarray.DataTree", path: str | os.PathLike[str]) -> None:
-    """Write a tree as a NetCDF file, whole or not at all.
+    """Write a tree as a NetCDF file, completely or not at all.
 
     Raises:
         InputError: h5netcdf is not installed, or the file cannot be written.
@@ -471,19 +476,20 @@ def write_inference_data(tree: "xarray.DataTree", path: str | os.PathLike[str]) 
 
 def _tree(groups, coords, dims) -> "xarray.DataTree":
     try:
-        with warnings.catch_warnings():  # 0.23 announces 1.0 when it is imported
+        # ArviZ 0.23 warns of the changes of 1.0 at import
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)
             import arviz
     except ImportError:
         raise InputError(f"the ArviZ schema: {NEEDED}") from None
-    from_dict: Any = arviz.from_dict  # its arguments are those of one of two lines
+    from_dict: Any = arviz.from_dict  # the signature depends on the version
     if int(arviz.__version__.split(".")[0]) < 1:
         return from_dict(**groups, coords=coords, dims=dims).to_datatree()
     return from_dict(groups, coords=coords, dims=dims)
 
 
 def _about(ensemble: Ensemble, stride: int, notes: Sequence[str]) -> dict[str, Any]:
-    """What NetCDF keeps beside the draws: numbers and text only."""
+    """Return the attributes of the NetCDF file: numbers and text only."""
     judged = ensemble.convergence
     return {
         "inference_library": "emcee" if ensemble.sampler == "emcee" else "jblast",

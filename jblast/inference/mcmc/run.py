@@ -1,6 +1,6 @@
 """Sampling until the quantiles are precise enough: the loop around every sampler.
 
-The walk is drawn in segments. Convergence is judged after the first `FIRST_JUDGED`
+The chain is drawn in segments. Convergence is judged after the first `FIRST_JUDGED`
 steps, and then each time the number of steps has grown by a factor of `JUDGED_AGAIN`.
 The walk ends when the Monte Carlo error of the 5 and 95 % quantiles is below the
 requested precision, at the most steps, or at Ctrl-C, and draws made until then are
@@ -36,7 +36,6 @@ from jblast.inference.mcmc.convergence import (
 from jblast.inference.mcmc.engines import (
     Emcee,
     Engine,
-    Mixture,
     Scan,
     Segment,
     WalkState,
@@ -46,29 +45,39 @@ from jblast.inference.whitening import Density, densities
 
 Sampler = Literal["emcee", "scan"]
 ENGINES: dict[str, Engine] = {"emcee": Emcee(), "scan": Scan()}
+# A fit raises it to 4 per unknown: half of the walkers move by the differences of the
+# other half, which have to span all unknowns.
 WALKERS = 64
+# Monte Carlo error of a quantile [sd]: the width of a 90 % interval is then precise to
+# 2 %. It takes some 1,800 effective samples of a normal.
 PRECISION = 0.05
-MOST_STEPS = 20_000
+# Enough for autocorrelation times up to 400 steps (`convergence.LONG_ENOUGH`). A chain
+# that needs more is reported, not continued.
+MAX_STEPS = 20_000
 BLOCK = 100
-"""Steps between what is kept."""
+"""Steps of a segment, which is the unit that is stored: Ctrl-C loses no more."""
+# Earlier checks could not pass: even an autocorrelation time of 8 steps needs as many.
 FIRST_JUDGED = 400
 JUDGED_AGAIN = 1.15
-"""The next judgement comes after so many times as many steps."""
+"""Factor on the number of steps from one check to the next: no more than 15 % of the
+steps are superfluous, and the checks take a constant share of the time."""
 RETRY_SHRINK = 0.5
-"""A walker that starts where the density is zero tries again so much nearer."""
+"""Factor on the distance from the optimum of a walker whose density is zero."""
+# 0.5^40 is 1e-12: such a walker starts at the optimum itself
 TRIES = 40
 TOLERANCE = 1e-6
-"""Densities, or positions in standard deviations, that differ by more are different."""
-RANDOM = "random_"
+"""Relative and absolute difference of densities above which a stored chain is of
+another posterior. Rounding on another processor is far smaller."""
+RANDOM = "random_"  # prefix of arrays with the state of the random numbers
 
 
 class Start(NamedTuple):
-    """Where some of the walkers start, and return to now and then: a normal.
+    """A normal from which a share of the walkers starts, and of the independence moves.
 
     Attributes:
-        center: Its mean.
-        root: One standard deviation along each axis, a column each.
-        share: Of the walkers.
+        center: Mean.
+        root: One standard deviation along each axis, one column each.
+        share: Share of the walkers.
     """
 
     center: Float[np.ndarray, " free"]
@@ -80,13 +89,13 @@ class Sampled(NamedTuple):
     """A chain of an ensemble.
 
     Attributes:
-        chain: Every step, from the first on.
-        log_density: ln of the density there.
-        convergence: How far it came.
-        reached: Whether that is as far as wanted.
-        interrupted: Whether Ctrl-C ended it.
-        resumed: Steps that were kept from an earlier run.
-        seconds: Taken by this one.
+        chain: All steps, from the first.
+        log_density: ln of the density at each.
+        convergence: Convergence of the chain.
+        reached: True if the requested precision was reached.
+        interrupted: True if Ctrl-C ended it.
+        resumed: Number of steps stored by earlier runs.
+        seconds: Duration of this run.
     """
 
     chain: Float[np.ndarray, "step walker free"]
@@ -100,16 +109,16 @@ class Sampled(NamedTuple):
 
 @dataclass(frozen=True)
 class Store:
-    """A folder that holds a walk.
+    """A folder with a stored chain.
 
     Attributes:
-        folder: Made when something is kept.
+        folder: Its path; created by the first write.
     """
 
     folder: Path
 
     def begin(self, about: Mapping[str, np.ndarray]) -> None:
-        """Keep what the walk is of.
+        """Write the identity of the chain.
 
         Raises:
             InputError: The folder cannot be written.
@@ -124,25 +133,25 @@ class Store:
             ) from None
 
     def about(self) -> dict[str, np.ndarray] | None:
-        """Return what the walk kept here is of; None if there is none."""
+        """Return the identity of the stored chain; None if there is none."""
         path = self.folder / "about.npz"
         return _read(path) if path.exists() else None
 
-    def keep(self, first: int, stretch: Segment) -> None:
-        """Keep a stretch that begins after so many steps."""
-        if len(stretch.chain):
-            random = {RANDOM + name: array for name, array in stretch.random.items()}
+    def keep(self, first: int, segment: Segment) -> None:
+        """Write a segment that begins after `first` steps."""
+        if len(segment.chain):
+            random = {RANDOM + name: array for name, array in segment.random.items()}
             self._write(
                 f"steps-{first:08d}.npz",
                 {
-                    "chain": stretch.chain,
-                    "log_density": stretch.log_density,
+                    "chain": segment.chain,
+                    "log_density": segment.log_density,
                     **random,
                 },
             )
 
-    def stretches(self) -> list[Segment]:
-        """Return all that was kept, in order.
+    def segments(self) -> list[Segment]:
+        """Return all stored segments, in order.
 
         Raises:
             InputError: A file is damaged, or one is missing between others.
@@ -155,9 +164,9 @@ class Store:
                 "log_density",
             } <= set(arrays):
                 raise InputError(
-                    f"{path}: expected a stretch that begins after step {steps}, got "
-                    "another; a file of the chain is missing or foreign: remove the "
-                    "folder to start anew"
+                    f"{path}: expected the segment that begins after step {steps}, got "
+                    "another file: one is missing, or is of another chain; remove the "
+                    "folder to start again"
                 )
             random = {
                 name.removeprefix(RANDOM): array
@@ -181,37 +190,43 @@ def sample(
     seed: int = 0,
     walkers: int = WALKERS,
     precision: float = PRECISION,
-    most_steps: int = MOST_STEPS,
+    most_steps: int = MAX_STEPS,
     sampler: Sampler = "emcee",
     store: Store | None = None,
     report: Report = nothing,
 ) -> Sampled:
-    """Draw from a density until the quantiles are known well enough.
+    """Draw from a density until its quantiles are precise enough.
 
     Args:
-        density: In coordinates $w$ in which it is about round.
-        starts: Where walkers start.
-        axes: What is judged is $A w$, with this $A$.
-        seed: Of all random numbers.
-        walkers: How many; even, and at least twice the unknowns.
+        density: Density in whitened coordinates $w$.
+        starts: Normals from which the walkers start.
+        axes: Matrix $A$: convergence is checked for $A w$.
+        seed: Seed of all random numbers.
+        walkers: Number of walkers; even, and at least twice the unknowns.
         precision: Largest Monte Carlo error of the 5 and 95 % quantile of any
             coordinate, in its standard deviations.
-        most_steps: Stop here whatever was reached.
-        sampler: Which.
-        store: Where the walk is kept, and gone on from.
-        report: Called with `Progress` as it goes.
+        most_steps: Largest number of steps.
+        sampler: Name of the sampler.
+        store: Folder in which the chain is stored, and from which it is resumed.
+        report: Function that is called with `Progress`.
 
     Raises:
-        InputError: A number asked for makes no sense, or `store` is of something else.
+        InputError: An argument is out of range, or `store` has another chain.
     """
     _check(walkers, len(axes), precision, most_steps, sampler)
     begun = time.monotonic()
     engine = ENGINES[sampler]
     done = [] if store is None else _kept(store, density, sampler, walkers, axes)
     state = done[-1].end if done else _first(density, starts, seed, walkers, sampler)
-    steps = resumed = sum(len(stretch.chain) for stretch in done)
-    mixture = _mixture(starts)
-    checks = _checks(most_steps)
+    steps = resumed = sum(len(segment.chain) for segment in done)
+    center, root, share = map(np.array, zip(*starts, strict=True))
+    mixture = mixture_of(center, root, share)
+    # at fixed numbers of steps, so that a resumed chain is checked when an unbroken one
+    # is
+    check, checks = float(FIRST_JUDGED), []
+    while check < most_steps:
+        checks.append(int(check // BLOCK) * BLOCK)
+        check *= JUDGED_AGAIN
     pace = Pace(steps, most_steps, walkers, precision, checks)
 
     def tick():
@@ -227,23 +242,25 @@ def sample(
                     break
                 pace.judged = judged
                 report(pace.now())
-            # so that a stretch cut short changes nothing of what follows
+            # up to the next full block: after an interruption the segments are the same
+            # as those of an unbroken chain
             ahead = min(BLOCK - steps % BLOCK, most_steps - steps)
-            stretch = engine.walk(density, mixture, state, ahead, tick)
-            interrupted = stretch.interrupted
-            if len(stretch.chain):
-                done.append(stretch)  # first: what is on the disk is always reported
+            segment = engine.walk(density, mixture, state, ahead, tick)
+            interrupted = segment.interrupted
+            if len(segment.chain):
+                # appended before it is written: what is on the disk is always reported
+                done.append(segment)
                 if store is not None:
-                    store.keep(steps, stretch)
-                state = stretch.end
-                steps = pace.done = steps + len(stretch.chain)
+                    store.keep(steps, segment)
+                state = segment.end
+                steps = pace.done = steps + len(segment.chain)
     interrupted = interrupted or bool(noted)
-    if not done:  # nothing to keep
+    if not done:  # interrupted before the first segment
         raise KeyboardInterrupt
     judged = _judged(done, axes)
     return Sampled(
-        np.concatenate([stretch.chain for stretch in done]),
-        np.concatenate([stretch.log_density for stretch in done]),
+        np.concatenate([segment.chain for segment in done]),
+        np.concatenate([segment.log_density for segment in done]),
         judged,
         judged.reached(precision),
         interrupted,
@@ -266,29 +283,15 @@ def _check(walkers, free, precision, most_steps, sampler) -> None:
         raise InputError(f"most_steps: expected at least 1, got {most_steps}")
 
 
-def _checks(most_steps: int) -> list[int]:
-    """After how many steps a run judges itself: the same for one that was resumed."""
-    steps, checks = float(FIRST_JUDGED), set()
-    while steps < most_steps:
-        checks.add(int(steps // BLOCK) * BLOCK)
-        steps *= JUDGED_AGAIN
-    return sorted(checks)
-
-
 def _judged(done: Sequence[Segment], axes) -> Convergence:
-    return convergence(np.concatenate([stretch.chain for stretch in done]) @ axes.T)
-
-
-def _mixture(starts: Sequence[Start]) -> Mixture:
-    """Return the normals that walkers start from, as independence moves take them."""
-    center, root, share = zip(*starts, strict=True)
-    return mixture_of(np.array(center), np.array(root), np.array(share))
+    return convergence(np.concatenate([segment.chain for segment in done]) @ axes.T)
 
 
 def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> WalkState:
-    """Draw where the walkers start, each where the density is not zero."""
+    """Draw the starting points of the walkers, each with a finite density."""
     rng = np.random.default_rng(seed)
     shares = np.cumsum([start.share for start in starts])
+    # systematic sampling: each start gets its share of the walkers, rounded
     of = np.searchsorted(shares / shares[-1], (np.arange(walkers) + 0.5) / walkers)
     center = np.array([start.center for start in starts])[of]
     root = np.array([start.root for start in starts])[of]
@@ -299,13 +302,13 @@ def _first(density, starts: Sequence[Start], seed, walkers, sampler) -> WalkStat
             return WalkState(center + away, value, ENGINES[sampler].first_random(seed))
         away = np.where(np.isfinite(value)[:, None], away, RETRY_SHRINK * away)
     raise InputError(
-        "the posterior density is zero, or no number, at the optimum the walkers start "
-        "from"
+        "the posterior density is zero or NaN at the optimum from which the walkers "
+        "start; expected a finite density"
     )
 
 
 def _kept(store: Store, density, sampler, walkers, axes) -> list[Segment]:
-    """Return the walk kept in a folder, if it is of this density."""
+    """Return the segments stored in a folder, if they are of this density."""
     about = {
         "sampler": np.array(sampler),
         "walkers": np.array(walkers),
@@ -321,7 +324,9 @@ def _kept(store: Store, density, sampler, walkers, axes) -> list[Segment]:
                 f"{store.folder}: expected a chain of {name} {about[name]}, got one of "
                 f"{of.get(name)}; give another folder, or the same {name}"
             )
-    done = store.stretches()
+    done = store.segments()
+    # the density is not stored: it is evaluated again at the last positions and
+    # compared
     same = "axes" in of and of["axes"].shape == axes.shape
     if same and done:
         end = done[-1].end
@@ -341,20 +346,20 @@ def _read(path: Path) -> dict[str, np.ndarray]:
             return {name: arrays[name] for name in arrays.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile):
         raise InputError(
-            f"{path}: expected a stretch of a chain, got a file that is damaged or "
-            "something else; remove the folder to start anew"
+            f"{path}: expected a segment of a chain, got a file that is damaged or of "
+            "another kind; remove the folder to start again"
         ) from None
 
 
 @contextmanager
 def interrupts() -> Iterator[list[int]]:
-    """End what is inside at Ctrl-C, and note it.
+    """Leave the block at Ctrl-C and record it.
 
-    One that Python raises within a destructor is swallowed there: then the note alone
-    is left, for the loop to look at.
+    A KeyboardInterrupt raised within a destructor is swallowed by Python. Then the
+    record remains, which the loop checks.
 
     Yields:
-        A list that grows by each. Only the main thread receives signals.
+        A list with one entry for each interrupt. Only the main thread receives signals.
     """
     noted: list[int] = []
     before = signal.getsignal(signal.SIGINT)

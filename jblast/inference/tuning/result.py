@@ -14,21 +14,26 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.inference.tuning.search import Problem, Solution, parts_told
+from jblast.inference.tuning.search import Problem, Solution, identified_and_null
 from jblast.inference.tuning.unknowns import Between, Unknown, tuned_value
 from jblast.scene import Scene
 
 Kind = Literal["sound", "frames", "events"]
 POOR = 1e-3
-"""Probability of what is left, below which a record counts as poorly explained."""
+"""Probability of the residual below which a record is poorly explained: one in a
+thousand by chance, as for a poor fit."""
 TO_MEDIAN = 0.6745
-"""Median magnitude of a standard normal number."""
+"""Median magnitude of a standard normal number: it turns a median into a standard
+deviation that outliers do not change."""
 TAKES_PART = 0.2
-"""Share of a direction from which on a number counts as part of it."""
-FAR_OUT = 6.0
-"""Logistic coordinate at which a number is at its bound."""
+"""Smallest component of a number in a null direction for a report: 4 % of its
+square."""
+AT_BOUND = 6.0
+"""Logistic coordinate beyond which a number is at its bound: within 0.25 % of the
+interval."""
 NEARLY_PRIOR = 0.95
-"""Of the sd believed: what is left of it where a record adds nothing."""
+"""Ratio of a number's sd to that of its prior above which the prior decides: the record
+contains less than a tenth of the information."""
 NoteKind = Literal[
     "reading",
     "noise_added",
@@ -39,22 +44,22 @@ NoteKind = Literal[
 
 
 class NothingHeardError(Exception):
-    """A record holds nothing of what is looked for."""
+    """No blast was found in a record."""
 
 
 @dataclass(frozen=True)
 class TunedNumber:
-    """A number that was looked for.
+    """A tuned number.
 
     Attributes:
-        value: The most probable one; null where the record does not identify it.
-        sd: Its standard deviation, in its unit.
-        q05: It is less with 5 %.
-        q95: It is less with 95 %.
-        before: Its value in the scene, or where the search began.
-        fitted: Its value in the tuned scene, identified or not.
-        prior_decides: Whether the record adds next to nothing to what was believed.
-        at_bound: Whether it ended where its bounds leave no more room.
+        value: The most probable value; null if the record does not identify it.
+        sd: Standard deviation, in its unit.
+        q05: 5 % quantile.
+        q95: 95 % quantile.
+        before: Value in the scene, or start of the search.
+        fitted: Value in the tuned scene, identified or not.
+        prior_decides: True if the record adds nearly nothing to the prior.
+        at_bound: True if the result is at a bound.
     """
 
     value: float | None
@@ -69,15 +74,15 @@ class TunedNumber:
 
 @dataclass(frozen=True)
 class Explained:
-    """How well a record is explained.
+    """Goodness of fit of a record.
 
     Attributes:
-        chi2: Sum of squares of what is left, each over its variance.
-        dof: Expected of it.
-        tests: Probability of so much, by what was looked at.
-        error: Of pictures, rms of what is left in steps of 8 bits; of events, the
-            typical one in thresholds; null of sound.
-        error_allowed: More counts as poorly explained.
+        chi2: Sum of squares of the residuals, each over its variance.
+        dof: Expected value of `chi2`.
+        tests: Probability of a larger statistic, by name of the test.
+        error: For pictures the rms residual in steps of 8 bits, for events the typical
+            residual in thresholds; null for sound.
+        error_allowed: Limit of `error`.
     """
 
     chi2: float
@@ -88,7 +93,7 @@ class Explained:
 
     @property
     def is_poor(self) -> bool:
-        """Whether one of the tests fails, or the error is more than allowed."""
+        """True if one of the tests fails, or the error exceeds its limit."""
         too_large = (
             self.error is not None
             and self.error_allowed is not None
@@ -102,7 +107,7 @@ class NullDirection:
     """A change of several numbers that leaves the record as it is.
 
     Attributes:
-        parameters: How much each takes part, in large changes of it.
+        parameters: Component of each number, in large changes.
     """
 
     parameters: Mapping[str, float]
@@ -112,7 +117,7 @@ class Note(NamedTuple):
     """A remark on the result.
 
     Attributes:
-        kind: What it is about.
+        kind: Subject of the remark.
         about: Its numbers and names.
     """
 
@@ -122,18 +127,18 @@ class Note(NamedTuple):
 
 @dataclass(frozen=True)
 class Tuned:
-    """An answer.
+    """Result of tuning.
 
     Attributes:
-        kind: Of the record: "sound", "frames" or "events".
-        numbers: What was looked for, by name.
+        kind: Kind of the record: "sound", "frames" or "events".
+        numbers: The tuned numbers by name.
         null_directions: Directions that the record does not identify.
-        explained: How well the record is explained.
-        converged: Whether the search ended of itself.
-        scene: With what was found.
-        before: As it was, or where the search began.
-        problem: What was solved.
-        z: Coordinates of what was found.
+        explained: Goodness of fit.
+        converged: True if the search converged.
+        scene: The tuned scene.
+        before: The scene before, or at the start of the search.
+        problem: The problem.
+        z: Coordinates of the result.
         notes: Remarks.
     """
 
@@ -150,7 +155,7 @@ class Tuned:
 
     @property
     def is_identifiable(self) -> bool:
-        """Whether the record identifies all requested numbers."""
+        """True if the record identifies all requested numbers."""
         return not self.null_directions
 
 
@@ -162,21 +167,21 @@ def answer(
     notes: Sequence[Note] = (),
     wider: Float[np.ndarray, " unknown"] | None = None,
 ) -> Tuned:
-    """Return the answer: numbers with intervals, and null directions.
+    """Return the result: numbers with intervals, and null directions.
 
     Args:
-        problem: What was solved.
-        found: Where the search ended.
-        kind: Of the record.
-        explained: How well the record is explained there.
+        problem: The problem.
+        found: End of the search.
+        kind: Kind of the record.
+        explained: Goodness of fit.
         notes: Remarks.
         wider: Factor of standard deviations over those of independent residuals.
     """
     unknowns, z = problem.unknowns, found.z
     total = found.record_information + found.prior_information
-    _, null, covariance = parts_told(total)
+    _, null, covariance = identified_and_null(total)
     steps = np.asarray(problem.steps())
-    untold = (np.square(null).sum(axis=0) > TAKES_PART**2) if len(null) else None
+    in_null = (np.square(null).sum(axis=0) > TAKES_PART**2) if len(null) else None
     before = problem.scene_at(problem.start)
     index = problem.evidence.index
     numbers = {}
@@ -184,9 +189,13 @@ def answer(
         sd = float(np.sqrt(max(covariance[number, number], 0.0)) * steps[number])
         if wider is not None:
             sd *= float(wider[number])
-        is_told = untold is None or not untold[number]
+        is_identified = in_null is None or not in_null[number]
         numbers[one.name] = _number(
-            one, float(z[number]), sd, is_told, tuned_value(before, index, one.name)
+            one,
+            float(z[number]),
+            sd,
+            is_identified,
+            tuned_value(before, index, one.name),
         )
     directions = tuple(
         NullDirection(
@@ -213,19 +222,23 @@ def answer(
 
 
 def _number(
-    one: Unknown, z: float, sd: float, is_told: bool, before: Float[Array, ""] | None
+    one: Unknown,
+    z: float,
+    sd: float,
+    is_identified: bool,
+    before: Float[Array, ""] | None,
 ) -> TunedNumber:
     """Return a number with its interval, in its own unit."""
     value, low, high, one_up, one_down = (
         float(one.belief.constrain(jnp.asarray(z + away * sd)))
         for away in (0.0, -NORMAL_Q95, NORMAL_Q95, 1.0, -1.0)
     )
-    at_bound = isinstance(one.belief, Between) and abs(z) > FAR_OUT
+    at_bound = isinstance(one.belief, Between) and abs(z) > AT_BOUND
     return TunedNumber(
-        value=value if is_told else None,
-        sd=0.5 * (one_up - one_down) if is_told else None,
-        q05=low if is_told else None,
-        q95=high if is_told else None,
+        value=value if is_identified else None,
+        sd=0.5 * (one_up - one_down) if is_identified else None,
+        q05=low if is_identified else None,
+        q95=high if is_identified else None,
         before=float(np.asarray(before)),
         fitted=value,
         prior_decides=bool(one.has_prior and sd > NEARLY_PRIOR),

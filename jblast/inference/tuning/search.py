@@ -1,11 +1,11 @@
 r"""The most probable numbers by least squares, and their uncertainty.
 
-Levenberg-Marquardt runs with fixed weights; the weights are then evaluated at its
-result, and so on until the result settles. The information of the record is $J^T J$ of
-the residuals there, in units of large changes. A direction in which it is less than
-`LEAST_INFORMATION` is a null direction: two large changes along it leave the record as
-it is. A weak pull to the start keeps such directions at the start; intervals are those
-of all others.
+Levenberg-Marquardt runs with fixed weights. The weights are then evaluated at its
+result, and both are repeated until the result settles. The information of the record is
+$J^T J$ of the residuals there, in units of large changes. A direction in which it is
+less than `LEAST_INFORMATION` is a null direction: two large changes along it leave the
+record as it is. A weak pull to the start keeps such directions at the start; intervals
+are those of all others.
 
 A step solves $(J^T J + \lambda\,\mathrm{diag}\,J^T J)\,p = -J^T r$. Only $J^T J$ and
 $J^T r$ are stored, and the columns of $J$ are computed one after another, so a record's
@@ -33,35 +33,42 @@ from jblast.inference.tuning.unknowns import Unknown, tuned_value, with_tuned
 from jblast.scene import Scene
 
 LEAST_INFORMATION = 0.25
-"""Information on a large change, below which a direction counts as a null direction."""
+"""Information on a large change below which a direction is a null direction: one
+standard deviation is then more than two large changes."""
 PULL = 1e-3
-"""Of the start: one over how many large changes away one standard deviation is."""
-MOST_ROUNDS = 12
-"""Of weights."""
+"""Weak prior at the start: one over its standard deviation in large changes. It is far
+below `LEAST_INFORMATION`, and keeps the equations regular."""
+MAX_ROUNDS = 12
+"""Largest number of updates of the weights. Without convergence by then the result is
+reported as not converged."""
 SETTLED = 0.02
-"""Standard deviations by which a place may still move from round to round."""
-MOST_STEPS = 100
+"""Change between rounds, in standard deviations, at which the result has settled."""
+# of one search, accepted or not: a well-posed one takes far fewer
+MAX_STEPS = 100
 PLACES, TRIED = 96, 3
-"""Looked at, and begun from."""
+"""Number of places at which the residual is evaluated, and of searches from the best of
+them. An evaluation costs much less than a search."""
 SPREAD = 0.7
-"""Of the places looked at: their standard deviation in large changes."""
+"""Standard deviation of these places in large changes."""
 CONVERGED_SD = 1e-3
 """Distance from the optimum at which a search stops [sd]."""
 AT_REST = 0.02
-"""Standard deviations: nearer than this, rounding may forbid the rest of the way."""
-FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-12, 1e12
-"""Damping at first, at least, and where no step is left to try."""
+"""Distance from the optimum within which a search that cannot descend has converged
+[sd]: rounding hides a smaller gain."""
+FIRST_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-3, 1e-12, 1e12
+"""Initial, smallest and largest damping. At the smallest a step is that of
+Gauss-Newton, at the largest it is below rounding, and the search ends."""
 
 
 class Solution(NamedTuple):
-    """Where the search ended.
+    """End of a search.
 
     Attributes:
         z: Coordinates.
-        record_information: Information of the record on them, in large changes.
-        prior_information: What was believed, likewise.
-        rounds: Of weights.
-        converged: Whether it ended of itself.
+        record_information: Information of the record, in large changes.
+        prior_information: Information of the priors, in large changes.
+        rounds: Number of updates of the weights.
+        converged: True if the search converged.
     """
 
     z: Float[np.ndarray, " unknown"]
@@ -72,13 +79,14 @@ class Solution(NamedTuple):
 
 
 class Problem(eqx.Module):
-    """A record, a scene, and what is looked for.
+    """A record, a scene, and the numbers to tune.
 
     Attributes:
-        evidence: What `SoundEvidence` is of sound: `index`, `weights`, `residuals`.
-        scene: Its numbers; those looked for are replaced.
-        unknowns: What is looked for.
-        start: Coordinates that a weak pull is towards.
+        evidence: The record, with `index`, `weights` and `residuals` as in
+            `SoundEvidence`.
+        scene: The scene, in which numbers are replaced.
+        unknowns: The numbers to tune.
+        start: Coordinates of the start, and of the weak prior `PULL`.
     """
 
     evidence: Any
@@ -99,12 +107,12 @@ class Problem(eqx.Module):
         return jnp.stack([one.step for one in self.unknowns])
 
     def has_prior(self) -> Float[Array, " unknown"]:
-        """Return 1 for what something was believed of, else 0."""
+        """Return 1 for numbers with a prior, else 0."""
         return jnp.array([float(one.has_prior) for one in self.unknowns])
 
 
 def problem_from(evidence: Any, scene: Scene, unknowns: tuple[Unknown, ...]) -> Problem:
-    """Return the problem whose search begins at what a scene holds."""
+    """Return the problem whose search begins at the values of a scene."""
     start = []
     for one in unknowns:
         held = tuned_value(scene, evidence.index, one.name)
@@ -116,16 +124,20 @@ def problem_from(evidence: Any, scene: Scene, unknowns: tuple[Unknown, ...]) -> 
 def solve(
     problem: Problem, begin: Float[np.ndarray, " unknown"] | None = None
 ) -> Solution:
-    """Return the most probable numbers, searched from a place or from the start."""
-    # what the wave form misses at the start is no noise: it is explained first
+    """Return the most probable numbers, by a search from a place or from the start."""
+    # First without the residuals that constrain the noise: the misfit of the wave form
+    # at the start would be taken for noise.
     begun = problem.start if begin is None else jnp.asarray(begin)
     z, _ = _round(problem, begun, jnp.zeros(()))
     converged, rounds = False, 0
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         rounds += 1
         new, ended = _round(problem, z, jnp.ones(()))
         known, believed = information(problem, new)
-        sd = _sds(np.asarray(known) + np.asarray(believed))
+        # of the weak prior at most, along null directions
+        total = np.asarray(known) + np.asarray(believed)
+        total = total + PULL**2 * np.eye(len(total))
+        sd = np.sqrt(np.diag(np.linalg.inv(total)))
         steps = np.asarray(problem.steps())
         moved = np.abs(np.asarray(new - z)) / steps / sd
         z = new
@@ -140,19 +152,14 @@ def solve(
     )
 
 
-def _sds(known: Float[np.ndarray, "unknown unknown"]) -> Float[np.ndarray, " unknown"]:
-    """Return standard deviations in large changes, at most one of the pull."""
-    return np.sqrt(np.diag(np.linalg.inv(known + PULL**2 * np.eye(len(known)))))
-
-
 @eqx.filter_jit
 def _round(problem: Problem, z: Float[Array, " unknown"], share: Float[Array, ""]):
-    """Return where least squares end with the weights of a place, and whether.
+    """Return the end of least squares with the weights of a place, and convergence.
 
     Args:
-        problem: What is to be solved.
+        problem: The problem.
         z: The place.
-        share: Of the residuals that constrain noise, all but the first: 1 or 0.
+        share: Factor on the residuals that constrain noise (all but the first): 1 or 0.
     """
     steps, has_prior = problem.steps(), problem.has_prior()
     weights = problem.evidence.weights(problem.scene_at(z))
@@ -164,7 +171,7 @@ def _round(problem: Problem, z: Float[Array, " unknown"], share: Float[Array, ""
         pull = PULL * (1.0 - has_prior) * (y - problem.start / steps)
         return data, has_prior * z, pull
 
-    place, ended = least_squares(residuals, z / steps, most_steps=MOST_STEPS)
+    place, ended = least_squares(residuals, z / steps, most_steps=MAX_STEPS)
     return place * steps, ended
 
 
@@ -186,15 +193,17 @@ def information(
     return known, jnp.diag(has_prior * jnp.square(steps))
 
 
-def parts_told(
+def identified_and_null(
     information: Float[np.ndarray, "unknown unknown"],
-) -> tuple[Float[np.ndarray, "told unknown"], Float[np.ndarray, "null unknown"], Any]:
+) -> tuple[
+    Float[np.ndarray, "identified unknown"], Float[np.ndarray, "null unknown"], Any
+]:
     """Split directions into identified and null ones.
 
     Returns:
         Identified directions, null directions, and the covariance in large changes.
-        Null directions count as known to two large changes, so that numbers with a
-        small part in them are no surer than that.
+        Null directions have a standard deviation of two large changes there, so numbers
+        with a small component in them have a correspondingly larger one.
     """
     values, vectors = np.linalg.eigh(information)
     identified = values >= LEAST_INFORMATION
@@ -203,11 +212,11 @@ def parts_told(
 
 
 def widening(problem: Problem, z: Float[np.ndarray, " unknown"]) -> Any:
-    """Return by how much standard deviations widen where what is left goes together.
+    """Return the factor by which correlated residuals widen standard deviations.
 
     Residuals of one group (`evidence.groups`) need not be independent: rounding of
-    what changes little is alike in all of a frame, thresholds are in all events of a
-    pixel. The scatter of the groups' scores is used: $A^{-1} B A^{-1}$ with
+    slowly varying values is similar all over a frame, and thresholds are common to the
+    events of a pixel. The scatter of the groups' scores is used: $A^{-1} B A^{-1}$ with
     $B$ the sum over groups of the square of the score (White 1980; Liang and Zeger
     1986, both from memory), where that is more than $A^{-1}$.
     """
@@ -215,7 +224,7 @@ def widening(problem: Problem, z: Float[np.ndarray, " unknown"]) -> Any:
     groups, count = problem.evidence.groups()
     scores = np.asarray(_scores(problem, jnp.asarray(z), groups, count))
     total = np.asarray(known) + np.asarray(believed)
-    _, _, covariance = parts_told(total)
+    _, _, covariance = identified_and_null(total)
     together = covariance @ (scores @ scores.T) @ covariance
     own, wide = np.diag(covariance), np.diag(together)
     ratio = np.where(own > 0, wide / np.where(own > 0, own, 1.0), 1.0)
@@ -237,11 +246,11 @@ def _scores(problem: Problem, z, groups, count: int) -> Float[Array, "unknown gr
 
 
 def best_of_several(problem: Problem, allowed: float) -> tuple[Solution, float]:
-    """Return where searches from several places ended best, and the error there.
+    """Return the best result of searches from several places, and its error.
 
     Args:
-        problem: What is to be solved.
-        allowed: What may be left (`misfit`) for a search to be the last.
+        problem: The problem.
+        allowed: Error (`misfit`) at which no further search is made.
     """
     ended = []
     for place in places(problem)[:TRIED]:
@@ -255,26 +264,24 @@ def best_of_several(problem: Problem, allowed: float) -> tuple[Solution, float]:
 
 
 def places(problem: Problem) -> list[Float[np.ndarray, " unknown"]]:
-    """Return places to begin at, the one that explains most first.
+    """Return starting places, that of the smallest misfit first.
 
-    The same for the same problem; the problem's own start is among those looked at.
+    They are reproducible and include the start of the problem.
     """
     start, steps = np.asarray(problem.start), np.asarray(problem.steps())
     drawn = np.random.default_rng(0).normal(size=(PLACES, start.size))
     drawn[0] = 0.0
-    looked_at = start + SPREAD * drawn * steps
-    left = np.asarray(_misfits(problem, jnp.asarray(looked_at)))
+    evaluated = start + SPREAD * drawn * steps
+    left = np.asarray(_misfits(problem, jnp.asarray(evaluated)))
     order = np.argsort(np.where(np.isfinite(left), left, np.inf), kind="stable")
-    return list(looked_at[order])
+    return list(evaluated[order])
 
 
 @eqx.filter_jit
 def _misfits(
-    problem: Problem, looked_at: Float[Array, "place unknown"]
+    problem: Problem, places: Float[Array, "place unknown"]
 ) -> Float[Array, " place"]:
-    return jax.lax.map(
-        lambda z: problem.evidence.misfit(problem.scene_at(z)), looked_at
-    )
+    return jax.lax.map(lambda z: problem.evidence.misfit(problem.scene_at(z)), places)
 
 
 class Slopes(NamedTuple):
@@ -300,34 +307,37 @@ def least_squares(
     *,
     most_steps: int,
 ) -> tuple[Float[Array, " unknown"], Bool[Array, ""]]:
-    """Return where the sum of squares is least, and whether the search ended of itself.
+    """Return the minimum of a sum of squares, and True if the search converged.
 
     Args:
-        residuals: Arrays of any shapes, of the numbers.
-        start: Where it begins.
-        most_steps: Tried, taken or not.
+        residuals: Function of the numbers that returns arrays of any shapes.
+        start: Starting point.
+        most_steps: Largest number of steps, accepted or not.
     """
 
-    def goes_on(search: _Search) -> Bool[Array, ""]:
-        able = (search.damping < MOST_DAMPING) & (search.steps < most_steps)
+    def continues(search: _Search) -> Bool[Array, ""]:
+        able = (search.damping < MAX_DAMPING) & (search.steps < most_steps)
         return able & (search.away > CONVERGED_SD) & jnp.isfinite(search.here.cost)
 
     def step(search: _Search) -> _Search:
         y, here, damping, growth, steps, _ = search
         own = jnp.diag(here.squares)
-        way = _solved(here.squares + jnp.diag(damping * own), -here.gradient)
-        there = 0.5 * _square(residuals(y + way))
-        wanted = 0.5 * way @ (damping * own * way - here.gradient)
+        move = _solved(here.squares + jnp.diag(damping * own), -here.gradient)
+        there = 0.5 * _square(residuals(y + move))
+        wanted = 0.5 * move @ (damping * own * move - here.gradient)
         ratio = (here.cost - there) / wanted
         taken = jnp.isfinite(there) & (there < here.cost)
+        # Nielsen's update: less damping the better the model predicted the gain
         gained = jnp.maximum(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
-        new = jnp.where(taken, y + way, y)
+        new = jnp.where(taken, y + move, y)
+        # the derivatives are computed for accepted steps only: they cost one evaluation
+        # per unknown
         here = jax.lax.cond(taken, lambda: slopes_at(residuals, new), lambda: here)
         return _Search(
             y=new,
             here=here,
             damping=jnp.maximum(
-                damping * jnp.where(taken, gained, growth), LEAST_DAMPING
+                damping * jnp.where(taken, gained, growth), MIN_DAMPING
             ),
             growth=jnp.where(taken, 2.0, 2.0 * growth),
             steps=steps + 1,
@@ -339,8 +349,8 @@ def least_squares(
     begun = _Search(
         start, here, FIRST_DAMPING * one, 2.0 * one, jnp.zeros((), int), _away(here)
     )
-    found = jax.lax.while_loop(goes_on, step, begun)
-    stuck = (found.damping >= MOST_DAMPING) & (found.away <= AT_REST)
+    found = jax.lax.while_loop(continues, step, begun)
+    stuck = (found.damping >= MAX_DAMPING) & (found.away <= AT_REST)
     return found.y, (found.away <= CONVERGED_SD) | stuck
 
 
@@ -359,14 +369,14 @@ def slopes_at(
 
 
 def columns(function: Callable[..., Any], y: Float[Array, " unknown"]) -> Any:
-    """Return the slopes of a function, one coordinate after another, stacked in front.
+    """Return the derivatives of a function, one coordinate after another, stacked.
 
-    Not by `vmap`: it would hold a record for each at once, and batches of Fourier
-    transforms may wait for ever for XLA's pool of threads on the CPU (PyAutoFit issue
-    1530: each asks for the whole pool from within it).
+    They are not computed by `vmap`, which would need memory for all records together.
+    Also, batches of Fourier transforms can deadlock in XLA's thread pool on the CPU
+    (PyAutoFit issue 1530: each requests the whole pool from within it).
     """
     return jax.lax.map(
-        lambda way: jax.jvp(function, (y,), (way,))[1], jnp.eye(y.size, dtype=y.dtype)
+        lambda unit: jax.jvp(function, (y,), (unit,))[1], jnp.eye(y.size, dtype=y.dtype)
     )
 
 
@@ -377,17 +387,18 @@ def _square(residuals: Any) -> Float[Array, ""]:
 
 
 def _away(here: Slopes) -> Float[Array, ""]:
-    """Return how far the end is by the slopes here, in standard deviations."""
-    way = _solved(here.squares, here.gradient)
-    return jnp.sqrt(jnp.maximum(here.gradient @ way, 0.0))
+    """Return the length of a full step, in standard deviations."""
+    move = _solved(here.squares, here.gradient)
+    return jnp.sqrt(jnp.maximum(here.gradient @ move, 0.0))
 
 
 def _solved(
     squares: Float[Array, "unknown unknown"], right: Float[Array, " unknown"]
 ) -> Float[Array, " unknown"]:
-    """Solve, each unknown in the unit of its own information."""
+    """Solve a linear system scaled to a unit diagonal."""
     own = jnp.diag(squares)
     unit = jnp.sqrt(jnp.where(own > 0, own, 1.0))
     scaled = squares / unit[:, None] / unit[None, :]
+    # rounding of the unit diagonal: a singular system has a finite solution
     floor = 1e-14 * jnp.eye(right.size, dtype=right.dtype)
     return jnp.linalg.solve(scaled + floor, right / unit) / unit

@@ -32,18 +32,18 @@ from jblast.scene import (
 from jblast.scene.uncertain import Belief, names_in, with_values
 
 TIME_STEP = 1e-3
-"""A large change of a time [s]: sound goes a third of a metre."""
+"""A large change of a time [s]: sound travels a third of a metre."""
 SOUND, FRAMES, EVENTS = "sound", "frames", "events"
 SIGHT = (FRAMES, EVENTS)
 
 
 class Between(eqx.Module):
-    """Nothing is believed of a number but its bounds; flat in a logistic coordinate.
+    """A number with bounds and no other prior, flat in a logistic coordinate.
 
     Attributes:
-        low: It is above this.
-        high: It is below this.
-        in_ln: Whether its logarithm lies between theirs.
+        low: Lower bound.
+        high: Upper bound.
+        in_ln: Use the logistic coordinate of the logarithm.
     """
 
     low: float = eqx.field(static=True)
@@ -52,14 +52,15 @@ class Between(eqx.Module):
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
-        low, high = self._ends()
+        low, high = self._bounds()
         part = low + (high - low) * jax.nn.sigmoid(jnp.asarray(z))
         return jnp.exp(part) if self.in_ln else part
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
-        low, high = self._ends()
+        low, high = self._bounds()
         part = jnp.log(value) if self.in_ln else jnp.asarray(value)
+        # a start at a bound would be at infinity, where the logistic has no slope
         part = jnp.clip((part - low) / (high - low), 1e-3, 1.0 - 1e-3)
         return jnp.log(part) - jnp.log1p(-part)
 
@@ -67,20 +68,20 @@ class Between(eqx.Module):
         """Return zero: the density is improper."""
         return jnp.zeros_like(z)
 
-    def _ends(self) -> tuple[float, float]:
+    def _bounds(self) -> tuple[float, float]:
         if self.in_ln:
             return math.log(self.low), math.log(self.high)
         return self.low, self.high
 
 
 class Unknown(eqx.Module):
-    """A number that is looked for.
+    """A number to tune.
 
     Attributes:
-        name: As after `--free`.
-        belief: In which coordinate, and what was believed.
+        name: Name as for `--free`.
+        belief: Coordinate and prior.
         step: A large change of its coordinate.
-        is_tunable: Whether it is of `TUNABLES`, and not of `PARAMETERS`.
+        is_tunable: True for a number of `TUNABLES`, False for one of `PARAMETERS`.
     """
 
     name: str = eqx.field(static=True)
@@ -90,33 +91,34 @@ class Unknown(eqx.Module):
 
     @property
     def has_prior(self) -> bool:
-        """Whether something was believed of it."""
+        """True if it has a prior besides bounds."""
         return not isinstance(self.belief, Free | Between)
 
 
 def unknowns_of(
     uncertain: UncertainScene, names: Sequence[str], kind: str, rate: float | None
 ) -> tuple[UncertainScene, tuple[Unknown, ...]]:
-    """Return the scene with what is named freed, and all that is looked for.
+    """Return the scene with the named numbers free, and all numbers to tune.
 
-    What the scene leaves free or gives a prior is looked for beside what is named.
+    Numbers that the scene leaves free or gives a prior are tuned as well.
 
     Args:
         uncertain: The scene.
-        names: Of `TUNABLES` or of `PARAMETERS`.
-        kind: Of the record: "sound", "frames" or "events".
-        rate: Samples a second, which bound corners of filters [Hz].
+        names: Names of `TUNABLES` or of `PARAMETERS`.
+        kind: Kind of the record: "sound", "frames" or "events".
+        rate: Sampling rate, which bounds corners of filters [Hz].
 
     Raises:
-        InputError: A name is none, stands twice, or such a record cannot identify it.
+        InputError: A name is unknown or repeated, or a record of this kind cannot
+            identify it.
     """
     known = names_known(uncertain.scene, kind)
     for name in names:
-        if name in TUNABLES and kind not in TUNABLES[name].told_by:
-            needed = " or ".join(TUNABLES[name].told_by)
+        if name in TUNABLES and kind not in TUNABLES[name].identified_by:
+            needed = " or ".join(TUNABLES[name].identified_by)
             raise InputError(
-                f"{argument('freed')} {name}: expected {needed} to tell it by, got "
-                f"{kind}; {kind} can tell {', '.join(known)}"
+                f"{argument('freed')} {name}: expected a record of {needed}, got "
+                f"{kind}; {kind} can identify {', '.join(known)}"
             )
         if name not in known and not name.startswith(f"{CLOCK_OFFSET}."):
             raise InputError(
@@ -137,31 +139,33 @@ def unknowns_of(
         belief = _belief(TUNABLES[name], rate)
         step = TUNABLES[name].step
         if isinstance(belief, Between):
-            low, high = belief._ends()
+            low, high = belief._bounds()
             step *= 4.0 / (high - low)  # slope of the logistic in its middle
         found.append(Unknown(name, belief, jnp.asarray(step), True))
     return uncertain, tuple(found)
 
 
 def names_known(scene: Scene, kind: str | None = None) -> tuple[str, ...]:
-    """Return what can be tuned in a scene by a kind of record, or by any.
+    """Return the names that can be tuned in a scene by a kind of record, or by any.
 
-    A charge at a distance alone is neither heard nor seen from anywhere.
+    A range without a position is excluded: it gives no path of sound or light.
     """
     own = [
-        name for name, row in TUNABLES.items() if kind is None or kind in row.told_by
+        name
+        for name, row in TUNABLES.items()
+        if kind is None or kind in row.identified_by
     ]
     rest = [name for name in names_in(scene) if not name.startswith("charge_range_m")]
     return (*own, *rest)
 
 
 def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> Scene:
-    """Return a scene that holds a number wherever one is looked for.
+    """Return a scene with a value for every number to tune.
 
     Args:
         scene: The scene.
-        index: Of the sensor that recorded; -1 where a camera did.
-        names: What is looked for.
+        index: Index of the sensor that recorded; -1 for a camera.
+        names: Names of the numbers to tune.
         loudness: Start of a noise that the scene does not have [Pa].
     """
     if any(name.startswith("ambient_") for name in names) and scene.ambient is None:
@@ -200,7 +204,7 @@ def tuned_value(scene: Scene, index: int, name: str) -> Float[Array, ""] | None:
 def with_tuned(
     scene: Scene, index: int, values: Mapping[str, Float[Array, ""] | float]
 ) -> Scene:
-    """Return a scene with numbers of any of both tables replaced."""
+    """Return a scene with replaced numbers of `TUNABLES` and `PARAMETERS`."""
     own = {name: value for name, value in values.items() if name in TUNABLES}
     rest = {name: value for name, value in values.items() if name not in own}
     scene = with_values(scene, rest) if rest else scene
@@ -223,18 +227,19 @@ class Tunable:
     """A number of a sensor or a medium.
 
     Attributes:
-        name: As after `--free` and in answers.
-        unit: SI unit, "1" if there is none.
-        words: What a sentence calls it.
-        attribute: Where it lives in a scene; `sensor` is the one that recorded.
-        key: Where it stands in a scene file.
-        told_by: Which records can identify it: "sound", "frames", "events".
-        above: It is larger than this, where it is looked for.
-        below: It is smaller; infinite: of any size.
-        in_ln: Whether it is looked for by factors.
-        step: What is a large change of it: that of its logarithm, where it is looked
-            for by factors. A record that two of it do not change identifies nothing.
-        start: Start of a search if the scene has no value; NaN: by the record.
+        name: Name for `--free` and in results.
+        unit: SI unit, "1" without one.
+        words: Description in a sentence.
+        attribute: Path in a scene; `sensor` is the one that recorded.
+        key: Key in a scene file.
+        identified_by: Kinds of records that can identify it: "sound", "frames",
+            "events".
+        above: Lower bound of the search.
+        below: Upper bound of the search; infinite for none.
+        in_ln: Search in its logarithm.
+        step: A large change of it, of its logarithm with `in_ln`. If two such steps do
+            not change a record, it is not identified.
+        start: Start of a search if the scene has no value; NaN for one from the record.
     """
 
     name: str
@@ -242,7 +247,7 @@ class Tunable:
     words: str
     attribute: str
     key: Key
-    told_by: tuple[str, ...]
+    identified_by: tuple[str, ...]
     above: float = 0.0
     below: float = math.inf
     in_ln: bool = True
@@ -251,7 +256,7 @@ class Tunable:
 
 
 def _leaf(scene: Any, index: int, row: Tunable) -> Any:
-    """Return what holds a number; None where the scene has nothing of that kind."""
+    """Return the leaf of a scene with a number; None if the scene has no such part."""
     held = scene
     for part in row.attribute.split("."):
         if held is None:
@@ -261,9 +266,10 @@ def _leaf(scene: Any, index: int, row: Tunable) -> Any:
 
 
 def _belief(row: Tunable, rate: float | None) -> Belief:
-    """Return the coordinate of a tunable: bounded where it is."""
+    """Return the coordinate of a tunable number, logistic if it has two bounds."""
     low, high = row.above, row.below
     if row.name in ("high_pass_hz", "low_pass_hz") and rate is not None:
+        # just below half the rate, where the bilinear transform is infinite
         low, high = 1e-5 * rate, 0.499 * rate
     if math.isfinite(high):
         return Between(low, high, row.in_ln)
@@ -271,7 +277,7 @@ def _belief(row: Tunable, rate: float | None) -> Belief:
 
 
 def _bounded(beliefs: Mapping[str, Belief]) -> dict[str, Belief]:
-    """Return beliefs, those of free numbers with two bounds kept between them."""
+    """Return beliefs; free numbers with two bounds get a logistic coordinate."""
     found = dict(beliefs)
     for name, belief in beliefs.items():
         bounds = parameter_named(name).bounds
@@ -298,7 +304,7 @@ _ROWS = (
         words="absorption of the air over that of ISO 9613-1",
         attribute="air.absorption_scale",
         key=Key("air", "absorption_scale"),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
         start=1.0,
     ),
     Tunable(
@@ -307,7 +313,7 @@ _ROWS = (
         words="level of the ambient sound on the ground",
         attribute="ambient.level",
         key=Key("ambient", "level_pa"),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
     ),
     Tunable(
         name="ambient_slope_db_octave",
@@ -315,7 +321,7 @@ _ROWS = (
         words="slope of the ambient sound",
         attribute="ambient.slope",
         key=Key("ambient", "slope_db_octave"),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
         above=-12.0,
         below=12.0,
         in_ln=False,
@@ -328,7 +334,7 @@ _ROWS = (
         words="height over which the ambient sound falls",
         attribute="ambient.height",
         key=Key("ambient", "height_m"),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
     ),
     Tunable(
         name="high_pass_hz",
@@ -336,7 +342,7 @@ _ROWS = (
         words="high-pass corner of the sensor",
         attribute="sensor.instrument.high_pass",
         key=Key("sensor", "filter_hz", 0),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
         start=20.0,
     ),
     Tunable(
@@ -345,7 +351,7 @@ _ROWS = (
         words="low-pass corner of the sensor",
         attribute="sensor.instrument.low_pass",
         key=Key("sensor", "filter_hz", 1),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
     ),
     Tunable(
         name="noise_pa",
@@ -353,7 +359,7 @@ _ROWS = (
         words="noise of the sensor",
         attribute="sensor.instrument.noise",
         key=Key("sensor", "noise_pa"),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
     ),
     Tunable(
         name="full_scale_pa",
@@ -361,7 +367,7 @@ _ROWS = (
         words="full scale of the sensor",
         attribute="sensor.instrument.full_scale",
         key=Key("sensor", "full_scale_pa"),
-        told_by=(SOUND,),
+        identified_by=(SOUND,),
     ),
     Tunable(
         name="camera_threshold_brighter",
@@ -369,7 +375,7 @@ _ROWS = (
         words="threshold of brighter events",
         attribute="camera.threshold",
         key=Key("camera", "threshold", 0),
-        told_by=(EVENTS,),
+        identified_by=(EVENTS,),
         start=0.2,
     ),
     Tunable(
@@ -378,7 +384,7 @@ _ROWS = (
         words="threshold of darker events",
         attribute="camera.threshold",
         key=Key("camera", "threshold", 1),
-        told_by=(EVENTS,),
+        identified_by=(EVENTS,),
         start=0.2,
     ),
     Tunable(
@@ -387,7 +393,7 @@ _ROWS = (
         words="light of day that the picture is exposed for",
         attribute="camera.daylight",
         key=Key("camera", "daylight_lux"),
-        told_by=SIGHT,
+        identified_by=SIGHT,
         start=math.pi * 3e4,
     ),
     Tunable(
@@ -396,7 +402,7 @@ _ROWS = (
         words="focal length along rows",
         attribute="camera.focal",
         key=Key("camera", "focal_px", 0),
-        told_by=SIGHT,
+        identified_by=SIGHT,
     ),
     Tunable(
         name="camera_focal_y_px",
@@ -404,8 +410,8 @@ _ROWS = (
         words="focal length along columns",
         attribute="camera.focal",
         key=Key("camera", "focal_px", 1),
-        told_by=SIGHT,
+        identified_by=SIGHT,
     ),
 )
 TUNABLES: dict[str, Tunable] = {row.name: row for row in _ROWS}
-"""By name."""
+"""Tunable numbers by name."""

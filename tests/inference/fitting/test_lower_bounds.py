@@ -13,7 +13,7 @@ from jblast.inference.fitting.goodness_of_fit import (
     standardised_residuals,
     suspected_outliers,
 )
-from jblast.inference.fitting.suspects import UNHEARD
+from jblast.inference.fitting.suspects import LEFT_OUT_SIGMA
 from jblast.inference.identifiability import identifiability
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
@@ -92,7 +92,7 @@ def test_four_clipped_gauges_leave_the_truth_in_and_as_readings_do_not():
     assert interval(posterior(as_readings))[1] < 0.75 * high
     # bounds tell something: more than nothing is known without their rows, less than
     # by what was clipped
-    sigma = np.where(table.bounds(), UNHEARD * table.value, table.sigma)
+    sigma = np.where(table.bounds(), LEFT_OUT_SIGMA * table.value, table.sigma)
     deaf = interval(posterior(replace(table, sigma=sigma, lower_bound=None)))
     whole = interval(posterior(made(read())))
     assert whole[1] / whole[0] < high / low < deaf[1] / deaf[0]
@@ -122,7 +122,7 @@ def test_bounds_that_are_kept_are_no_residuals_and_no_degrees_of_freedom():
 def test_information_near_the_truth_lies_between_none_and_a_readings(noise):
     table, z = clipped(), jnp.array([np.log(TRUTH)])
     bounded = float(information(posterior(table, noise), z)[0, 0])
-    sigma = np.where(table.bounds(), UNHEARD * table.value, table.sigma)
+    sigma = np.where(table.bounds(), LEFT_OUT_SIGMA * table.value, table.sigma)
     plain = replace(table, lower_bound=None)
     deaf, whole = (
         float(information(posterior(of, noise), z)[0, 0])

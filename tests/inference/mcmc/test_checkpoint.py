@@ -23,7 +23,7 @@ def store(tmp_path):
 def test_stretches_come_back_in_order_and_whole(store):
     store.keep(5, stretch(3, 2.0))
     store.keep(0, stretch(5, 1.0))
-    first, second = store.stretches()
+    first, second = store.segments()
     np.testing.assert_array_equal(first.chain, stretch(5, 1.0).chain)
     np.testing.assert_array_equal(second.log_density, stretch(3, 2.0).log_density)
     np.testing.assert_array_equal(second.random["key"], np.arange(4))
@@ -32,23 +32,23 @@ def test_stretches_come_back_in_order_and_whole(store):
 
 def test_a_stretch_of_no_steps_is_not_kept(store):
     store.keep(0, stretch(0))
-    assert store.stretches() == []
+    assert store.segments() == []
 
 
 def test_a_missing_stretch_is_told_with_the_step_it_began_at(store):
     store.keep(0, stretch(5))
     store.keep(9, stretch(2))
     with pytest.raises(InputError, match="begins after step 5, got another"):
-        store.stretches()
+        store.segments()
 
 
 def test_a_foreign_file_in_the_place_of_a_stretch_is_refused(store):
     np.savez(store.folder / "steps-00000000.npz", chain=np.zeros((5, 3, 2)))
-    with pytest.raises(InputError, match="missing or foreign"):
-        store.stretches()
+    with pytest.raises(InputError, match="missing, or is of another chain"):
+        store.segments()
     (store.folder / "steps-00000000.npz").write_bytes(b"PK")
-    with pytest.raises(InputError, match="damaged or something else"):
-        store.stretches()
+    with pytest.raises(InputError, match="damaged or of another kind"):
+        store.segments()
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):

@@ -12,7 +12,7 @@ from jblast.errors import InputError
 from jblast.inference import information_of_layout, posterior_of
 from jblast.inference.mode.laplace import density_and_slope
 from jblast.inference.mode.search import (
-    MOST_ROWS,
+    MAX_SEARCH_ROWS,
     is_long,
     optima,
     row_subset,
@@ -54,7 +54,7 @@ RING = [(40.0, 0.0, 1.0), (-30.0, 35.0, 1.0), (-20.0, -45.0, 1.0), (60.0, 50.0, 
 
 @pytest.mark.slow
 def test_the_optimum_of_a_long_log_is_that_of_all_its_rows():
-    posterior = arrivals(RING, MOST_ROWS + 500)
+    posterior = arrivals(RING, MAX_SEARCH_ROWS + 500)
     found = optima(jax.random.key(0), posterior)
     z = found.z[0]
     _, slope = density_and_slope(posterior, z)
@@ -66,7 +66,7 @@ def test_the_optimum_of_a_long_log_is_that_of_all_its_rows():
     np.testing.assert_array_less(np.abs(z - truth), 4 * sds)
     # by the rows that were searched it lies elsewhere, within their errors
     few = row_subset(posterior)
-    assert len(few.measured) == MOST_ROWS
+    assert len(few.measured) == MAX_SEARCH_ROWS
     _, slope = density_and_slope(few, z)
     assert 1e-3 < 0.5 * slope @ np.linalg.solve(known, slope) < 10
     # ends that led to the same place are told once
@@ -76,7 +76,7 @@ def test_the_optimum_of_a_long_log_is_that_of_all_its_rows():
 @pytest.mark.slow
 def test_both_mirror_images_of_a_long_log_are_found():
     line = [(x, 0.0, 0.0) for x in (-60.0, -20.0, 15.0, 70.0)]
-    posterior = arrivals(line, MOST_ROWS + 100, scatter=False)
+    posterior = arrivals(line, MAX_SEARCH_ROWS + 100, scatter=False)
     found = optima(jax.random.key(0), posterior)
     np.testing.assert_allclose(found.log_density[1], found.log_density[0], rtol=1e-10)
     image = found.z[0] * np.array([1.0, 1.0, -1.0])

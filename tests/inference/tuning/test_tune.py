@@ -10,7 +10,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.inference.tuning import recorded_sound, tune_sound
 from jblast.inference.tuning.result import NothingHeardError
-from jblast.inference.tuning.search import parts_told
+from jblast.inference.tuning.search import identified_and_null
 from jblast.inference.tuning.sound import around_limit, bands_of
 from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
@@ -169,7 +169,7 @@ def test_a_number_between_bounds_comes_back_from_its_coordinate(value):
 
 
 def test_a_direction_of_which_little_is_known_is_not_told():
-    told, null, covariance = parts_told(np.array([[50.0, 50.0], [50.0, 50.0]]))
+    told, null, covariance = identified_and_null(np.array([[50.0, 50.0], [50.0, 50.0]]))
     np.testing.assert_allclose(np.abs(null), [[0.5**0.5, 0.5**0.5]])
     # 100 is known of their sum; of their difference it counts as 1/4
     np.testing.assert_allclose(covariance, [[2.005, -1.995], [-1.995, 2.005]])
