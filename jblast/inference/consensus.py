@@ -378,7 +378,7 @@ def _better(one: Agreement, other: Agreement) -> bool:
 
 
 def _anywhere(readings: Readings, laws: ScaledLaws, charge: Charge) -> Agreement | None:
-    """Search the position of the charge; None with fewer than three sensor positions."""
+    """Search the position of the charge; None with fewer than three positions."""
     placed = ~np.isnan(readings.position).any(axis=1)
     places = {tuple(at) for at in readings.position[placed].tolist()}
     no_range = np.isnan(readings.slant_range)

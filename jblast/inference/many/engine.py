@@ -407,7 +407,7 @@ class Engine:
         again_z: float,
         logs: np.ndarray | None,
     ) -> LaneResults:
-        """Start again where a result is doubtful; the lowest cost of each log is kept."""
+        """Start again where a result is doubtful; keep the lowest cost of each log."""
         if not tries:
             return best
         lanes = lanes_where(self.doubtful(best, readings.bad, again_z))

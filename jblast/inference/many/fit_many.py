@@ -176,7 +176,7 @@ def fit_from_host(
     each = np.ndim(relative_sigma) == 2
 
     def cut(begin: int) -> tuple[Array, Any]:
-        """Return a chunk on the device; the last is padded to the size of the others."""
+        """Return a chunk on the device; the last one is padded to the same size."""
         rows = np.minimum(np.arange(begin, begin + size), len(values) - 1)
         whole = begin + size <= len(values)
         some = values[begin : begin + size] if whole else values[rows]

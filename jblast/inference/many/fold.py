@@ -174,7 +174,7 @@ class Operations:
         return self.known[key]
 
     def _lower_power(self, name: str, cells: list[Cell]) -> Cell | None:
-        """Return $x^{c-1}$ as $x^c / x$ if $x^c$ is known: a division replaces a power."""
+        """Return $x^{c-1}$ as $x^c / x$ if $x^c$ is known; a division costs less."""
         if name != "pow" or not isinstance(cells[1], np.ndarray):
             return None
         higher = self.known.get(("pow", "{}", id(cells[0]), identity(cells[1] + 1.0)))
@@ -233,7 +233,7 @@ def _equation(
 
 
 def shortcut(name: str, cells: list[Cell], params) -> Cell | None:
-    """Return the result if a known cell determines it (0, 1, or a branch); else None."""
+    """Return the result if a known cell (0, 1, a branch) determines it, else None."""
     if name == "select_n" and isinstance(cells[0], np.ndarray) and cells[0].size == 1:
         return cells[1 + int(cells[0].item())]
     if name == "convert_element_type" and cells[0].dtype == params["new_dtype"]:

@@ -71,7 +71,7 @@ class RowGroup(NamedTuple):
     slots: tuple[np.ndarray, ...]
 
     def of(self, x):
-        """Return these rows of an array, by a slice if possible: a gather costs a copy."""
+        """Return these rows of an array, by a slice if possible: it needs no gather."""
         rows, steps = self.rows, np.unique(np.diff(self.rows))
         if rows.size > 1 and steps.size > 1:
             return x[rows]
@@ -79,7 +79,7 @@ class RowGroup(NamedTuple):
         return x[int(rows[0]) : int(rows[-1]) + 1 : step]
 
     def spread(self, slopes: list[Cell], effects: int, dtype) -> list[Cell]:
-        """Return the derivatives by the log's effects from those by a row's own effects.
+        """Return derivatives by the effects of the log from those by a row's effects.
 
         Args:
             slopes: Derivatives by the fitted coordinates, then by each of `slots`.
@@ -496,7 +496,7 @@ def checked_shapes(
 
 
 def _refuse_absolute(layout: Layout, values, sigma) -> None:
-    """Reject errors that exceed the whole reading in most logs: they are not relative."""
+    """Reject errors larger than the reading in most logs: they are not relative."""
     errors = np.atleast_2d(np.asarray(sigma))
     most = np.mean(errors > 1.0, axis=0) > 0.5
     for row in np.flatnonzero(most & ~np.isin(layout.quantity, ADDITIVE)):

@@ -129,7 +129,7 @@ class FloorTrustRegion(optx.ClassicalTrustRegion):
         return sum(slope[1:] + bend, start=slope[0])
 
     def step(self, first_step, y, y_eval, f_info: Any, f_eval_info: Any, state):
-        """Compare predicted and actual change, as optimistix does, with a rounding floor."""
+        """Compare predicted and actual change as optimistix does, less rounding."""
         promised = self.predict_reduction(y_eval - y, f_info)
         change = f_eval_info.as_min() - f_info.as_min()
         slack = f_info.slack() + f_eval_info.slack()

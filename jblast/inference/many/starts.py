@@ -345,7 +345,7 @@ def _polynomial(coefficients: np.ndarray, x: Array) -> Array:
 
 
 def _product(matrix: np.ndarray, x: Array) -> Array:
-    """Multiply lanes by a small matrix, written out: XLA fuses it with its neighbours."""
+    """Multiply lanes by a small matrix, written out so that XLA can fuse it."""
     return jnp.stack(
         [
             sum(

@@ -57,33 +57,37 @@ from jblast.sensors.microphone import WIND_SLOPE, share_at_height
 from jblast.sensors.samples import BLOCK, coloured_noise
 from jblast.waves.propagation import air_density, ambient as ambient_of
 
-DEEPEST = 1e-9
-"""Where the noise is less than this part of the loudest, a record of any length holds
-what leaked from elsewhere, and is not looked at."""
+MIN_NOISE_POWER = 1e-9
+"""Noise power relative to the largest below which a frequency is not used: leakage from
+other frequencies dominates there in a record of any length."""
 FLOAT_STEP = 2.0**-24
-"""Rounding of what floats of 32 bits hold."""
+"""Relative rounding of 32-bit floats: a floor of the noise of a noiseless file."""
 MAX_FILLED = 2048
-"""Samples that are filled so; of more the matrix takes too long."""
+"""Largest number of clipped samples that are inferred. The inverse of their matrix
+takes a time of the third power; more are interpolated linearly (`around_limit`)."""
 CLIPPED_BLOCK = 64
 """Records share a program if their numbers of clipped samples round up to the same
 multiple of this.
 """
 TAPER = 0.05
-"""Part of a record that is faded in, and out."""
+"""Share of a record that is faded in, and out."""
+# about four bands an octave for a second at 48 kHz: spectra are powers of frequency
 BANDS = 48
 MIN_COEFFICIENTS = 12
-"""Smallest number of Fourier coefficients in a band."""
+"""Smallest number of Fourier coefficients in a band: the deviance is then close to a
+squared normal."""
 SKIPPED = 4
-"""Fourier coefficients from the mean on, which taper and drifts spoil."""
+"""Number of lowest Fourier coefficients that are not used: taper and drift distort
+them."""
 
 
 class Weights(NamedTuple):
-    """What is held while least squares are solved.
+    """Quantities that are fixed during one least-squares search.
 
     Attributes:
-        sd: Of each Fourier coefficient; infinite where it is not looked at.
-        power: Of what is left of each.
-        limit: What fills samples at the recorder's limit (see `filling`).
+        sd: Standard deviation of each Fourier coefficient; infinite for unused ones.
+        power: Power of the residual of each.
+        limit: Matrix that infers clipped samples (see `filling`).
     """
 
     sd: Float[Array, " frequency"]
@@ -92,21 +96,21 @@ class Weights(NamedTuple):
 
 
 class SoundEvidence(eqx.Module):
-    """A record, and what would be recorded.
+    """A record, and its prediction.
 
     Attributes:
-        samples: As the file holds them.
-        index: Of the sensor in the scene.
+        samples: Samples in the unit of the file.
+        index: Index of the sensor in the scene.
         laws: Names of the laws, by quantity.
-        by_full_scale: Whether a sample of 1 is the sensor's full scale.
-        pascals: What it is otherwise [Pa].
-        at_limit: Samples at the recorder's limit, which hold no noise: what is left
-            there is what all others make likeliest.
-        beside: For each sample where what is left is taken from: itself, or, where too
-            many are at the limit for that, the samples before and after.
-        share: Of the second of these.
-        bands: Which band each Fourier coefficient is of; -1: none.
-        counts: Coefficients of each band.
+        by_full_scale: True if a sample of 1 is the sensor's full scale.
+        pascals: Pressure of a sample of 1 otherwise [Pa].
+        at_limit: Samples at the recorder's limit. Their residuals are inferred from all
+            others.
+        beside: Samples from which the residual of each sample is interpolated: itself,
+            or with too many clipped samples the ones before and after.
+        share: Weight of the second of these.
+        bands: Band of each Fourier coefficient; -1 for none.
+        counts: Number of coefficients of each band.
     """
 
     samples: Float[Array, " sample"]
@@ -121,7 +125,7 @@ class SoundEvidence(eqx.Module):
     counts: Float[Array, " band"]
 
     def unit(self, scene: Scene) -> Float[Array, ""]:
-        """Return what a sample of 1 in the file stands for [Pa]."""
+        """Return the pressure of a sample of 1 in the file [Pa]."""
         instrument = scene.sensors[self.index].instrument
         if self.by_full_scale and instrument is not None:
             assert instrument.full_scale is not None
@@ -132,7 +136,7 @@ class SoundEvidence(eqx.Module):
         """Return the record without noise, in the unit of the file."""
         sensor = scene.sensors[self.index]
         instrument = sensor.instrument
-        assert instrument is not None, "it is there once unknowns are filled in"
+        assert instrument is not None, "`unknowns.filled` adds an instrument"
         quiet = replace(instrument, noise=None, wind_noise=None, bits=None)
         ambient = scene.ambient
         if ambient is not None and ambient.loop is None:
@@ -150,7 +154,7 @@ class SoundEvidence(eqx.Module):
         return pressure / self.unit(scene)
 
     def left(self, scene: Scene, weights: Weights) -> Complex[Array, " frequency"]:
-        """Return the Fourier coefficients of what no blast explains."""
+        """Return the Fourier coefficients of the residual."""
         left = self.samples - self.predicted(scene)
         before, after = left[self.beside[0]], left[self.beside[1]]
         left = (before + self.share * (after - before)) * self._taper()
@@ -168,10 +172,10 @@ class SoundEvidence(eqx.Module):
         return taper * (spread + jnp.square(floor))
 
     def weights(self, scene: Scene) -> Weights:
-        """Return what is held while least squares are solved from a scene on."""
+        """Return the weights of a least-squares search from a scene."""
         noise = self.noise(scene)
-        looked_at = (self.bands >= 0) & (noise > DEEPEST * jnp.max(noise))
-        sd = jnp.where(looked_at, jnp.sqrt(noise), jnp.inf)
+        is_used = (self.bands >= 0) & (noise > MIN_NOISE_POWER * jnp.max(noise))
+        sd = jnp.where(is_used, jnp.sqrt(noise), jnp.inf)
         held = filling(self.at_limit, sd, self.samples.size)
         left = self.left(scene, Weights(sd, noise, held))
         power = jnp.square(left.real) + jnp.square(left.imag)
@@ -180,14 +184,15 @@ class SoundEvidence(eqx.Module):
     def residuals(
         self, scene: Scene, weights: Weights
     ) -> tuple[Float[Array, "2 frequency"], Float[Array, " band"]]:
-        """Return those of the wave form, and those of the powers in bands."""
+        """Return the residuals of the wave form, and those of the powers in bands."""
         left = self.left(scene, weights)
         white = over(left, weights.sd / jnp.sqrt(2.0))
         return jnp.stack([white.real, white.imag]), self.deviance(scene, weights)
 
     def deviance(self, scene: Scene, weights: Weights) -> Float[Array, " band"]:
-        """Return how far the powers in bands are off, each of variance 1."""
+        """Return the signed deviances of the powers in bands, each of variance 1."""
         g = self.band_ratios(scene, weights)
+        # near g = 1 the root has no slope: its series is g - 1, exact to 1e-8
         off = jnp.abs(g - 1.0) > 1e-4
         safe = jnp.where(off, g, 2.0)
         far = jnp.sign(safe - 1.0) * jnp.sqrt(2.0 * (safe - 1.0 - jnp.log(safe)))
@@ -195,19 +200,21 @@ class SoundEvidence(eqx.Module):
 
     def band_ratios(self, scene: Scene, weights: Weights) -> Float[Array, " band"]:
         """Return the mean of power over expected power in each band, 1 if none."""
-        looked_at = jnp.isfinite(weights.sd)
-        ratio = jnp.where(looked_at, weights.power / self.noise(scene), 1.0)
+        is_used = jnp.isfinite(weights.sd)
+        ratio = jnp.where(is_used, weights.power / self.noise(scene), 1.0)
         number = jnp.where(self.bands < 0, self.counts.size, self.bands)
         total = jax.ops.segment_sum(ratio, number, self.counts.size)
         return total / self.counts
 
     def time_residuals(self, scene: Scene) -> Float[Array, " sample"]:
-        """Return what is left over time, whitened: each of variance 1."""
+        """Return the whitened residual over time, each sample of variance 1."""
         weights = self.weights(scene)
         n = self.samples.size
         white = over(self.left(scene, weights), weights.sd)
         taper = self._taper()
         scaled = jnp.fft.irfft(white, n) * n**0.5
+        # divided by the taper again, but not at its ends, where rounding would be
+        # amplified
         inside = taper > 0.5
         rms = jnp.sqrt(jnp.mean(jnp.square(taper)))
         return jnp.where(inside, scaled * rms / jnp.where(inside, taper, 1.0), 0.0)
@@ -219,7 +226,7 @@ class SoundEvidence(eqx.Module):
 def over(
     spectrum: Complex[Array, " frequency"], sd: Float[Array, " frequency"]
 ) -> Complex[Array, " frequency"]:
-    """Return a spectrum over a standard deviation, without promotion of types."""
+    """Return a spectrum over a standard deviation, in the same precision."""
     return lax.complex(spectrum.real / sd, spectrum.imag / sd)
 
 
@@ -233,11 +240,11 @@ def sound_evidence(
     """Return a record as evidence.
 
     Args:
-        samples: As the file holds them.
-        index: Of the sensor in the scene.
-        laws: By quantity.
-        pascals: What a sample of 1 stands for; None: the sensor's full scale.
-        limit: Magnitude at which samples hold no noise any more, in the file's unit.
+        samples: Samples in the unit of the file.
+        index: Index of the sensor in the scene.
+        laws: Names of laws by quantity.
+        pascals: Pressure of a sample of 1 [Pa]; None for the sensor's full scale.
+        limit: Magnitude at which samples are clipped, in the unit of the file.
     """
     clipped = np.abs(samples) >= limit
     at_limit = padded_places(clipped)
@@ -261,8 +268,8 @@ def noise_spectrum(scene: Scene, sensor: Sensor) -> Float[Array, " frequency"]:
     """Return the spectrum at `BLOCK` + 1 frequencies from 0 to half the rate [Pa2].
 
     Args:
-        scene: What is there.
-        sensor: A microphone, or a pressure gauge, which hears no ambient sound.
+        scene: The scene.
+        sensor: A microphone, or a pressure gauge, which records no ambient sound.
     """
     instrument = sensor.instrument or Instrument()
     rate = instrument.rate
@@ -291,7 +298,7 @@ def passed_power(
     low_pass: Float[ArrayLike, ""] | None,
     count: int,
 ) -> Float[Array, " frequency"]:
-    r"""Return what an instrument's filter leaves of power, from 0 to half the rate [-].
+    r"""Return the power gain of an instrument's filter, from 0 to half the rate [-].
 
     With $w = \tan(\pi f/f_s)/\tan(\pi f_c/f_s)$, $1/(1 + w^4)$ of a Butterworth
     low-pass of second order turned by the bilinear transform,
@@ -300,12 +307,12 @@ def passed_power(
     in vain, within a program that differentiates them (jaxlib 0.10).
 
     Args:
-        rate: Samples a second [Hz].
-        high_pass: Corner [Hz]; None: there is none.
-        low_pass: Likewise.
-        count: Of frequencies.
+        rate: Sampling rate [Hz].
+        high_pass: Corner frequency [Hz]; None for no filter.
+        low_pass: Corner frequency [Hz]; None for no filter.
+        count: Number of frequencies.
     """
-    # at half the rate the tangent is infinite: just below it
+    # the last frequency is just below half the rate, where the tangent is infinite
     turn = jnp.linspace(0.0, 0.5 - 1e-6, count)
     passed = jnp.ones(count)
     for corner, is_high in ((high_pass, True), (low_pass, False)):
@@ -320,7 +327,7 @@ def passed_power(
 def _around(
     scene: Scene, sensor: Sensor, instrument: Instrument
 ) -> Float[Array, " frequency"]:
-    """Return what is heard without a blast, before the instrument."""
+    """Return the spectrum of ambient and wind noise, before the instrument."""
     heard, ambient = jnp.zeros(BLOCK + 1), scene.ambient
     if ambient is not None and ambient.loop is None:
         unit = coloured_noise(jax.random.key(0), instrument.rate, 1.0, ambient.slope)
@@ -340,9 +347,10 @@ def _power(response) -> Float[Array, " frequency"]:
 
 
 def padded_places(clipped: Bool[np.ndarray, " sample"]) -> Int[np.ndarray, " limit"]:
-    """Return which samples are to be filled; none if they are too many.
+    """Return the clipped samples to infer; none if there are too many.
 
-    Behind them stand some past the end of the record, which are left out.
+    They are padded to a multiple of `CLIPPED_BLOCK` with indices past the end, which
+    are ignored.
     """
     places = np.flatnonzero(clipped)
     if places.size > MAX_FILLED or places.size == clipped.size:
@@ -358,8 +366,8 @@ def filling(
 
     Args:
         places: Samples at the limit.
-        sd: Of the noise's Fourier coefficients; infinite where they are not looked at.
-        count: Samples of the record.
+        sd: Standard deviation of each Fourier coefficient; infinite for unused ones.
+        count: Number of samples of the record.
     """
     if not places.size:
         return jnp.zeros((0, 0), sd.dtype)
@@ -377,25 +385,26 @@ def filled(
     sd: Float[Array, " frequency"],
     held: Float[Array, "limit limit"],
 ) -> Float[Array, " sample"]:
-    """Return what is left, at samples at the limit what all others make likeliest.
+    """Return the residual with the most probable values at clipped samples.
 
     Args:
-        left: What is left of a tapered record.
+        left: Residual of a tapered record.
         places: Samples at the limit.
-        sd: Of the noise's Fourier coefficients; infinite where they are not looked at.
-        held: From `filling`.
+        sd: Standard deviation of each Fourier coefficient; infinite for unused ones.
+        held: Matrix of `filling`.
     """
     if not places.size:
         return left
     others = left.at[places].set(0.0, mode="drop")
     of, share = jnp.fft.rfft(others), jnp.square(1.0 / sd)
+    # K_ab x_b by convolution with the inverse spectrum: no matrix of all samples
     pulls = jnp.fft.irfft(lax.complex(share * of.real, share * of.imag), left.size)
     pulls = pulls.at[places].get(mode="fill", fill_value=0.0)
     return others.at[places].set(-held @ pulls, mode="drop")
 
 
 def taper_of(count: int) -> Float[np.ndarray, " sample"]:
-    """Return a record's weights: 1, but a cosine at both ends."""
+    """Return the taper of a record: 1 with a cosine ramp at both ends."""
     faded = max(1, round(TAPER * count))
     rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(faded) + 0.5) / faded)
     return np.concatenate([rise, np.ones(count - 2 * faded), rise[::-1]])
@@ -404,10 +413,10 @@ def taper_of(count: int) -> Float[np.ndarray, " sample"]:
 def around_limit(
     clipped: Bool[np.ndarray, " sample"],
 ) -> tuple[Int[np.ndarray, "2 sample"], Float[np.ndarray, " sample"]]:
-    """Return for each sample the two that stand for it, and the share of the second.
+    """Return the two samples between which each is interpolated, and the weight.
 
-    Noise is loudest where it is slow, so a line between the samples before and after is
-    near to what it was where the recorder was at its limit.
+    The weight is that of the second. Noise is strongest at low frequencies, so a line
+    between the samples before and after approximates it where the recorder was clipped.
     """
     number = np.arange(clipped.size)
     if not clipped.any() or clipped.all():
@@ -425,8 +434,9 @@ def bands_of(
 ) -> tuple[Int[np.ndarray, " frequency"], Float[np.ndarray, " band"]]:
     """Return the band of each Fourier coefficient of a record, and their sizes.
 
-    Bands are even in the logarithm of frequency where they hold enough; neither the
-    lowest few coefficients nor the one at half the rate, which is real, are in any.
+    Bands are uniform in the logarithm of frequency where they have enough coefficients.
+    The lowest few coefficients and the one at half the rate, which is real, are in
+    none.
     """
     size = count // 2 + 1
     edges = np.geomspace(SKIPPED, size - 1, BANDS + 1)

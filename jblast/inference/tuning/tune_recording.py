@@ -48,27 +48,25 @@ def tune(
         recorded: Sound of a microphone or pressure gauge; or a folder of PNG frames, a
             video, or a file of events of its camera.
         freed: Further parameters to tune.
-        sensor: Of sound: name of the sensor; default: that of the file, or the only
+        sensor: For sound: name of the sensor; default: that of the file, or the only
             one.
-        full_scale: Of sound: pascals that a sample of 1 stands for; default: 1 of
-            floats, of whole numbers the sensor's.
-        fps: Of frames: frames a second; default: the camera's.
-        start: Of frames and events: time of frame 0, or of time 0 of events, on the
+        full_scale: For sound: pascals per sample of 1; default: 1 for floats, the
+            sensor's for integers.
+        fps: For frames: frame rate; default: the camera's.
+        start: For frames and events: time of frame 0, or of time 0 of events, on the
             scene's clock [s]; default: the first explosion.
-        background: Of frames and events: light or picture behind the blast
+        background: For frames and events: light or picture behind the blast
             (`background_named`); default: a grey of 0.18.
 
     Raises:
-        InputError: The scene or the recording cannot be read, or an argument has no use
-            for its kind.
-        NothingHeardError: The time is free, and no blast is in the record.
+        InputError: The scene or the recording cannot be read, or an argument does not
+            apply to this kind.
+        NothingHeardError: The time is free, and the record has no blast.
     """
     source, path = os.fspath(scene), os.fspath(recorded)
     uncertain = read_scene(source)
     if not Path(path).exists():
-        raise InputError(
-            f"{path}: no such file or directory; expected what was recorded"
-        )
+        raise InputError(f"{path}: no such file or directory; expected a recording")
     is_events = Path(path).suffix.lower() in EVENT_FORMATS
     of_sound = {"sensor": sensor, "full_scale": full_scale}
     of_sight = {"fps": fps, "start": start, "background": background}
@@ -80,7 +78,7 @@ def tune(
     _refuse(of_sound, path, "sound")
     camera = uncertain.scene.camera
     if camera is None:
-        raise InputError(f"{source}: expected a [camera] that saw {path}, got none")
+        raise InputError(f"{source}: expected the [camera] of {path}, got none")
     if start is None:
         start = min(float(charge.time_s) for charge in uncertain.scene.charges)
         if not math.isfinite(start):
@@ -139,14 +137,13 @@ def _events(
 
 
 def _background(word: str | None, camera: Camera, times: np.ndarray) -> Any:
-    """Return the still light behind the blast."""
+    """Return the constant light behind the blast."""
     if word is None:
         return BACKGROUND
     light = background_named(word, camera, times)
     if isinstance(light, MovingBackground):
         raise InputError(
-            f"{argument('background')}: expected light or a picture that stands still, "
-            f"got {word!r}"
+            f"{argument('background')}: expected light or a still picture, got {word!r}"
         )
     return light
 

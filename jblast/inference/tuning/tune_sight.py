@@ -9,9 +9,9 @@ threshold since the last, so for each event $i$ and the previous one at its pixe
 
 $$L(t_i) - L(t_{i-1}) = \pm\theta_\pm$$
 
-holds as exactly as the time stamps: linear in the thresholds and smooth in all other
-numbers, where counts are staircases. Residuals are weighted as Student-t errors of
-their own scale, so that events from noise have little weight.
+holds as exactly as the time stamps. It is linear in the thresholds and smooth in all
+other numbers, while counts of events are step functions. Residuals are weighted as
+Student-t errors of their own scale, so that events from noise have little weight.
 
 Pixels that do not change are left out, and frames, pixels and events are thinned to
 fixed maximum numbers.
@@ -52,22 +52,29 @@ from jblast.sensors.camera.image import BACKGROUND, linear_to_srgb, luminance, t
 from jblast.sensors.camera.rendering import render
 from jblast.waves.fireball import fireball_growth_time
 
-MOST_FRAMES, MOST_VALUES, MOST_EVENTS = 24, 200_000, 10_000
+# Largest numbers of frames, pixel values and events that are used: rounding averages
+# out over far fewer, and each value is evaluated for every unknown in every step.
+MAX_FRAMES, MAX_VALUES, MAX_EVENTS = 24, 200_000, 10_000
 CHANGED = 2.0
-"""Steps of 8 bits from which on a pixel counts as changing."""
+"""Change of a pixel, in steps of 8 bits, above which it is used: rounding alone gives
+1."""
 ROUNDED_ALIKE = 6.0
-"""Steps of 8 bits: of what has changed by less, neighbours are rounded alike."""
+"""Change in steps of 8 bits below which neighbouring pixels have equal rounding errors,
+which are no noise."""
 ROUNDING = 12.0**-0.5
-"""Standard deviation of what rounding leaves, in steps of 8 bits."""
+"""Standard deviation of rounding, in steps of 8 bits."""
 FRAME_ERROR = 2.0 * ROUNDING
-"""What may be left of frames, in steps of 8 bits."""
+"""Largest rms residual of well-explained frames, in steps of 8 bits: twice that of
+rounding."""
 EVENT_ERROR = 0.05
-"""What may be left of events, in thresholds: a real camera's effects leave more."""
-STEPS = 255.0
+"""Largest typical residual of well-explained events, in thresholds. A real camera
+leaves more: noise, latency, thresholds that differ between pixels."""
+STEPS = 255.0  # largest grey value of 8 bits
 FREEDOM = 4.0
-"""Of the Student-t errors of events."""
+"""Degrees of freedom of the Student-t errors of events, as for readings."""
 STAMP = 0.5e-6 * 3.0**-0.5
-"""Standard deviation of a stamp in whole microseconds [s]."""
+"""Standard deviation of a time stamp rounded to microseconds [s]: a uniform error
+within 0.5 us."""
 Ints = Int[Array, " event"] | Int[np.ndarray, " event"]
 Floats = Float[Array, " event"] | Float[np.ndarray, " event"]
 
@@ -82,18 +89,18 @@ def tune_frames(
     """Tune a scene to frames.
 
     Args:
-        uncertain: The scene; what it leaves free, or gives a prior, is looked for, too.
+        uncertain: The scene; its free numbers and those with a prior are tuned as well.
         frames: Grey values, sRGB, in steps of 8 bits.
-        times: Of the frames, on the common clock [s].
-        names: What else is looked for.
+        times: Times of the frames, on the common clock [s].
+        names: Further numbers to tune.
         background: Linear light behind the fireball.
 
     Raises:
-        InputError: A name is none, nothing is looked for or explodes, or the frames
-            show nothing that changes.
+        InputError: A name is unknown, there is nothing to tune, no explosion, or no
+            change in the frames.
     """
     uncertain, unknowns, scene = _begun(uncertain, names, "frames")
-    chosen = _evenly(np.flatnonzero(times > _first(scene)), MOST_FRAMES)
+    chosen = _evenly(np.flatnonzero(times > _first(scene)), MAX_FRAMES)
     if not chosen.size:
         raise InputError(
             f"frames: expected some after the first blast at {_first(scene):g} s, got "
@@ -105,7 +112,7 @@ def tune_frames(
         raise InputError(
             "frames: expected a film of a blast, got pictures in which nothing changes"
         )
-    most = min(MOST_VALUES // len(chosen), _round_number(int(changing.sum()), 256))
+    most = min(MAX_VALUES // len(chosen), _round_number(int(changing.sum()), 256))
     pixels = _evenly(np.flatnonzero(changing), most)
     values = flat[np.ix_(chosen, pixels)]
     counted = np.abs(values - flat[0][pixels]) > ROUNDED_ALIKE
@@ -127,13 +134,13 @@ def tune_frames(
 
 
 class EventPairs(NamedTuple):
-    """Events, each with when its pixel sent one before.
+    """Events with the time of the previous event at the same pixel.
 
     Attributes:
         x: Column.
         y: Row.
-        time: When it was sent, on the common clock [s].
-        before: When the one before was, or the record began [s].
+        time: Time of the event, on the common clock [s].
+        before: Time of the previous event, or begin of the record [s].
         sign: 1 for brighter, -1 for darker.
     """
 
@@ -153,24 +160,24 @@ def tune_events(
     """Tune a scene to events.
 
     Args:
-        uncertain: As of `tune_frames`.
-        events: All of a camera's (`paired`).
-        names: What else is looked for.
+        uncertain: As for `tune_frames`.
+        events: All events of a camera (`paired`).
+        names: Further numbers to tune.
         background: Linear light behind the fireball.
 
     Raises:
-        InputError: A name is none, nothing is looked for or explodes, or there are no
-            events.
+        InputError: A name is unknown, there is nothing to tune, no explosion, or no
+            event.
     """
     uncertain, unknowns, scene = _begun(uncertain, names, "events")
     count = len(events.x)
     if not count:
         raise InputError("events: expected some, got none")
-    most = min(MOST_EVENTS, _round_number(count, 1000))
+    most = min(MAX_EVENTS, _round_number(count, 1000))
     chosen = np.sort(np.random.default_rng(0).permutation(count)[:most])
     some = EventPairs(*(jnp.asarray(np.asarray(field)[chosen]) for field in events))
     camera = scene.camera
-    assert camera is not None, "it is asked for in `_begun`"
+    assert camera is not None, "`_begun` requires a camera"
     size = camera.height, camera.width
     evidence = EventsEvidence(some, size, jnp.asarray(background, float))
     problem = problem_from(evidence, scene, unknowns)
@@ -187,15 +194,16 @@ def tune_events(
 def paired(
     x: np.ndarray, y: np.ndarray, time: np.ndarray, sign: np.ndarray, start: float
 ) -> EventPairs:
-    """Return events with the time of the one before at each pixel.
+    """Return events with the time of the previous one at each pixel.
 
     Args:
         x: Columns.
         y: Rows.
-        time: On the common clock, not falling [s].
+        time: Times on the common clock, ascending [s].
         sign: 1 for brighter, -1 for darker.
-        start: When the record began [s].
+        start: Begin of the record [s].
     """
+    # stable sort by pixel: within a pixel the order in time remains
     pixel = np.asarray(y, np.int64) * 65_536 + np.asarray(x, np.int64)
     order = np.argsort(pixel, kind="stable")
     before = np.full(len(time), start)
@@ -207,7 +215,7 @@ def paired(
 def _begun(
     uncertain: UncertainScene, names: Sequence[str], kind: Kind
 ) -> tuple[UncertainScene, tuple[Unknown, ...], Scene]:
-    """Return what is looked for, and a scene that holds a number for each."""
+    """Return the numbers to tune, and a scene with a value for each."""
     source = uncertain.source or "scene"
     scene = uncertain.scene
     if scene.camera is None:
@@ -223,8 +231,8 @@ def _begun(
         )
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
-            f"{source}: [charge] range_m: expected position_m, which a camera needs to "
-            "see it; got a range"
+            f"{source}: [charge] range_m: expected position_m, which the image of a "
+            "camera depends on; got a range"
         )
     grows = scene.fireball_growth
     uncertain, unknowns = unknowns_of(uncertain, names, kind, None)
@@ -243,14 +251,14 @@ def _first(scene: Scene) -> float:
 
 
 def _evenly(numbers: np.ndarray, most: int) -> np.ndarray:
-    """Return at most so many of some numbers, evenly chosen."""
+    """Return at most `most` of some numbers, evenly spaced."""
     if len(numbers) <= most:
         return numbers
     return numbers[np.linspace(0, len(numbers) - 1, most).round().astype(int)]
 
 
 def _round_number(count: int, of: int) -> int:
-    """Return a count rounded down, so that records share programs."""
+    """Return a count rounded down to a multiple, so that records share programs."""
     return int(count) if count < of else int(count) // of * of
 
 
@@ -272,16 +280,16 @@ def _residuals(problem: Problem, z):
 
 
 class FramesEvidence(eqx.Module):
-    """Pixels of some frames, and what would be seen.
+    """Pixels of some frames, and their prediction.
 
     Attributes:
         values: Grey values of pixels, in steps of 8 bits.
-        counted: 1 where a value has changed by so much that its rounding may be taken
-            for noise, else 0: what is lit by less is rounded alike everywhere.
-        times: Of the frames, on the common clock [s].
-        pixels: Which of all, row by row.
-        background: Linear light.
-        index: Of no sensor.
+        counted: 1 for values that changed enough for rounding to act as noise
+            (`ROUNDED_ALIKE`), else 0.
+        times: Times of the frames, on the common clock [s].
+        pixels: Numbers of the pixels, row by row.
+        background: Linear light behind the fireball.
+        index: -1: no sensor.
     """
 
     values: Float[Array, "frame pixel"]
@@ -292,7 +300,7 @@ class FramesEvidence(eqx.Module):
     index: int = eqx.field(static=True, default=-1)
 
     def predicted(self, scene: Scene) -> Float[Array, "frame pixel"]:
-        """Return the values that are expected."""
+        """Return the predicted values."""
         camera = camera_of(scene)
         frames = render(
             scene,
@@ -310,7 +318,7 @@ class FramesEvidence(eqx.Module):
         return jnp.repeat(jnp.arange(frames), pixels), frames
 
     def misfit(self, scene: Scene) -> Float[Array, ""]:
-        """Return the rms of what is left, in steps of 8 bits."""
+        """Return the rms residual, in steps of 8 bits."""
         left = self.counted * (self.values - self.predicted(scene))
         return jnp.sqrt(jnp.square(left).sum() / jnp.maximum(self.counted.sum(), 1.0))
 
@@ -322,19 +330,19 @@ class FramesEvidence(eqx.Module):
     def residuals(
         self, scene: Scene, weights: Float[Array, ""]
     ) -> tuple[Float[Array, "frame pixel"]]:
-        """Return what is left over its standard deviation."""
+        """Return the residuals in standard deviations."""
         left = self.values - self.predicted(scene)
         return (self.counted * left / weights,)
 
 
 class EventsEvidence(eqx.Module):
-    """Events, and what would be seen.
+    """Events, and their prediction.
 
     Attributes:
-        events: Some of a camera's.
+        events: Events of a camera.
         size: Rows and columns of the image.
-        background: Linear light.
-        index: Of no sensor.
+        background: Linear light behind the fireball.
+        index: -1: no sensor.
     """
 
     events: EventPairs
@@ -348,8 +356,8 @@ class EventsEvidence(eqx.Module):
         """Return the change of the logarithm of light from event to event.
 
         Args:
-            scene: What is there.
-            later: By which all events are counted later [s].
+            scene: The scene.
+            later: Delay of all events [s].
         """
         camera, events = camera_of(scene), self.events
         light = pixel_light(
@@ -365,21 +373,21 @@ class EventsEvidence(eqx.Module):
         return self.events.y * width + self.events.x, height * width
 
     def left(self, scene: Scene) -> Float[Array, " event"]:
-        """Return the change that no threshold explains, in thresholds."""
+        """Return the residual change, in thresholds."""
         return self._left(scene) / self._thresholds(scene)
 
     def misfit(self, scene: Scene) -> Float[Array, ""]:
-        """Return the typical size of what is left, in thresholds."""
+        """Return the typical residual, in thresholds."""
         return jnp.median(jnp.abs(self.left(scene))) / TO_MEDIAN
 
     def weights(self, scene: Scene) -> Float[Array, " event"]:
-        """Return the standard deviation of what is left of each, in logarithms."""
+        """Return the standard deviation of each residual, in ln."""
         _, slope = jax.jvp(
             lambda later: self.changes(scene, later), (jnp.zeros(()),), (jnp.ones(()),)
         )
         stamp = jnp.abs(slope) * STAMP * jnp.sqrt(2.0)
         left = self._left(scene)
-        # the size of what stamps do not explain, by its median
+        # scale of the residuals by their median, which outliers do not change
         size = jnp.median(jnp.abs(left)) / TO_MEDIAN
         sd = jnp.sqrt(jnp.square(stamp) + jnp.square(size) + 1e-20)
         far = (FREEDOM + jnp.square(left / sd)) / (FREEDOM + 1.0)
@@ -388,10 +396,10 @@ class EventsEvidence(eqx.Module):
     def residuals(
         self, scene: Scene, weights: Float[Array, " event"]
     ) -> tuple[Float[Array, " event"]]:
-        """Return what is left over its standard deviation.
+        """Return the residuals in standard deviations.
 
-        Of logarithms: over a threshold that is looked for, all that is left would
-        grow less with it.
+        They are in ln, not in thresholds: relative to a fitted threshold all residuals
+        would shrink as the threshold grows.
         """
         return (self._left(scene) / weights,)
 
@@ -401,7 +409,7 @@ class EventsEvidence(eqx.Module):
         return jnp.where(self.events.sign > 0, threshold[0], threshold[1])
 
     def _left(self, scene: Scene) -> Float[Array, " event"]:
-        """Return the change that no threshold explains, in logarithms."""
+        """Return the residual change, in ln."""
         own = self._thresholds(scene)
         sign = jnp.asarray(self.events.sign, own.dtype)
         return self.changes(scene) - sign * own
@@ -409,12 +417,12 @@ class EventsEvidence(eqx.Module):
 
 def camera_of(scene: Scene) -> Camera:
     """Return a scene's camera."""
-    assert scene.camera is not None, "it is asked for before"
+    assert scene.camera is not None, "callers check for a camera"
     return scene.camera
 
 
 def look_of(camera: Camera) -> Appearance:
-    """Return how a camera is exposed."""
+    """Return the exposure of a camera."""
     if camera.daylight is None:
         return Appearance(white=WHITE)
     return Appearance(white=camera.daylight / jnp.pi)

@@ -2,8 +2,8 @@
 
 The record is read from a file and compared with the scene: sampling rate, length,
 limit. The blast is located in it by the matched filter for the noise of the scene, and
-the numbers are found by Whittle's likelihood (`sound`). How well the record is
-explained is tested in frequency (chi squared of the deviances of the bands), in time
+the numbers are found by Whittle's likelihood (`sound`). Goodness of fit is
+tested in frequency (chi squared of the deviances of the bands), in time
 (Ljung-Box test of the whitened residual) and at the blast (chi squared of the whitened
 residual there).
 """
@@ -45,30 +45,33 @@ from jblast.scene.sensor_kinds import SENSOR_KINDS, hears_ambient
 from jblast.sensors.listening import Truth, truth_of
 from jblast.sensors.wave_paths import low_charges_settled
 
-HEARD = 6.0
-"""Standard deviations of noise from which on a blast that is looked for is heard."""
+DETECTED = 6.0
+"""Smallest signal of a detected blast, in standard deviations of noise: among a million
+lags noise reaches 5."""
 DURATIONS = 8.0
-"""Of the positive phase, until a blast has gone by."""
-AIMED_AT = 0.3
-"""Part of a record where a blast is put first whose time is not known."""
-HEARD_BY = ("air_arrival_s", "peak_overpressure_pa", "positive_duration_s")
-"""What a record of sound is made from."""
-FEWEST_SAMPLES = 512
-MOST_SAMPLES = 2**23
+"""Length of a blast in positive phase durations: positive phase and suction."""
+FIRST_POSITION = 0.3
+"""Relative position in the record of a blast of unknown time, from which it is
+searched: the whole blast is then inside."""
+PULSE_QUANTITIES = ("air_arrival_s", "peak_overpressure_pa", "positive_duration_s")
+"""Quantities whose laws determine a record of sound."""
+# 257 Fourier coefficients: some 20 bands of `sound.MIN_COEFFICIENTS`
+MIN_SAMPLES = 512
+MAX_SAMPLES = 2**23
 """Three minutes at 48 kHz: half a gigabyte for each unknown."""
 LAGS = 20
-"""Samples apart between which what is left is looked at for a likeness."""
+"""Largest lag [samples] at which residuals are tested for correlation (Ljung-Box)."""
 
 
 class RecordedSound(NamedTuple):
-    """A record, and whose it is.
+    """A record and its sensor.
 
     Attributes:
-        source: The file.
-        samples: As the file holds them.
-        sensor: Its place among the scene's.
-        pascals: What a sample of 1 stands for; None: the sensor's full scale.
-        notes: What was done in reading.
+        source: Name of the file.
+        samples: Samples in the unit of the file.
+        sensor: Index of the sensor in the scene.
+        pascals: Pressure of a sample of 1 [Pa]; None for the sensor's full scale.
+        notes: Remarks of the reader.
     """
 
     source: str
@@ -84,13 +87,13 @@ def tune_sound(
     """Tune a scene to a sound record.
 
     Args:
-        uncertain: The scene; what it leaves free, or gives a prior, is looked for, too.
-        recorded: What one of its sensors recorded.
-        names: What else is looked for.
+        uncertain: The scene; its free numbers and those with a prior are tuned as well.
+        recorded: Record of one of its sensors.
+        names: Further numbers to tune.
 
     Raises:
-        InputError: A name is none, nothing is looked for, or nothing explodes.
-        NothingHeardError: The time is looked for, and no blast stands out of the noise.
+        InputError: A name is unknown, there is nothing to tune, or no explosion.
+        NothingHeardError: The time is free, and no blast stands out of the noise.
     """
     source, index = uncertain.source or "scene", recorded.sensor
     charges = uncertain.scene.charges
@@ -100,8 +103,8 @@ def tune_sound(
         )
     if any(charge.range_m is not None for charge in charges):
         raise InputError(
-            f"{source}: [charge] range_m: expected position_m, from which sound comes, "
-            "got a distance alone"
+            f"{source}: [charge] range_m: expected position_m, the source of the sound, "
+            "got a range only"
         )
     own = uncertain.scene.sensors[index]
     rate = (own.instrument or Instrument()).rate
@@ -138,14 +141,14 @@ def tune_sound(
     if blast is None:
         notes.append(Note("blast_outside", {"seconds": recorded.samples.size / rate}))
     wrong = [name for name, held in truth.valid.items() if not held.all()]
-    if heard := [name for name in wrong if name in HEARD_BY]:
-        notes.append(Note("law_invalid", {"quantities": heard}))
+    if invalid := [name for name in wrong if name in PULSE_QUANTITIES]:
+        notes.append(Note("law_invalid", {"quantities": invalid}))
     explained = explained_sound(evidence, tuned, len(unknowns), blast)
     return answer(problem, found, "sound", explained, notes)
 
 
 def _loudness(scene: Scene, recorded: RecordedSound) -> float:
-    """Return the record's rms without what is short and loud [Pa]."""
+    """Return the rms of the record's noise, by its median magnitude [Pa]."""
     unit = recorded.pascals
     if unit is None:
         instrument = scene.sensors[recorded.sensor].instrument
@@ -158,9 +161,10 @@ def _loudness(scene: Scene, recorded: RecordedSound) -> float:
 
 
 def _limit(scene: Scene, recorded: RecordedSound, names: Sequence[str]) -> float:
-    """Return from which magnitude on samples are at the recorder's limit.
+    """Return the magnitude above which samples are at the recorder's limit.
 
-    Where a record in pascals is to identify the limit, such samples identify it.
+    If the limit itself is tuned by a record in pascals, clipped samples are used, since
+    they identify it.
     """
     instrument = scene.sensors[recorded.sensor].instrument
     assert instrument is not None
@@ -170,12 +174,14 @@ def _limit(scene: Scene, recorded: RecordedSound, names: Sequence[str]) -> float
     if pascals is not None and "full_scale_pa" in names:
         return math.inf
     step = 0.0 if instrument.bits is None else 2.0 ** (1 - instrument.bits)
+    # one and a half steps below full scale: the largest code may be one step short of
+    # it
     share = 1.0 - 1.5 * step - 1e-6
     return share * (1.0 if pascals is None else float(full_scale) / pascals)
 
 
 def _is_silent(scene: Scene, index: int) -> bool:
-    """Return whether a scene has no noise of any kind for a sensor."""
+    """Return True if a scene has no noise of any kind for a sensor."""
     sensor, ambient = scene.sensors[index], scene.ambient
     instrument = sensor.instrument or Instrument()
     own = instrument.noise is not None and float(instrument.noise) > 0
@@ -192,7 +198,7 @@ def _is_silent(scene: Scene, index: int) -> bool:
 def _timed(
     evidence: SoundEvidence, scene: Scene, truth: Truth, name: str, source: str
 ) -> tuple[Scene, Truth]:
-    """Return a scene whose blast comes when the record has one."""
+    """Return a scene with the blast at its time in the record."""
     index = evidence.index
     sensor = scene.sensors[index]
     rate = (sensor.instrument or Instrument()).rate
@@ -200,21 +206,21 @@ def _timed(
     seconds = evidence.samples.size / rate
     shift = 0.0
     if not 0.0 < arrival < 0.8 * seconds:
-        shift = AIMED_AT * seconds - arrival
+        shift = FIRST_POSITION * seconds - arrival
     scene = _shifted(scene, index, name, shift)
     lag, snr = best_lag(evidence, scene)
-    if not float(snr) > HEARD:
+    if not float(snr) > DETECTED:
         raise NothingHeardError(
-            f"{source}: no blast stands out of the noise: the likeliest place for the "
-            f"scene's has a signal of {float(snr):.2g} standard deviations, {HEARD:g} "
-            "are needed"
+            f"{source}: no blast stands out of the noise: expected a signal of "
+            f"{DETECTED:g} standard deviations, got {float(snr):.2g} at the most probable "
+            "time"
         )
     scene = _shifted(scene, index, name, float(lag) / rate)
     return scene, truth_of(scene, (scene.sensors[index],))[1]
 
 
 def _shifted(scene: Scene, index: int, name: str, shift: float) -> Scene:
-    """Return a scene of which a sensor hears the blast later [s]."""
+    """Return a scene with a later arrival of the blast at a sensor [s]."""
     held = tuned_value(scene, index, name)
     assert held is not None
     return with_tuned(scene, index, {name: held + shift})
@@ -241,41 +247,41 @@ def recorded_sound(
     sensor: str | None = None,
     full_scale_pa: float | None = None,
 ) -> RecordedSound:
-    """Read what a microphone or a pressure gauge of a scene recorded.
+    """Read the record of a microphone or pressure gauge of a scene.
 
     Args:
         path: The file.
-        scene: What is there.
-        source: Of the scene, for messages.
-        sensor: Name of who recorded; None: the one that the file is named after, or
-            the only one there is.
-        full_scale_pa: Pascals that a sample of 1 stands for; None: 1 of floats, the
-            sensor's full scale of whole numbers.
+        scene: The scene.
+        source: Name of the scene's file, for messages.
+        sensor: Name of the sensor; None for the one that the file is named after, or
+            the only one.
+        full_scale_pa: Pressure of a sample of 1 [Pa]; None for 1 Pa (floats) or the
+            sensor's full scale (integers).
 
     Raises:
-        InputError: It cannot be read, holds nothing, is of another rate than the
-            sensor's, or it is open whose it is or what its samples stand for.
+        InputError: The file cannot be read, is constant, or has another sampling rate
+            than the sensor; or its sensor or its scale is not specified.
     """
     index = _index(Path(path), scene, source, sensor)
     own = scene.sensors[index]
     instrument = own.instrument or Instrument()
-    who = f"sensor {own.name!r}"
+    label = f"sensor {own.name!r}"
     recordings = open_record(path, Scaling(full_scale_pa))
     count = sum(len(one.names) for one in recordings)
     if count > 1:
         raise InputError(
-            f"{path}: expected the one channel of {who}, got {count}; write it into a "
+            f"{path}: expected the one channel of {label}, got {count}; write it into a "
             "file of its own"
         )
     (recording,) = recordings
     if abs(recording.rate_hz - instrument.rate) > 1e-6 * instrument.rate:
         raise InputError(
             f"{path}: expected {instrument.rate:g} samples a second, the rate_hz of "
-            f"{who} in {source}, got {recording.rate_hz:g}"
+            f"{label} in {source}, got {recording.rate_hz:g}"
         )
-    if not FEWEST_SAMPLES <= recording.length <= MOST_SAMPLES:
+    if not MIN_SAMPLES <= recording.length <= MAX_SAMPLES:
         raise InputError(
-            f"{path}: expected {FEWEST_SAMPLES:,} to {MOST_SAMPLES:,} samples, got "
+            f"{path}: expected {MIN_SAMPLES:,} to {MAX_SAMPLES:,} samples, got "
             f"{recording.length:,}"
         )
     samples = recording.samples(0, recording.length)[0]
@@ -287,16 +293,16 @@ def recorded_sound(
     if recording.full_scale is not None and full_scale_pa is None:
         if instrument.full_scale is None:
             raise InputError(
-                f"{path}: holds whole numbers; expected {argument('full_scale')}, the "
-                "pascals that a sample of 1 stands for, or full_scale_pa of "
-                f"{who} in {source}"
+                f"{path}: got integers; expected {argument('full_scale')}, the pressure "
+                "of a sample of 1 in pascals, or full_scale_pa of "
+                f"{label} in {source}"
             )
         pascals = None
     return RecordedSound(str(path), samples, index, pascals, recording.notes)
 
 
 def _index(path: Path, scene: Scene, source: str, sensor: str | None) -> int:
-    """Return which sensor of a scene recorded a file."""
+    """Return the index of the sensor that recorded a file."""
     tuned = [name for name, kind in SENSOR_KINDS.items() if kind.is_tuned]
     kinds = " or ".join(tuned)
     heard = [index for index, one in enumerate(scene.sensors) if one.kind in tuned]
@@ -329,10 +335,10 @@ def _check_name(name: str, names: Sequence[str], scene: Scene, source: str) -> N
         return
     of_all = {one.name: one.kind for one in scene.sensors}
     if name in of_all:
-        kind = of_all[name] or "not said"
+        kind = of_all[name] or "not stated"
         raise InputError(
             f"{argument('sensor')}: expected one of {', '.join(names)} in {source}, "
-            f"which write sound, got {name!r}, whose kind is {kind}"
+            f"which record sound, got {name!r}, whose kind is {kind}"
         )
     raise InputError(
         f"{argument('sensor')}: expected one of {', '.join(names)} in {source}, got "
@@ -346,13 +352,13 @@ def explained_sound(
     unknowns: int,
     blast: tuple[int, int] | None,
 ) -> Explained:
-    """Return how well a record is explained by a scene.
+    """Return the goodness of fit of a scene to a record.
 
     Args:
         evidence: The record.
-        scene: What was found.
-        unknowns: How many numbers were looked for.
-        blast: First sample of the blast, and the one after its last; None: it is not
+        scene: The tuned scene.
+        unknowns: Number of tuned numbers.
+        blast: First sample of the blast, and the one after its last; None if it is not
             in the record.
     """
     deviance, white = _left(evidence, scene)
@@ -373,7 +379,7 @@ def explained_sound(
 
 
 def whiteness(white: Float[np.ndarray, " sample"]) -> float:
-    """Return the probability of so much likeness from lag to lag, by Ljung and Box."""
+    """Return the p-value of the Ljung-Box test of uncorrelated samples."""
     n, energy = white.size, float(np.square(white).sum())
     lags = np.arange(1, min(LAGS, n // 4) + 1)
     likeness = np.array([white[lag:] @ white[:-lag] for lag in lags]) / energy
@@ -393,10 +399,11 @@ def _left(
 def best_lag(
     evidence: SoundEvidence, scene: Scene
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return by how many samples a record is later than a scene has it, and its SNR.
+    """Return the delay of a blast in a record relative to a scene, and its SNR.
 
-    By the matched filter for the noise that the scene has: the lag, in samples, around
-    the record's end; and how many standard deviations the blast stands out there.
+    The delay [samples] is that of the largest output of the matched filter for the
+    noise of the scene; it is circular. The SNR is that output in standard deviations of
+    noise.
     """
     n = evidence.samples.size
     sd = evidence.weights(scene).sd
