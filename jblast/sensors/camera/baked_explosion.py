@@ -225,8 +225,8 @@ def explosion_layer(
         scene: Air, and the law of the fireball.
         charge: Of the scene.
         rays: Where to look, and where the background is.
-        time: On the common clock [s].
-        appearance: How it is exposed.
+        time: Time on the common clock [s].
+        appearance: Exposure.
     """
     ball = cloud(scene, charge, time)
     mass = charge.tnt_mass("fireball_radius_m")

@@ -82,7 +82,7 @@ class ViewSet(eqx.Module):
         Args:
             scene: Where and when the charges go off.
             rays: Where to look, and where the background is.
-            time: On the common clock [s].
+            time: Time on the common clock [s].
             appearance: How the fire is exposed, where the pictures leave that open.
 
         Returns:

@@ -86,8 +86,8 @@ class Film:
 
     Attributes:
         scene: What explodes.
-        camera: Who looks.
-        times: Of the frames, on the common clock, not falling [s].
+        camera: The camera.
+        times: Times of the frames on the common clock, not falling [s].
         background: Linear light: a grey, a colour, an image, or pictures that move; or
             ground and sky for a camera that moves.
         views: Pictures to show in place of the procedural fireball.
@@ -392,7 +392,7 @@ class ConvertedFilm(NamedTuple):
         frames: Number of frames.
         width: Of a frame [px].
         height: Of a frame [px].
-        frames_hz: Frames a second.
+        frames_hz: Frames per second.
         seconds: From the first frame to the last.
         threshold: Change of the logarithm of light that gives an event, up and down.
         written: Numbers of events.
@@ -431,10 +431,10 @@ def film_to_events(
     Args:
         film: Folder of PNG frames or of .npy files of linear light, or a video.
         out: File of events: .h5 (HDF5 in the layout of DSEC), .npz, .raw or .aedat4.
-        fps: Frames a second; a folder needs it.
+        fps: Frames per second; a folder needs it.
         threshold: Change of the logarithm of light that gives an event, up and down.
         noise: Whether the camera has its imperfections.
-        seed: Of the noise.
+        seed: Seed of the noise.
         srgb: Whether grey values of PNG frames are sRGB; else they are linear light.
         darkest: Linear light, as a fraction of full scale, below which changes give no
             event; default: half a step of the frames' bits, 1e-6 of floats.

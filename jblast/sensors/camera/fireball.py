@@ -174,12 +174,12 @@ def fireball_layer(
 
     Args:
         scene: Charges, each by its position, and air.
-        camera: Who looks.
-        time: On the common clock [s].
+        camera: The camera.
+        time: Time on the common clock [s].
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         ground: Whether the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
-        appearance: How it is exposed, and how the smoke is distributed.
+        appearance: Exposure, and distribution of the smoke.
 
     Returns:
         Red, green, blue in linear light, full scale 1, not clipped, and straight alpha.
@@ -202,9 +202,9 @@ def fireballs_seen(
 
     Args:
         scene: Charges and air.
-        rays: Along which to look.
-        time: On the common clock [s].
-        appearance: How it is exposed, and how the smoke is distributed.
+        rays: Camera rays.
+        time: Time on the common clock [s].
+        appearance: Exposure, and distribution of the smoke.
         shining: Light of limb and middle of a fireball, where it is tabulated; None to
             take Planck's law.
 
@@ -242,7 +242,7 @@ def passage(
     Args:
         offset: From the camera to the centre: east, north, up [m].
         radius: Of the cloud [m].
-        rays: Along which to look.
+        rays: Camera rays.
     """
     along = jnp.tensordot(offset, rays.direction, 1)
     aside = offset[:, None, None] - along[None] * rays.direction
@@ -394,8 +394,8 @@ def fireballs_in_window(
     Args:
         scene: Charges and air.
         rays: Of a whole image, row by row.
-        time: On the common clock [s].
-        appearance: How they are exposed.
+        time: Time on the common clock [s].
+        appearance: Exposure.
     """
     cells = cells_touched(scene, corner_rays(rays), time)
 
@@ -418,8 +418,8 @@ def fireballs_over(
     Args:
         scene: Charges and air.
         rays: One a pixel, row by row.
-        times: Of the images, on the common clock [s].
-        appearance: How they are exposed.
+        times: Times of the images on the common clock [s].
+        appearance: Exposure.
         behind: The images.
     """
     corners = corner_rays(rays)
@@ -447,7 +447,7 @@ def cells_touched(
     Args:
         scene: Charges and air.
         corners: Rays at the corners of the cells.
-        time: On the common clock [s].
+        time: Time on the common clock [s].
     """
     way = corners.direction
     # no ray of a cell is farther from its nearest corner than half a diagonal

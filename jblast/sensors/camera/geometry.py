@@ -81,7 +81,7 @@ def project(camera: Camera, points: Float[ArrayLike, "... 3"]) -> Projected:
     `seen` masks is never NaN.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         points: East, north, up [m].
 
     References:
@@ -113,7 +113,7 @@ def unproject(
     """Direction in the world from which a pixel's light comes.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         pixel: (x, y), pixel centres at whole numbers [px]; inside the image or not.
 
     Returns:
@@ -351,7 +351,7 @@ def pixel_rays(
     nothing, and where many programs can share it.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         supersample: Rays along each side of a pixel, evenly spaced; one goes through
             its centre.
@@ -471,7 +471,7 @@ class CameraPath(eqx.Module):
         """Return place and turn at a time; before and after the rows, those of the end.
 
         Args:
-            time: On the common clock [s].
+            time: Time on the common clock [s].
         """
         after = jnp.clip(jnp.searchsorted(self.time, time), 1, len(self.time) - 1)
         begin, end = self.time[after - 1], self.time[after]

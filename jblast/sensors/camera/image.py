@@ -399,7 +399,7 @@ def images(
     """Return an image, or as many as there are frames.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         background: No function.
         count: Of the frames.
 
@@ -418,7 +418,7 @@ def bare(
     They are the background itself, not copies of it: to be read alone.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         background: No function.
         count: Of the frames.
 

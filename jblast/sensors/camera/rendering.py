@@ -98,7 +98,7 @@ def render(
 
     Args:
         scene: Charges, each by its position (a `range` is not looked at), and air.
-        camera: Who looks.
+        camera: The camera.
         times: When the frames begin, on the common clock, not falling [s].
         background: A grey, a colour, an image, an image a time, or a function of time.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
@@ -108,7 +108,7 @@ def render(
             the pixel's middle.
         exposures: Instants that stand for an exposure, in the middles of as many equal
             parts; the frame is their mean.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
+        appearance: Exposure, and distribution of the smoke.
         views: Pictures of an explosion to show in place of the procedural fireball;
             what they cannot show is said where they are defined. Of the appearance
             pictures of one's own take nothing; an explosion set takes its white, its
@@ -241,7 +241,7 @@ def check_camera(camera: Camera, *, ground: bool) -> None:
     """Refuse a camera that something carries, or one below the ground.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         ground: Whether there is one.
 
     Raises:
@@ -322,7 +322,7 @@ def render_carried(
             for each time, taken by such a camera.
         supersample: Rays along each side of a pixel.
         exposures: Instants that stand for an exposure, if there is one.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
+        appearance: Exposure, and distribution of the smoke.
         views: Pictures of an explosion in place of the procedural fireball.
 
     Returns:
@@ -422,7 +422,7 @@ def in_view(
 
     Args:
         scene: What explodes.
-        camera: Who looks.
+        camera: The camera.
         views: Pictures shown in place of the procedural fireball.
     """
     return _in_view(scene, camera, views)

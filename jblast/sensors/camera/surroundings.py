@@ -321,7 +321,7 @@ def outlook_of(
     """Return the outlook of a camera.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         ground: Whether the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
@@ -368,7 +368,7 @@ def brightened(
         behind: As the day lights it.
         lit: What there is to be lit.
         scene: Charges and air.
-        time: On the common clock [s].
+        time: Time on the common clock [s].
         appearance: How bright the day is.
     """
     gained = jnp.moveaxis(flash(scene, lit.surfaces, time, appearance), 0, -1)
@@ -392,7 +392,7 @@ def flash(
     Args:
         scene: Charges and air.
         surfaces: Of the background.
-        time: On the common clock [s].
+        time: Time on the common clock [s].
         appearance: How bright the day is, and how the smoke is distributed.
         shining: Light of limb and middle of a fireball, where it is tabulated.
 

@@ -69,7 +69,7 @@ def events(
         depth: Distance of the background along each pixel's ray [m].
         ground: Whether the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
+        appearance: Exposure, and distribution of the smoke.
         views: Pictures of an explosion in place of the procedural fireball.
 
     Returns:
@@ -119,13 +119,13 @@ def render_events(
 
     Args:
         scene: Charges, each by its position, and air.
-        camera: Who looks.
+        camera: The camera.
         times: The first and the last bound the search; see `frameless_events` [s].
         background: A grey, a colour, or an image of them (height, width, 3); it stands
             still.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         ground: Whether the plane up = 0 hides what is below it.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
+        appearance: Exposure, and distribution of the smoke.
         tolerance: Of the times of events [s].
     """
     light = pixel_light(

@@ -80,7 +80,7 @@ class ImageSequence:
 
     @property
     def frames_hz(self) -> float:
-        """Frames a second, on average."""
+        """Frames per second, on average."""
         # 500 Hz, not 500.00000000000006
         return float(f"{(len(self) - 1) / self.times[-1]:.12g}")
 
@@ -133,7 +133,7 @@ def open_recording(
     Args:
         path: PNG frames in the order of their names, or `.npy` files of floats; or a
             file that FFmpeg reads.
-        fps: Frames a second: frame k stands at k / fps. A video without it goes by its
+        fps: Frames per second: frame k stands at k / fps. A video without it goes by its
             own clock, which for slow motion is not that of what was filmed.
         srgb: Whether grey values of PNG frames are sRGB; by default they are linear
             light. A video names its own curve.
@@ -158,7 +158,7 @@ def open_recording(
     files = frame_files(path, arrays=True)
     if fps is None:
         raise InputError(
-            f"{path}: expected to be told how many PNG frames a second there are "
+            f"{path}: expected to be told how many PNG frames per second there are "
             f"({argument('fps')})"
         )
     first, bits = frame_and_bits(files[0])
