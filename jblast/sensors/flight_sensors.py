@@ -1,8 +1,9 @@
 r"""Sensors that a vehicle flies by: inertial, barometer, satellites and magnetometer.
 
 All are sampled together at the rate of the inertial unit, one sample per turn; slower
-sensors at some of the turns. All noise of a turn is drawn with one key, the `fold_in` of the turn's number. A sample therefore does not depend on earlier calls, and
-a turn costs one draw.
+sensors at some of the turns. All noise of a turn is drawn with one key, the `fold_in`
+of the turn's number. A sample therefore does not depend on earlier calls, and a turn
+costs one draw.
 
 Accelerometer and gyroscope measure specific force and rate as in `sensors.imu`, at the
 centre of mass. A sample is the mean over its time, so that the samples sum to the

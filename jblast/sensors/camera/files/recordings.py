@@ -133,8 +133,8 @@ def open_recording(
     Args:
         path: PNG frames in the order of their names, or `.npy` files of floats; or a
             file that FFmpeg reads.
-        fps: Frames per second: frame k stands at k / fps. A video without it goes by its
-            own clock, which for slow motion is not that of what was filmed.
+        fps: Frames per second: frame k is at k / fps. By default a video's own clock is
+            used, which for slow motion is not that of the scene.
         srgb: Whether grey values of PNG frames are sRGB; by default they are linear
             light. A video names its own curve.
 
