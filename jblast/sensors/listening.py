@@ -37,7 +37,7 @@ DURATIONS = 10.0
 """Positive phases after an arrival until suction and ground motion are over. A pulse's
 suction ends after a few; the rest is margin for the ground's decay."""
 WITHOUT_BLAST_S = 1.0
-"""Duration of a record without a blast [s]: long enough to hear its ambient sound."""
+"""Duration of a record without a blast [s]: long enough for its ambient sound."""
 LONGEST_S = 600.0
 """Longest record without a requested duration [s]. A later blast usually has a wrong
 `time_s`, and the file would be large."""

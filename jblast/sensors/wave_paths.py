@@ -203,7 +203,7 @@ def _suction(
         air = (way.slant_range, way.charge_mass, way.ambient_pressure)
         known = shock_kinematics_pressure(*air, burst)
         low, impulse = suction_of(*air, way.sound_speed, burst)
-        # a stronger law does not deepen the suction, which saturates near a vacuum
+        # a law with more pressure leaves the suction as it is
         share = jnp.minimum(peak / known, 1.0)
         return share * low, share * impulse
 

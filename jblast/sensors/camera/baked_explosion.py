@@ -80,23 +80,23 @@ from jblast.waves.fireball import (
 )
 
 TESTED_PHASES = 24
-"""Phases at which `is_met` tests a picture, geometrically spaced because the cloud grows
-fastest at first. A view that opens only between two of them is not found."""
+"""Phases at which `is_met` tests a picture, geometrically spaced because the cloud
+grows fastest at first. A view that opens only between two of them is not found."""
 FADING = 0.5
 """Time in which the last picture fades, over its phase."""
 CLOSEST = 0.9
 """Radius over distance up to which the outline of a ball is followed. Nearer, the
 outline's radius would diverge as the camera enters the ball."""
 ON_GROUND = 0.5
-"""Height of a burst over its largest radius up to which its picture is on the ground."""
+"""Height of a burst over its largest radius up to which its picture stands on it."""
 LOWEST = 0.1
 """Smallest apparent height of the middle of a cloud, over its radius: seen from above
 the height vanishes, and the wind's share by height would diverge."""
 HIGHEST = 2.0
-"""Height over that of the middle from which on the wind carries all parts equally."""
+"""Height over that of the middle above which the wind carries all parts equally."""
 LEVELS = 6
-"""Convolutions of a picture: after six a tent 64 texels wide, half of a usual picture of
-128. A picture that is shown smaller is not smoothed further."""
+"""Convolutions of a picture: after six a tent 64 texels wide, half of a usual picture
+of 128. A picture that is shown smaller is not smoothed further."""
 
 
 class Pictures(ViewSet):

@@ -55,8 +55,8 @@ PIXELS = 1 << 22
 """Pixels of a block of frames: 100 MB of three channels in float64. Larger blocks use
 more memory, smaller ones call the compiled program more often."""
 MAX_BLOCK = 20
-"""Largest number of frames of a block, whatever their size: at 20, 25 or 100 frames per
-second few blocks are padded."""
+"""Largest number of frames of a block: a second at 20, 60, 100 or 1000 frames per
+second is a whole number of blocks, so that none is padded."""
 Frames = Float[np.ndarray, "_ _ _ 3"]
 STAMP_ERROR = 1e-4
 """Bound of the time error of an event [s]: a fifth of the response time of the noisy
@@ -77,8 +77,8 @@ or more, a fine pattern may look the same and be missed."""
 BLOCK = 16
 """Instants of a block. Full blocks of one size share one compiled program."""
 QUIET = 1e-3
-"""Sum of the changes of all pixels, in thresholds, up to which an interval is quiet: no
-pixel is near an event, so its middle does not matter."""
+"""Sum of the changes of all pixels, in thresholds, up to which an interval is not
+refined: on average a thousandth of an event is affected."""
 Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 THRESHOLD = (0.2, 0.2)
 """Default change of the logarithm of light per event, up and down."""
