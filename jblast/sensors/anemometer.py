@@ -154,6 +154,7 @@ def _start(
     waves = heard(scene, anemometer.position_m, laws)
     gusts = _gusts(scene, anemometer.position_m, waves)
     air = scene.air
+    # the scene's wind is horizontal
     winds = (air.wind_east, air.wind_north, jnp.zeros_like(air.wind_east))
     gauges = [mounted(anemometer, one, start_s) for one in jax.random.split(key, 3)]
     axes = [
@@ -177,6 +178,7 @@ def _gusts(
     axes: list[tuple[Gust, ...]] = [(), (), ()]
     for wave in waves:
         charge = scene.charges[wave.shot]
+        # the reflected wave comes from the image below the ground
         up = charge.up if wave.kind == "air" else -charge.up
         source = jnp.stack([charge.east, charge.north, up])
         away = (position - source) / wave.distance
@@ -213,6 +215,7 @@ def _block(
         plane = plane_wave_wind(x, gust.sound_speed)
         middle = 0.5 * (edges[:-1] + edges[1:]) - pulse.arrival_time
         still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
+        # mean over an empty interval would be 0 / 0 before the arrival
         passed = jnp.where(middle > 0, middle, 1.0)
         mean = pulse_mean(still, jnp.zeros_like(passed), passed)
         wind = wind + plane + gust.afterflow * jnp.where(middle > 0, passed * mean, 0.0)

@@ -108,6 +108,7 @@ class Track(eqx.Module):
         Args:
             time: Time on the common clock [s].
         """
+        # `interp` needs two knots: a single one is a fixed position
         if self.time.size == 1:
             return jnp.broadcast_to(self.position[0], (*time.shape, 3))
         return jnp.stack(
@@ -160,6 +161,8 @@ def heard(
         check_speed(scene, place)
     else:
         place = place_of(place)
+    # one program per number of waves: each charge is evaluated alone, by the same
+    # program
     scene, found = low_charges_settled(scene), []
     for shot in range(len(scene.charges)):
         waves = _waves_of_charge(alone(scene, shot), place, named, reflection, ground)
@@ -228,6 +231,7 @@ def check_speed(scene: Scene, track: Track) -> None:
 def _check_wave(scene: Scene, wave: Heard) -> None:
     """Raise for a wave with undefined distance or pulse."""
     numbers = [wave.distance, *wave.pulse]
+    # traced values are unknown; callers inside jit accept NaN instead of an error
     if any(isinstance(x, Tracer) for x in numbers):
         return
     label = f"charge {wave.shot + 1} of {len(scene.charges)}"
@@ -239,6 +243,7 @@ def _check_wave(scene: Scene, wave: Heard) -> None:
         )
     if not isinstance(wave.pulse, Pulse):
         return
+    # infinity is legal: a charge that never detonates arrives at infinite time
     finite = [x for x in wave.pulse if not bool(jnp.isposinf(x))]
     if not all(bool(jnp.isfinite(x)) for x in finite):
         raise InputError(
@@ -282,6 +287,7 @@ def phase(
         wave: One of `meeting_waves`.
         time: Time on the common clock [s].
     """
+    # one law evaluation per edge: the position changes along the track
     arrives = jax.vmap(
         lambda place: arrival_time(scene, place, laws, wave.shot, wave.kind)
     )
@@ -306,7 +312,8 @@ def meeting_waves(
     """
     found = []
     for shot, way in ways(scene, reflection, ground):
-
+        # defaults bind the loop's values: a plain closure would see those of the last
+        # turn
         def arrival(time: Array, shot: int = shot, way: Way = way) -> Array:
             return arrival_time(scene, track.at(time), laws, shot, way)
 
@@ -331,6 +338,7 @@ def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) ->
     pulse, time = wave.pulse, wave.pulse.arrival_time
     # any finite time will do for a wave that never arrives, whose phase is undefined
     some = jnp.where(jnp.isposinf(time), 0.0, time)
+    # rate of the phase by the clock at the arrival: the Doppler factor
     speed = jax.jvp(since, (some,), (jnp.ones_like(some),))[1]
     if isinstance(pulse, GroundPulse):
         slower = {"amplitude": pulse.amplitude, "time_constant": pulse.time_constant}
@@ -385,6 +393,7 @@ def places_met(scene: Scene, track: Track, laws: Mapping[str, str]) -> PlacesMet
     check_speed(scene, track)
     scene = low_charges_settled(scene)
     arrivals = {name: laws[name] for name in ("air_arrival_s", "ground_arrival_s")}
+    # all charges share one program, because `alone` gives their scenes one structure
     shots = range(len(scene.charges))
     rows = [_meeting_positions(alone(scene, shot), track, arrivals) for shot in shots]
     return PlacesMet(*(np.stack(places) for places in zip(*rows, strict=True)))
@@ -453,6 +462,7 @@ class RecordedSound(eqx.Module):
         self, start: Float[Array, " sample"], stop: Float[Array, " sample"]
     ) -> Float[Array, " sample"]:
         """Return the mean overpressure from start to stop since the arrival [Pa]."""
+        # NumPy's float64 times would widen a float32 record
         dtype = self.samples.dtype
         edges = jnp.asarray(np.arange(self.samples.size + 1) / self.rate, dtype)
         # The mean is a difference of the running integral: two look-ups, whatever the
@@ -554,6 +564,8 @@ def _even_overpressure(scene, place, start, rate, count, laws, reflection, groun
     total = jnp.zeros(count, start.dtype)
     for wave in waves_for(scene, place, laws, reflection, ground):
         if wave.kind == "ground":
+            # edges from 0, the arrival shifted: in float32 small times are resolved
+            # better
             edges = jnp.arange(count + 1, dtype=start.dtype) / rate
             pulse = counted_from(wave.pulse, start)
             total = total + wave_mean(pulse, edges[:-1], edges[1:])
@@ -569,6 +581,7 @@ def _overpressure(scene, place, edges, laws, reflection, ground, sound):
         since = [phase(scene, place, laws, wave, edges) for wave in waves]
     else:
         since = [since_arrival(wave, edges) for wave in waves]
+    # superposition of weak waves
     total = jnp.zeros(edges.size - 1, edges.dtype)
     for wave, time in zip(waves, since, strict=True):
         if sound is None or wave.kind == "ground":
@@ -578,6 +591,7 @@ def _overpressure(scene, place, edges, laws, reflection, ground, sound):
                 wave.pulse._replace(arrival_time=now), time[:-1], time[1:]
             )
         else:
+            # ratio of one law at two distances, so its bias cancels
             scale = wave.pulse.peak / peak_at(scene, sound.distance, laws, wave)
             total = total + scale * sound.mean(time[:-1], time[1:])
     return total
@@ -592,6 +606,7 @@ def since_arrival(wave: Heard, edges: Float[Array, " edge"]) -> Float[Array, " e
         wave: Wave at that position.
         edges: On the common clock [s].
     """
+    # a time before all edges: an infinite one would give inf - inf in the pulse
     never = jnp.isposinf(wave.pulse.arrival_time)
     passed = edges - jnp.where(never, 0.0, wave.pulse.arrival_time)
     return jnp.where(never, passed - edges[-1], passed)

@@ -107,6 +107,7 @@ def scene_path(scene: Scene) -> Path:
 
     The ambient air of this path is that of every sensor.
     """
+    # the range of 1 m is a placeholder: `with_rows` replaces it
     layout = Layout(
         quantity=("air_arrival_s",),
         position=jnp.zeros((1, 3)),
@@ -157,6 +158,8 @@ def with_rows(
 def path_of_rows(question: Question, quantity: str = "peak_overpressure_pa") -> Path:
     """Return the path of each row, its masses those of TNT for a quantity."""
     ranges, masses = question.rows()
+    # TNT equivalence differs between pressure and impulse, so each quantity has its own
+    # mass
     factor = float(question.scene.charge.tnt_factor_for(quantity))
     path = scene_path(question.scene)
     return with_rows(path, as_float_array(ranges), as_float_array(factor * masses))
@@ -170,6 +173,8 @@ def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
     """
     ranges, _ = question.rows()
     charge = question.scene.charge
+    # an unknown range or mass leaves the height question open, and on the ground no
+    # reflection is separate
     if question.quantity or not float(charge.up) > 0.0:
         return np.zeros(ranges.shape, bool)
     # with no curve set stated, the path chooses one for each row by its height
@@ -257,6 +262,7 @@ def calculate(
     for name, one in zip(("slant_range", "charge_mass"), given, strict=True):
         if one.ndim > 1:
             raise InputError(f"{name}: expected one number or a row, got {one.shape}")
+    # a single number is broadcast against the rows of the other
     if len({one.size for one in given} - {1}) > 1:
         raise InputError(
             f"charge_mass: expected one number or shape {given[0].shape}, as "
@@ -265,6 +271,7 @@ def calculate(
     slant_range, charge_mass = np.broadcast_arrays(*given)
     laws = {(law.quantity, law.name): law for law in calculated_laws()}
     values, valid = evaluate(scene, slant_range, charge_mass, tuple(laws.values()))
+    # the table of quantities defines the order of all reports
     order = {name: i for i, name in enumerate((*QUANTITIES, *DERIVED_QUANTITIES))}
     rows = enumerate((*laws, *combined_of(laws)))
     answer: dict[str, dict[str, Calculated]] = {}
@@ -346,6 +353,7 @@ def _evaluate(
         value = combination.function(*(values[part] for part in parts))
         values[quantity, name] = value
         holds = [combination.holds(value), *(valid[part] for part in parts)]
+        # a combination holds only where all of its parts do
         valid[quantity, name] = jnp.stack(holds).all(axis=0)
     return jnp.stack(list(values.values())), jnp.stack(list(valid.values()))
 
@@ -434,6 +442,7 @@ def roots(question: Question) -> dict[str, Roots]:
     laws = calculated_laws(question.quantity)
     log_x = np.log(_grid(question))
     value, valid = _along(question, log_x, laws)
+    # NaN compares false, so an undefined interval has no root inside it
     above = value >= question.target
     law, left = np.nonzero(above[:, 1:] != above[:, :-1])
     # all changes of sign of all laws are bisected together: 48 evaluations in total
@@ -474,6 +483,7 @@ def _along(
     """Return laws and their validity at values exp(log_x) of the unknown."""
     slant_range, mass = _rows_at(question, np.exp(log_x))
     value, valid = evaluate(question.scene, slant_range, mass, laws)
+    # inside the charge a law may be defined, but no sensor can be there
     return value, valid & (slant_range > charge_radius(mass))
 
 
@@ -573,11 +583,14 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
     holding = {name: value for name, (value, valid) in best.items() if valid}
     if not holding:
         return Recommended(unknown, "", math.nan, False, math.nan, solutions=())
+    # median of logarithms: one outlying law does not decide where laws are compared
     middle = math.exp(float(np.median(np.log(list(holding.values())))))
     law, choice = _law_for(_at(question, middle), question.quantity, tuple(by_law))
     is_nearest = law not in holding
     if is_nearest:
         law = min(holding, key=lambda name: abs(math.log(holding[name] / middle)))
+    # the scatter belongs to the answer's own row, not to the median at which the law
+    # was chosen
     value = holding[law]
     scatter = law_scatter(_at(question, value), question.quantity, law)
     slope = _slope(question, value, law)
@@ -670,6 +683,7 @@ def disagreements(question: Question, answer: Calculation) -> list[Disagreement]
         laws = [law for law in laws if by_law[law].valid.any()]
         if len(laws) < 2:
             continue
+        # one path per mass: quantities with the same TNT factor share it
         factor = float(question.scene.charge.tnt_factor_for(name))
         if factor not in paths:
             paths[factor] = path_of_rows(question, name)
@@ -726,6 +740,7 @@ def _sds_apart(
     both: Bool[np.ndarray, " row"] = one.valid & other.valid
     both &= (one.value > 0.0) & (other.value > 0.0)
     off = np.log(np.where(both, one.value, 1.0) / np.where(both, other.value, 1.0))
+    # independent scatter of two laws: the variance of their difference is the sum
     sd = np.hypot(*scatter)
     return np.where(sd > 0.0, np.abs(off) / np.where(sd > 0.0, sd, 1.0), 0.0)
 

@@ -328,6 +328,7 @@ class Suite(eqx.Module):
         every, late = self.turns(self.gps.rate), self.turns_late
         takes = turn % every == 0
         taken = fix(of_fix, self.gps, now.position_m, now.velocity_m_s)
+        # between fixes the last one is kept for its delayed report
         taken = jax.tree.map(lambda a, b: jnp.where(takes, a, b), taken, held.fix)
         sample = Sample(
             force,
@@ -350,6 +351,7 @@ class Suite(eqx.Module):
         period_s: Float[Array, ""],
     ) -> Float[Array, " moment"]:
         """Return the static pressure at evenly spaced times of a period [Pa]."""
+        # middles of equal parts
         shares = jnp.linspace(0.5, MOMENTS - 0.5, MOMENTS) / MOMENTS
         displacement = now.position_m - before.position_m
         places = before.position_m[None, :] + jnp.outer(shares, displacement)
@@ -365,6 +367,7 @@ class Suite(eqx.Module):
         slowest = (
             5 / blasts.sound_speed_m_s * jnp.sqrt(jnp.sum(jnp.square(displacement)))
         )
+        # waves are expensive: skipped while none can be near
         over = jax.lax.cond(
             may_press(blasts, time_s, now.position_m, 2 * period_s + slowest),
             lambda: jax.vmap(blast_overpressure, (None, 0, 0))(blasts, times, places),

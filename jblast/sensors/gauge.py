@@ -75,6 +75,7 @@ def check_kind(sensor: Sensor, kind: str, *, track: Track | None = None) -> None
     site = SENSOR_KINDS[kind].site
     if not site or isinstance(places, Tracer):
         return
+    # NaN heights are rejected by the negated comparison below
     above = site == "above"
     heights = np.asarray(places)[..., 2]
     up = float(heights.min() if above else heights.max())
@@ -207,8 +208,10 @@ def _start(
     check_kind(sensor, sensor.kind)
     # the signal reads the names of all laws from the scene
     scene = replace(scene, law=tuple((dict(scene.law) | dict(laws or {})).items()))
+    # the number of components is known without evaluating the signal
     shape = eqx.filter_eval_shape(signal, scene, sensor, jnp.zeros(BLOCK)).shape
     count = shape[1] if len(shape) > 1 else 1
+    # independent noise of the components
     keys = [key] if count == 1 else jax.random.split(key, count)
     parts = []
     for number, one in enumerate(keys):

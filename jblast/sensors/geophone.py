@@ -115,8 +115,10 @@ def _block(
 ) -> tuple[Any, Float[Array, " sample"]]:
     gauge = geophone.gauge
     edges = edges_of(gauge.chain.instrument.rate)
+    # charges superpose: the ground is linear
     velocity = jnp.zeros(BLOCK)
     for wave in geophone.waves:
+        # arrival on the block's own clock, which float32 resolves
         here = seen_in_block(wave, gauge, index)
         velocity += ground_pulse_velocity_mean(here, edges[:-1], edges[1:])
     return chain_block(gauge.chain, state, index, velocity)

@@ -269,6 +269,7 @@ def pick_jolt(
     noise = _Noise.of(imu, offset_m)
     if residual[:base].std() > OVER * noise.of_one:
         return _not_found("the samples begin within a jolt")
+    # the norm: a jolt may have any direction
     size = np.linalg.norm(residual, axis=1)
     above = np.flatnonzero(size > FOUND * noise.of_one)
     if not above.size or above[0] < base:
@@ -283,6 +284,7 @@ def pick_jolt(
         return _not_found("the jolt does not end within the samples")
     # the front may lie in the sample before, with too small a share to be found
     first = onset - 1
+    # samples are means, so their sum over the rate is exactly the change of velocity
     jolt = world[first:last].sum(axis=0) / imu.rate
     # bias of the middle of the base, known to white / sqrt(base), walks until the end
     walked = float(imu.accelerometer_walk) * math.sqrt((last - base / 2) / imu.rate)

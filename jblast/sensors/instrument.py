@@ -166,6 +166,7 @@ def causal_filter(
     """
     if not 1 <= order <= HIGHEST_ORDER:
         raise ValueError(f"order: expected 1 to {HIGHEST_ORDER}, got {order}")
+    # an empty system passes its input: sections are appended to it
     a, b, c, d = (
         jnp.zeros((0, 0)),
         jnp.zeros((0, 1)),
@@ -217,6 +218,7 @@ def filter_block(
         samples: Signal.
     """
     n = samples.shape[0]
+    # the remainder is shorter than a chunk and takes the leading part of its matrices
     whole = n - n % CHUNK
     chunks = samples[:whole].reshape(-1, CHUNK)
 
@@ -305,6 +307,7 @@ def _in_chunks(a, b, c, d) -> CausalFilter:
     heard = (c @ powers[:CHUNK])[:, 0, :]
     after = jnp.concatenate([d[0], heard[: CHUNK - 1] @ b[:, 0]])
     lag = np.arange(CHUNK)[:, None] - np.arange(CHUNK)[None, :]
+    # Toeplitz and causal: no sample depends on later ones
     response = jnp.where(lag >= 0, after[np.maximum(lag, 0)], 0.0)
     kept = (powers[:CHUNK] @ b)[::-1, :, 0].T
     return CausalFilter(response, heard, kept, powers)

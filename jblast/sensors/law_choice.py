@@ -53,6 +53,7 @@ def resolve_laws(
                 f"{', '.join(names_for(quantity)) or '(none yet)'}"
                 f"{nearest(name, names_for(quantity))}"
             )
+    # an explicit law is never replaced
     left = [q for q in layout.quantities() if chosen.get(q, "auto") == "auto"]
     automatic = choose_laws(scene, layout, left, sigma) if left else {}
     return {
@@ -72,6 +73,7 @@ def laws_named(words: Sequence[str], quantities: Collection[str]) -> dict[str, s
         InputError: There is no such quantity or law, the law does not predict the
             quantity, or the log does not contain it.
     """
+    # a difference of arrivals needs the laws of both arrivals
     needed = {part for quantity in quantities for part, _ in components(quantity)}
     chosen: dict[str, str] = {}
     for word in (part.strip() for item in words for part in item.split(",")):
@@ -165,6 +167,7 @@ def _conditions(
         quantity: [] for quantity in quantities
     }
     for charge, shot, burst in _charges(scene):
+        # one burst per call: the errors of laws are tabulated by curve set
         path = replace(path_to(scene, layout, charge), burst=burst, free_air=None)
         for quantity, found in conditions.items():
             rows = _rows(layout, quantity, shot, charge, burst)
@@ -209,6 +212,7 @@ def _choose(
             rows = _rows(layout, quantity, shot, charge, burst)
             found.append(each)
             shares.append(tolerance_of(sigma[rows], quantity, [each]))
+    # the strictest stated tolerance of any row; without one the best law wins
     stated = [share for share in shares if share > 0.0]
     tolerance = min(stated, default=0.0)
     choice = choose_for(quantity, found, tolerance, laws_only=True)
@@ -231,6 +235,7 @@ def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:
         if charge.burst is None or charge.by_height:
             here = np.array(layout.shot) == shot
             free |= here & free_rows(scene, layout, charge)
+            # a charge without rows gets the surface curves
             kinds = set(free[here].tolist()) or {False}
             burst = (
                 None if len(kinds) == 2 else "free-air" if True in kinds else "surface"

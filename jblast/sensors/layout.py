@@ -110,6 +110,7 @@ class Layout(eqx.Module):
 
 def _column_rows(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
     """Return rows of a column; by NumPy if it is concrete, so that nothing compiles."""
+    # a gather in the program; concrete columns are indexed by NumPy instead
     if isinstance(column, Tracer):
         return column[rows]
     return jax.device_put(np.asarray(column)[rows])
@@ -118,7 +119,9 @@ def _column_rows(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
 def layout_of(observations: Observations, scene: Scene) -> Layout:
     """Return the rows of a log whose positions are known (see `resolve_positions`)."""
     shots = [charge.name for charge in scene.charges]
+    # a scene with one charge accepts any shot name
     shot = tuple(shots.index(s) if scene.others else 0 for s in observations.shot)
+    # paths from different charges are different, even to one sensor
     ways = list(zip(shot, observations.groups(), strict=True))
     groups = {way: i for i, way in enumerate(dict.fromkeys(ways))}
     return Layout(
@@ -281,6 +284,7 @@ def stride_of(rows: Int[np.ndarray, " some"]) -> int:
     """Return the constant step between rows; 0 if they are not evenly spaced."""
     if rows.size == 1:
         return 1
+    # an even step becomes a slice
     steps = np.unique(np.diff(rows))
     return int(steps[0]) if steps.size == 1 and steps[0] > 0 else 0
 
@@ -300,6 +304,7 @@ def joined(parts: Sequence[tuple[Int[np.ndarray, " _"], Array]], count: int) -> 
             by `and`; rows that no part has are true.
         count: Number of all rows.
     """
+    # masks are combined by `and`, numbers by sums
     yes = bool(parts) and parts[0][1].dtype == bool
     dtype = bool if yes else jnp.zeros(()).dtype
     parts = [(own, x.astype(dtype)) for own, x in parts]

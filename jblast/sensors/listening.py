@@ -142,7 +142,10 @@ def plan(
     source = uncertain.source or "scene"
     tracks = {} if tracks is None else tracks
     sensors, skipped = _sampling_sensors(uncertain.scene, source, tracks)
+    # as in `simulate` with the same seed: a log and the records agree
     scene = draw_scene(scene_key, uncertain)
+    # sound has a direction of arrival at each sensor: a range alone does not define the
+    # paths
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"{source}: [charge] range_m: expected position_m, which defines the path "
@@ -150,6 +153,7 @@ def plan(
         )
     places = {sensor.name: sensor for sensor in scene.sensors}
     sensors = tuple(places[sensor.name] for sensor in sensors)
+    # tracks of sensors that record nothing are ignored
     own = {i.name: tracks[i.name] for i in sensors if i.name in tracks}
     scene, truth, otherwise = _truths(scene, sensors, own, scene_of)
     drawn = [
@@ -241,6 +245,7 @@ def _check_rates(sensors: tuple[Sensor, ...], seconds: float, source: str) -> No
     for sensor in sensors:
         rate = instrument_of(sensor).rate
         where = f"{source}: [[sensor]] {sensor.name!r}"
+        # a WAV header has an integer rate
         is_sound = SENSOR_KINDS[sensor.kind].file == ".wav"
         if is_sound and rate != round(rate):
             raise InputError(
@@ -263,12 +268,14 @@ def _until_gone_by(truth: Truth, source: str) -> float:
     last = float(ends.max(initial=-math.inf))
     if last <= 0.0:  # no blast arrives, or all did before the clock began
         return WITHOUT_BLAST_S
+    # usually a `time_s` on another clock than the sensors'
     if last > LONGEST_S:
         raise InputError(
             f"{source}: the last blast has passed at {last:.6g} s on the clocks; "
             f"expected {argument('seconds')}, or a charge's time_s that ends the "
             f"record within {LONGEST_S:g} s"
         )
+    # rounded up to a tenth of a second, so that file lengths are plain
     return math.ceil(10.0 * last) / 10.0
 
 
@@ -292,6 +299,7 @@ def packets(
             f"the sampling rate of sensor {sensor.name!r}, got {packets_hz:g}"
         )
     recorder = SENSOR_KINDS[sensor.kind].samples()
+    # noise depends on the sensor's position in the scene, not on the order of recording
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
     scene, laws = listening.heard_by(sensor)
@@ -309,12 +317,14 @@ def packets(
             scene, sensor, key, packets_hz=packets_hz, laws=laws, **carried
         )
     except InputError as error:
+        # the message names the sensor already
         if shown(sensor.name) in str(error):
             raise
         raise InputError(f"sensor {sensor.name!r}: {error}") from None
     for packet in stream:
         samples = _by_component(packet.samples)[:left]
         yield samples
+        # the last packet is cut at the end of the record
         left -= len(samples)
         if left <= 0:
             return
@@ -346,6 +356,7 @@ def truth_of(
     tracks = tracks or {}
     quantities = tuple(name for name in requested if names_for(name))
     shots = len(scene.charges)
+    # a position is needed for the choice of laws; the arrivals refine it below
     start = {i.name: i.position_m for i in sensors}
     start |= {name: track.position[0] for name, track in tracks.items()}
     rows = [(q, s, i) for q in quantities for s in range(shots) for i in sensors]

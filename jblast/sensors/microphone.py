@@ -165,6 +165,7 @@ def record(
     Example:
         `microphone.record(scene, scene.sensors[0], 1.0, jax.random.key(0))`
     """
+    # the only static number: everything else may be traced
     n = sample_count(duration_s, rate_of(microphone))
     sound, state = _start(
         scene, microphone, key, start_s, laws, track, rotors, wave_paths
@@ -280,6 +281,7 @@ def ambient_sound(
         )
         # one block past the turn: `ambient_block` reads across the seam with no modulo
         return Loop(jnp.resize(turn, (turn.size + BLOCK,)))
+    # files are read by the caller (`listening.with_ambient`): this function is traced
     if ambient.file:
         raise InputError(
             f"ambient: expected the samples of {ambient.file} in its loop, got none"
@@ -367,6 +369,7 @@ def set_up(
         rotors: Rotors on board.
     """
     instrument = microphone.instrument or Instrument()
+    # one key per source: adding one does not change the others
     keys = jax.random.split(key, 4)
     begin = start_s - microphone.clock_offset_s
     place = microphone.position_m if track is None else track
@@ -376,6 +379,7 @@ def set_up(
     if instrument.wind_noise is not None:
         air = scene.air
         density = air_density(*ambient(air), air.relative_humidity)
+        # dynamic pressure, to which the membrane's noise is proportional
         level = density * (air.wind_east**2 + air.wind_north**2)
         level = instrument.wind_noise * level
         wind = coloured_noise(keys[1], instrument.rate, level, WIND_SLOPE)
@@ -415,6 +419,7 @@ def sound_block(
     middle = edges[:-1] + 0.5 / rate
     if sound.ambient is not None and sound.ambient_sound is not None:
         of_ambient, background = ambient_block(sound.ambient_sound, of_ambient, index)
+        # the track is on the common clock, the block on the record's own
         if isinstance(sound.place, Track):
             up = sound.place.at(middle + (shift[0] + sound.begin) + shift[1])[..., 2]
         else:
@@ -425,6 +430,7 @@ def sound_block(
         pressure = pressure + wind
     if sound.rotors is not None:
         pressure = pressure + rotor_tones(sound.rotors, shift, middle, rate)
+    # the instrument is last: filter, noise and limits act on the total pressure
     of_chain, samples = chain_block(sound.chain, of_chain, index, pressure)
     return (tuple(after), of_ambient, of_wind, of_chain), samples
 
@@ -554,6 +560,7 @@ def seamless(samples: Float[Array, " sample"], rate: float) -> Float[Array, " tu
     fade = max(1, min(round(CROSS_FADE_S * rate), samples.size // 4))
     # sine and cosine: their squares add up to one, so the power is constant
     angle = np.arange(fade) / fade * (np.pi / 2)
+    # the mixed part replaces both, so the turn is shorter by one fade
     head, tail = samples[:fade], samples[samples.size - fade :]
     mixed = head * np.sin(angle) + tail * np.cos(angle)
     return jnp.concatenate([mixed, samples[fade : samples.size - fade]])
@@ -563,6 +570,7 @@ def at_rate(
     turn: Float[Array, " turn"], loop_rate: float, rate: float
 ) -> Float[Array, " sample"]:
     """Return a turn at another rate, to the nearest whole number of samples."""
+    # whole samples per turn, so that the loop stays periodic
     n = max(1, round(turn.size * rate / loop_rate))
     if n == turn.size:
         return turn
@@ -608,6 +616,7 @@ def rotor_tones(
     """
     rotors = phase.rotors
     knots = phase.time - shift[0] - shift[1]
+    # before the first and after the last knot the speed is constant
     last = knots.size - 1
     knot = jnp.clip(jnp.searchsorted(knots, time, side="right") - 1, 0, last)
     since = (time - knots[knot])[:, None]
@@ -672,6 +681,7 @@ class LoopPackets:
                 f"got {size}"
             )
         packet = self._ring.read(size)
+        # as in the thesis: below three loops the background grows by each packet sent
         if self._ring.waiting + size < self._ring.capacity:
             self._append(size)
         return packet
@@ -692,6 +702,7 @@ class LoopPackets:
                 f"blast: expected an end within {self.reach} samples of the head (two "
                 f"loops), got {samples.size} samples at {at}"
             )
+        # case 2 of the thesis: extended to one loop past the blast's end
         if end > self._ring.waiting:
             self._append(end + self._loop.size - self._ring.waiting)
         self._ring.add(at, samples)

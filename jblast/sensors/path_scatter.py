@@ -101,6 +101,7 @@ def embedded(
     placed = (squared > 0) & (slant_range > 0)
     length = jnp.sqrt(jnp.where(placed, squared, 1.0))
     log_range = jnp.log(jnp.where(placed, slant_range, 1.0))
+    # paths without direction get a dummy point and are masked by `placed`
     unit = jnp.where(placed[:, None], toward / length[:, None], 0.0)
     return jnp.concatenate([log_range[:, None], unit], axis=1), placed
 
@@ -117,6 +118,7 @@ def correlations(
     apart = jnp.asarray(apart) + ROOT_GUARD
     found = jnp.zeros_like(apart)
     for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
+        # `apart` is squared, hence half the power
         part = f * jnp.exp(-((apart / rough**2) ** (power / 2)))
         if f < 1:
             part = part + (1 - f) * jnp.exp(-apart / smooth**2)
@@ -136,6 +138,7 @@ def decorrelation(
     """
     found = np.zeros_like(separation)
     for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
+        # expm1: 1 - exp of a tiny argument would round to 0
         turbulent = -np.expm1(-((separation / rough) ** power))
         along = -np.expm1(-np.square(separation / smooth))
         found = found + weight * (f * turbulent + (1 - f) * along)
@@ -168,6 +171,7 @@ def split(
     matrix = matrix + (1 + nugget) * jnp.eye(count, dtype=place.dtype)
     precision, _ = solve_system(matrix, jnp.eye(count, dtype=place.dtype))
     size = jnp.diagonal(precision)
+    # smoothed |Q|: the exact absolute value has no derivative at 0
     least = NEAR_ZERO**2 * size[:, None] * size[None, :]
     row_sum = jnp.sum(
         jnp.where(
@@ -175,6 +179,7 @@ def split(
         ),
         axis=1,
     )
+    # bound of diagonal dominance (module docstring)
     own = 1 / (size + row_sum)
     shared = matrix - jnp.diag(own) + nugget * jnp.eye(count, dtype=place.dtype)
     return own, cholesky_factor(shared)
@@ -193,6 +198,7 @@ def _split_by_anchors(place, placed, weights):
     inner = inner + (1 + nugget) * jnp.eye(ANCHORS, dtype=place.dtype)
     root = cholesky_factor(inner)
     columns = solve_system(root, across.T)[0].T
+    # without the anchor's correlation with itself
     neighbours = jnp.maximum(jnp.sum(across, axis=0) - 1, 0.0)
     share = neighbours / (neighbours + FEW_NEIGHBOURS)
     columns = columns * jnp.sqrt(share + nugget)[None, :]
@@ -248,6 +254,7 @@ def _eliminated(matrix, right):
 
     def step(i, state):
         both, size = state
+        # positive for these matrices, so no pivoting is needed
         pivot = both[i, i]
         row = both[i] / pivot
         column = both[:, i] - jnp.where(jnp.arange(count) == i, 1.0, 0.0)

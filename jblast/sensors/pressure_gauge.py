@@ -137,6 +137,7 @@ def _start(
     gauge, state = mounted(sensor, key, start_s)
     place = sensor.position_m if track is None else track
     waves = tuple(wave.pulse for wave in heard(scene, place, laws))
+    # only the reflection depends on the ambient pressure
     pressure = None if mounting == "side-on" else ambient(scene.air)[1]
     return PressureGauge(gauge, waves, pressure, as_float_array(drift)), state
 

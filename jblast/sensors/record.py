@@ -118,6 +118,7 @@ def residuals_of(
     circular = np.isin(quantity, CIRCULAR)
     if not circular.any():
         return residual
+    # 359 and 1 degrees differ by 2, not by 358
     short = jnp.mod(residual + math.pi, 2 * math.pi) - math.pi
     return jnp.where(opaque_constant(circular), short, residual)
 
@@ -129,6 +130,7 @@ def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     detonation = charge.as_if_at_zero().time_s
     since = layout.time - clock_offsets(scene, layout) - detonation
     path = path_between(scene, charge, layout.position, layout.slant_range, since)
+    # settled beforehand, so that a search does not switch curve sets
     if charge.burst is None and layout.free_air:
         path = replace(path, free_air=jnp.asarray(layout.free_air))
     return with_jolts(path, scene, charge, layout.quantity)
@@ -141,6 +143,7 @@ def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:
         return jnp.zeros(len(layout.clock))
     place = {name: i for i, name in enumerate(offsets_by_name, start=1)}
     offsets = jnp.stack([jnp.zeros(()), *offsets_by_name.values()])
+    # 0 is the common clock, for names without an offset
     of_row = np.array([place.get(name, 0) for name in layout.clock])
     return offsets[opaque_constant(of_row)]
 
@@ -183,6 +186,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     fields: list[tuple[str, str, int]] = []
     place, placed = jnp.zeros((n, 4)), jnp.zeros(n, bool)
     for shot, charge in enumerate(scene.charges):
+        # finite times for the laws: those of no detonation are put in at the end
         never, charge = charge.never, charge.as_if_at_zero()
         path = path_to(scene, layout, charge)
         here = shots == shot
@@ -191,6 +195,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         there, known = embedded(jnp.stack(toward, axis=1), path.slant_range)
         place = jnp.where(opaque_constant(here)[:, None], there, place)
         placed = jnp.where(opaque_constant(here), known, placed)
+        # the origin time is added once; laws contribute travel times
         starts = opaque_constant(here & is_clock_time)
         value = jnp.where(starts, charge.time_s + offsets, value)
         values, holds, variances = [], [], []
@@ -243,6 +248,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         # no detonation: sizes are zero, clock times infinite, directions undefined
         absent = np.where(np.isin(layout.quantity, CLOCK_TIMES), np.inf, sizeless)
         value = jnp.where(lost, opaque_constant(absent), value)
+        # nothing to predict, so nothing to flag
         valid = valid | lost
     # negated: a NaN variance is not zero and has to stay NaN
     some = ~(record_variance <= 0)
@@ -263,6 +269,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
 
 def _is_zero(sd: object) -> bool:
     """Return True for a plain 0.0: this scatter is absent and needs no effect."""
+    return isinstance(sd, int | float) and sd == 0
 
 
 def path_effects(
@@ -351,6 +358,8 @@ def with_jolts(
         toward = jnp.stack(
             [row_path.toward_east, row_path.toward_north, row_path.toward_up], axis=-1
         )
+        # a range without direction: the vehicle is placed east of the charge, at its
+        # height
         range_alone = ~jnp.any(toward != 0, axis=-1)
         east = jnp.zeros_like(toward).at[:, 0].set(row_path.slant_range)
         place = jnp.where(range_alone[:, None], east, -toward)[rows]
@@ -363,6 +372,7 @@ def with_jolts(
     if path.burst is not None:
         found = jolts(path)
     else:
+        # both sets are evaluated, as the height decides row by row
         surface, in_free_air = (jolts(path.at_burst(burst)) for burst in BURSTS)
         high = False if path.free_air is None else path.free_air[rows][:, None]
         found = jnp.where(high, in_free_air, surface)
@@ -430,6 +440,7 @@ def jolt_bearing(
         jolt_north: Likewise [m/s].
     """
     east, north = as_float_arrays(jolt_east, jolt_north)
+    # atan2(0, 0) has a NaN gradient
     aside = (east != 0) | (north != 0)
     angle = jnp.arctan2(jnp.where(aside, east, 0.0), jnp.where(aside, north, 1.0))
     return jnp.mod(angle, 2 * math.pi)

@@ -80,11 +80,13 @@ def block_start(
     Subtract the first from a time, then the second.
     """
     index = jnp.asarray(index)
+    # the general case, by floating point: its start is off by rounding, in no sum
     if rate != int(rate) or rate > LARGEST_RATE:
         start = index.astype(float) * (BLOCK / rate)
         whole = jnp.floor(start)
         return whole, start - whole
     whole_rate = int(rate)
+    # `rate` blocks last exactly BLOCK seconds, so the index is reduced modulo the rate
     cycle, place = index // whole_rate, (index % whole_rate).astype(jnp.uint32)
     sample = place * np.uint32(BLOCK)
     whole = cycle.astype(float) * BLOCK + (sample // np.uint32(whole_rate)).astype(
@@ -148,8 +150,10 @@ def packets(
                 block = jnp.asarray([next(blocks)])
                 state, samples = _blocks(step, setup, state, block)
                 made = np.asarray(samples).reshape(-1)
+                # room for a packet and the block that completes it
                 ring = ring or Ring(math.ceil(size) + 1 + BLOCK, made.dtype)
                 ring.write(made)
+            # a fraction: sums of a float step would drift over hours
             start = Fraction(start_s) + first / _exact(rate)
             yield Packet(index, first, float(start), ring.read(last - first))
             first = last
@@ -161,6 +165,7 @@ def _packet_size(
     rate: float, packet_s: float | None, packets_hz: float | None
 ) -> Fraction:
     """Return the samples of a packet as an exact fraction."""
+    # one of the two defines the other
     if (packet_s is None) == (packets_hz is None):
         raise ValueError("expected either packet_s or packets_hz, got both or none")
     name = "packets_hz" if packet_s is None else "packet_s"
@@ -239,7 +244,10 @@ def coloured_noise(
     """
     frequency = jnp.linspace(0.0, 0.5 * rate, BLOCK + 1)
     amplitude = jnp.sqrt(power_spectrum(frequency, slope))
+    # a rising or falling slope spans decades: scaled so that float32 keeps the small
+    # end
     amplitude = amplitude / jnp.max(amplitude)
+    # zero phase, shifted by half a block to be causal
     taps = jnp.roll(jnp.fft.irfft(amplitude, 2 * BLOCK), BLOCK // 2)[: BLOCK + 1]
     # a window: truncated taps would ripple about every corner of the spectrum
     taps = taps * jnp.hanning(BLOCK + 1)

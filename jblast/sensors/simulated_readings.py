@@ -181,6 +181,7 @@ def error_model(
     variance = jnp.square(recording.record_sd)
     for name, quantity, shot in recording.fields:
         rows, first, path = paths_of(layout, quantity, shot)
+        # a single path has no neighbour; too many would multiply the columns
         if weights is None or not 2 <= first.size <= MAX_PATHS:
             continue
         own, shared = split(
@@ -188,10 +189,12 @@ def error_model(
             picked(recording.placed, rows[first]),
             jnp.asarray(weights),
         )
+        # several rows of one path share its values
         if first.size < rows.size:
             own, shared = own[opaque_constant(path)], shared[opaque_constant(path)]
         if name in recording.arrival_sd:
             sd = picked(recording.arrival_sd[name], rows)
+            # the shared part of the variance moves from the row to the columns
             variance += joined([(rows, jnp.square(sd) * (own - 1))], n)
             of_neighbours.append((rows, sd[:, None] * shared))
         if name in of_paths:
@@ -265,6 +268,7 @@ def observe(
     """
     recording = record(scene, layout, laws)
     shared_key, own_key = jax.random.split(key)
+    # each log has one of the kernels, which the fit treats as unknown
     kernel = jax.random.randint(jax.random.fold_in(shared_key, 2), (), 0, len(TYPICAL))
     of_laws = error_model(recording, layout, jnp.eye(len(TYPICAL))[kernel])
     loading, neighbours = jnp.split(of_laws.loading, [of_laws.common], axis=1)

@@ -122,11 +122,13 @@ def wave_at(
         way: Path of the wave.
         reflection: Coefficient of the ground.
     """
+    # air and reflected waves have the same laws; only the ground wave needs motion
     if way != "ground":
         return air_wave(scene, position, laws, shot, way, reflection)
     seen, place = as_seen(scene, position, shot, way)
     (motion,) = ground_waves(seen, place, laws)
     there = is_there(scene, position, shot, way)
+    # the ground as a piston: velocity times rho c is pressure
     loudness = jnp.where(there, pressure_of_velocity(scene.air), 0.0)
     pulse = motion._replace(
         arrival_time=jnp.where(there, motion.arrival_time, jnp.inf),
@@ -160,6 +162,7 @@ def air_wave(
     """
     seen, place = as_seen(scene, position, shot, way)
     layout = rows_of_place(place, AIR_QUANTITIES)
+    # one call for the four rows: the path is computed once
     arrival, peak, duration, impulse = record(seen, layout, laws).value
     path = replace(
         path_to(seen, layout.only(np.array([1]))),
@@ -169,12 +172,15 @@ def air_wave(
     suction = _suction(path, peak)
     pulse = pulse_of(arrival, peak, impulse, duration, rise, *suction)
     there = is_there(scene, position, shot, way)
+    # an absent wave has no pressure; its arrival is infinite
     factor = jnp.where(there, 1.0 if way == "air" else reflection, 0.0)
     pulse = pulse._replace(
         arrival_time=jnp.where(there, arrival, jnp.inf),
         peak=factor * pulse.peak,
         suction=factor * pulse.suction,
     )
+    # validity of the peak decides about absorption: beyond its range the law
+    # extrapolates without it
     law = law_for("peak_overpressure_pa", laws["peak_overpressure_pa"])
     holds = jnp.broadcast_to(call(law.valid, path), (1,))[0]
     absorbed = ~holds | scene.air.absorption
@@ -226,6 +232,8 @@ def ground_waves(
         position: East, north, up [m]; above the ground, the motion is that below it.
         laws: Law names by quantity, all of `DEFAULT_GROUND_LAWS`.
     """
+    # ground motion is that of the surface below an elevated position; the arrival keeps
+    # its height
     below = position.at[2].min(0.0)
     shots = len(scene.charges)
     quantities = tuple(DEFAULT_GROUND_LAWS)
@@ -268,6 +276,7 @@ def ways(
         alone_or_low = charge.range_m is not None or charge.burst == "surface"
         if not (off or alone_or_low or _stands_low(charge)):
             found.append((shot, "reflected"))
+        # the ground wave exists for every charge, also for one in free air
         if ground:
             found.append((shot, "ground"))
     return tuple(found)
@@ -302,6 +311,7 @@ def low_charges_settled(scene: Scene) -> Scene:
     This needs known heights, so it is called outside jit. It halves the program, which
     would otherwise contain both curve sets.
     """
+    # heights are concrete here, so the choice costs nothing inside the program
     charges = [
         replace(charge, burst="surface", by_height=True)
         if charge.burst is None and _stands_low(charge)
@@ -340,6 +350,7 @@ def as_seen(
     charge = scene.charges[shot].as_if_at_zero()
     if way != "reflected":
         return replace(scene, charge=charge, others=()), position
+    # the image replaces the ground, which free-air curves do not contain
     charge = replace(charge, burst="free-air")
     mirror = jnp.array([1.0, 1.0, -1.0], position.dtype)
     return replace(scene, charge=charge, others=()), position * mirror
@@ -352,6 +363,7 @@ def is_there(
     charge = scene.charges[shot]
     if way != "reflected":
         return ~charge.never
+    # a charge or sensor on the ground has no separate reflection
     above = (charge.up > 0) & (position[2] > 0)
     if charge.burst is None:
         seen, _ = as_seen(scene, position, shot, "air")
@@ -400,6 +412,7 @@ def _named(
     scene: Scene, laws: Mapping[str, str] | None, defaults: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the law name of each quantity that has a default."""
+    # the caller's names override the scene's
     chosen = {**dict(scene.law), **(laws or {})}
     found = {
         quantity: chosen[quantity]

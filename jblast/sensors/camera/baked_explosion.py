@@ -164,6 +164,7 @@ class Pictures(ViewSet):
         part = (phase - self.phase[before]) / jnp.where(some, apart, 1.0)
         part = jnp.where(some, jnp.clip(part, 0.0, 1.0), 0.0).astype(phase.dtype)
         end = self.phase[-1].astype(phase.dtype)
+        # the weight of the last picture falls linearly to zero
         there = jnp.clip(1.0 - (phase / end - 1.0) / FADING, 0.0, 1.0)
         there = jnp.where(phase > 0.0, there, 0.0)
         return jnp.stack([before, after]), there * jnp.stack([1.0 - part, part])
@@ -182,6 +183,7 @@ class ExplosionViews(Pictures):
         """Return the times of frames and of rapid growth, since the burst [s]."""
         life = float(self._life(charge))
         mass = charge.tnt_mass("fireball_radius_m")
+        # doubling steps follow the decelerating growth
         growing = float(fireball_growth_time(mass)) * 0.25 * 2.0 ** np.arange(6)
         phases = np.asarray(self.phase, float)
         last = (1.0 + FADING) * phases[-1:]
@@ -237,6 +239,7 @@ def explosion_layer(
     mass = charge.tnt_mass("fireball_radius_m")
     phase = charge.since(time) / fireball_duration(mass)
     plane = plane_of(charge, rays, ball)
+    # 256 black bodies per instant, one for each value of heat, instead of one per texel
     heat = jnp.arange(256, dtype=ball.temperature.dtype) / 255.0
     light = blackbody_light(ball.air + heat * (ball.temperature - ball.air))
     glow = light / appearance.white
@@ -252,6 +255,7 @@ def explosion_layer(
             laid = laid_on(views, plane, axes, view, frame)
             x, y = met.on(laid)
             pitch = ray_pitch(x, y, met.ever, (laid.x, laid.y), size)
+            # smoothing and interpolation spread the silhouette by up to two pixels
             margin = 2.0 * jnp.maximum(pitch, 1.0)
             box = views.box[view, frame] + margin * jnp.array([-1.0, 1.0, -1.0, 1.0])
             cells |= touched(x, y, met.ever, corners.farthest <= 0.0, box)
@@ -380,6 +384,7 @@ def three_sides(
         inverses: Inverse of the matrix whose columns are a triangle's corners.
         towards: Vector from the blast to the camera.
     """
+    # barycentric coordinates in all triangles; the right one has no negative share
     shares = inverses @ towards
     shares = shares / jnp.sum(jnp.abs(shares), axis=1, keepdims=True)
     best = jnp.argmax(jnp.min(shares, axis=1))
@@ -512,6 +517,7 @@ def plane_of(charge: Charge, rays: Rays, ball: Cloud) -> Plane:
     east, north, _ = charge.position_m
     sight = jnp.stack([east, north, foot_height(charge)]) - rays.origin
     apart = jnp.any(sight != 0.0)
+    # a camera at the foot sees nothing; any finite vector avoids 0 / 0
     sight = jnp.where(apart, sight, 1.0)
     far = jnp.sqrt(jnp.sum(jnp.square(sight)))
     # the outline of a ball of radius R at distance d has the radius R / sqrt(1 - sin^2)
@@ -609,6 +615,7 @@ def _smoothed(picture, pitch):
 def _convolved(image, step: int, axis: int):
     """Return the convolution with [1, 2, 1] / 4 at a spacing of `step` texels."""
     length = image.shape[axis]
+    # both neighbours are outside the picture, where it is zero
     if step >= length:
         return 0.5 * image
     room = [(0, 0)] * image.ndim

@@ -175,6 +175,7 @@ def upright(direction: np.ndarray) -> np.ndarray:
     """
     up = np.array([0.0, 0.0, 1.0])
     across = up - direction[2] * direction
+    # below 1e-9 only rounding errors are left of the vertical
     length = float(np.linalg.norm(across))
     return across / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
 
@@ -259,6 +260,7 @@ def _picture_seen(
     board = billboard(views, rays, charge)
     since = charge.since(time) / views.stretch(charge)
     layer = resampled(_picture(views, board.view, since), board.x, board.y)
+    # hidden as a whole by anything nearer along the ray
     visible = board.distance < rays.farthest
     return (
         jnp.where(visible[None], layer, 0.0),
@@ -276,6 +278,7 @@ def _picture(
     last = views.frames.shape[1] - 1
     position = since * views.frames_hz
     before = jnp.floor(position)
+    # -1 and last + 1 are blank frames: nothing before the burst and after the end
     frame = jnp.clip(before, -1, last + 1).astype(int)
 
     def shown(frame):

@@ -123,6 +123,7 @@ class Film:
 
     @cached_property
     def _still(self) -> "Film":
+        # zero keeps the field's structure, so that the compiled program is shared
         camera = eqx.tree_at(
             lambda c: c.exposure_s, self.camera, 0.0 * self.camera.exposure_s
         )
@@ -176,6 +177,7 @@ class Film:
         times = np.pad(times, (0, self._length() - count), mode="edge")
         background = self._behind
         if isinstance(background, MovingBackground):
+            # a moving background starts with the film, whatever the clock
             background = background.at(times - self.times[0])
         if self.path is not None:
             if not isinstance(background, Landscape):
@@ -259,6 +261,7 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     charges = film.scene.charges
     bursts = np.array([float(charge.time_s) for charge in charges])
     masses = [charge.tnt_mass("fireball_radius_m") for charge in charges]
+    # the shortest life decides for all charges
     step = min(float(fireball_duration(mass)) for mass in masses) / PER_LIFE
     found = [bursts]
     if film.views is None:
@@ -356,6 +359,7 @@ def _instants(film: Film, bounds: _Bounds):
 
 def _refine(intervals: deque[Interval], film: Film, bounds: _Bounds) -> None:
     """Evaluate the middles of the first intervals without one; halve coarse ones."""
+    # one block of middles at a time: the program has a fixed number of frames
     front = [i for i, interval in enumerate(intervals) if len(interval.times) == 2][
         :BLOCK
     ]
@@ -378,11 +382,14 @@ def _refine(intervals: deque[Interval], film: Film, bounds: _Bounds) -> None:
 def _is_fine(length: float, light, bounds: _Bounds) -> bool:
     """Return True if an interval with its middle satisfies the bounds."""
     before, middle, after = (np.log(np.maximum(image, DARKEST)) for image in light)
+    # total change: proportional to the number of events, also for a peak between the
+    # ends
     passed = np.abs(middle - before) + np.abs(after - middle)
     if passed.sum() <= QUIET * bounds.threshold:
         return True
     off, bad = np.abs(middle - 0.5 * (before + after)), np.zeros(passed.shape, bool)
     if length > bounds.time_s:
+        # d T / D of the module's docstring, without a division by a change of zero
         bad |= off * length > bounds.time_s * np.abs(after - before)
     if length > JUMP * bounds.time_s:
         # two linear halves have a quarter of the error of one (quadratic light)

@@ -255,8 +255,10 @@ def passage(
     room = jnp.square(radius) - jnp.sum(jnp.square(aside), axis=0)
     met = ~(room <= 0)  # negated: a NaN radius stays visible as NaN
     half = jnp.sqrt(jnp.where(met, room, 1.0))
+    # the camera may be inside the cloud: the passage then begins at it
     begin = jnp.clip(-along, -half, half)
     end = jnp.clip(rays.farthest - along, -half, half)
+    # a radius of zero has no passage, and would divide by zero
     size = jnp.where(met, radius, 1.0)
     chord = jnp.where(met, room, 0.0) / jnp.square(size)
     first, last = begin / size, end / size
@@ -299,6 +301,7 @@ def glow(
         air: Temperature of the surrounding air [K].
         appearance: Its `rim` states how much cooler the limb is.
     """
+    # the excess over the air: a cold cloud has a limb as cold
     limb = air + appearance.rim * (temperature - air)
     return blackbody_light(limb), blackbody_light(temperature)
 
@@ -341,6 +344,7 @@ def between(
     lights = jnp.stack([limb, middle]) + FAINTEST
     brightness = luminance(lights)
     (low, high), (cool, hot) = jnp.log(brightness), lights / brightness[:, None]
+    # colour apart from brightness: a mean of lights would take the hue of the brighter
     colour = cool[:, None, None] + (hot - cool)[:, None, None] * part[None]
     return jnp.exp(low + (high - low) * part)[None] * colour
 
@@ -362,6 +366,7 @@ class GlowTable(eqx.Module):
     def __call__(self, ball: Cloud) -> Glow:
         """Return the light of limb and middle of a fireball in the table's air."""
         place = (ball.temperature - self.air) / self.pace
+        # outside the table the last cubic is extended; fireballs do not leave its range
         before = jnp.clip(place.astype(int), 0, len(self.knots) - 2)
         u = place - before.astype(place.dtype)
         # cubic Hermite: value a and slope `rise` at one knot, b and `leave` at the next
@@ -380,6 +385,7 @@ def glow_table(
 ) -> GlowTable:
     """Return the table of fireballs in air of one temperature [K]."""
     pace = (HOTTEST - air) / (knots - 1)
+    # slopes come with the values by one forward derivative
     temperatures = air + pace * jnp.arange(knots, dtype=pace.dtype)
 
     def glowing(temperature):
@@ -430,6 +436,7 @@ def fireballs_over(
         behind: The images.
     """
     corners = corner_rays(rays)
+    # cells of all images first: they share one size of window
     cells = jax.vmap(lambda time: cells_touched(scene, corners, time))(times)
 
     # gradients recompute the contents of a window: storing them would fill the memory
@@ -473,6 +480,7 @@ def cells_touched(
         )
         nearest = -_over_corners(-apart, jnp.maximum)
         sine = ball.radius / away
+        # camera inside the ball, which then covers every ray
         within = ~(sine < 1.0) | ~(square > 0.0)
         cosine = jnp.sqrt(1.0 - jnp.square(jnp.where(within, 0.0, sine)))
         # chords obey the triangle inequality; the sum is the chord of arcsin(R/d)
@@ -527,6 +535,7 @@ def ray_pitch(
     """
     away = jnp.square(x - anchor[0]) + jnp.square(y - anchor[1])
     row, column = jnp.divmod(jnp.argmin(jnp.where(met, away, jnp.inf)), x.shape[1])
+    # the last corner has no cell beyond it
     row = jnp.minimum(row, x.shape[0] - 2)
     column = jnp.minimum(column, x.shape[1] - 2)
     down, right = (
@@ -646,6 +655,7 @@ def laid_in_windows(
     )
     # one size for all images, the smallest that holds the largest extent of any of them
     needed = jnp.max(jnp.stack(needs), axis=1)
+    # sizes ascend, so the number of those too small is the index of the first that fits
     which = jnp.sum(jnp.any(needed[None] > sizes[:-1], axis=1))
 
     def branch(size):
@@ -653,6 +663,7 @@ def laid_in_windows(
 
         def image(images, inputs):
             number, row, column, own = inputs
+            # a window at the edge is shifted inwards: slices have a fixed size
             row = jnp.clip(row, 0, shape[0] - rows)
             column = jnp.clip(column, 0, shape[1] - columns)
             part = Rays(

@@ -89,7 +89,9 @@ def project(camera: Camera, points: Float[ArrayLike, "... 3"]) -> Projected:
         OpenCV 5, Calib3d, "Detailed Description".
     """
     x, y, depth = (c[..., 0] for c in jnp.split(to_camera(camera, points), 3, axis=-1))
+    # a product instead of a quotient: no division by a depth near zero
     ahead = depth * STEEPEST > jnp.maximum(jnp.abs(x), jnp.abs(y))
+    # guarded inputs, not a guarded result: a `where` around x / 0 has NaN gradients
     z = jnp.where(ahead, depth, 1.0)
     across, down = jnp.where(ahead, x, 0.0) / z, jnp.where(ahead, y, 0.0) / z
     plane = jnp.stack([across, down], axis=-1)
@@ -170,6 +172,8 @@ def undistort(
         step = _solve(point, distortion, bent - distort(point, distortion))
         there = point + part[..., None] * step
         left_there = _length(bent - distort(there, distortion))
+        # all pixels are lanes of one loop; solved ones stay unchanged until the last is
+        # done
         better = unsolved_lanes(point, part, left) & (left_there < left)
         better &= unfolded(there, distortion)
         return (
@@ -204,6 +208,7 @@ def _solve(
 ) -> Float[Array, "... 2"]:
     """Solve J step = right, with J the Jacobian of `distort` at a point."""
     xx, xy, yy = distortion_jacobian(point, distortion)
+    # 2 x 2 by Cramer's rule: LAPACK calls for each pixel would be far slower
     det = xx * yy - xy * xy
     x, y = right[..., 0], right[..., 1]
     solved = jnp.stack([yy * x - xy * y, xx * y - xy * x], axis=-1)
@@ -304,10 +309,12 @@ def fold_radius(
         before = clear(middle)
         return jnp.where(before, middle, inside), jnp.where(before, beyond, middle)
 
+    # even in angle, so that wide lenses are searched as finely as narrow ones
     radii = jnp.asarray(np.tan(np.arange(1024) * (np.pi / 2 / 1024)), unit.dtype)
     at = jax.vmap(lambda radius: clear(jnp.broadcast_to(radius, unit.shape[:-1])))
     folded = ~at(radii)  # never at the centre, where the Jacobian is the unit matrix
     first = jnp.argmax(folded, axis=0)
+    # the sign changes between the last clear radius and the first folded one
     bracket = radii[jnp.maximum(first - 1, 0)], radii[first]
     inside, _ = jax.lax.fori_loop(0, HALVINGS, halve, bracket)
     return jnp.where(jnp.any(folded, axis=0), inside, jnp.inf)
@@ -360,6 +367,7 @@ def pixel_rays(
         ground: True if rays end at the plane up = 0.
     """
     dtype = camera.position.dtype
+    # pixel centres are at whole numbers, so the image spans -0.5 to width - 0.5
     x, y = (
         (jnp.arange(size * supersample, dtype=dtype) + 0.5) / supersample - 0.5
         for size in (camera.width, camera.height)
@@ -367,6 +375,7 @@ def pixel_rays(
     unit = unproject(camera, jnp.stack(jnp.meshgrid(x, y), axis=-1))
     unit = jnp.moveaxis(unit, -1, 0)  # contiguous images of each component: faster
     shown = ~jnp.isnan(unit[0])
+    # any finite direction: NaN would spread into gradients of the other pixels
     unit = jnp.where(shown, unit, 1.0)
     farthest = jnp.full(shown.shape, jnp.inf, dtype)
     if depth is not None:
@@ -374,6 +383,7 @@ def pixel_rays(
         farthest = jnp.repeat(farthest, supersample, axis=1)
     if ground:
         down = unit[2] < 0
+        # rays at or above the horizon never meet the ground
         hit = -camera.position[2] / jnp.where(down, unit[2], -1.0)
         farthest = jnp.minimum(farthest, jnp.where(down, hit, jnp.inf))
     return Rays(camera.position, unit, jnp.where(shown, farthest, 0.0))
@@ -425,11 +435,13 @@ def surfaces_seen(rays: Rays, *, image: bool) -> Surfaces:
     height = 16.0 * jnp.finfo(place.dtype).eps * (rays.farthest + rays.origin[2])
     flat = solid & (jnp.abs(place[2]) <= height)
     across, along = (_towards_neighbour(place, solid, axis) for axis in (2, 1))
+    # two tangents of the surface, by differences to neighbours
     normal = jnp.cross(across, along, axis=0)
     square = jnp.sum(jnp.square(normal), axis=0)
     leans = square > 0.0
     length = jnp.sqrt(jnp.where(leans, square, 1.0))[None]
     normal = jnp.where(leans[None], normal / length, -rays.direction)
+    # the order of neighbours gives either sign
     facing = jnp.sum(normal * rays.direction, axis=0) <= 0.0
     normal = jnp.where(facing[None], normal, -normal)
     return Surfaces(place, jnp.where(flat[None], up, normal), solid)
@@ -445,6 +457,7 @@ def _towards_neighbour(
         (slice(None),) * axis + (part,) for part in (slice(-1), slice(1, None))
     )
     step = place[there] - place[here]
+    # a neighbour in the sky is no part of the surface
     known = solid[there[1:]] & solid[here[1:]]
     square = jnp.where(known, jnp.sum(jnp.square(step), axis=0), jnp.inf)
     step = jnp.where(known[None], step, 0.0)
@@ -475,6 +488,7 @@ class CameraPath(eqx.Module):
         Args:
             time: Time on the common clock [s].
         """
+        # first and last interval serve all times outside the rows; `part` is clipped
         after = jnp.clip(jnp.searchsorted(self.time, time), 1, len(self.time) - 1)
         begin, end = self.time[after - 1], self.time[after]
         part = jnp.clip((time - begin) / (end - begin), 0.0, 1.0)
@@ -482,6 +496,8 @@ class CameraPath(eqx.Module):
         a, b = self.quaternion[after - 1], self.quaternion[after]
         # q and -q are the same rotation; the nearer one gives the shorter path
         b = jnp.where(jnp.dot(a, b) < 0.0, -b, b)
+        # linear and normalised: within 0.1 degree of slerp for turns below 30 degrees
+        # per row
         turn = (1.0 - part) * a + part * b
         return place, turn / jnp.sqrt(jnp.sum(jnp.square(turn)))
 

@@ -167,6 +167,7 @@ def laid_over(
     if len(layers) == 1:
         return layers[0]
     stack = jnp.stack(layers)
+    # sorted inside the program: the order may change with time
     order = jnp.argsort(jnp.stack(distances), descending=True)
     whole = stack[order[0]]
     for nearer in order[1:]:
@@ -190,6 +191,7 @@ def straight(image: Float[Array, "... 4"]) -> Float[Array, "... 4"]:
     """Return premultiplied alpha as straight alpha; black where alpha is 0."""
     alpha = image[..., 3:]
     seen = alpha > 0
+    # guarded division: gradients of transparent pixels stay finite
     colour = jnp.where(seen, image[..., :3] / jnp.where(seen, alpha, 1.0), 0.0)
     return jnp.concatenate([colour, alpha], axis=-1)
 
@@ -207,6 +209,7 @@ def srgb_to_linear(value: Any) -> Any:
     """
     xp = _namespace(value)
     bent = value > 0.04045
+    # the power is evaluated at 1 on the linear branch, where its base may be negative
     above = ((xp.where(bent, value, 1.0) + 0.055) / 1.055) ** 2.4
     return xp.where(bent, above, value / 12.92)
 
@@ -266,7 +269,9 @@ def blackbody_light(
     """
     xyz, scale = _relative_xyz(as_float_array(temperature))
     ratio = xyz @ jnp.asarray(LINEAR_SRGB.T, xyz.dtype) / xyz[..., 1:2]
+    # smooth maximum of the ratio and 0
     shown = 0.5 * (ratio + jnp.sqrt(jnp.square(ratio) + STEP_WIDTH**2))
+    # rescaled, so that the smooth step leaves the luminance unchanged
     weight = luminance(shown)
     return (scale * xyz[..., 1] / weight)[..., None] * shown
 
@@ -329,6 +334,7 @@ def toned(light: Any) -> Any:
         An array of the same kind; light from 0 to 1 is unchanged.
     """
     xp = _namespace(light)
+    # negative channels are outside the gamut
     light = xp.maximum(light, 0.0)
     peak = xp.maximum(light.max(axis=-1, keepdims=True), 1.0)
     part = 1.0 / (DESATURATION * (peak - 1.0) + 1.0)
@@ -368,6 +374,7 @@ def bloom(
     spread = np.zeros_like(frames)
     for relative in WIDTHS:
         sigma = relative * max(height, width)
+        # a Gaussian is separable: one matrix for rows, one for columns
         rows, columns = (_spreading(size, sigma) for size in (height, width))
         wide = np.einsum(
             "ij,...jkc->...ikc", rows.astype(frames.dtype), frames, optimize=True
@@ -453,6 +460,7 @@ def resampled(
     several times smaller needs several rays per pixel.
     """
     height, width = picture.shape[:2]
+    # two pixels outside are zero already; infinite positions would give NaN
     at = [jnp.clip(y, -2.0, height + 1.0), jnp.clip(x, -2.0, width + 1.0)]
 
     def one(channel):
@@ -490,6 +498,7 @@ def ssim(one: Grey, other: Grey, where: Bool[np.ndarray, "height width"]) -> flo
 def structural_similarity(one: Grey, other: Grey) -> Grey:
     """Return the structural similarity about each pixel, -1 to 1."""
     mean, mean_other = _local(one), _local(other)
+    # one pass by moments: pictures are within 0 to 1, so little is cancelled
     variance = _local(np.square(one)) - np.square(mean)
     variance_other = _local(np.square(other)) - np.square(mean_other)
     covariance = _local(one * other) - mean * mean_other

@@ -147,6 +147,7 @@ def render(
                 )
     size = (camera.height, camera.width, 3)
     source: Any = background
+    # a function is evaluated at each instant inside the program, never as a whole film
     if not callable(background):
         source = images(camera, background, len(times))
     appearance = Appearance() if appearance is None else appearance
@@ -184,6 +185,7 @@ def _render(
     """Return the result of `render` for checked inputs."""
     rays, lit, supersample = outlook.rays, outlook.lit, outlook.supersample
     appearance, views = shown_by
+    # this frequent case composites in place, only where fireballs are
     simple = views is None and supersample == exposures == 1 and not alpha
 
     def instant(time, behind):
@@ -193,6 +195,7 @@ def _render(
                 image: Any = source(time)
                 behind = fitting(as_float_array(image), [size], size)
             if lit is not None:
+                # light adds to the background before the fire covers it
                 behind = brightened(behind, lit, scene, time, appearance)
             if simple:
                 return behind
@@ -299,6 +302,7 @@ def exposed(
     def add(total, part):
         return total + instant(time + part * exposure), None
 
+    # midpoint rule, of second order in the length of a part
     middles = (jnp.arange(parts, dtype=time.dtype) + 0.5) / parts
     return jax.lax.scan(add, nothing, middles)[0] / parts
 
@@ -345,6 +349,7 @@ def render_carried(
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
         exposures = 1
+    # the lens is inverted once; each pose only rotates its rays
     lens = camera_rays(camera, supersample)
     middles = lens if supersample == 1 else camera_rays(camera, 1)
     look = Appearance() if appearance is None else appearance
@@ -445,6 +450,7 @@ def _in_view(scene: Scene, camera: Camera, views: ViewSet | None) -> Bool[Array,
         else views.is_met(scene, charge, rays)
         for charge in scene.charges
     ]
+    # `as_if_at_zero` makes a charge that never detonates visible: excluded here
     happens = [~charge.never for charge in scene.charges]
     return jnp.any(jnp.stack(shown) & jnp.stack(happens))
 
@@ -468,6 +474,7 @@ def _meets_fireball(
         offset = ball.centre - rays.origin
         along = jnp.tensordot(offset, rays.direction, 1)
         square = jnp.sum(jnp.square(offset))
+        # the margin is an angle, so a distance grows with that to the ball
         reach = ball.radius + margin * jnp.sqrt(square)
         met = (square - jnp.square(along) < jnp.square(reach)) & (along > -ball.radius)
         return jnp.any(met & (rays.farthest > 0.0))

@@ -120,11 +120,13 @@ class Sun(eqx.Module):
         chord = jnp.sqrt(jnp.maximum(square, jnp.finfo(square.dtype).tiny))
         angle = 2.0 * jnp.arcsin(jnp.minimum(0.5 * chord, 1.0))
         radius = jnp.maximum(RADIUS, pixel)
+        # an edge one pixel wide, so that a moving sun does not flicker
         disc = jnp.clip((radius - angle) / pixel + 0.5, 0.0, 1.0)
         # over the area of a disc whose edge falls off within a pixel
         area = jnp.square(radius) + jnp.square(pixel) / 12.0
         bright = (RADIUS / math.sin(RADIUS)) ** 2 / area
         limb = math.degrees(RADIUS)
+        # the law of glare diverges in the middle
         apart = jnp.maximum(jnp.degrees(angle), limb)
         return bright * disc + GLARE / jnp.square(apart)
 
@@ -201,6 +203,7 @@ class Landscape(eqx.Module):
         left, top = left.astype(int), top.astype(int)
 
         def texel(row, column):
+            # modulo tiles the texture
             at = start + (row % rows) * columns + column % columns
             return jnp.moveaxis(self.texels[at], -1, 0)
 
@@ -225,6 +228,7 @@ def landscape(
     """
     image = np.array([[GROUND]]) if texture is None else np.asarray(texture, float)
     sizes = [image]
+    # down to one pixel: the mean light of the texture, seen far away
     while max(sizes[-1].shape[:2]) > 1:
         sizes.append(_halved(sizes[-1]))
     counts = [size.shape[0] * size.shape[1] for size in sizes]
@@ -244,6 +248,8 @@ def _halved(image: np.ndarray) -> np.ndarray:
     for axis in (0, 1):
         size = image.shape[axis]
         if size > 1:
+            # box filter by differences of the running sum; odd sizes have fractional
+            # bounds
             edges = np.arange(size // 2 + 1) * (size / (size // 2))
             whole = np.concatenate(
                 [np.zeros_like(image.take([0], axis)), np.cumsum(image, axis)], axis
@@ -350,6 +356,7 @@ def lit_rows(surfaces: Surfaces) -> LitRows:
     if not isinstance(surfaces.solid, Tracer):
         rows = np.flatnonzero(np.asarray(surfaces.solid).any(axis=1))
         rows = rows if len(rows) else np.zeros(1, int)
+        # rounded up, so that few counts of rows occur
         step = -(-height // PARTS)
         count = min(-(-int(rows[-1] + 1 - rows[0]) // step) * step, height)
         first = min(int(rows[0]), height - count)
@@ -374,6 +381,7 @@ def brightened(
         appearance: Level of daylight.
     """
     gained = jnp.moveaxis(flash(scene, lit.surfaces, time, appearance), 0, -1)
+    # every row is lit: no slice needed
     if gained.shape[0] == behind.shape[0]:
         return behind * (1.0 + gained)
     at = lit.first, 0, 0
@@ -439,6 +447,7 @@ def _arctan_series(terms: int) -> list[float]:
         root = np.sqrt(square)
         return (np.arctan(root) / root - 1.0) / square
 
+    # Chebyshev points: nearly the best polynomial of this degree
     ends = np.polynomial.Chebyshev.interpolate(ratio, terms - 1, [0.0, 1.0])
     return ends.convert(kind=np.polynomial.Polynomial).coef.tolist()
 
@@ -468,8 +477,10 @@ def sphere_factor(
     cosine = jnp.where(apart, along, 0.0) / jnp.sqrt(square)
     near = jnp.where(apart, jnp.minimum(jnp.square(radius) / square, 1.0), 1.0)
     near = jnp.where(lit, near, 0.5)  # (R/d)^2
+    # the plain cosine law while the sphere is entirely above the plane
     whole = near * jnp.maximum(cosine, 0.0)
     # sine and cosine of arccos y are `across` and -x cos(beta), over sin(beta)
+    # the plane of the surface cuts the sphere
     cut = jnp.square(cosine) < near
     slant = jnp.where(cut, cosine, 0.0)
     outside = near < 1.0
@@ -486,6 +497,7 @@ def _angle(y: Float[Array, "..."], x: Float[Array, "..."]) -> Float[Array, "..."
     """Return the angle of (x, y) from the x axis, for y >= 0, not both 0."""
     aside = jnp.abs(x)
     steep = y > aside
+    # reduced to 0 to 1, the range of the polynomial
     tangent = jnp.minimum(y, aside) / jnp.maximum(y, aside)
     series = _ARCTAN[jnp.dtype(tangent.dtype).name]
     square, rest = jnp.square(tangent), series[-1]

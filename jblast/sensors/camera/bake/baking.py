@@ -106,6 +106,7 @@ class Baking:
         """
         recipe = self.work / "recipe.json"
         ours = self._identity()
+        # the stored recipe decides whether unfinished work is of the same set
         theirs = read_json(recipe, "the recipe of a set") if recipe.exists() else None
         index = self.out / INDEX
         if index.exists() and not force:
@@ -113,6 +114,7 @@ class Baking:
                 f"{index}: exists already; expected a new directory, or "
                 f"{argument('force')} to overwrite it"
             )
+        # only these names may be overwritten or removed
         known = baked_views(index) | recipe_views(theirs)
         for number in range(len(self.direction)):
             if (
@@ -183,6 +185,7 @@ class Baking:
         cache = self.work / "cache"
         shutil.rmtree(cache, ignore_errors=True)
         settings = simulation_settings(self.recipe, self.instants, self.work)
+        # noise is a second, finer grid with files of its own
         grids = 2 if self.recipe.physics["noise"] else 1
         through = counted(grids * int(self.recipe.physics["last"]), "steps")
 
@@ -216,6 +219,8 @@ class Baking:
                 if number in done:
                     continue
                 there = len(list(self._folder(number).glob("[0-9]*.exr")))
+                # a complete view is packed at once: its pictures take 20 times the
+                # space
                 if there == each:
                     write_view(
                         self.out / view_file(number),
@@ -526,6 +531,7 @@ def run_blender(
     """
     command = [
         str(Path(program).resolve()),
+        # without python-exit-code Blender ends with 0 after an error of the script
         *(_option("background"), _option("python-exit-code"), "3"),
         *([] if blend is None else [str(blend.resolve())]),
         *(_option("factory-startup"), _option("python")),

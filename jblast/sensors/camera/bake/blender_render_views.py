@@ -39,6 +39,7 @@ def main() -> None:
 
     scene, domain = bpy.context.scene, bpy.data.objects["domain"]
     for thing in bpy.data.objects:
+        # the emitters are meshes, which would be rendered as solids
         thing.hide_render = thing.name != domain.name
     materials, inputs = set_materials(bpy, domain, config)
     set_light(bpy, scene, config["light"], Vector)
@@ -47,10 +48,12 @@ def main() -> None:
     scene.camera = cameras[0]
     for first in range(0, len(config["views"]), VIEWS_PER_FRAME):
         views = config["views"][first : first + VIEWS_PER_FRAME]
+        # layer outside, frames inside: changing the material prepares the scene again
         for layer in LAYERS:
             domain.data.materials[0] = materials[layer]
             scene.cycles.samples = config["samples"][layer]
             for number, frame in enumerate(config["frames"]):
+                # resumed after an interruption: only pictures without a file
                 missing = [
                     (view, path)
                     for view in views
@@ -78,6 +81,7 @@ def render(bpy, scene, paths: list[str]) -> None:
     eyes = [eye for eye in scene.render.views if eye.name.startswith(EYE)]
     for number, eye in enumerate(eyes):
         eye.use = number < len(paths)
+    # a single view is rendered without multi-view, whose files have suffixes
     several = len(paths) > 1
     scene.render.use_multiview = several
     scene.render.filepath = os.path.join(os.path.dirname(paths[0]), "part.exr")
@@ -90,6 +94,7 @@ def render(bpy, scene, paths: list[str]) -> None:
 def add_camera(bpy, scene, number: int):
     """Add a camera, and the render view that uses it."""
     lens = bpy.data.cameras.new(f"camera_{number}")
+    # orthographic: the scale of a picture does not depend on depth
     lens.type, lens.clip_end = "ORTHO", FARTHEST
     camera = bpy.data.objects.new(lens.name, lens)
     scene.collection.objects.link(camera)
@@ -136,6 +141,7 @@ def set_output(scene, config: dict) -> None:
     image.file_format, image.exr_codec = "OPEN_EXR", "NONE"
     image.color_mode, image.color_depth = "RGBA", "32"
     render.views_format, image.views_format = "MULTIVIEW", "INDIVIDUAL"
+    # Blender's own left and right views stay off
     for eye in render.views:
         eye.use = False
     render.use_file_extension = True
@@ -215,6 +221,7 @@ def material(bpy, name: str, look: dict, inputs: dict, flames: bool):
     extinction = calculated("MULTIPLY", grid("density"), value("extinction"))
     if name == "glow":
         warmth, most = (grid("flame"), 1.0) if flames else (grid("heat"), value("hot"))
+        # relative to the frame's own hot gas: the simulation's unit has no meaning
         share = calculated("DIVIDE", warmth, most, clamp=True)
         heat = calculated("POWER", share, look["contrast"])
         heat = calculated("MULTIPLY", heat, value("fade"))

@@ -41,6 +41,7 @@ def main() -> None:
     scene = bpy.context.scene
     scene.render.fps = 24
     scene.frame_start, scene.frame_end = 1, physics["last"]
+    # one generator in a fixed order: a seed defines all lobes and puffs
     draw = random.Random(config["seed"])
     add_fire(bpy, physics, draw)
     add_dust(bpy, physics, draw)
@@ -141,6 +142,7 @@ def add_flow(
     flow.use_initial_velocity = True
     flow.velocity_factor, flow.velocity_normal = 1.0, speed
     flow.surface_distance, flow.subframes = 0.5, 1
+    # keyframes switch the flow on and off at whole frames
     for frame, flows in ((first - 1, first == 1), (first, True), (first + count, True)):
         flow.use_inflow = flows
         flow.keyframe_insert("use_inflow", frame=frame)
@@ -164,6 +166,7 @@ def add_domain(bpy, physics: dict, cache: str):
     settings.cache_directory, settings.cache_type = cache, "ALL"
     settings.cache_frame_start, settings.cache_frame_end = 1, physics["last"]
     settings.cache_data_format = "OPENVDB"
+    # the ground; the other sides are open, so that gas can leave
     settings.use_collision_border_bottom = True
     for side in ("front", "back", "left", "right", "top"):
         setattr(settings, f"use_collision_border_{side}", False)
@@ -176,6 +179,7 @@ def add_domain(bpy, physics: dict, cache: str):
     settings.flame_vorticity = physics["flame_vorticity"]
     settings.flame_ignition, settings.flame_max_temp = 1.2, 4.0
     settings.flame_smoke_color = SOOT
+    # fast gas at the start needs shorter steps than the frames
     settings.use_adaptive_timesteps = True
     settings.cfl_condition, settings.timesteps_max = 4.0, 4
     return domain

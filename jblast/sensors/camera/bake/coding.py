@@ -163,10 +163,12 @@ def layers_of(glow: Channels, shade: Channels) -> Layers:
         shade: Likewise for the scattering gas.
     """
     alpha = np.clip(glow["A"], 0.0, 1.0)
+    # premultiplied light over alpha: the mean source of the ray
     there = np.maximum(alpha, MIN_OPACITY)
     weights = np.asarray(LUMINANCE)  # float64, so that light is too
     light = sum(w * glow[c] for w, c in zip(weights, "RGB", strict=True)) / there
     heat = np.where(alpha > MIN_OPACITY, heat_of_light(np.asarray(light)), 0.0)
+    # guards the division in empty pixels, which are transparent anyway
     opacity = np.maximum(averaged(shade["A"]), 1e-3)
     colour = np.stack([averaged(shade[c]) / opacity for c in "RGB"], axis=-1)
     return Layers(heat, np.clip(colour, 0.0, 1.0), alpha)
@@ -226,6 +228,7 @@ def _channels(data: bytes) -> Channels:
         [("y", "<i4"), ("bytes", "<i4")] + [(n, t, (width,)) for n, t in names]
     )
     offsets = np.frombuffer(data, "<u8", height, place)
+    # NaN marks lines that an incomplete file does not have
     found = {name: np.full((height, width), np.nan, np.float32) for name, _ in names}
     for offset in offsets.tolist():
         (row,) = np.frombuffer(data, line, 1, offset)
@@ -270,6 +273,7 @@ def visible_radius(alpha: Float[np.ndarray, "height width"]) -> float:
     Args:
         alpha: Opacity of fire and smoke, 0 to 1.
     """
+    # column sums: their spread is insensitive to a rim (module docstring)
     columns = (alpha > OPAQUE).sum(axis=0).astype(float)
     total = columns.sum()
     if total == 0:

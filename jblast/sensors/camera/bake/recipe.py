@@ -169,6 +169,7 @@ def latitude_grid(number: int) -> Directions:
         InputError: The number is out of range.
     """
     index = _indices(number)
+    # four times as many azimuths as rings: square cells at the horizon
     rings = max(1, round(math.sqrt(number / 4.0)))
     azimuth, elevation = [], []
     for ring, members in enumerate(np.array_split(index, rings)):
@@ -285,7 +286,9 @@ def timeline(number: int) -> list[Instant]:
         raise InputError(
             f"{argument('frames')}: expected 2 to {LAST} frames, got {shown(number)}"
         )
+    # whole steps, because the simulation stores no others
     steps = np.rint(np.linspace(1, LAST, number)).astype(int)
+    # phases span four decades
     logs = np.interp(steps, STEPS, np.log(PHASES))
     out, gone = FADES
     return [
@@ -321,12 +324,14 @@ def picture_sides(
         top: Largest height of the cloud [m].
         elevation_deg: Elevations of the views.
     """
+    # all views share one side per frame, so that they can be mixed
     angle = np.radians(elevation_deg)[:, None]
     share = 0.5 + LOWEST * np.cos(angle)
     above = (top * np.cos(angle) + reach * np.sin(angle)) / share
     below = reach * np.sin(angle) / (1.0 - share)
     least = np.maximum(2.0 * reach, np.maximum(above, below).max(axis=0))
     sides = ROOM * np.maximum(least, MIN_SIDE * least.max())
+    # never smaller again: the scale of a picture must not jump back
     return np.maximum.accumulate(sides)
 
 
@@ -387,8 +392,10 @@ def packing_distance(direction: Directions) -> float:
     if len(direction) < 2:
         raise InputError(f"directions: expected two or more, got {len(direction)}")
     cosines = direction @ direction.T
+    # a direction's distance to itself does not count
     np.fill_diagonal(cosines, -np.inf)
     first, second = np.unravel_index(np.argmax(cosines), cosines.shape)
+    # the nearest pair has the largest cosine; its angle comes from the chord
     chord = np.linalg.norm(direction[first] - direction[second])
     return 2.0 * math.asin(min(1.0, float(chord) / 2.0))
 

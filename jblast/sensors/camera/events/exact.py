@@ -104,10 +104,12 @@ def frameless_events(
         np.broadcast_to(np.asarray(threshold, float), shape).ravel()
         for threshold in thresholds
     ]
+    # no finer than the spacing of float64 at the largest time
     tolerance = max(tolerance, float(np.spacing(np.abs(times).max())))
     each = max(1, SAMPLES_IN_MEMORY // len(times))
     found, done = [Found(pixels[:0], np.empty(0), pixels[:0])], 0
     through = counted(len(pixels), "pixels")
+    # event times to 1e-9 s on clocks of seconds need float64
     with jax.enable_x64(True):
         for at in np.array_split(pixels, max(1, -(-len(pixels) // each))):
             if len(at):
@@ -141,6 +143,7 @@ def _pixel_events(log_light, width: int, at, times, both, tolerance: float) -> F
     crossed, level = _walk(knots, both)
     piece = np.flatnonzero(crossed)
     number, sign = np.abs(crossed[piece]), np.sign(crossed[piece])
+    # running number of each event within its segment, from 1
     nth = np.arange(1, number.sum() + 1) - np.repeat(np.cumsum(number) - number, number)
     piece, sign = np.repeat(piece, number), np.repeat(sign, number)
     pixel = knots.pixel[piece]
@@ -178,6 +181,7 @@ def _changing_pixels(knots: Knots, both) -> Knots:
     begin = np.flatnonzero(np.diff(knots.pixel, prepend=-1))
     least = np.minimum.reduceat(knots.value, begin)
     most = np.maximum.reduceat(knots.value, begin)
+    # same margin as in `crossings`, so that no pixel with an event is dropped
     limit = np.minimum(*both) - rounding(np.maximum(np.abs(least), np.abs(most)), np)
     return knots.at((most - least >= limit)[knots.pixel])
 
@@ -189,6 +193,7 @@ def _walk(knots: Knots, both) -> tuple[Int[np.ndarray, " _"], Float[np.ndarray, 
     """
     begin = np.flatnonzero(np.diff(knots.pixel, prepend=-1))
     length = np.diff(begin, append=knots.pixel.size)
+    # longest pixels first: at knot k all pixels with more knots are a leading slice
     begin, length = (v[np.argsort(-length, kind="stable")] for v in (begin, length))
     positive, negative = (threshold[knots.pixel[begin]] for threshold in both)
     first = knots.value[begin]
@@ -224,6 +229,7 @@ def in_lanes(run, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
         return np.empty(0), np.empty(0)
     parts, begin = [], 0
     while begin < size:
+        # largest size that is filled; the rest is padded to the smallest
         lanes = next((n for n in SIZES if n <= size - begin), SIZES[-1])
         part = [np.asarray(field[begin : begin + lanes], float) for field in fields]
         kept = len(part[0])
@@ -245,6 +251,7 @@ def solve_crossings(log_light, low, high, level, sign, x, y, tolerance):
         *old, unfinished = state
         low, high, time, last, before = old
         value, slope = value_and_slope(log_light, time, x, y)
+        # before the crossing: the lower bound moves up
         short = sign * (value - level) < 0.0
         low, high = jnp.where(short, time, low), jnp.where(short, high, time)
         move = (level - value) / jnp.where(slope == 0.0, jnp.inf, slope)
@@ -318,6 +325,7 @@ def _joined(parts) -> Knots:
 def _misfit(a: Knots, middle: Knots, b: Knots) -> Float[np.ndarray, " knot"]:
     """Return the deviation of the middle from the cubic of the ends, slope included."""
     length, rise = b.time - a.time, b.value - a.value
+    # Hermite cubic and its slope at the middle
     value = 0.5 * (a.value + b.value) + length / 8.0 * (a.slope - b.slope)
     slope = 1.5 * rise / length - 0.25 * (a.slope + b.slope)
     off = np.abs(middle.value - value)
@@ -343,6 +351,7 @@ def _extrema(curve: Curve, a: Knots, b: Knots, tolerance: float) -> Knots:
         if not unfinished.any():
             return a
         middle = curve(a.pixel, 0.5 * (a.time + b.time))
+        # same sign as at the start: the extremum is in the second half
         before = middle.slope * a.slope > 0.0
         a, b = (
             Knots(*(np.where(to, m, f) for m, f in zip(middle, knots, strict=True)))
@@ -380,6 +389,7 @@ def implicit_times(
 def _sent_counts(events: Events) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers of a pixel's events of each sign so far, at each event."""
     y, x = np.asarray(events.y), np.asarray(events.x)
+    # by pixel, then in order of time, which `events` already has
     order = np.lexsort((np.arange(y.size), x, y))
     sign = np.asarray(events.polarity)[order]
     new = np.append(True, (np.diff(x[order]) != 0) | (np.diff(y[order]) != 0))[: y.size]

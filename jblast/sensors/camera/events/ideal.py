@@ -173,6 +173,7 @@ def continued_events(
         before, after = flat[interval, pixel], flat[interval + 1, pixel]
         change = jnp.where(sign != 0, after - before, 1.0)
         target = levels.ravel()[cell] + nth.astype(step.dtype) * step
+        # the margin of `rounding` may place a crossing just outside its interval
         part = jnp.clip((target - before) / change, 0.0, 1.0).astype(times.dtype)
         return times[interval] + part * (times[interval + 1] - times[interval])
 
@@ -273,6 +274,7 @@ def _write_out(
     total = ends[-1]
     slot = jnp.arange(capacity, dtype=ends.dtype)
     valid = slot < total
+    # inverse of the cumulated counts: each slot finds its interval and pixel
     cell = jnp.searchsorted(ends, slot, side="right")
     cell = jnp.minimum(cell, number.size - 1)
     nth = slot - (ends[cell] - number[cell]) + 1
@@ -447,6 +449,7 @@ def reset_runs(
 def _interval(held: Held, before, after, start, stop, thresholds, refractory_s):
     """Return the state of pixels after an interval, and their events in it."""
     positive, negative = thresholds
+    # still held at the start of the interval, and throughout it
     waits, gone = held.until > start, held.until > stop
     slope = (after - before) / (stop - start)
     begin = jnp.where(waits & ~gone, held.until, start)
@@ -460,7 +463,9 @@ def _interval(held: Held, before, after, start, stop, thresholds, refractory_s):
     steep = jnp.where(sends, slope, 1.0)
     first = start + (level + sign * size - before) / steep
     first = jnp.clip(first, begin, stop)
+    # after each reset the light needs this time to change by a threshold again
     pace = refractory_s + size / jnp.abs(steep)
+    # an event exactly at the end of the interval belongs to it
     late = rounding(jnp.maximum(jnp.abs(start), jnp.abs(stop)))
     more = jnp.floor((stop - first + late) / pace)
     count = sign * (1 + jnp.maximum(more, 0.0).astype(sign.dtype))
@@ -566,6 +571,7 @@ def frame_differences(
     """
     before: np.ndarray | None = None
     for time, grey in frames:
+        # differences of unsigned bytes would wrap
         light = grey.astype(np.int16)
         if before is not None:
             change = light - before

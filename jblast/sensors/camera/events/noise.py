@@ -100,6 +100,7 @@ def noisy_events(
         leak = leaks(hot, shape, noise)
         positive = jnp.broadcast_to(jnp.asarray(thresholds[0]), shape)
         first = first - leak.phase * positive
+        # a sinking reference equals a rising signal, which the ideal pixel can process
         log_frames = leaked(log_frames, times - times[0], leak.rate, positive)
     held = _reset_period(noise)
     if held is not None:
@@ -189,6 +190,7 @@ def noisy_stream(
             mean = noise.shot_hz * shape[0] * shape[1] * (stop - start)
             # mean plus ten standard deviations of the Poisson number: none is lost
             room = padded_size(int(mean + 10.0 * np.sqrt(mean) + 10.0))
+            # one key per block, so that noise does not repeat
             here = jax.random.fold_in(shot, i)
             extra = _shot_noise(here, noise.shot_hz, shape, start, stop, capacity=room)
         if extra is None and (held is not None or noise.refractory_s is None):
@@ -265,6 +267,7 @@ def rested(
     def step(carry, event):
         pixel, time, sign, before = event
         before = jnp.where(pixel == carry[0], carry[1], before)
+        # padding has sign 0 and is never sent
         sent = (time - before >= refractory_s) & (sign != 0)
         return (pixel, jnp.where(sent, time, before)), sent
 
@@ -275,6 +278,7 @@ def rested(
     sent = jnp.zeros_like(sent).at[one_by_one].set(sent)
     when = jnp.where(sent, events.time, -jnp.inf)
     last = last.ravel().at[pixel].max(when).reshape(last.shape)
+    # sent events first, in their order of time
     order = jnp.argsort(~sent, stable=True)
     kept = sent[order]
     x, y = (jnp.where(kept, field[order], -1) for field in (events.x, events.y))
@@ -312,6 +316,7 @@ def _signals(
             start = times[0]
             # one second of the first frame before it: the low-pass starts at rest
             before, signal = (times[0] - 1.0, logs[0]), logs[0]
+        # the last frame of the block before continues the low-pass
         clock = jnp.asarray(np.append(before[0], times))
         held = jnp.concatenate([before[1][None], logs])
         answer, signal = _signal(held, clock, signal, bandwidth_hz, drift, start)

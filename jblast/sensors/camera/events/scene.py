@@ -83,6 +83,7 @@ def events(
     """
     frames = render(
         scene,
+        # events have no exposure; the photoreceptor's lag is part of the noise model
         replace(camera, exposure_s=jnp.zeros_like(camera.exposure_s)),
         times,
         background=background,
@@ -145,6 +146,7 @@ def render_events(
     if light.lit is not None:
         step = jnp.min(jnp.asarray(camera.threshold))
         touched |= _brightened_pixels(light, light.lit, jnp.asarray(times), step)
+    # pixels that the fire can neither cover nor light send no events
     pixels = np.flatnonzero(touched)
     return frameless_events(
         light, shape, times, both, tolerance=tolerance, pixels=pixels

@@ -183,6 +183,8 @@ class Strip:
         above, below = level + self.positive[at], level - self.negative[at]
         dtype = self.last.dtype
         if dtype == np.uint8:
+            # the table's darkest value has the largest logarithm, so its margin serves
+            # all
             slack = rounding(self.table[:1], np)
             highest = np.searchsorted(self.table, above - slack, side="left") - 1
             lowest = np.searchsorted(self.table, below + slack, side="right")
@@ -202,6 +204,7 @@ class Strip:
             self.start(float(times[0]), self.values(block[0]))
         assert self.last is not None
         at, values, last = self.loud(block)
+        # logarithms of the few loud pixels only
         logs = self.log(np.vstack([self.last[at], values]))
         found = self.follow(at, np.append(self.time, times), logs)
         self.time, self.last = float(times[-1]), last
@@ -243,6 +246,7 @@ class Strip:
         nth = np.arange(number.sum()) - np.repeat(ends - number, number)
         time = np.repeat(first, number) + nth * np.repeat(pace, number)
         start, stop = np.repeat(times[interval], number), times[interval + 1]
+        # rounding may place a crossing just outside its interval
         time = np.clip(time, start, np.repeat(stop, number))
         pixel = np.repeat(at[lane] + self.offset, number)
         return Found(pixel, time, np.repeat(np.sign(crossed), number))
@@ -287,6 +291,7 @@ def _strips(shape, thresholds, begun, options, background, workers) -> list[Stri
     """Return strips of rows of the image, one per worker."""
     height, width = shape[:2]
     both = [np.broadcast_to(np.asarray(t, float), (height, width)) for t in thresholds]
+    # NumPy and XLA release the interpreter lock, so threads suffice
     edges = np.linspace(0, height, min(workers, height) + 1).astype(int)
     strips = []
     for a, b in pairwise(edges):
@@ -368,6 +373,7 @@ class CompositeStrip(Strip):
     def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the pixels that may send events, their values, and all last values."""
         assert self.last is not None
+        # integer comparison of whole words: far cheaper than compositing
         changed = np.flatnonzero((block != self.words).any(axis=0))
         values = self.composited(block[:, changed], changed)
         last = self.last.copy()

@@ -110,6 +110,7 @@ class EventKernel:
             flat = np.broadcast_to(np.asarray(value, kind), shape).ravel()
             setattr(self.camera, name, wp.array(flat, device=self.device))
         self.camera.table = wp.array(table, dtype=wp.float64, device=self.device)
+        # screening compares light in float32; logarithms are taken only for loud pixels
         lights = np.exp(table).astype(np.float32)
         self.camera.lights = wp.array(lights, device=self.device)
         self.is_ideal = leak is None and refractory_s == 0.0
@@ -148,6 +149,7 @@ class EventKernel:
             else:
                 known = self.camera, self.reset
                 self._launch(begin_reset, values, *known, self.pixels)
+        # a block that exceeds the capacity is repeated from this state
         self._copy(self.pixels, self.spare)
         while True:
             self.found = self._room_for(Found, self.room)
@@ -155,6 +157,7 @@ class EventKernel:
             count = int(self.found.count.numpy()[0])
             if count <= self.room:
                 break
+            # a power of two: capacities settle after a few blocks
             self.room = 1 << (count - 1).bit_length()
             self._copy(self.spare, self.pixels)
         self.time, self.count = float(times[-1]), count
@@ -340,6 +343,7 @@ class Ordering:
     def _sort(self, found: Any, count: int) -> None:
         kept, order = self.kept, self.order
         self._launch(number, count, found, self.pixel, order)
+        # only the bits that pixel numbers have
         wp.utils.radix_sort_pairs(self.pixel, order, count, end_bit=self.bits)
         self._launch(times_of, count, found, order, kept["time"])
         wp.utils.radix_sort_pairs(kept["time"], order, count)
@@ -373,6 +377,7 @@ class Ordering:
         if not self.pinned:
             return self.kept[name].numpy()[:count].copy()
         wp.copy(self.pinned[name], self.kept[name], count=count)
+        # the copy to pinned memory is asynchronous
         wp.synchronize_stream(self.device)
         return self.pinned[name].numpy()[:count].copy()
 

@@ -154,11 +154,13 @@ def write_aedat4(
         for events in _packets(blocks):
             data = _packet(events)
             file.write(np.array([STREAM, len(data)], "<i4").tobytes())
+            # the index finds packets by their first and last time
             times = [int(t) for t in events["t"][[0, -1]]] if len(events) else [0, 0]
             packets.append(Packet(file.tell(), len(data), len(events), *times))
             file.write(data)
         table = file.tell()
         file.write(_table(packets))
+        # the header is written again, with the position of the table
         file.seek(0)
         file.write(_header(*size, table))
 
@@ -231,6 +233,7 @@ def _table(packets: Sequence[Packet]) -> bytes:
         builder.PrependInt64Slot(4, packet.last, 0)
         entries.append(builder.EndObject())
     builder.StartVector(4, len(entries), 4)
+    # FlatBuffers are built from the end
     for entry in reversed(entries):
         builder.PrependUOffsetTRelative(entry)
     vector = builder.EndVector()

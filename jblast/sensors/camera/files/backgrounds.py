@@ -37,6 +37,7 @@ def background_named(
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
         return _read(text, camera, times - times[0])
+    # numbers are linear light, files are sRGB
     light = np.array(numbers)
     if len(numbers) not in (1, 3) or not ((light >= 0) & (light <= 1)).all():
         raise InputError(

@@ -178,5 +178,6 @@ def _columns(events: Events) -> Columns:
         np.asarray(field)[:count]
         for field in (events.x, events.y, events.time, events.polarity)
     )
+    # all formats have whole microseconds
     t = np.rint(1e6 * time).astype(np.int64)
     return {"x": x, "y": y, "t": t, "p": sign > 0}

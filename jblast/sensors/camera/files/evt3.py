@@ -104,6 +104,7 @@ class Decoder:
         before = np.where(kind == ADDR_X, value, base - _lengths(kind))
         mask[(high < 0) | (y < 0) | (before < 0)] = 0
         at = np.flatnonzero(mask)
+        # one row of twelve flags per word with events
         bits = (mask[at, None] >> np.arange(12)) & 1
         row, column = np.nonzero(bits)
         word = at[row]
@@ -166,6 +167,7 @@ def read_evt3(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
     """
     with path.open("rb") as file:
         header = read_header(path, file)
+        # a truncated file would otherwise lose its last events without a message
         octets = os.fstat(file.fileno()).st_size - file.tell()
         if octets % 2 or (header.words is not None and octets != 2 * header.words):
             amount = (
@@ -226,6 +228,7 @@ class Encoder:
         # position after the last; the others are counted back from it.
         y = events["y"].astype(np.int64)
         steps = np.diff(high, prepend=self.high)
+        # unchanged parts of the state are not repeated
         is_low = (np.diff(low, prepend=self.low) != 0) | (steps > 0)
         is_row = np.diff(y, prepend=self.y) != 0
         ends = np.cumsum(steps + is_low + is_row + 1)

@@ -53,6 +53,7 @@ def frame_files(directory: str | Path, *, arrays: bool = False) -> list[Path]:
     names = [path for path in every if path.suffix.lower() == ".png"]
     if arrays and not names:
         names = [path for path in every if path.suffix.lower() == ARRAYS]
+    # frame 10 after frame 9, with or without leading zeros
     files = sorted(names, key=lambda path: (_parts(path), path.name))
     if len(files) < 2:
         raise InputError(
@@ -71,6 +72,7 @@ def _parts(path: Path) -> list[tuple[str, int]]:
 def _check_gaps(files: list[Path]) -> None:
     """Reject frames whose names differ in a single number with unequal steps."""
     rows = [_parts(path) for path in files]
+    # names of different patterns: gaps cannot be recognised
     if len({len(row) for row in rows}) > 1:
         return
     changing = [
@@ -213,6 +215,7 @@ def read_pictures(files: Sequence[Path]) -> UInt8[np.ndarray, "frame height widt
     pictures: list[np.ndarray] = []
     for path in files:
         picture = read_png(path)
+        # the upper byte of 16 bits: an 8-bit display needs no more
         if picture.dtype != np.uint8:
             picture = (picture >> 8).astype(np.uint8)
         if picture.ndim == 3 and picture.shape[2] == 2:  # grey and alpha
@@ -235,6 +238,7 @@ def _light(path: Path, pixels: np.ndarray, srgb: bool) -> np.ndarray:
     """Return linear light without alpha: (height, width) or with three channels."""
     value = pixels / (255.0 if pixels.dtype == np.uint8 else 65535.0)
     if value.ndim == 3 and value.shape[2] in (2, 4):
+        # opaque alpha is harmless and frequent; any transparency has no defined light
         if value[..., -1].min() < 1.0:
             raise InputError(
                 f"{path}: expected an opaque frame, got a transparent one; composite "
@@ -299,6 +303,7 @@ def read_png(path: str | Path) -> np.ndarray:
         if _has_deep_channels(data):
             return _deep_channels(data)
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+            # palettes and bits have no direct values
             if image.mode in ("1", "P", "PA"):
                 image = image.convert("RGBA" if image.has_transparency_data else "RGB")
             pixels = np.asarray(image)
@@ -338,6 +343,7 @@ def _deep_channels(data: bytes) -> UInt16[np.ndarray, "height width channel"]:
         if chunk == b"IDAT":
             packed.append(data[place + 8 : place + 8 + size])
         place += 12 + size
+    # two bytes per channel: the filters' distance to the left neighbour
     step = 2 * CHANNELS[kind]
     raw = np.frombuffer(zlib.decompress(b"".join(packed)), np.uint8)
     if raw.size != height * (1 + width * step):
@@ -365,6 +371,7 @@ def _unfiltered(
         columns = diagonal - rows
         left, above = out[rows + 1, columns], out[rows, columns + 1]
         corner, kind = out[rows, columns], kinds[rows]
+        # Paeth's predictor, for filter 4
         guess = left + above - corner
         to_left, to_above, to_corner = (
             np.abs(guess - near) for near in (left, above, corner)
@@ -457,6 +464,7 @@ def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height wi
             f"{path}: expected distances above 0 m, got {along[row, column]:g} at row "
             f"{row}, column {column}"
         )
+    # camera axis in the world: its component along a ray converts depth to distance
     axis = np.asarray(quaternion_matrix(camera.quaternion))[:, 2]
     ahead = np.tensordot(
         axis, np.asarray(pixel_rays(camera, ground=False).direction), 1

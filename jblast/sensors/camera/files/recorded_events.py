@@ -87,6 +87,7 @@ def recorded(
         check_place(path, name, columns[name], limit)
     check_rising(path, columns["t"])
     p = columns["p"]
+    # some writers code darker as -1
     if p.dtype.kind == "i":
         p = np.where(p == -1, 0, p)
     if len(p) and not ((p == 0) | (p == 1)).all():
@@ -207,6 +208,7 @@ def write_dsec(
     each_ms = np.zeros(last_ms, np.int64)
     with h5py.File(path, "w") as file:
         group = file.create_group("events")
+        # DSEC's readers ignore these attributes; ours need the size
         group.attrs.update(dict(zip(("width", "height"), size, strict=True)))
         columns = {
             name: group.create_dataset(
@@ -220,6 +222,7 @@ def write_dsec(
                 column.resize((count + new,))
                 column[count:] = block[name]
             count += new
+            # events per millisecond; their running sum is the index
             here = np.bincount(block["t"] // 1000, minlength=len(each_ms))
             here[: len(each_ms)] += each_ms
             each_ms = here

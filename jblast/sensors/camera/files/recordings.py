@@ -184,11 +184,13 @@ class MovingBackground:
 
         The last image is repeated after its time.
         """
+        # fractional number of the frame
         place = np.interp(times, self.times, np.arange(len(self.times)))
         whole = np.rint(place)
         place = np.where(np.abs(place - whole) < ROUNDING, whole, place)
         before = np.floor(place).astype(int)
         share = place - before
+        # each frame is decoded once per call; the next one only if it has a share
         needed = np.union1d(before, before[share > 0] + 1)
         images = {int(k): self.picture(int(k)) for k in needed}
         return np.stack(
@@ -251,7 +253,7 @@ def check_size(path: Path, width: int, height: int, camera: Camera) -> None:
     """
     if (width, height) != (camera.width, camera.height):
         raise InputError(
-            f"{path}: expected {camera.width} x {camera.height} pixels as of the "
+            f"{path}: expected {camera.width} x {camera.height} pixels as the "
             f"camera has, got {width} x {height}"
         )
 
@@ -272,12 +274,14 @@ class _FramesInAnyOrder:
 
     def values(self, number: int) -> np.ndarray:
         """Return the values of a frame, as `Video.frames` does."""
+        # a seek for jumps; small steps forward continue decoding
         if number not in self.held and not 0 <= number - self._next <= AHEAD:
             self._frames, self._next = self.video.frames(number), number
         while number not in self.held:
             frame = next(self._frames)
             self.held[self._next] = frame
             self._next += 1
+            # at least two frames, between which a time is interpolated
             if len(self.held) > max(2, CACHE_BYTES // frame.nbytes):
                 self.held.popitem(last=False)
         self.held.move_to_end(number)
@@ -335,6 +339,7 @@ def read_camera_path(path: str | Path) -> CameraPath:
             f"{path}: line {lines[late[0] + 2][0]}: expected times that rise, got "
             f"{values[late[0] + 1, 0]:g} s after {values[late[0], 0]:g} s"
         )
+    # decimals of a file leave quaternions slightly off unit length
     length = np.linalg.norm(values[:, 4:], axis=1, keepdims=True)
     if not length.all():
         number = lines[1 + int(np.argmin(length))][0]

@@ -93,6 +93,7 @@ class Video:
         """
         with opened(self.path) as (container, stream):
             number = 0
+            # AVI cannot be sought by stamps: it is decoded from the start
             if first and not has_no_stamps(container):
                 container.seek(self.stamps[first], stream=stream, backward=True)
                 number = None
@@ -107,6 +108,7 @@ class Video:
             except ffmpeg_error() as error:
                 why = f"frame {number}: {error.strerror}"
                 raise cut_short(self.path, why) from None
+        # frames may be missing without an error of the decoder
         if number != len(self):
             raise cut_short(self.path, f"{number:,} of {len(self):,} frames")
 
@@ -118,6 +120,7 @@ class Video:
 
     def luminance(self, values: np.ndarray) -> Float[np.ndarray, "height width"]:
         """Return the grey linear light of values, full scale 1, in single precision."""
+        # weights folded into the table: one look-up per channel, no product per pixel
         red, green, blue = (
             np.take(np.float32(weight) * self.table, values[..., channel])
             for channel, weight in enumerate(LUMINANCE)
@@ -126,6 +129,7 @@ class Video:
 
     def _values(self, frame: Any) -> np.ndarray:
         values = _rgb(frame, deep=len(self.table) > 256)
+        # cameras held upright store their frames lying, with a rotation
         values = np.rot90(values, self.turns)
         if values.shape[:2] != (self.height, self.width):
             raise InputError(
@@ -182,6 +186,7 @@ def open_video(path: str | Path, *, even: bool = True) -> Video:
         bits = max(part.bits for part in frame.format.components)
         size = frame.width, frame.height
         width, height = size if turns % 2 == 0 else size[::-1]
+        # a video without a stated curve in RGB comes from a screen: sRGB
         curve = int(frame.color_trc)
         if curve == UNSPECIFIED and frame.format.is_rgb:
             curve = SRGB
@@ -250,7 +255,9 @@ def video_writer(
     from av.video.reformatter import ColorRange, Colorspace
 
     container = CONTAINERS[Path(path).suffix.lower()]
+    # 4:2:0 has one colour for 2 x 2 pixels
     even = height % 2, width % 2
+    # containers store the rate as a fraction of small integers
     rate = Fraction(frames_hz).limit_denominator(1000)
     with (
         replacing(path) as temporary,
@@ -279,6 +286,7 @@ def video_writer(
             file.mux(stream.encode(shown))
 
         yield add
+        # frames that the encoder still delays
         file.mux(stream.encode())
 
 
@@ -317,6 +325,7 @@ def frame_stamps(path: Path, container: Any, stream: Any) -> list[int]:
         raise InputError(
             f"{path}: expected a video of at least two frames, got {len(stamps)}"
         )
+    # packets are in order of decoding, which for B-frames is not that of showing
     stamps.sort()
     if len(stamps) < stream.frames and not _is_spaced(container, stream, stamps):
         raise cut_short(path, f"{len(stamps):,} of {stream.frames:,} frames")
@@ -348,6 +357,7 @@ def check_even(path: Path, times: Float[np.ndarray, " frame"], other: str = "") 
             zero.
     """
     steps = np.diff(times)
+    # the median is not affected by a gap
     usual = float(np.median(steps))
     off = np.abs(steps - usual)
     if (steps > 0).all() and off.max() < UNEVEN * usual:
@@ -463,6 +473,7 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
         streams = [s for s in container.streams.video if not _is_cover(s)]
         if not streams:
             raise InputError(f"{path}: expected a video, got a file without one")
+        # decoding by frames and slices in parallel
         streams[0].thread_type = "AUTO"
         yield container, streams[0]
 

@@ -126,6 +126,7 @@ def read_views(directory: str | Path) -> Views:
         if not isinstance(entry, dict):
             raise InputError(f"{where}: expected a table, got {shown(entry)}")
         known_keys(entry, KEYS["[[view]] "], where)
+        # keys of a view override those at the top
         entry = {key: index[key] for key in SHARED if key in index} | entry
         files = _files(directory, entry.get("frames"), f"{where}frames")
         pictures.append(read_pictures(files))
@@ -212,6 +213,7 @@ def _up(
         return level
     at = f"{where}up"
     vector = fixed_list(entry["up"], at, "[east, north, up]")
+    # only the part across the direction is visible as up
     across = vector - (vector @ direction) * direction
     length = np.linalg.norm(across)
     # nearly parallel vectors leave only rounding errors across
@@ -277,7 +279,9 @@ def explosion_views(
     chosen = np.arange(len(index.files))
     if towards is not None:
         rows = np.reshape(np.asarray(towards, float), (-1, 3))
+        # a set is large: views that no camera needs are not decoded
         chosen = shown_towards(index.directions, rows, sides)
+    # WebP decoding releases the interpreter lock
     with ThreadPoolExecutor() as pool:
         frames = list(pool.map(lambda v: _frames(index, v), chosen.tolist()))
     texels = np.stack(frames)
@@ -289,6 +293,7 @@ def explosion_views(
     # triangles whose three views are read; a convex hull of these would have others
     kept = np.flatnonzero(np.all(np.isin(corners, chosen), axis=1))
     kept = kept if len(kept) else np.zeros(1, int)
+    # renumbered for the views that were read
     corners = np.minimum(np.searchsorted(chosen, corners[kept]), len(chosen) - 1)
     inverses = inverses[kept]
     boxes, heights = _extents(texels, anchors[:, 1])
@@ -356,6 +361,7 @@ def _frames(index: ExplosionIndex, view: int) -> UInt8[np.ndarray, "frame size s
             f"{size} x {size} twice in {columns} columns, got {sheet.shape[1]} x "
             f"{sheet.shape[0]}"
         )
+    # half, row, column, then the tile's pixels
     cut = sheet.reshape(2, rows, size, columns, size, 4).transpose(0, 1, 3, 2, 4, 5)
     heat, cover = cut.reshape(2, rows * columns, size, size, 4)[:, :count]
     texels = np.concatenate([heat[..., :1], cover], axis=-1)
@@ -363,6 +369,7 @@ def _frames(index: ExplosionIndex, view: int) -> UInt8[np.ndarray, "frame size s
     edge = np.ones((size, size), bool)
     edge[1:-1, 1:-1] = False
     texels[:, edge, 4] = 0
+    # faint artefacts would enlarge the box that is rendered
     texels[..., 4] *= texels[..., 4] > FAINTEST
     return texels
 
@@ -397,6 +404,7 @@ def _spread(
         Covariance of columns and rows, and variance of rows, over that of columns;
         those of a disc for a picture that is nowhere opaque.
     """
+    # the silhouette, as for `coding.visible_radius`
     opaque = (texels[..., 4] > 127).astype(np.float32)
     number = np.maximum(opaque.sum((-2, -1)), 1.0)
     place = np.arange(opaque.shape[-1]) - 0.5 * (opaque.shape[-1] - 1)
@@ -503,7 +511,7 @@ def read_index(directory: Path) -> tuple[Path, dict[str, Any]]:
     try:
         index = tomllib.loads(read_text(source, "an index of views in TOML"))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{source}: expected valid TOML: {error}") from None
+        raise InputError(f"{source}: broken TOML: {error}") from None
     return source, index
 
 
