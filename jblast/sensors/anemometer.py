@@ -120,16 +120,9 @@ def stream(
 ) -> Iterator[Packet]:
     """Yield an anemometer's record in packets, without end; otherwise as `record`."""
     axes, states = _start(scene, anemometer, key, start_s, laws)
+    timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
     streams = [
-        packets(
-            _block,
-            axis,
-            state,
-            rate_of(anemometer),
-            packet_s=packet_s,
-            packets_hz=packets_hz,
-            start_s=start_s,
-        )
+        packets(_block, axis, state, rate_of(anemometer), **timing)
         for axis, state in zip(axes, states, strict=True)
     ]
     return (

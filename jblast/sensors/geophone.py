@@ -86,15 +86,8 @@ def stream(
 ) -> Iterator[Packet]:
     """Yield a geophone's record in packets, without end; otherwise as `record`."""
     setup, state = _start(scene, geophone, key, start_s, laws)
-    return packets(
-        _block,
-        setup,
-        state,
-        rate_of(geophone),
-        packet_s=packet_s,
-        packets_hz=packets_hz,
-        start_s=start_s,
-    )
+    timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
+    return packets(_block, setup, state, rate_of(geophone), **timing)
 
 
 def _start(

@@ -110,15 +110,8 @@ def stream(
 ) -> Iterator[Packet]:
     """Yield a gauge's record in packets, without end; otherwise as `record`."""
     setup, state = _start(scene, gauge, key, start_s, laws, mounting, drift, track)
-    return packets(
-        _block,
-        setup,
-        state,
-        rate_of(gauge),
-        packet_s=packet_s,
-        packets_hz=packets_hz,
-        start_s=start_s,
-    )
+    timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
+    return packets(_block, setup, state, rate_of(gauge), **timing)
 
 
 def _start(

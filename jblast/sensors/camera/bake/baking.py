@@ -219,8 +219,7 @@ class Baking:
                 if number in done:
                     continue
                 there = len(list(self._folder(number).glob("[0-9]*.exr")))
-                # a complete view is packed at once: its pictures take 20 times the
-                # space
+                # packed when complete: uncompressed pictures take far more space
                 if there == each:
                     write_view(
                         self.out / view_file(number),

@@ -300,7 +300,9 @@ def read_png(path: str | Path) -> np.ndarray:
 
     try:
         data = Path(path).read_bytes()
-        if _has_deep_channels(data):
+        is_png = data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR"
+        # 16 bits in each of several channels
+        if is_png and len(data) > 28 and data[24] == 16 and data[25] in CHANNELS:
             return _deep_channels(data)
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
             # palettes and bits have no direct values
@@ -317,12 +319,6 @@ def read_png(path: str | Path) -> np.ndarray:
             f"{path}: expected a complete PNG image, but it cannot be read ({reason})"
         ) from None
     return pixels
-
-
-def _has_deep_channels(data: bytes) -> bool:
-    """Return True for a file with 16 bits in each of several channels."""
-    is_png = data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR"
-    return is_png and len(data) > 28 and data[24] == 16 and data[25] in CHANNELS
 
 
 def _deep_channels(data: bytes) -> UInt16[np.ndarray, "height width channel"]:

@@ -470,19 +470,13 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
             f"({error.strerror})"
         ) from None
     with container:
-        streams = [s for s in container.streams.video if not _is_cover(s)]
+        cover = av.stream.Disposition.attached_pic  # an image that stands for the file
+        streams = [s for s in container.streams.video if not s.disposition & cover]
         if not streams:
             raise InputError(f"{path}: expected a video, got a file without one")
         # decoding by frames and slices in parallel
         streams[0].thread_type = "AUTO"
         yield container, streams[0]
-
-
-def _is_cover(stream: Any) -> bool:
-    """Return True for a stream with a single cover image."""
-    from av.stream import Disposition
-
-    return bool(stream.disposition & Disposition.attached_pic)
 
 
 def ffmpeg_error() -> "type[FFmpegError]":
