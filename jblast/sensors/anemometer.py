@@ -1,15 +1,15 @@
-r"""Wind recorded by an anemometer: the scene's, and that of every blast that passes.
+r"""Wind recorded by an anemometer: that of the scene, and that of passing blasts.
 
 Behind a front the air moves as in `vehicle/loads/blast_wave.py`: with $x = p/P_0$ at
 each moment, away from the charge (or its image below the ground),
 
 $$u = \frac{5 c_0}{7}\frac{x}{\sqrt{1 + 6x/7}} + \frac{1}{\rho_0 R} \int_0^t p\,dt$$
 
-The first term is Rankine's and Hugoniot's, so the peak is the law `blast_wind_m_s` of
+The first term is Rankine's and Hugoniot's, so the peak is the law `blast_wind_m_s` for
 the record's peak overpressure. The second is the afterflow of a spherical wave. The
-pressure is that of the record at the place, except for its suction, which here lasts
-until the impulse of the whole wave is zero, as for spherical sound: so the wind ends.
-Winds of several waves add.
+pressure is that of the record at the position, except for its suction. That lasts here
+until the impulse of the whole wave is zero, as for spherical sound, so that the wind
+ends. Winds of several waves add.
 """
 
 from collections.abc import Iterator, Mapping
@@ -41,12 +41,12 @@ from jblast.waves.shock import plane_wave_wind
 
 
 class Gust(NamedTuple):
-    """The wind of one wave, along one axis.
+    """Wind of one wave, along one axis.
 
     Attributes:
         pulse: Its pressure, on the common clock; its whole impulse is zero.
-        afterflow: Share of the axis over density and distance [m2/kg].
-        sound_speed: Share of the axis times $c_0$ [m/s].
+        afterflow: Direction cosine over density and distance [m2/kg].
+        sound_speed: Direction cosine times $c_0$ [m/s].
         ambient_pressure: $P_0$ [Pa].
     """
 
@@ -57,12 +57,12 @@ class Gust(NamedTuple):
 
 
 class Axis(NamedTuple):
-    """One axis of an anemometer in a scene, set up to be sampled.
+    """One axis of an anemometer in a scene, prepared for sampling.
 
     Attributes:
         gauge: Instrument and clock.
-        gusts: Of every wave.
-        wind: The scene's [m/s].
+        gusts: Wind of every wave.
+        wind: Wind of the scene [m/s].
     """
 
     gauge: Mounted
@@ -79,22 +79,22 @@ def record(
     start_s: Float[ArrayLike, ""] = 0.0,
     laws: Mapping[str, str] | None = None,
 ) -> Float[Array, "sample 3"]:
-    """Return the wind towards east, north and up that an anemometer records [m/s].
+    """Return the wind recorded by an anemometer towards east, north and up [m/s].
 
-    Each axis goes through the instrument for itself. Pure: for jit, vmap and grad; the
-    duration alone is static.
+    Each axis has its own instrument chain. Pure, for jit, vmap and grad; only the
+    duration is static.
 
     Args:
         scene: Charges, air, ground and sensors.
-        anemometer: Where it is, its clock and its instrument.
-        duration_s: Of the record [s].
+        anemometer: Sensor with position, clock and instrument.
+        duration_s: Length of the record [s].
         key: Random key of its noise.
-        start_s: When the first sample begins, by its clock [s].
+        start_s: Start of the first sample on its clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
 
     Raises:
-        InputError: The sensor is no anemometer, or underground, or at a charge, or a
-            charge is told by its range alone.
+        InputError: The sensor is no anemometer, is underground, or is at a charge, or a
+            charge has a range instead of a position.
 
     Example:
         `anemometer.record(scene, scene.sensors[0], 0.1, jax.random.key(0))`
@@ -118,18 +118,11 @@ def stream(
     start_s: float = 0.0,
     laws: Mapping[str, str] | None = None,
 ) -> Iterator[Packet]:
-    """Yield what an anemometer records in packets, for ever; otherwise as `record`."""
+    """Yield an anemometer's record in packets, without end; otherwise as `record`."""
     axes, states = _start(scene, anemometer, key, start_s, laws)
+    timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
     streams = [
-        packets(
-            _block,
-            axis,
-            state,
-            rate_of(anemometer),
-            packet_s=packet_s,
-            packets_hz=packets_hz,
-            start_s=start_s,
-        )
+        packets(_block, axis, state, rate_of(anemometer), **timing)
         for axis, state in zip(axes, states, strict=True)
     ]
     return (
@@ -148,12 +141,13 @@ def _start(
     check_kind(anemometer, "anemometer")
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
-            f"sensor {shown(anemometer.name)}: expected charges that have a place, for "
-            "wind has a direction, got one told by its range"
+            f"sensor {shown(anemometer.name)}: expected charges with a position, which "
+            "defines the direction of the wind, got one with a range only"
         )
     waves = heard(scene, anemometer.position_m, laws)
     gusts = _gusts(scene, anemometer.position_m, waves)
     air = scene.air
+    # the scene's wind is horizontal
     winds = (air.wind_east, air.wind_north, jnp.zeros_like(air.wind_east))
     gauges = [mounted(anemometer, one, start_s) for one in jax.random.split(key, 3)]
     axes = [
@@ -167,19 +161,24 @@ def _start(
 def _gusts(
     scene: Scene, position: Float[Array, "3"], waves: tuple[Heard, ...]
 ) -> tuple[tuple[Gust, ...], ...]:
-    """Return the wind of every wave, by axis."""
+    """Return the wind of every wave, by axis.
+
+    Suction lasts until the wave's impulse is zero: the mean of its shape is 9/16 of its
+    peak, hence the factor 16/9.
+    """
     temperature, pressure = ambient(scene.air)
     density = air_density(temperature, pressure, scene.air.relative_humidity)
     axes: list[tuple[Gust, ...]] = [(), (), ()]
     for wave in waves:
         charge = scene.charges[wave.shot]
+        # the reflected wave comes from the image below the ground
         up = charge.up if wave.kind == "air" else -charge.up
         source = jnp.stack([charge.east, charge.north, up])
         away = (position - source) / wave.distance
         pulse = wave.pulse
         still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
         impulse = pulse.duration * pulse_mean(still, 0.0, pulse.duration)
-        silent = pulse.suction == 0.0  # what is not there, is not reflected
+        silent = pulse.suction == 0.0  # an absent wave has no suction to divide by
         lasting = 16.0 / 9.0 * impulse / jnp.where(silent, 1.0, pulse.suction)
         pulse = pulse._replace(
             suction_duration=jnp.where(silent, pulse.suction_duration, lasting)
@@ -205,9 +204,11 @@ def _block(
     for gust in axis.gusts:
         pulse = seen_in_block(gust.pulse, gauge, index)
         x = pulse_mean(pulse, edges[:-1], edges[1:]) / gust.ambient_pressure
+        # from a sample's mean pressure, not its mean wind: they differ at fronts only
         plane = plane_wave_wind(x, gust.sound_speed)
         middle = 0.5 * (edges[:-1] + edges[1:]) - pulse.arrival_time
         still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
+        # mean over an empty interval would be 0 / 0 before the arrival
         passed = jnp.where(middle > 0, middle, 1.0)
         mean = pulse_mean(still, jnp.zeros_like(passed), passed)
         wind = wind + plane + gust.afterflow * jnp.where(middle > 0, passed * mean, 0.0)

@@ -1,25 +1,25 @@
 r"""Every wave that arrives at a sensor, at rest or moving, with its pulse.
 
-With $a(\mathbf x)$ the arrival at a place and $\mathbf x(t)$ the track of a moving
-sensor, they meet at the root of $a(\mathbf x(t)) = t$, and the phase of the wave at the
-sensor is
+With $a(\mathbf x)$ the arrival time at a position and $\mathbf x(t)$ the track of a
+moving sensor, wave and sensor meet at the root of $a(\mathbf x(t)) = t$. The phase of
+the wave at the sensor is
 
 $$\varphi(t) = t - a(\mathbf x(t))$$
 
-the time since the arrival at the sensor's place at $t$. It is exact along any track,
-its bends included. The Doppler shift needs no formula: near the meeting the phase runs
+the time since the arrival at the sensor's position at $t$. It is exact along any track,
+bends included. The Doppler shift needs no formula: near the meeting the phase advances
 $1 - \mathrm da/\mathrm dt$ times as fast as the clock. Peak, duration and impulse are
-those of the place of meeting. Their change over the length of a pulse is neglected (a
+those of the meeting position. Their change over the length of a pulse is neglected (a
 wave 30 m long passes in 0.1 s).
 
-Waves are found and checked outside jit. A sensor must be slower than sound, so that it
+Waves are listed and checked outside jit. A sensor must be slower than sound, so that it
 meets each wave once.
 
-The overpressure at a place over time is the sum of these waves. Each is the pulse of
-its laws, or a recorded sound of the user's with the arrival and peak of the laws. A
-sample is the mean over its time, so that the samples sum to the impulse and a front
-between two of them is not lost. `even_overpressure` returns even samples at a place at
-rest, three times as fast. Absorption by air is not included.
+The overpressure at a position over time is the sum of these waves. Each is the pulse of
+its laws, or a recorded sound with the arrival and peak of the laws. A sample is the
+mean over its time, so that the samples sum to the impulse and no front between two of
+them is lost. `even_overpressure` returns evenly spaced samples at a fixed position,
+three times as fast. Absorption by air is not included.
 """
 
 import math
@@ -60,21 +60,22 @@ from jblast.waves.pulse import (
 )
 
 STEPS = 30
-r"""Of the iteration $t \leftarrow a(\mathbf x(t))$: its error falls each time by
-the Mach number, to rounding below 0.3. Newton's last step squares it."""
+r"""Iterations $t \leftarrow a(\mathbf x(t))$: each multiplies the error by the Mach
+number, so up to Mach 0.3 it reaches rounding. Faster sensors keep more (at Mach 0.9 4 %
+of the first error), which the last Newton step squares."""
 AnyPulse = TypeVar("AnyPulse", bound=Pulse | GroundPulse)
 
 
 class Track(eqx.Module):
-    """Positions over time: straight between knots, at rest before and after.
+    """Positions over time: linear between knots, constant before and after.
 
     Attributes:
-        time: Of the knots, on the common clock [s], rising.
-        position: East, north, up at each [m].
+        time: Times of the knots on the common clock [s], rising.
+        position: East, north, up at each knot [m].
 
     Raises:
-        InputError: The knots do not fit together, or times do not rise. Values inside
-            jit are not looked at.
+        InputError: The shapes do not match, or times do not rise. Values inside jit
+            are not checked.
     """
 
     time: Float[Array, " knot"] = eqx.field(converter=as_float_array)
@@ -90,17 +91,24 @@ class Track(eqx.Module):
         if isinstance(self.time, Tracer) or isinstance(self.position, Tracer):
             return
         time, position = np.asarray(self.time), np.asarray(self.position)
-        if not (np.isfinite(time).all() and np.isfinite(position).all()):
-            raise InputError("track: expected finite times and positions, got others")
+        for name, values in (("times", time), ("positions", position)):
+            infinite = np.argwhere(~np.isfinite(values))
+            if len(infinite):
+                first = tuple(infinite[0])
+                raise InputError(
+                    f"track: expected finite {name}, got {values[first]:g} at knot "
+                    f"{first[0] + 1}"
+                )
         if (np.diff(time) <= 0).any():
             raise InputError(f"track: expected rising times, got {time.tolist()}")
 
     def at(self, time: Float[Array, "..."]) -> Float[Array, "... 3"]:
-        """Return where the place is.
+        """Return the position, shape (..., 3) [m].
 
         Args:
-            time: On the common clock [s].
+            time: Time on the common clock [s].
         """
+        # `interp` needs two knots: a single one is a fixed position
         if self.time.size == 1:
             return jnp.broadcast_to(self.position[0], (*time.shape, 3))
         return jnp.stack(
@@ -116,7 +124,7 @@ class Track(eqx.Module):
 
 
 Standpoint = Float[ArrayLike, "3"] | Sequence[float] | Track
-"""East, north, up [m], or where that is over time."""
+"""East, north, up [m], or a track of positions over time."""
 
 
 def heard(
@@ -127,23 +135,23 @@ def heard(
     reflection: float | Float[Array, ""] = 1.0,
     ground: bool = False,
 ) -> tuple[Heard, ...]:
-    """Return every wave that comes to a place, of each charge in turn.
+    """Return every wave that arrives at a position, charge by charge.
 
-    At a place that moves each wave is that of where they meet, its times as they pass
-    there: shorter if it moves towards the charge.
+    At a moving position each wave is that of the meeting point. Its times are those
+    that the sensor measures: shorter if it moves towards the charge.
 
     Args:
         scene: Charges, air, ground and sensors.
         place: East, north, up [m], or a `Track`.
-        laws: By quantity, of arrival, peak, duration and impulse; absent ones as in
+        laws: Laws of arrival, peak, duration and impulse by quantity; absent ones as in
             `record_laws`.
-        reflection: Coefficient of the ground under an elevated place; 0 leaves its
+        reflection: Coefficient of the ground under an elevated position; 0 leaves its
             reflections out.
-        ground: Whether the air above the moving ground is heard, too.
+        ground: True to include the air wave above the moving ground.
 
     Raises:
-        InputError: A law is not known, the place is no place or at the charge, or the
-            laws' impulse is more than their peak could make in their duration.
+        InputError: A law is unknown, the position has not three coordinates or is at
+            the charge, or the laws' impulse exceeds peak times duration.
 
     Example:
         `jblast.sensors.heard(jblast.Scene(), [20.0, 0.0, 1.5])[0].pulse.peak`
@@ -153,24 +161,26 @@ def heard(
         check_speed(scene, place)
     else:
         place = place_of(place)
+    # one program per number of waves: each charge is evaluated alone, by the same
+    # program
     scene, found = low_charges_settled(scene), []
     for shot in range(len(scene.charges)):
-        waves = _of_one(alone(scene, shot), place, named, reflection, ground)
+        waves = _waves_of_charge(alone(scene, shot), place, named, reflection, ground)
         found += [wave._replace(shot=shot) for wave in waves]
     for wave in found:
-        _check(scene, wave)
+        _check_wave(scene, wave)
     return tuple(found)
 
 
 @kept
-def _of_one(
+def _waves_of_charge(
     scene: Scene,
     place: Float[Array, "3"] | Track,
     laws: Mapping[str, str],
     reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
-    """Return the waves of the one charge, their times as they pass the place."""
+    """Return the waves of one charge, with the times that the sensor measures."""
     found = waves_for(scene, place, laws, reflection, ground)
     if isinstance(place, Track):
         found = tuple(passing(scene, place, laws, wave) for wave in found)
@@ -178,10 +188,10 @@ def _of_one(
 
 
 def place_of(place: Float[ArrayLike, "..."] | Sequence[float]) -> Float[Array, "3"]:
-    """Return a place at rest as an array.
+    """Return a fixed position as an array, shape (3,).
 
     Raises:
-        InputError: It has not three numbers.
+        InputError: It does not have three numbers.
     """
     shape = np.shape(place)
     if shape != (3,):
@@ -196,17 +206,17 @@ def waves_for(
     reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
-    """Return the waves at a place, or where it meets them; nothing is checked."""
+    """Return the waves at a position or along a track, unchecked."""
     if isinstance(place, Track):
         return meeting_waves(scene, place, laws, reflection, ground)
     return waves_at(scene, jnp.asarray(place), laws, reflection, ground)
 
 
 def check_speed(scene: Scene, track: Track) -> None:
-    """Raise for a track as fast as a front can be: who meets what is then open.
+    """Raise for a track that is not slower than sound: it may meet a wave twice.
 
     Raises:
-        InputError: It is. Inside jit nothing is looked at.
+        InputError: The track is too fast. Inside jit nothing is checked.
     """
     speed = sound_speed_of(scene.air)
     if any(isinstance(x, Tracer) for x in (track.time, track.position, speed)):
@@ -218,25 +228,28 @@ def check_speed(scene: Scene, track: Track) -> None:
         )
 
 
-def _check(scene: Scene, wave: Heard) -> None:
-    """Raise for a wave that is no number."""
+def _check_wave(scene: Scene, wave: Heard) -> None:
+    """Raise for a wave with undefined distance or pulse."""
     numbers = [wave.distance, *wave.pulse]
+    # traced values are unknown; callers inside jit accept NaN instead of an error
     if any(isinstance(x, Tracer) for x in numbers):
         return
-    who = f"charge {wave.shot + 1} of {len(scene.charges)}"
+    label = f"charge {wave.shot + 1} of {len(scene.charges)}"
     distance = float(np.asarray(wave.distance))
     if not (np.isfinite(distance) and distance > 0.0):
         raise InputError(
-            f"{who}: expected a place away from it, got a distance of {distance:g} m"
+            f"{label}: expected a position away from it, got a distance of "
+            f"{distance:g} m"
         )
     if not isinstance(wave.pulse, Pulse):
         return
+    # infinity is legal: a charge that never detonates arrives at infinite time
     finite = [x for x in wave.pulse if not bool(jnp.isposinf(x))]
     if not all(bool(jnp.isfinite(x)) for x in finite):
         raise InputError(
-            f"{who}: expected laws whose impulse is between nothing and peak times "
+            f"{label}: expected laws whose impulse is between 0 and peak times "
             f"duration at {distance:g} m, got peak {float(wave.pulse.peak):.4g} Pa and "
-            f"duration {float(wave.pulse.duration):.4g} s, with more"
+            f"duration {float(wave.pulse.duration):.4g} s with a larger impulse"
         )
 
 
@@ -246,9 +259,10 @@ def meeting_time(
     """Return the root of arrival(t) = t, differentiable as an implicit function.
 
     Args:
-        arrival: When the wave comes to where the place is at a time [s].
-        first: Where to start [s].
+        arrival: Arrival time at the sensor's position at a time [s].
+        first: Initial guess [s].
     """
+    # The iterations carry no gradient; the Newton step below supplies it.
     near = lax.stop_gradient(
         lax.fori_loop(0, STEPS, lambda _, t: lax.stop_gradient(arrival(t)), first)
     )
@@ -264,15 +278,16 @@ def phase(
     wave: Heard,
     time: Float[Array, " edge"],
 ) -> Float[Array, " edge"]:
-    """Return the time since a wave's arrival where the place is, at each time [s].
+    """Return the time since a wave's arrival at the sensor, at each time [s].
 
     Args:
         scene: Charges, air, ground and sensors.
-        track: Where the place is.
-        laws: By quantity.
+        track: Positions of the sensor.
+        laws: Law names by quantity.
         wave: One of `meeting_waves`.
-        time: On the common clock [s].
+        time: Time on the common clock [s].
     """
+    # one law evaluation per edge: the position changes along the track
     arrives = jax.vmap(
         lambda place: arrival_time(scene, place, laws, wave.shot, wave.kind)
     )
@@ -286,18 +301,19 @@ def meeting_waves(
     reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
-    """Return the waves that a moving place meets, as they are at the place of meeting.
+    """Return the waves that a moving sensor meets, with their values at the meeting.
 
     Args:
         scene: Charges, air, ground and sensors.
-        track: Where the place is.
-        laws: By quantity.
+        track: Positions of the sensor.
+        laws: Law names by quantity.
         reflection: Coefficient of the ground.
-        ground: Whether the moving ground is heard, too.
+        ground: True to include the waves of the moving ground.
     """
     found = []
     for shot, way in ways(scene, reflection, ground):
-
+        # defaults bind the loop's values: a plain closure would see those of the last
+        # turn
         def arrival(time: Array, shot: int = shot, way: Way = way) -> Array:
             return arrival_time(scene, track.at(time), laws, shot, way)
 
@@ -307,12 +323,12 @@ def meeting_waves(
 
 
 def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) -> Heard:
-    """Return a wave with its times as they pass a moving place.
+    """Return a wave with its durations as a moving sensor measures them.
 
     Args:
         scene: Charges, air, ground and sensors.
-        track: Where the place is.
-        laws: By quantity.
+        track: Positions of the sensor.
+        laws: Law names by quantity.
         wave: One of `meeting_waves`.
     """
 
@@ -320,7 +336,9 @@ def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) ->
         return phase(scene, track, laws, wave, time[None])[0]
 
     pulse, time = wave.pulse, wave.pulse.arrival_time
+    # any finite time will do for a wave that never arrives, whose phase is undefined
     some = jnp.where(jnp.isposinf(time), 0.0, time)
+    # rate of the phase by the clock at the arrival: the Doppler factor
     speed = jax.jvp(since, (some,), (jnp.ones_like(some),))[1]
     if isinstance(pulse, GroundPulse):
         slower = {"amplitude": pulse.amplitude, "time_constant": pulse.time_constant}
@@ -336,15 +354,15 @@ def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) ->
 
 
 class PlacesMet(NamedTuple):
-    """Positions of a moving place as a blast comes to it; a row for each charge.
+    """Positions of a moving sensor at the arrivals of a blast, one row per charge.
 
-    For one that never happens, where it is at time 0 or meets it as if it did.
+    For a charge that never detonates: the positions as if it detonated at time 0.
 
     Attributes:
-        light: As it sees the flash: where it was at the detonation, for on its way of a
-            kilometre light gives it 3 us, in which 30 m/s are 0.1 mm [m].
-        air: As the air shock comes [m].
-        ground: As the ground wave comes [m].
+        light: At the flash [m], approximated by the position at the detonation: light
+            needs 3 us per kilometre, in which 30 m/s are 0.1 mm.
+        air: At the arrival of the air shock [m].
+        ground: At the arrival of the ground wave [m].
     """
 
     light: Float[np.ndarray, "shot 3"]
@@ -352,22 +370,22 @@ class PlacesMet(NamedTuple):
     ground: Float[np.ndarray, "shot 3"]
 
     def of(self, quantity: str) -> Float[np.ndarray, "shot 3"]:
-        """Return the places that a quantity is of."""
+        """Return the positions at which a quantity is measured."""
         if quantity == "flash_time_s":
             return self.light
         return self.ground if quantity.startswith("ground_") else self.air
 
 
 def places_met(scene: Scene, track: Track, laws: Mapping[str, str]) -> PlacesMet:
-    """Return where a place on a track is as the blasts of a scene come to it.
+    """Return the positions of a moving sensor at the arrivals of a scene's blasts.
 
-    Each wave is met at the root of a(x(t)) = t, with a the law's arrival at a place, so
-    that `sensors.record` at the place returned gives the time at which it is there.
+    Each wave is met at the root of a(x(t)) = t, where a is the arrival time at a
+    position. `sensors.record` at the returned position gives the meeting time.
 
     Args:
         scene: Charges, air, ground and sensors.
-        track: Where the place is over time.
-        laws: Of air_arrival_s and ground_arrival_s.
+        track: Positions of the sensor over time.
+        laws: Laws of air_arrival_s and ground_arrival_s.
 
     Raises:
         InputError: The track is as fast as sound.
@@ -375,13 +393,14 @@ def places_met(scene: Scene, track: Track, laws: Mapping[str, str]) -> PlacesMet
     check_speed(scene, track)
     scene = low_charges_settled(scene)
     arrivals = {name: laws[name] for name in ("air_arrival_s", "ground_arrival_s")}
+    # all charges share one program, because `alone` gives their scenes one structure
     shots = range(len(scene.charges))
-    rows = [_met(alone(scene, shot), track, arrivals) for shot in shots]
+    rows = [_meeting_positions(alone(scene, shot), track, arrivals) for shot in shots]
     return PlacesMet(*(np.stack(places) for places in zip(*rows, strict=True)))
 
 
 @eqx.filter_jit
-def _met(
+def _meeting_positions(
     scene: Scene, track: Track, laws: dict[str, str]
 ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
     origin = scene.charge.as_if_at_zero().time_s
@@ -396,18 +415,18 @@ def _met(
 
 
 class RecordedSound(eqx.Module):
-    """Recorded sound of a blast at some distance, from its arrival on.
+    """Recorded sound of a blast at a known distance, from its arrival on.
 
     Attributes:
-        samples: Overpressure [Pa], the first from the arrival on; each a mean over its
-            sample.
-        rate: Samples a second [Hz].
-        distance: From the charge, where it was recorded [m]. Elsewhere it is as much
-            weaker or stronger as by the law of the peak, its shape kept.
+        samples: Overpressure [Pa], each the mean over its sample, the first from the
+            arrival on.
+        rate: Sampling rate [Hz].
+        distance: Distance from the charge to the recording [m]. At another distance the
+            sound is scaled by the law of the peak; its shape is unchanged.
 
     Raises:
-        InputError: There is no sample, or one is no number; the rate or the distance is
-            not positive.
+        InputError: There is no sample, or one is not finite; the rate or the distance
+            is not positive.
     """
 
     samples: Float[Array, " sample"] = eqx.field(converter=as_float_array)
@@ -426,8 +445,13 @@ class RecordedSound(eqx.Module):
             )
         if isinstance(self.samples, Tracer) or isinstance(self.distance, Tracer):
             return
-        if not np.isfinite(np.asarray(self.samples)).all():
-            raise InputError("recorded sound: expected numbers, got NaN or infinity")
+        values = np.asarray(self.samples)
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values)))
+            raise InputError(
+                "recorded sound: expected finite samples, got "
+                f"{values[row]:g} at sample {row + 1}"
+            )
         distance = float(np.asarray(self.distance))
         if not 0 < distance < math.inf:
             raise InputError(
@@ -438,10 +462,11 @@ class RecordedSound(eqx.Module):
         self, start: Float[Array, " sample"], stop: Float[Array, " sample"]
     ) -> Float[Array, " sample"]:
         """Return the mean overpressure from start to stop since the arrival [Pa]."""
+        # NumPy's float64 times would widen a float32 record
         dtype = self.samples.dtype
         edges = jnp.asarray(np.arange(self.samples.size + 1) / self.rate, dtype)
-        # A mean is a difference of the running integral: two look-ups, however long the
-        # interval is.
+        # The mean is a difference of the running integral: two look-ups, whatever the
+        # length of the interval.
         until = jnp.pad(jnp.cumsum(self.samples) / self.rate, (1, 0))
         passed = [jnp.interp(time, edges, until) for time in (start, stop)]
         return (passed[1] - passed[0]) / (stop - start)
@@ -459,24 +484,24 @@ def overpressure(
 ) -> Float[Array, " sample"]:
     """Return the mean overpressure over each sample [Pa].
 
-    Pure, for jit, vmap and grad: in all numbers of the scene, the place and the edges.
+    Pure, for jit, vmap and grad in all numbers of scene, position and edges.
     Waves add; absorption by air is not included (`Heard.absorbed` marks the waves on
     which it would act).
 
     Args:
         scene: Charges, air, ground and sensors.
         place: East, north, up [m], or a `Track`.
-        edges: Where samples begin and end, on the common clock [s], rising: one more
-            than samples. In single precision count the clock from close by.
+        edges: Bounds of the samples on the common clock [s], rising: one more than
+            samples. In single precision use a clock that starts near the record.
         laws: By quantity; absent ones as in `record_laws`.
-        reflection: Coefficient of the ground under an elevated place; 0 leaves its
+        reflection: Coefficient of the ground under an elevated position; 0 leaves its
             reflections out.
-        ground: Whether the air above the moving ground is heard, too.
-        sound: Recorded, in place of the pulse that the laws make; its arrival and peak
-            are then theirs. That of the ground stays what it is.
+        ground: True to include the air wave above the moving ground.
+        sound: Recorded sound that replaces the laws' air pulse, with their arrival and
+            peak. The ground wave is unchanged.
 
     Raises:
-        InputError: A law is not known, the place is none, or edges do not rise.
+        InputError: A law is unknown, the position is not one, or edges do not rise.
 
     Example:
         `jblast.sensors.overpressure(scene, [20.0, 0.0, 1.5], jnp.arange(4801) / 48e3)`
@@ -487,8 +512,13 @@ def overpressure(
         raise InputError(
             f"edges: expected a row of two or more [s], got shape {edges.shape}"
         )
-    if not isinstance(edges, Tracer) and not (np.diff(np.asarray(edges)) > 0).all():
-        raise InputError("edges: expected rising times [s], got others")
+    if not isinstance(edges, Tracer):
+        falls = np.flatnonzero(~(np.diff(np.asarray(edges)) > 0))
+        if falls.size:
+            pair = np.asarray(edges)[falls[0] : falls[0] + 2]
+            raise InputError(
+                f"edges: expected rising times [s], got {pair[1]:g} after {pair[0]:g}"
+            )
     named = record_laws(scene, laws, ground=ground)
     return _overpressure(
         low_charges_settled(scene), place, edges, named, reflection, ground, sound
@@ -506,32 +536,36 @@ def even_overpressure(
     reflection: float | Float[Array, ""] = 1.0,
     ground: bool = False,
 ) -> Float[Array, " sample"]:
-    """Return the same for even samples at a place at rest, three times as fast [Pa].
+    """Return evenly spaced samples at a fixed position, three times as fast [Pa].
 
     Args:
         scene: Charges, air, ground and sensors.
         place: East, north, up [m].
-        start: When the first sample begins, on the common clock [s].
-        rate: Samples a second [Hz].
-        count: How many samples.
-        laws: As for `overpressure`; so the others.
+        start: Start of the first sample on the common clock [s].
+        rate: Sampling rate [Hz].
+        count: Number of samples.
+        laws: As for `overpressure`.
         reflection: Coefficient of the ground.
-        ground: Whether the air above the moving ground is heard, too.
+        ground: True to include the air wave above the moving ground.
 
     Raises:
-        InputError: A law is not known, or the place is none.
+        InputError: A law is unknown, or the position is not one.
     """
     place = place_of(place)
     named = record_laws(scene, laws, ground=ground)
     scene, start = low_charges_settled(scene), as_float_array(start)
-    return _even(scene, place, start, rate, count, named, reflection, ground)
+    return _even_overpressure(
+        scene, place, start, rate, count, named, reflection, ground
+    )
 
 
 @eqx.filter_jit
-def _even(scene, place, start, rate, count, laws, reflection, ground):
+def _even_overpressure(scene, place, start, rate, count, laws, reflection, ground):
     total = jnp.zeros(count, start.dtype)
     for wave in waves_for(scene, place, laws, reflection, ground):
         if wave.kind == "ground":
+            # edges from 0, the arrival shifted: in float32 small times are resolved
+            # better
             edges = jnp.arange(count + 1, dtype=start.dtype) / rate
             pulse = counted_from(wave.pulse, start)
             total = total + wave_mean(pulse, edges[:-1], edges[1:])
@@ -547,6 +581,7 @@ def _overpressure(scene, place, edges, laws, reflection, ground, sound):
         since = [phase(scene, place, laws, wave, edges) for wave in waves]
     else:
         since = [since_arrival(wave, edges) for wave in waves]
+    # superposition of weak waves
     total = jnp.zeros(edges.size - 1, edges.dtype)
     for wave, time in zip(waves, since, strict=True):
         if sound is None or wave.kind == "ground":
@@ -556,37 +591,40 @@ def _overpressure(scene, place, edges, laws, reflection, ground, sound):
                 wave.pulse._replace(arrival_time=now), time[:-1], time[1:]
             )
         else:
+            # ratio of one law at two distances, so its bias cancels
             scale = wave.pulse.peak / peak_at(scene, sound.distance, laws, wave)
             total = total + scale * sound.mean(time[:-1], time[1:])
     return total
 
 
 def since_arrival(wave: Heard, edges: Float[Array, " edge"]) -> Float[Array, " edge"]:
-    """Return the time since a wave's arrival at a place at rest [s].
+    """Return the time since a wave's arrival at a fixed position [s].
 
-    Of one that never comes a time before it.
+    Negative throughout for a wave that never arrives.
 
     Args:
-        wave: At that place.
+        wave: Wave at that position.
         edges: On the common clock [s].
     """
+    # a time before all edges: an infinite one would give inf - inf in the pulse
     never = jnp.isposinf(wave.pulse.arrival_time)
     passed = edges - jnp.where(never, 0.0, wave.pulse.arrival_time)
     return jnp.where(never, passed - edges[-1], passed)
 
 
 def counted_from(pulse: AnyPulse, *times: Float[Array, ""]) -> AnyPulse:
-    """Return a pulse whose arrival is counted from later.
+    """Return a pulse with its arrival on a later clock.
 
-    Subtracted one by one, so that single precision keeps a sample apart from the next.
+    The times are subtracted one by one: their sum would lose a sample's length in
+    single precision.
 
     Args:
-        pulse: Its arrival infinite: never.
-        times: Whose sum is where the new clock begins, on its old one [s].
+        pulse: Its arrival is infinite if it never comes.
+        times: Their sum is the origin of the new clock on the old one [s].
     """
     arrival = pulse.arrival_time
     for time in times:
-        # of what never arrives the slope by time is zero, not NaN
+        # inf - time would give a NaN slope by time; that of no arrival is zero
         arrival = jnp.where(jnp.isposinf(arrival), arrival, arrival - time)
     return pulse._replace(arrival_time=arrival)
 
@@ -596,7 +634,7 @@ def wave_mean(
     start: Float[Array, "..."],
     stop: Float[Array, "..."],
 ) -> Float[Array, "..."]:
-    """Return the mean overpressure of a wave that is heard from start to stop [Pa]."""
+    """Return the mean overpressure of a wave from start to stop [Pa]."""
     if isinstance(pulse, GroundPulse):
         return ground_pulse_velocity_mean(pulse, start, stop)
     return pulse_mean(pulse, start, stop)

@@ -1,17 +1,17 @@
 r"""Every quantity at a range by every law, and the range or mass that gives a value.
 
-A question states masses, ranges and conditions. Forward, `calculate` evaluates all laws
-that need a range alone, and quantities that combine others (`combined_of`).
+A question states masses, ranges and conditions. `calculate` evaluates all laws that
+need only a range, and the quantities that combine several laws (`combined_of`).
 
-Backward, `roots` finds the ranges or masses at which each law gives a value: all of
-them, or none. A law need not fall with distance: blends of printed fits may have bumps,
-and a duration turns back near the charge. So the sign of law minus value is evaluated
-on an even grid in $\ln Z$, a point every 0.4 %, and each change of sign is bisected to
-rounding. Two roots between two points are not found.
+The inverse, `roots`, returns all ranges or masses at which each law takes a value. A
+law need not fall with distance: blends of printed fits may have bumps, and the duration
+turns back near the charge. The sign of law minus value is therefore evaluated on an
+even grid in $\ln Z$ with a step of 0.4 %, and each change of sign is bisected to
+rounding error. Two roots within one step are not found.
 
-One of the answers is recommended, by the law that `auto` chooses there, with the law's
-scatter; for a root that scatter is divided by the slope of the law. Valid laws that
-differ by more than their scatter (90 %) are reported as a disagreement.
+One answer is recommended: that of the law that `auto` chooses, with the law's scatter.
+For a root the scatter is divided by the slope of the law. Valid laws that differ by
+more than their scatter (90 %) are reported as a disagreement.
 """
 
 import math
@@ -45,17 +45,22 @@ if TYPE_CHECKING:  # the tables of `fidelity` are read only where a law is recom
     from jblast.fidelity import Choice
 
 NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
+"""Arguments that a question does not state: laws with one of them are left out."""
 FEWEST_ROWS = 64
-"""Rows are padded to a power of two from here on, so few shapes are compiled."""
+"""Rows are padded to a power of two from here on, so few shapes are compiled. A smaller
+first size compiles more programs; a larger one evaluates padding for one row."""
 SCALED_DISTANCES = np.geomspace(1e-2, 1e5, 4096)
-"""Scaled distances of the search for roots [m/kg^(1/3)]."""
+"""Scaled distances of the search for roots [m/kg^(1/3)]: from inside the charge (its
+surface is at 0.05) to past every law. 4096 points are 0.4 % apart; fewer
+would miss more pairs of roots."""
 BISECTIONS = 48
-"""Of 0.4 %: to 1e-17 in ln, past rounding."""
+"""Halvings of a grid step of 0.4 %: to 1e-17 in ln, below rounding error."""
 STEP = 1e-3
-"""In ln of a range or a mass: differences over it are a law's slope."""
+"""Half width of the central difference for a law's slope, in ln of a range or mass. The
+error of curvature (1e-6) and that of rounding (1e-13) are both negligible."""
 BEYOND = 1.645
-"""Standard deviations of the difference of two laws: 90 % of their scatter lies within.
-"""
+"""Standard deviations of the difference of two laws that contain 90 % of it (normal
+quantile of 95 %). A larger difference is reported as a disagreement."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +69,9 @@ class Question:
 
     Attributes:
         scene: Charge, air and ground; the mass of its charge is not used.
-        slant_range: Distances from the charge [m]; none where they are to be found.
-        charge_mass: Masses of the explosive [kg]; none where they are to be found.
-        quantity: Measured in place of the one to be found; "" if none.
+        slant_range: Distances from the charge [m]; empty if they are unknown.
+        charge_mass: Masses of the explosive [kg]; empty if they are unknown.
+        quantity: Measured quantity that replaces the unknown; "" if none.
         target: Its value, in its unit.
         defaults: Fields left to their defaults: "air", "burst", "explosive", "ground".
         units: Units of the printed answer: "si", or "us": feet, pounds, psi.
@@ -81,7 +86,7 @@ class Question:
     units: Literal["si", "us"] = "si"
 
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return ranges and masses of all combinations, the ranges running faster."""
+        """Return ranges and masses of all combinations; ranges vary fastest."""
         masses, ranges = np.meshgrid(self.charge_mass, self.slant_range, indexing="ij")
         return ranges.ravel(), masses.ravel()
 
@@ -100,8 +105,9 @@ def charge_radius(charge_mass: Float[ArrayLike, "..."]) -> Float[np.ndarray, "..
 def scene_path(scene: Scene) -> Path:
     """Return the path from the charge of a scene to a sensor 1 m away.
 
-    Its ambient air is that of every other sensor.
+    The ambient air of this path is that of every sensor.
     """
+    # the range of 1 m is a placeholder: `with_rows` replaces it
     layout = Layout(
         quantity=("air_arrival_s",),
         position=jnp.zeros((1, 3)),
@@ -119,9 +125,10 @@ def with_rows(
     slant_range: Float[ArrayLike, " row"],
     charge_mass: Float[ArrayLike, " row"],
 ) -> Path:
-    """Return a path with ranges and TNT masses put in; both ranges are the slant one.
+    """Return a path with given ranges and TNT masses; both ranges are the slant range.
 
-    Where the height leaves the curve set, sensors stand as low as their ranges allow.
+    If the height of burst leaves the curve set open, each sensor is as low as its
+    range allows.
 
     Args:
         path: From `scene_path`.
@@ -151,32 +158,36 @@ def with_rows(
 def path_of_rows(question: Question, quantity: str = "peak_overpressure_pa") -> Path:
     """Return the path of each row, its masses those of TNT for a quantity."""
     ranges, masses = question.rows()
+    # TNT equivalence differs between pressure and impulse, so each quantity has its own
+    # mass
     factor = float(question.scene.charge.tnt_factor_for(quantity))
     path = scene_path(question.scene)
     return with_rows(path, as_float_array(ranges), as_float_array(factor * masses))
 
 
 def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
-    """Return at which rows the reflection comes after the positive phase.
+    """Return a mask of the rows that the reflection reaches after the positive phase.
 
-    A sensor stands as low as its range allows: on the ground, unless the charge is
-    higher than the range is long.
+    A sensor is as low as its range allows: on the ground, unless the charge is higher
+    than the range is long.
     """
     ranges, _ = question.rows()
     charge = question.scene.charge
+    # an unknown range or mass leaves the height question open, and on the ground no
+    # reflection is separate
     if question.quantity or not float(charge.up) > 0.0:
         return np.zeros(ranges.shape, bool)
-    unsaid = replace(charge, burst=None)
-    scene = replace(question.scene, charge=unsaid)
+    # with no curve set stated, the path chooses one for each row by its height
+    scene = replace(question.scene, charge=replace(charge, burst=None))
     rows = path_of_rows(replace(question, scene=scene))
     return np.asarray(rows.free_air)
 
 
 def with_burst(question: Question) -> Question:
-    """Return a question with the curve set of the charge's height, if it has none.
+    """Return the question with the curve set of the charge's height, if it has none.
 
-    One set for all rows, or, where the height leaves both, each row its own. Where a
-    range or a mass is to be found, the surface curves.
+    All rows have one set if the height settles it, else each row has its own. The
+    surface curves are used if a range or a mass is unknown.
     """
     charge = question.scene.charge
     if charge.burst is not None:
@@ -196,9 +207,9 @@ class Calculated:
 
     Attributes:
         value: By row, in the unit of the quantity.
-        valid: Where the law holds.
-        range: Where that is, in words.
-        two_sets: Whether the law has a curve set for each burst.
+        valid: Mask of the rows within the law's range of validity.
+        range: Range of validity, as text.
+        two_sets: True if the law has a curve set for each burst.
     """
 
     value: Float[np.ndarray, " row"]
@@ -208,14 +219,14 @@ class Calculated:
 
 
 Calculation = Mapping[str, Mapping[str, Calculated]]
-"""By quantity and law name."""
+"""Calculated values by quantity and law name."""
 
 
 def calculated_laws(quantity: str = "") -> tuple[Law, ...]:
-    """Return the laws that need a range alone: no time, direction or vehicle.
+    """Return the laws that need only a range: no time, direction or vehicle.
 
     Args:
-        quantity: Of this one alone; "" for all.
+        quantity: Return laws of this quantity only; "" for all.
     """
     return tuple(
         law
@@ -229,20 +240,20 @@ def calculate(
     slant_range: Float[ArrayLike, "..."] | Sequence[float],
     charge_mass: Float[ArrayLike, "..."] | Sequence[float],
 ) -> dict[str, dict[str, Calculated]]:
-    """Return every quantity by every law at some ranges from some charges.
+    """Return every quantity by every law at given ranges from given charges.
 
     Quantities come in the order of `quantities.py`, unknown ones last.
 
     Args:
         scene: Charge, air and ground; the mass of its charge is not used.
-        slant_range: Distances from the charge [m], positive: one, or a row each.
-        charge_mass: Masses of the explosive [kg], positive: one, or a row each.
+        slant_range: Distances from the charge [m], positive: a number, or one per row.
+        charge_mass: Masses of the explosive [kg], positive: a number, or one per row.
 
     Returns:
-        By quantity and law: the value at each row, and whether the law holds there.
+        Value and validity at each row, by quantity and law.
 
     Raises:
-        InputError: There are neither as many ranges as masses, nor one of either.
+        InputError: The numbers of ranges and masses differ, and neither is one.
 
     Example:
         `jblast.calculate(jblast.Scene(), [20.0, 40.0], 15.0)["peak_overpressure_pa"]`
@@ -251,14 +262,16 @@ def calculate(
     for name, one in zip(("slant_range", "charge_mass"), given, strict=True):
         if one.ndim > 1:
             raise InputError(f"{name}: expected one number or a row, got {one.shape}")
+    # a single number is broadcast against the rows of the other
     if len({one.size for one in given} - {1}) > 1:
         raise InputError(
-            f"charge_mass: expected shape {given[0].shape}, as slant_range has, or "
-            f"one number; got {given[1].shape}"
+            f"charge_mass: expected one number or shape {given[0].shape}, as "
+            f"slant_range has; got {given[1].shape}"
         )
     slant_range, charge_mass = np.broadcast_arrays(*given)
     laws = {(law.quantity, law.name): law for law in calculated_laws()}
     values, valid = evaluate(scene, slant_range, charge_mass, tuple(laws.values()))
+    # the table of quantities defines the order of all reports
     order = {name: i for i, name in enumerate((*QUANTITIES, *DERIVED_QUANTITIES))}
     rows = enumerate((*laws, *combined_of(laws)))
     answer: dict[str, dict[str, Calculated]] = {}
@@ -277,9 +290,9 @@ def calculate(
 
 
 def only(answer: Calculation, quantity: str = "", law: str = "") -> Calculation:
-    """Return one quantity or law of a calculation; "" leaves quantity or law open.
+    """Return one quantity or law of a calculation; "" selects all of them.
 
-    Quantities that the law does not give are left out.
+    Quantities that the law does not predict are left out.
     """
     selected = {
         name: {of: one for of, one in by_law.items() if law in ("", of)}
@@ -302,12 +315,14 @@ def evaluate(
     charge_mass: Float[np.ndarray, " row"],
     laws: tuple[Law, ...],
 ) -> tuple[Float[np.ndarray, "law row"], Bool[np.ndarray, "law row"]]:
-    """Return values and validity of some laws, then of what they give together."""
+    """Return values and validity of laws, then of the combinations of these laws."""
     charge = scene.charge
-    if charge.burst is None and not float(charge.up) > 0.0:  # half of the program
+    if charge.burst is None and not float(charge.up) > 0.0:
+        # A charge on the ground needs no free-air curves: half of the program.
         scene = replace(scene, charge=replace(charge, burst="surface", by_height=True))
     n = len(slant_range)
     padding = (0, max(FEWEST_ROWS, 1 << (n - 1).bit_length()) - n)
+    # edge values, not zeros: padded rows stay within the laws' domains
     ranges, masses = (
         as_float_array(np.pad(x, padding, mode="edge"))
         for x in (slant_range, charge_mass)
@@ -323,34 +338,35 @@ def _evaluate(
     charge_mass: Float[Array, " row"],
     laws: tuple[Law, ...],
 ) -> tuple[Float[Array, "law row"], Bool[Array, "law row"]]:
-    """Evaluate all laws at once: one compilation, kept between runs."""
+    """Evaluate all laws in one program, whose compilation is kept between runs."""
     path = scene_path(scene)
     values, valid = {}, {}
     for law in laws:
         mass = scene.charge.tnt_factor_for(law.quantity) * charge_mass
-        way = with_rows(path, slant_range, mass)
+        row_path = with_rows(path, slant_range, mass)
         key = law.quantity, law.name
-        values[key] = jnp.broadcast_to(call(law.function, way), slant_range.shape)
-        valid[key] = jnp.broadcast_to(call(law.valid, way), slant_range.shape)
+        values[key] = jnp.broadcast_to(call(law.function, row_path), slant_range.shape)
+        valid[key] = jnp.broadcast_to(call(law.valid, row_path), slant_range.shape)
     for quantity, name in combined_of(values):
         combination = COMBINATIONS[quantity]
         parts = [(part, name) for part in combination.parts]
         value = combination.function(*(values[part] for part in parts))
         values[quantity, name] = value
         holds = [combination.holds(value), *(valid[part] for part in parts)]
+        # a combination holds only where all of its parts do
         valid[quantity, name] = jnp.stack(holds).all(axis=0)
     return jnp.stack(list(values.values())), jnp.stack(list(valid.values()))
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A quantity that is calculated from others.
+    """A quantity that is calculated from other quantities.
 
     Attributes:
-        parts: The others.
-        function: Of their values, in that order.
-        holds: Where it makes sense, of its own value.
-        range: Where it holds, in words.
+        parts: Quantities that it is calculated from.
+        function: Function of their values, in that order.
+        holds: Predicate of the combined value: True if it is meaningful.
+        range: Range of validity, as text.
     """
 
     parts: tuple[str, ...]
@@ -369,7 +385,7 @@ COMBINATIONS = {
     "friedlander_decay": Combination(
         parts=("peak_overpressure_pa", "positive_impulse_pa_s", "positive_duration_s"),
         function=friedlander_decay,
-        # below -1 the three do not belong to one Friedlander pulse
+        # no Friedlander pulse with b <= -1 has this peak, impulse and duration
         holds=lambda decay: decay > -1.0,
         range="where its pressure, impulse and duration hold, and b > -1",
     ),
@@ -377,7 +393,7 @@ COMBINATIONS = {
 
 
 def combined_of(known: Iterable[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """Return the combinations whose parts are known, each under the parts' law name.
+    """Return the combinations of known parts, each under the law name of its parts.
 
     Args:
         known: Pairs of quantity and law name.
@@ -399,8 +415,8 @@ class Roots:
     Attributes:
         law: The law.
         value: Ranges [m] or masses of the explosive [kg], ascending.
-        valid: Whether the law holds there, outside the charge.
-        attained: Least and largest value of the law where it holds; None where it
+        valid: Mask of the roots that are within the law's range, outside the charge.
+        attained: Smallest and largest value of the law within its range; None if it
             holds nowhere.
     """
 
@@ -413,21 +429,23 @@ class Roots:
         """Return the first valid root, else the first, and whether it is valid."""
         if not len(self.value):
             return None
-        first = int(np.argmax(self.valid))  # 0 where none is
+        first = int(np.argmax(self.valid))  # argmax is 0 if no root is valid
         return float(self.value[first]), bool(self.valid[first])
 
 
 def roots(question: Question) -> dict[str, Roots]:
-    """Return by law where the quantity asked about takes its value.
+    """Return the ranges or masses at which a quantity takes its value, by law.
 
     Args:
-        question: With a quantity, its target, and either one range or one mass.
+        question: States a quantity, its target, and either one range or one mass.
     """
     laws = calculated_laws(question.quantity)
     log_x = np.log(_grid(question))
     value, valid = _along(question, log_x, laws)
+    # NaN compares false, so an undefined interval has no root inside it
     above = value >= question.target
     law, left = np.nonzero(above[:, 1:] != above[:, :-1])
+    # all changes of sign of all laws are bisected together: 48 evaluations in total
     low, high = log_x[left], log_x[left + 1]
     start = above[law, left]
     for _ in range(BISECTIONS if len(law) else 0):
@@ -449,9 +467,10 @@ def roots(question: Question) -> dict[str, Roots]:
 
 
 def _grid(question: Question) -> Float[np.ndarray, " point"]:
-    """Return ranges or masses of the explosive to look at, ascending."""
+    """Return ranges or masses of the explosive to search, ascending."""
     factor = float(question.scene.charge.tnt_factor_for(question.quantity))
     pressure = scene_path(question.scene).ambient_pressure.item()
+    # Sachs scaling: Z of the ambient pressure, not of the standard one
     scale = factor * STANDARD_PRESSURE / pressure
     if question.charge_mass:
         return SCALED_DISTANCES * np.cbrt(scale * question.charge_mass[0])
@@ -461,14 +480,20 @@ def _grid(question: Question) -> Float[np.ndarray, " point"]:
 def _along(
     question: Question, log_x: Float[np.ndarray, " point"], laws: tuple[Law, ...]
 ) -> tuple[Float[np.ndarray, "law point"], Bool[np.ndarray, "law point"]]:
-    """Return the laws, and where they hold, along what is asked for."""
-    x = np.exp(log_x)
-    if question.charge_mass:
-        slant_range, mass = x, np.full_like(x, question.charge_mass[0])
-    else:
-        slant_range, mass = np.full_like(x, question.slant_range[0]), x
+    """Return laws and their validity at values exp(log_x) of the unknown."""
+    slant_range, mass = _rows_at(question, np.exp(log_x))
     value, valid = evaluate(question.scene, slant_range, mass, laws)
+    # inside the charge a law may be defined, but no sensor can be there
     return value, valid & (slant_range > charge_radius(mass))
+
+
+def _rows_at(
+    question: Question, x: Float[np.ndarray, " point"]
+) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, " point"]]:
+    """Return ranges and masses of the explosive at values x of the unknown."""
+    if question.charge_mass:
+        return x, np.full_like(x, question.charge_mass[0])
+    return np.full_like(x, question.slant_range[0]), x
 
 
 def _span(values: Float[np.ndarray, " point"]) -> tuple[float, float] | None:
@@ -477,21 +502,20 @@ def _span(values: Float[np.ndarray, " point"]) -> tuple[float, float] | None:
 
 @dataclass(frozen=True)
 class Recommended:
-    """One answer to one question.
+    """Recommended answer to one question.
 
     Attributes:
-        quantity: The answer's: a quantity, `range_m` or `charge_mass_kg`.
-        law: By which law; "" where none gives it.
-        value: In SI.
-        valid: Whether the law holds there.
-        scatter: One standard deviation of nature about it, in ln of the answer; NaN
-            where it is unknown.
-        choice: By which it was taken; None where there is no other law, and where none
-            was chosen.
-        is_nearest: Whether the chosen law does not give the value: then it is the
-            nearest to the others of those that give it where they hold.
-        solutions: Of a range or a mass: every one at which the law takes the value
-            within its range, ascending; `value` is one of them. Absent of a quantity.
+        quantity: Name of the answer: a quantity, `range_m` or `charge_mass_kg`.
+        law: Name of the law; "" if no law gives an answer.
+        value: Answer in SI.
+        valid: True if the law holds there.
+        scatter: Standard deviation of nature about the answer, in ln; NaN if unknown.
+        choice: Basis of the choice of law; None if there is no other law, or no choice
+            was made.
+        is_nearest: True if the chosen law does not take the value. The answer is then
+            that of the valid law nearest to the median.
+        solutions: For a range or a mass: all values within the law's range at which it
+            takes the target, ascending; `value` is one of them. Absent for a quantity.
     """
 
     quantity: str
@@ -505,9 +529,9 @@ class Recommended:
 
 
 def choice_at(question: Question, quantity: str) -> "Choice":
-    """Return what `auto` chooses of a quantity at a question's one row.
+    """Return the choice of `auto` for a quantity at a question's single row.
 
-    The best one, without a tolerance.
+    The best law is chosen, without a tolerance.
     """
     from jblast.fidelity import choose_for
     from jblast.fidelity.errors import jitted_conditions
@@ -527,7 +551,7 @@ def recommended_value(
 
     Args:
         question: One range and one mass.
-        quantity: Of the answer.
+        quantity: Quantity of the answer.
         by_law: Its values by the laws.
     """
     law, choice = _law_for(question, quantity, tuple(by_law))
@@ -545,29 +569,33 @@ def recommended_value(
 def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recommended:
     """Return the range or mass at which a quantity takes its value.
 
-    The law is chosen at the median of the laws that hold. If the chosen law does not
-    give the value within its range, the nearest to the median that does is taken.
+    The law is chosen at the median root of the laws that hold. If the chosen law does
+    not take the value within its range, the law with the root nearest to the median is
+    used.
 
     Args:
-        question: Of a quantity, its target, and one range or one mass.
+        question: States a quantity, its target, and one range or one mass.
         by_law: From `roots`.
     """
-    asked = "range_m" if question.charge_mass else "charge_mass_kg"
+    unknown = "range_m" if question.charge_mass else "charge_mass_kg"
     best = {name: found.best() for name, found in by_law.items()}
     best = {name: root for name, root in best.items() if root is not None}
     holding = {name: value for name, (value, valid) in best.items() if valid}
     if not holding:
-        return Recommended(asked, "", math.nan, False, math.nan, solutions=())
+        return Recommended(unknown, "", math.nan, False, math.nan, solutions=())
+    # median of logarithms: one outlying law does not decide where laws are compared
     middle = math.exp(float(np.median(np.log(list(holding.values())))))
     law, choice = _law_for(_at(question, middle), question.quantity, tuple(by_law))
     is_nearest = law not in holding
     if is_nearest:
         law = min(holding, key=lambda name: abs(math.log(holding[name] / middle)))
+    # the scatter belongs to the answer's own row, not to the median at which the law
+    # was chosen
     value = holding[law]
     scatter = law_scatter(_at(question, value), question.quantity, law)
     slope = _slope(question, value, law)
     return Recommended(
-        quantity=asked,
+        quantity=unknown,
         law=law,
         value=value,
         valid=True,
@@ -579,9 +607,9 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
 
 
 def law_scatter(question: Question, quantity: str, law: str) -> float:
-    """Return one standard deviation of nature about a law, in ln, at a question's row.
+    """Return the standard deviation of nature about a law, in ln, at a question's row.
 
-    NaN of what is combined of several laws.
+    NaN for combinations of several laws.
     """
     if (quantity, law) not in LAWS:
         return math.nan
@@ -592,7 +620,7 @@ def law_scatter(question: Question, quantity: str, law: str) -> float:
 def _law_for(
     question: Question, quantity: str, names: tuple[str, ...]
 ) -> "tuple[str, Choice | None]":
-    """Return which of some laws is taken, and what it was chosen by."""
+    """Return the recommended law of those named, and the basis of the choice."""
     if len(names) == 1:
         return names[0], None
     parts = COMBINATIONS[quantity].parts if quantity in COMBINATIONS else (quantity,)
@@ -605,19 +633,15 @@ def _law_for(
 
 
 def _at(question: Question, value: float) -> Question:
-    """Return a question with the range or the mass that it asks for put in."""
+    """Return the question with a value of its unknown range or mass."""
     if question.charge_mass:
         return replace(question, slant_range=(value,))
     return replace(question, charge_mass=(value,))
 
 
 def _slope(question: Question, value: float, law: str) -> float:
-    """Return the slope of ln quantity against ln of what is asked for."""
-    values = value * np.exp([-STEP, STEP])
-    if question.charge_mass:
-        ranges, masses = values, np.full(2, question.charge_mass[0])
-    else:
-        ranges, masses = np.full(2, question.slant_range[0]), values
+    """Return d ln(quantity) / d ln(unknown) by central differences."""
+    ranges, masses = _rows_at(question, value * np.exp([-STEP, STEP]))
     found, _ = evaluate(question.scene, ranges, masses, (LAWS[question.quantity, law],))
     low, high = np.log(found[0])
     return float((high - low) / (2.0 * STEP))
@@ -625,17 +649,17 @@ def _slope(question: Question, value: float, law: str) -> float:
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Two laws of one quantity that hold at a place and contradict each other there.
+    """Two valid laws of one quantity that differ by more than their scatter.
 
     Attributes:
-        quantity: Of which.
-        low: Law of the smaller value, where they are furthest apart.
-        high: Law of the larger one.
+        quantity: The quantity.
+        low: Law of the smaller value, at the row of the largest difference.
+        high: Law of the larger value there.
         ratio: Larger over smaller value there.
-        expected: Ratio that their scatter leaves, in 90 % of blasts.
-        range_m: Range there.
-        mass_kg: Mass there.
-        rows: At how many rows any two laws disagree.
+        expected: Ratio that the scatter of both allows in 90 % of blasts.
+        range_m: Range of that row.
+        mass_kg: Mass of that row.
+        rows: Number of rows at which any two laws disagree.
         choice: Recommended law there; None if there is no reference.
     """
 
@@ -651,14 +675,15 @@ class Disagreement:
 
 
 def disagreements(question: Question, answer: Calculation) -> list[Disagreement]:
-    """Return the quantities of a calculation of which laws that hold disagree."""
-    paths: dict[float, Path] = {}  # pressures and impulses may have a TNT mass each
+    """Return one disagreement per quantity whose valid laws disagree."""
+    paths: dict[float, Path] = {}  # TNT factors of pressures and impulses may differ
     found = []
     for name, by_law in answer.items():
         laws = [law for law in by_law if (name, law) in LAWS]
         laws = [law for law in laws if by_law[law].valid.any()]
         if len(laws) < 2:
             continue
+        # one path per mass: quantities with the same TNT factor share it
         factor = float(question.scene.charge.tnt_factor_for(name))
         if factor not in paths:
             paths[factor] = path_of_rows(question, name)
@@ -673,8 +698,15 @@ def _disagreement_of(
     by_law: Mapping[str, Calculated],
     names: list[str],
 ) -> Disagreement | None:
-    """Return where some laws of a quantity are furthest apart, if they disagree."""
-    scatter = {name: _scatter(quantity, name, path) for name in names}
+    """Return the largest difference of the named laws, if it is a disagreement."""
+    # one standard deviation of nature about each law, in ln, at each row
+    scatter = {
+        name: np.broadcast_to(
+            np.asarray(total_scatter(LAWS[quantity, name], path)),
+            path.slant_range.shape,
+        )
+        for name in names
+    }
     apart = {
         pair: _sds_apart([by_law[n] for n in pair], [scatter[n] for n in pair])
         for pair in combinations(names, 2)
@@ -700,27 +732,22 @@ def _disagreement_of(
     )
 
 
-def _scatter(quantity: str, name: str, path: Path) -> Float[np.ndarray, " row"]:
-    """Return one standard deviation of nature about a law, in ln, of each row."""
-    sd = np.asarray(total_scatter(LAWS[quantity, name], path))
-    return np.broadcast_to(sd, path.slant_range.shape)
-
-
 def _sds_apart(
     pair: list[Calculated], scatter: list[Float[np.ndarray, " row"]]
 ) -> Float[np.ndarray, " row"]:
-    """Return how far apart two laws are, in standard deviations; 0 where one ends."""
+    """Return |ln ratio| of two laws in standard deviations; 0 where one is invalid."""
     one, other = pair
     both: Bool[np.ndarray, " row"] = one.valid & other.valid
     both &= (one.value > 0.0) & (other.value > 0.0)
     off = np.log(np.where(both, one.value, 1.0) / np.where(both, other.value, 1.0))
+    # independent scatter of two laws: the variance of their difference is the sum
     sd = np.hypot(*scatter)
     return np.where(sd > 0.0, np.abs(off) / np.where(sd > 0.0, sd, 1.0), 0.0)
 
 
 def _choice(question: Question, quantity: str, row: int) -> "Choice | None":
     """Return the choice of `jblast choose` at a row, without a tolerance."""
-    from jblast.fidelity.errors import REFERENCES  # read only where laws disagree
+    from jblast.fidelity.errors import REFERENCES  # imported only on a disagreement
 
     if quantity not in REFERENCES:
         return None

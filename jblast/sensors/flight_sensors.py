@@ -1,34 +1,35 @@
 r"""Sensors that a vehicle flies by: inertial, barometer, satellites and magnetometer.
 
-All are sampled together at the rate of the inertial unit, one sample a turn; the slower
-ones at some of the turns. All noise of a turn is drawn by one key, the `fold_in` of the
-turn's number. So a sample does not depend on earlier calls, and a turn costs one draw.
+All are sampled together at the rate of the inertial unit, one sample per turn; slower
+sensors at some of the turns. All noise of a turn is drawn with one key, the `fold_in`
+of the turn's number. A sample therefore does not depend on earlier calls, and a turn
+costs one draw.
 
 Accelerometer and gyroscope measure specific force and rate as in `sensors.imu`, at the
-centre of mass: a sample is the mean over its time, so that the samples sum to the
-change of velocity and of attitude, however short a blast's push is. Their errors are
-those of `sensors.imu` without its bits: a bias at power-on, which walks, white noise,
-and a range.
+centre of mass. A sample is the mean over its time, so that the samples sum to the
+change of velocity and attitude, however short a blast's push is. Their errors are those
+of `sensors.imu` without quantisation: a bias at power-on with a random walk, white
+noise, and a range.
 
 The barometer measures static pressure through a lag. The pressure of air at rest falls
 with height as in the standard atmosphere, from its value at the scene's ground,
 
 $$P(h) = P_0\,(1 - L h/T_0)^{g/(R L)},$$
 
-and a height is the inverse of that for a reading. A blast's overpressure at the
-vehicle's position is added: 10 kPa are 800 m of height. The port is ideal: the wind
-across it makes no pressure.
+and the height of a reading is its inverse. A blast's overpressure at the vehicle's
+position is added: 10 kPa are 800 m of height. The port is ideal: wind across it causes
+no pressure.
 
-The satellite receiver measures position and velocity with white noise, some time ago.
-The slow errors of a receiver, which wander by metres over minutes, are left out, as a
+The satellite receiver measures position and velocity with white noise and a delay. The
+slow errors of a receiver, which wander by metres over minutes, are left out, because a
 vehicle that holds its position by them moves with them.
 
 The magnetometer measures one field, the same everywhere near the scene. By default it
 is the Earth's dipole at the latitude and longitude of the scene, the first three
 coefficients of IGRF-14 (epoch 2025: $g_1^0 = -29350$, $g_1^1 = -1410.3$,
-$h_1^1 = 4545.5$ nT). Left out are a tenth of the field and up to some 15 degrees of its
-direction: enough for an autopilot that is given the same field, not for one that looks
-it up.
+$h_1^1 = 4545.5$ nT). This neglects a tenth of the field and up to some 15 degrees of
+its direction. It suffices for an autopilot that is given the same field, not for one
+that has a model of its own.
 """
 
 import functools
@@ -52,17 +53,20 @@ from jblast.vehicle.loads.blast_wave import Blast, overpressure
 from jblast.waves.propagation import HYDROSTATIC_GRADIENT, LAPSE_RATE
 
 CALIBRATED = 0.1
-"""Of its offsets a calibration on the ground leaves the inertial unit; declared."""
+"""Share of the inertial unit's biases that a ground calibration leaves; declared.
+"""
 _BIASES = 2**32 - 2
-"""Folded into the key of the inertial unit's offsets: past the numbers of turns."""
+"""Number folded into the key for the power-on biases, beyond the numbers of turns."""
 _PARTS = (6, 12, 18, 21)
-"""Boundaries between the parts of a turn's noise: walk, inertial unit, fix, field,
-pressure."""
+"""Bounds of the parts of a turn's noise: walk, inertial unit, fix, field, pressure.
+"""
 EXPONENT = HYDROSTATIC_GRADIENT / LAPSE_RATE
+"""$g/(R L)$ of the standard atmosphere [-]: 5.26."""
 LEAST_PA, MOST_PA = 1_000.0, 120_000.0
 """Range of the barometer (MS5611-01BA03 data sheet: 10 to 1200 mbar)."""
 MOMENTS = 8
-"""Of a period at which a blast's pressure is looked at: fronts come between samples."""
+"""Times within a period at which a blast's pressure is evaluated, because fronts arrive
+between samples. At 250 Hz they are 0.5 ms apart, well below the lag of 20 ms."""
 DIPOLE_GAUSS = (-0.29350, -0.014103, 0.045455)
 """$g_1^0, g_1^1, h_1^1$ of IGRF-14 at 2025.0."""
 
@@ -71,8 +75,8 @@ class Fix(NamedTuple):
     """Position and velocity from a receiver.
 
     Attributes:
-        position_m: East, north, up.
-        velocity_m_s: East, north, up.
+        position_m: East, north, up [m].
+        velocity_m_s: East, north, up [m/s].
     """
 
     position_m: Float[Array, "3"]
@@ -80,16 +84,17 @@ class Fix(NamedTuple):
 
 
 class Gps(eqx.Module):
-    """A receiver.
+    """A satellite receiver.
 
     Rate and delay are those of PX4's plugin for Gazebo (PX4-SITL_gazebo-classic,
-    gazebo_gps_plugin: 5 Hz, 0.12 s), the velocity's noise is that of a u-blox NEO-M8
-    (data sheet: 0.05 m/s for half of all samples); the places' are declared.
+    gazebo_gps_plugin: 5 Hz, 0.12 s). The noise of the velocity is that of a u-blox
+    NEO-M8 (data sheet: 0.05 m/s for half of all samples). That of the position is
+    declared.
 
     Attributes:
-        rate: Fixes a second [Hz].
-        delay: From a fix to its report, shorter than the time between two [s].
-        horizontal_noise: One standard deviation of a fix, east and north each [m].
+        rate: Fixes per second [Hz].
+        delay: Time from a fix to its report, shorter than that between two fixes [s].
+        horizontal_noise: Standard deviation of a fix, east and north each [m].
         vertical_noise: Likewise, up [m].
         velocity_noise: Likewise, along each axis [m/s].
     """
@@ -104,15 +109,15 @@ class Gps(eqx.Module):
 
     def __check_init__(self):
         if not self.rate > 0:
-            raise ValueError(f"rate must be positive, got {self.rate:g} Hz")
+            raise ValueError(f"rate: expected a positive rate, got {self.rate:g} Hz")
         if not 0 <= self.delay < 1 / self.rate:
             raise ValueError(
-                f"delay must be shorter than the time between two fixes, "
-                f"{1 / self.rate:g} s, and not negative, got {self.delay:g} s"
+                f"delay: expected 0 s to less than the time between two fixes, "
+                f"{1 / self.rate:g} s; got {self.delay:g} s"
             )
 
     def noise(self) -> Float[Array, "6"]:
-        """Return one standard deviation of each number of a fix [m, m/s]."""
+        """Return the standard deviation of each number of a fix [m, m/s]."""
         place = [self.horizontal_noise, self.horizontal_noise, self.vertical_noise]
         return jnp.stack([*place, *[self.velocity_noise] * 3])
 
@@ -123,13 +128,13 @@ def fix(
     position_m: Float[Array, "3"],
     velocity_m_s: Float[Array, "3"],
 ) -> Fix:
-    """Return a fix, noise and all.
+    """Return a fix with noise.
 
     Args:
-        noise: Standard normal numbers, of place and of velocity.
+        noise: Standard normal numbers of position and velocity.
         gps: The receiver.
-        position_m: Where it is.
-        velocity_m_s: How it moves.
+        position_m: True position [m].
+        velocity_m_s: True velocity [m/s].
     """
     off = gps.noise() * noise
     return Fix(position_m + off[:3], velocity_m_s + off[3:])
@@ -139,15 +144,15 @@ class Sample(NamedTuple):
     """Readings of a vehicle's instruments at a turn.
 
     Attributes:
-        force_m_s2: Specific force over the period before, body axes.
-        rate_rad_s: Rate over it, body axes.
+        force_m_s2: Mean specific force over the preceding period, body axes.
+        rate_rad_s: Mean angular rate over it, body axes.
         pressure_pa: Static pressure.
-        has_pressure: Whether it is a new one.
+        has_pressure: True if the pressure is new.
         field_gauss: Magnetic field, body axes.
-        has_field: Whether it is a new one.
-        fix: Where the vehicle was `Gps.delay` before.
-        has_fix: Whether it comes now.
-        takes_fix: Whether one is taken now, to come later.
+        has_field: True if the field is new.
+        fix: Fix taken `Gps.delay` before.
+        has_fix: True if the fix is reported at this turn.
+        takes_fix: True if a fix is taken at this turn, for a later report.
     """
 
     force_m_s2: Float[Array, "3"]
@@ -165,8 +170,8 @@ class Biases(NamedTuple):
     """Biases of accelerometer and gyroscope.
 
     Attributes:
-        force: Of the accelerometer [m/s2].
-        rate: Of the gyroscope [rad/s].
+        force: Bias of the accelerometer [m/s2].
+        rate: Bias of the gyroscope [rad/s].
     """
 
     force: Float[Array, "3"]
@@ -177,9 +182,9 @@ class Held(NamedTuple):
     """State of the instruments from turn to turn.
 
     Attributes:
-        biases: Of the inertial unit.
+        biases: Biases of the inertial unit.
         port_pa: Pressure in the barometer's port.
-        fix: The last that was taken.
+        fix: Last fix taken.
     """
 
     biases: Biases
@@ -190,13 +195,13 @@ class Held(NamedTuple):
 class Barometer(eqx.Module):
     """A barometer.
 
-    Absent numbers: noise is the resolution of an MS5611-01BA03 at its finest (data
-    sheet: 0.012 mbar); the lag is declared, of a port under foam.
+    The default noise is the finest resolution of an MS5611-01BA03 (data sheet: 0.012
+    mbar). The default lag is declared, for a port under foam.
 
     Attributes:
-        rate: Samples a second [Hz].
-        noise: One standard deviation of a sample [Pa].
-        lag: Of its port [s].
+        rate: Samples per second [Hz].
+        noise: Standard deviation of a sample [Pa].
+        lag: Time constant of the port [s].
     """
 
     rate: float = eqx.field(static=True, converter=float, default=50.0)
@@ -205,17 +210,17 @@ class Barometer(eqx.Module):
 
     def __check_init__(self):
         if not self.rate > 0:
-            raise ValueError(f"rate must be positive, got {self.rate:g} Hz")
+            raise ValueError(f"rate: expected a positive rate, got {self.rate:g} Hz")
 
 
 class Magnetometer(eqx.Module):
     """A magnetometer.
 
     Attributes:
-        field_gauss: Of the place: east, north, up.
-        rate: Samples a second [Hz].
-        noise: One standard deviation of an axis of a sample [gauss]; declared, of an
-            IST8310 (data sheet: 0.3 uT of resolution) three times over.
+        field_gauss: Field at the scene: east, north, up.
+        rate: Samples per second [Hz].
+        noise: Standard deviation of an axis of a sample [gauss]; declared as three
+            times the resolution of an IST8310 (data sheet: 0.3 uT).
     """
 
     field_gauss: Float[Array, "3"] = eqx.field(converter=as_float_array)
@@ -224,21 +229,21 @@ class Magnetometer(eqx.Module):
 
     def __check_init__(self):
         if not self.rate > 0:
-            raise ValueError(f"rate must be positive, got {self.rate:g} Hz")
+            raise ValueError(f"rate: expected a positive rate, got {self.rate:g} Hz")
 
 
 class Suite(eqx.Module):
-    """The instruments, and the air and the blasts about them.
+    """Instruments, with the air and the blasts around them.
 
     Attributes:
-        magnetometer: Includes the field of the place.
-        imu: Its rate is that of the turns.
-        barometer: Of static pressure.
-        gps: The receiver of satellites.
-        ground_pressure_pa: Of the air at up = 0.
-        ground_temperature_k: Likewise.
-        wind_m_s: Of the air: east, north, up.
-        blasts: Whose overpressure the barometer measures; None: none.
+        magnetometer: Magnetometer, with the field at the scene.
+        imu: Inertial unit; its rate is that of the turns.
+        barometer: Barometer for static pressure.
+        gps: Satellite receiver.
+        ground_pressure_pa: Air pressure at up = 0.
+        ground_temperature_k: Air temperature at up = 0.
+        wind_m_s: Wind: east, north, up.
+        blasts: Blasts whose overpressure the barometer measures, or None.
     """
 
     magnetometer: Magnetometer
@@ -261,12 +266,12 @@ class Suite(eqx.Module):
             rate = getattr(self, name).rate
             if rate > self.imu.rate:
                 raise ValueError(
-                    f"{name} rate must be that of the imu, {self.imu.rate:g} Hz, at "
-                    f"most, got {rate:g} Hz"
+                    f"{name}: expected a rate of at most that of the imu, "
+                    f"{self.imu.rate:g} Hz, got {rate:g} Hz"
                 )
 
     def turns(self, rate: float) -> int:
-        """Return how many turns lie between two samples of an instrument."""
+        """Return the number of turns between two samples of an instrument."""
         return max(1, round(self.imu.rate / rate))
 
     @property
@@ -275,11 +280,11 @@ class Suite(eqx.Module):
         return round(self.gps.delay * self.imu.rate)
 
     def start(self, key: PRNGKeyArray, state: State) -> Held:
-        """Return what is kept before the first turn, the inertial unit calibrated.
+        """Return the state before the first turn, with the inertial unit calibrated.
 
         Args:
-            key: Of all draws.
-            state: Where the vehicle is.
+            key: Random key of all draws.
+            state: State of the vehicle.
         """
         drawn = drawn_biases(jax.random.fold_in(key, _BIASES), self.imu, CALIBRATED)
         pressure = pressure_at(
@@ -300,13 +305,13 @@ class Suite(eqx.Module):
         """Return the readings of the instruments at a turn, and their state.
 
         Args:
-            key: Of all draws, the same at every turn.
-            turn: Its number, from 0.
-            held: What was kept.
-            before: The vehicle at the turn before.
-            now: The vehicle.
-            time_s: On the clock of the blasts.
-            period_s: Between two turns.
+            key: Random key of all draws, the same at every turn.
+            turn: Number of the turn, from 0.
+            held: State of the instruments.
+            before: State of the vehicle at the previous turn.
+            now: State of the vehicle.
+            time_s: Time on the clock of the blasts [s].
+            period_s: Time between two turns [s].
         """
         drawn = jax.random.normal(jax.random.fold_in(key, turn), (_PARTS[-1] + 1,))
         walk, inertial, of_fix, of_field, of_pressure = jnp.split(drawn, _PARTS)
@@ -323,6 +328,7 @@ class Suite(eqx.Module):
         every, late = self.turns(self.gps.rate), self.turns_late
         takes = turn % every == 0
         taken = fix(of_fix, self.gps, now.position_m, now.velocity_m_s)
+        # between fixes the last one is kept for its delayed report
         taken = jax.tree.map(lambda a, b: jnp.where(takes, a, b), taken, held.fix)
         sample = Sample(
             force,
@@ -344,10 +350,11 @@ class Suite(eqx.Module):
         time_s: Float[Array, ""],
         period_s: Float[Array, ""],
     ) -> Float[Array, " moment"]:
-        """Return the static pressure at even moments of a period [Pa]."""
+        """Return the static pressure at evenly spaced times of a period [Pa]."""
+        # middles of equal parts
         shares = jnp.linspace(0.5, MOMENTS - 0.5, MOMENTS) / MOMENTS
-        way = now.position_m - before.position_m
-        places = before.position_m[None, :] + jnp.outer(shares, way)
+        displacement = now.position_m - before.position_m
+        places = before.position_m[None, :] + jnp.outer(shares, displacement)
         rest = pressure_at(
             places[:, 2], self.ground_pressure_pa, self.ground_temperature_k
         )
@@ -355,8 +362,12 @@ class Suite(eqx.Module):
             return rest
         times = time_s - (1 - shares) * period_s
         blasts = self.blasts
-        # a wave comes and goes later by 4.7/c at most for each metre farther away
-        slowest = 5 / blasts.sound_speed_m_s * jnp.sqrt(jnp.sum(jnp.square(way)))
+        # Arrival and end of a wave change by at most 4.7/c per metre, so a margin of
+        # 5/c per metre of displacement misses none.
+        slowest = (
+            5 / blasts.sound_speed_m_s * jnp.sqrt(jnp.sum(jnp.square(displacement)))
+        )
+        # waves are expensive: skipped while none can be near
         over = jax.lax.cond(
             may_press(blasts, time_s, now.position_m, 2 * period_s + slowest),
             lambda: jax.vmap(blast_overpressure, (None, 0, 0))(blasts, times, places),
@@ -366,12 +377,12 @@ class Suite(eqx.Module):
 
 
 def drawn_biases(key: PRNGKeyArray, imu: Imu, share: float = 1.0) -> Biases:
-    """Return what the instruments are off by as they are switched on.
+    """Return the biases at power-on.
 
     Args:
-        key: Of the draw.
+        key: Random key.
         imu: Standard deviations of the biases.
-        share: What a calibration on the ground has left of it.
+        share: Share of the biases that a calibration on the ground leaves.
     """
     of_force, of_rate = jax.random.split(key)
     return Biases(
@@ -383,13 +394,13 @@ def drawn_biases(key: PRNGKeyArray, imu: Imu, share: float = 1.0) -> Biases:
 def walked(
     noise: Float[Array, "6"], imu: Imu, biases: Biases, period_s: Float[Array, ""]
 ) -> Biases:
-    """Return what the instruments are off by a period later.
+    """Return the biases after a period of random walk.
 
     Args:
-        noise: Standard normal numbers, of force and of rate.
+        noise: Standard normal numbers of force and rate.
         imu: Random walk of the biases.
-        biases: At its beginning.
-        period_s: How long it is.
+        biases: Biases at the beginning.
+        period_s: Length of the period [s].
     """
     step = jnp.sqrt(period_s)
     return Biases(
@@ -403,6 +414,7 @@ def felt_between(
 ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
     """Return specific force [m/s2] and rate [rad/s] between two states, body axes."""
     turn = rotation_between(before.quaternion, now.quaternion)
+    # the mean force is resolved at the attitude halfway through the period
     half = quaternion_product(before.quaternion, rotation_quaternion(turn / 2))
     gained = (now.velocity_m_s - before.velocity_m_s) / period_s
     gained = gained + jnp.array([0.0, 0.0, FLIGHT_GRAVITY])
@@ -415,14 +427,15 @@ def sampled(
     biases: Biases,
     true: tuple[Float[Array, "3"], Float[Array, "3"]],
 ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-    """Return a sample as it is read.
+    """Return a sample with its errors.
 
     Args:
-        noise: Standard normal numbers, of force and of rate.
+        noise: Standard normal numbers of force and rate.
         imu: Noise, rate and range.
-        biases: What the instruments are off by.
-        true: Specific force and rate.
+        biases: Biases of the instruments.
+        true: True specific force and rate.
     """
+    # a noise density of n per root hertz has the variance n^2 over the band rate / 2
     half = math.sqrt(imu.rate / 2)
     force = true[0] + biases.force
     force = force + half * imu.accelerometer_noise * noise[:3]
@@ -455,13 +468,13 @@ def height_of(
 def blast_overpressure(
     load: BlastLoad, time_s: Float[Array, ""], position_m: Float[Array, "3"]
 ) -> Float[Array, ""]:
-    """Return the overpressure of blasts at a time and place [Pa]; they add up.
+    """Return the overpressure of all blasts at a time and position [Pa].
 
-    Those that come by way of the ground too.
+    Waves reflected by the ground are included.
     """
 
     def of(blast: Blast) -> Float[Array, ""]:
-        # one that never happens has a wave without pressure
+        # a blast that never detonates has a wave without pressure
         wave = load.wave_of(blast, position_m)
         return overpressure(wave, _since_front(load, blast, time_s, position_m))
 
@@ -474,13 +487,13 @@ def may_press(
     position_m: Float[Array, "3"],
     slack_s: Float[Array, ""],
 ) -> Bool[Array, ""]:
-    """Return whether blasts may make a pressure about a time and place.
+    """Return True if blasts may cause a pressure near a time and position.
 
     Args:
-        load: Of the blasts.
-        time_s: When.
-        position_m: Where.
-        slack_s: How much sooner or later a wave may come, and go.
+        load: Blasts.
+        time_s: Time [s].
+        position_m: Position [m].
+        slack_s: Margin before the arrival and after the end of a wave [s].
     """
 
     def of(blast: Blast) -> Bool[Array, ""]:
@@ -500,8 +513,8 @@ def _since_front(
     time_s: Float[Array, ""],
     position_m: Float[Array, "3"],
 ) -> Float[Array, ""]:
-    """Return how long ago a front came; if it never goes off, as if it did now."""
-    # not since its arrival time, which float32 rounds late on the clock
+    """Return the time since a front's arrival; if it never detonates, as if now."""
+    # not from the arrival time, which float32 rounds on a clock of many minutes
     travel = blast.travel_time_s(load.surroundings(), position_m)
     return time_s - blast.by(time_s).time_s - travel
 
@@ -512,14 +525,15 @@ def lagging(
     lag_s: Float[Array, ""],
     period_s: Float[Array, ""],
 ) -> Float[Array, ""]:
-    """Return what the port has come to after a period.
+    """Return the pressure in the port after a period [Pa].
 
     Args:
-        read_pa: At its beginning.
-        pressures_pa: Outside, at even moments of it, each held for its share.
-        lag_s: Of the port.
-        period_s: How long it is.
+        read_pa: Pressure in the port at the beginning.
+        pressures_pa: Pressure outside, constant over equal parts of the period.
+        lag_s: Time constant of the port.
+        period_s: Length of the period.
     """
+    # exact for a first-order lag with an input constant over each part
     stays = jnp.exp(-period_s / pressures_pa.shape[0] / lag_s)
     for pressure in pressures_pa:
         read_pa = pressure + (read_pa - pressure) * stays
@@ -529,12 +543,12 @@ def lagging(
 def dipole_field(lat_deg: float, lon_deg: float) -> Float[np.ndarray, "3"]:
     r"""Return the field of the Earth's dipole at sea level: east, north, up [gauss].
 
-    Less the gradient of
+    Minus the gradient of
     $\frac{a^3}{r^2}\,(g_1^0\sin\phi + (g_1^1\cos\lambda + h_1^1\sin\lambda)\cos\phi)$
     at $r = a$.
 
     Args:
-        lat_deg: Latitude, taken as geocentric [degree].
+        lat_deg: Latitude, used as geocentric [degree].
         lon_deg: Longitude [degree].
     """
     g_0, g_1, h_1 = DIPOLE_GAUSS

@@ -1,10 +1,10 @@
-"""Instruments that sample a signal: what all have in common, and the simplest recorder.
+"""Common parts of sampling instruments, and the recorder of a plain signal.
 
-Kind, position, clock and instrument are set up once, here for all kinds. `sampled_by`
+Kind, position, clock and instrument are prepared here for all kinds. `sampled_by`
 makes the recorder of a sensor that is a function of scene, sensor and times
-(`scene.sensor_kinds`): the function gives the signal without errors, and the
-instrument gives band, noise, full scale and bits. Records and streams are the same
-blocks, so they are equal sample for sample.
+(`scene.sensor_kinds`). The function defines the signal without errors, and the
+instrument adds band, noise, full scale and bits. Records and streams consist of the
+same blocks, so they are equal sample for sample.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -34,15 +34,15 @@ from jblast.sensors.samples import (
 from jblast.types import as_float_array
 
 Signal = Callable[[Scene, Sensor, Float[Array, " time"]], Float[Array, "time ..."]]
-"""(scene, sensor, times on the common clock [s]) -> signal without errors, a row for
-each time and a column for each component if there are several; pure."""
+"""(scene, sensor, times on the common clock [s]) -> signal without errors, a row per
+time and a column per component if there are several; pure."""
 
 
 class Mounted(NamedTuple):
-    """A gauge that is set up, all but what it measures.
+    """Instrument and clock of a gauge, prepared for sampling.
 
     Attributes:
-        chain: Its instrument.
+        chain: Signal chain of its instrument.
         begin: Common clock at the first sample [s].
     """
 
@@ -51,20 +51,20 @@ class Mounted(NamedTuple):
 
 
 def rate_of(sensor: Sensor) -> float:
-    """Return the samples a second of a sensor [Hz]."""
+    """Return the sampling rate of a sensor [Hz]."""
     return (sensor.instrument or Instrument()).rate
 
 
 def check_kind(sensor: Sensor, kind: str, *, track: Track | None = None) -> None:
-    """Refuse a sensor of another kind, or on the wrong side of the ground.
+    """Reject a sensor of another kind, or on the wrong side of the ground.
 
     Args:
         sensor: The sensor.
-        kind: What it should be.
-        track: Where it is over time, instead of its position.
+        kind: Expected kind.
+        track: Positions over time, instead of its position.
 
     Raises:
-        InputError: It is; outside jit, as far as its height goes.
+        InputError: The kind or the site is wrong; the site is checked outside jit only.
     """
     where = f"sensor {shown(sensor.name)}"
     if sensor.kind not in ("", kind):
@@ -75,6 +75,7 @@ def check_kind(sensor: Sensor, kind: str, *, track: Track | None = None) -> None
     site = SENSOR_KINDS[kind].site
     if not site or isinstance(places, Tracer):
         return
+    # NaN heights are rejected by the negated comparison below
     above = site == "above"
     heights = np.asarray(places)[..., 2]
     up = float(heights.min() if above else heights.max())
@@ -87,12 +88,12 @@ def check_kind(sensor: Sensor, kind: str, *, track: Track | None = None) -> None
 def mounted(
     sensor: Sensor, key: Key[Array, ""], start_s: Float[ArrayLike, ""]
 ) -> tuple[Mounted, Any]:
-    """Return a gauge that is set up, and the state of its instrument.
+    """Return a prepared gauge, and the initial state of its instrument.
 
     Args:
-        sensor: Its clock and its instrument.
+        sensor: Sensor with clock and instrument.
         key: Random key of its noise.
-        start_s: When the first sample begins, by the gauge's clock [s].
+        start_s: Start of the first sample on the gauge's clock [s].
     """
     return _mounted(sensor, key, as_float_array(start_s))
 
@@ -101,31 +102,31 @@ def mounted(
 def _mounted(
     sensor: Sensor, key: Key[Array, ""], start_s: Float[Array, ""]
 ) -> tuple[Mounted, Any]:
-    """Do it, by one program for all starts: a plain number would be another each."""
+    """Prepare a gauge; the start is an array, so that all starts share one program."""
     chain = instrument_chain(sensor.instrument or Instrument(), key)
     return Mounted(chain, start_s - sensor.clock_offset_s), chain_start(chain)
 
 
 def edges_of(rate: float) -> Float[Array, " edge"]:
-    """Return where the samples of a block begin and end, from its start [s]."""
+    """Return the bounds of a block's samples, from its start [s]."""
     return jnp.arange(BLOCK + 1, dtype=float) / rate
 
 
 def seen_in_block(wave: AnyPulse, gauge: Mounted, index: Int[Array, ""]) -> AnyPulse:
-    """Return a wave whose arrival, on the common clock, counts from a block's start."""
+    """Return a wave whose arrival is counted from a block's start."""
     since = block_start(index, gauge.chain.instrument.rate)
     return counted_from(wave, gauge.begin, *since)
 
 
 class SampledRecorder(NamedTuple):
-    """Recorder of a kind of sensor, see `scene.sensor_kinds.Recorder`."""
+    """Recorder of a kind of sensor; see `scene.sensor_kinds.Recorder`."""
 
     record: Callable[..., Float[Array, "sample ..."]]
     stream: Callable[..., Iterator[Packet]]
 
 
 class _Component(eqx.Module):
-    """One component of a sensor in a scene, set up to be sampled."""
+    """One component of a sensor in a scene, prepared for sampling."""
 
     gauge: Mounted
     scene: Scene
@@ -137,9 +138,9 @@ class _Component(eqx.Module):
 def sampled_by(signal: Signal) -> SampledRecorder:
     """Return the recorder of a signal.
 
-    The sensor is at rest: its kind states why it is `unmounted`. A sample is the signal
+    The sensor is fixed: its kind states why it is `unmounted`. A sample is the signal
     in the middle of its interval. Times are single numbers: in single precision those
-    of a record of many seconds no longer resolve microseconds.
+    of a record of many seconds do not resolve microseconds.
 
     Args:
         signal: Function of scene, sensor and times.
@@ -198,17 +199,19 @@ def _start(
     laws: Mapping[str, str] | None,
     track: Track | None,
 ) -> list[tuple[_Component, Any]]:
-    """Return the components and the states of their instruments."""
+    """Return the components and the initial states of their instruments."""
     if track is not None:
         raise InputError(
-            f"sensor {shown(sensor.name)}: expected a sensor at rest, got one on a "
-            f"vehicle, where a {sensor.kind} has one position only"
+            f"sensor {shown(sensor.name)}: expected a fixed sensor, got one on a "
+            f"vehicle; a {sensor.kind} has one position only"
         )
     check_kind(sensor, sensor.kind)
-    # the signal finds the names of all laws in the scene
+    # the signal reads the names of all laws from the scene
     scene = replace(scene, law=tuple((dict(scene.law) | dict(laws or {})).items()))
+    # the number of components is known without evaluating the signal
     shape = eqx.filter_eval_shape(signal, scene, sensor, jnp.zeros(BLOCK)).shape
     count = shape[1] if len(shape) > 1 else 1
+    # independent noise of the components
     keys = [key] if count == 1 else jax.random.split(key, count)
     parts = []
     for number, one in enumerate(keys):
@@ -223,6 +226,7 @@ def _block(
     rate = one.gauge.chain.instrument.rate
     edges = edges_of(rate)
     whole, rest = block_start(index, rate)
+    # large and small parts are added separately, which float32 resolves better
     middle = (one.gauge.begin + whole) + (rest + 0.5 * (edges[:-1] + edges[1:]))
     samples = one.signal(one.scene, one.sensor, middle)
     if samples.ndim > 1:

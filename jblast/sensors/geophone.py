@@ -1,9 +1,9 @@
 """Ground velocity recorded by a geophone: the P wave of each charge.
 
 Arrival, peak velocity and peak displacement are those of `sensors.record`. The laws
-give one component and do not specify which (`waves/laws/ground_motion.py`); it is taken
-as the vertical one, and moves up first. Ground motion caused by the passing air blast
-is not included.
+predict one component and do not specify which (`waves/laws/ground_motion.py`). It is
+used as the vertical one, with a first motion upwards. Ground motion caused by the
+passing air blast is not included.
 """
 
 from collections.abc import Iterator, Mapping
@@ -31,11 +31,11 @@ _waves = eqx.filter_jit(ground_waves)
 
 
 class Geophone(NamedTuple):
-    """A geophone in a scene, set up to be sampled.
+    """A geophone in a scene, prepared for sampling.
 
     Attributes:
         gauge: Instrument and clock.
-        waves: In the ground, on the common clock.
+        waves: Waves in the ground, on the common clock.
     """
 
     gauge: Mounted
@@ -51,20 +51,20 @@ def record(
     start_s: Float[ArrayLike, ""] = 0.0,
     laws: Mapping[str, str] | None = None,
 ) -> Float[Array, " sample"]:
-    """Return the velocity of the ground that a geophone records [m/s], upwards.
+    """Return the ground velocity recorded by a geophone [m/s], upwards.
 
-    Pure: for jit, vmap and grad; the duration alone is static.
+    Pure, for jit, vmap and grad; only the duration is static.
 
     Args:
         scene: Charges, air, ground and sensors.
-        geophone: Where it is, its clock and its instrument.
-        duration_s: Of the record [s].
+        geophone: Sensor with position, clock and instrument.
+        duration_s: Length of the record [s].
         key: Random key of its noise.
-        start_s: When the first sample begins, by its clock [s].
+        start_s: Start of the first sample on its clock [s].
         laws: By quantity; absent ones the scene's, else `DEFAULT_GROUND_LAWS`.
 
     Raises:
-        InputError: The sensor is no geophone, or above the ground.
+        InputError: The sensor is no geophone, or is above the ground.
 
     Example:
         `geophone.record(scene, scene.sensors[0], 1.0, jax.random.key(0))`
@@ -84,17 +84,10 @@ def stream(
     start_s: float = 0.0,
     laws: Mapping[str, str] | None = None,
 ) -> Iterator[Packet]:
-    """Yield what a geophone records in packets, for ever; otherwise as `record`."""
+    """Yield a geophone's record in packets, without end; otherwise as `record`."""
     setup, state = _start(scene, geophone, key, start_s, laws)
-    return packets(
-        _block,
-        setup,
-        state,
-        rate_of(geophone),
-        packet_s=packet_s,
-        packets_hz=packets_hz,
-        start_s=start_s,
-    )
+    timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
+    return packets(_block, setup, state, rate_of(geophone), **timing)
 
 
 def _start(
@@ -115,8 +108,10 @@ def _block(
 ) -> tuple[Any, Float[Array, " sample"]]:
     gauge = geophone.gauge
     edges = edges_of(gauge.chain.instrument.rate)
+    # charges superpose: the ground is linear
     velocity = jnp.zeros(BLOCK)
     for wave in geophone.waves:
+        # arrival on the block's own clock, which float32 resolves
         here = seen_in_block(wave, gauge, index)
         velocity += ground_pulse_velocity_mean(here, edges[:-1], edges[1:])
     return chain_block(gauge.chain, state, index, velocity)

@@ -1,37 +1,36 @@
 r"""An instrument's effect on a signal: band, noise, full scale and bits.
 
 The signal is filtered to the band between the instrument's corners, its noise is added,
-and it is limited to the full scale and rounded to the bits, in this order, block by
-block.
+and it is limited to the full scale and quantised, in this order, block by block.
 
 Band. The filters are causal Butterworth filters. Each section is the analogue one with
 its integrators replaced by trapezoidal sums (the bilinear transform, pre-warped so that
-the corner stays at its frequency; Zavalishin 2012, "The Art of VA Filter Design", ch. 3
+the corner keeps its frequency; Zavalishin 2012, "The Art of VA Filter Design", ch. 3
 and 4). Its state is that of two integrators, $s = (s_1, s_2)$, which single precision
-represents where corners are far below the rate. A cascade of them is one linear system,
+represents even if corners are far below the rate. A cascade of them is one linear
+system,
 
 $$s_{i+1} = A s_i + b\,x_i, \qquad y_i = c \cdot s_i + d\,x_i$$
 
-and so are `CHUNK` samples of it together: a triangular matrix of the impulse response
-on the samples, and powers of $A$ on the state. These are products of matrices, and
-steps are taken a chunk at a time; `calibration/filters.py` compares it with a step a
-sample.
+and so are `CHUNK` samples together: a triangular matrix of the impulse response acts on
+the samples, and powers of $A$ on the state. These are matrix products, with one step
+per chunk; `calibration/filters.py` compares this with one step per sample.
 
 Full scale $F$. Compressed, a signal $x$ becomes
 
 $$y = x\,(1 + (x/F)^8)^{-1/8},$$
 
 which is within 0.05 % of $x$ up to half of the full scale, smooth everywhere, 0.92 $F$
-at the full scale and never beyond it. To read a peak, a compressed sample is expanded
-again, $x = y\,(1 - (y/F)^8)^{-1/8}$, up to the full scale. Beyond it a little noise of
-$y$ is any $x$: the reading is then a lower bound.
+at the full scale and never above it. To read a peak, a compressed sample is expanded
+again, $x = y\,(1 - (y/F)^8)^{-1/8}$, up to the full scale. Above it, small noise of $y$
+corresponds to any $x$, so the reading is a lower bound.
 
 The moving average is the filter by which the thesis smooths the radiation of the
 ground (Parab's thesis, algorithm 2, lines 33 to 36; that the window is odd and that
 $f_c$ is 25 Hz comes from the public plugin). A sample becomes the mean of an odd number
 of samples around it, $f_s / (2 f_c)$ or one more, and of fewer at the ends. It is not
 causal: a front appears half a window early. Its 3 dB corner is $0.886 f_c$, not $f_c$,
-and nothing is left at $2 f_c$.
+and nothing passes at $2 f_c$.
 """
 
 import math
@@ -56,23 +55,26 @@ from jblast.sensors.samples import (
 from jblast.types import as_float_array
 
 CHUNK = 32
-"""Samples that are filtered at once."""
+"""Samples that are filtered together: one matrix product and one step of the scan."""
 HIGHEST_ORDER = 4
+"""Highest order of a filter, 24 dB per octave: a declared limit."""
 SHARPNESS = 8
-"""Exponent of the compression."""
+"""Exponent of the compression: larger is closer to clipping, smaller bends earlier. At
+8 a signal of half the full scale is off by 0.05 %, below any calibration error."""
 FAR_BEYOND = 1e4
-"""Full scales at which a compressed signal is the full scale to the last bit."""
+"""Multiple of full scale at which a compressed signal equals it to the last bit: the
+deficit is 1e-32 / 8. A larger input is limited to it, so that powers stay finite."""
 CUTOFF_HZ = 25.0
 """The plugin's $f_c$ [Hz]."""
 
 
 class CausalFilter(NamedTuple):
-    """A filter that is set up.
+    """A filter, prepared for blocks.
 
     Attributes:
-        response: Impulse response as a triangular matrix: chunk of samples to chunk.
-        heard: What the state adds to each sample of a chunk.
-        kept: What each sample of a chunk leaves in the state.
+        response: Impulse response as a triangular matrix, chunk to chunk.
+        heard: Effect of the state on each sample of a chunk.
+        kept: Effect of each sample of a chunk on the state after it.
         powers: $A^0$ to $A^{CHUNK}$.
     """
 
@@ -83,13 +85,13 @@ class CausalFilter(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """An instrument that is set up.
+    """An instrument, prepared for blocks.
 
     Attributes:
-        instrument: What it does.
-        filter: Of its corners, if it has any.
+        instrument: Description of the instrument.
+        filter: Filter of its corners, or None.
         key: Random key of its noise.
-        noise: That noise, if it has a colour.
+        noise: Coloured noise, or None.
     """
 
     instrument: Instrument
@@ -99,7 +101,7 @@ class Chain(NamedTuple):
 
 
 def instrument_chain(instrument: Instrument, key: Key[Array, ""]) -> Chain:
-    """Set an instrument up; its noise comes from the key alone."""
+    """Return a prepared instrument; its noise depends only on the key."""
     rate = instrument.rate
     high_pass, low_pass = instrument.high_pass, instrument.low_pass
     passing = noise = None
@@ -111,7 +113,7 @@ def instrument_chain(instrument: Instrument, key: Key[Array, ""]) -> Chain:
 
 
 def chain_start(chain: Chain) -> Any:
-    """Return the state that an instrument starts with: at rest."""
+    """Return the initial state of an instrument: at rest."""
     return (
         None if chain.filter is None else filter_start(chain.filter),
         None if chain.noise is None else noise_start(chain.noise),
@@ -124,13 +126,13 @@ def chain_block(
     index: Int[ArrayLike, ""],
     samples: Float[Array, " sample"],
 ) -> tuple[Any, Float[Array, " sample"]]:
-    """Return the next state, and what is written down of a block.
+    """Return the next state and the recorded samples of a block.
 
     Args:
         chain: The instrument.
-        state: What the last block left, or `chain_start`.
-        index: Of the block, from 0.
-        samples: Of the signal at its place, [BLOCK].
+        state: State after the last block, or `chain_start`.
+        index: Index of the block, from 0.
+        samples: Signal at the sensor, [BLOCK].
     """
     of_filter, of_noise = state
     if chain.filter is not None:
@@ -150,20 +152,21 @@ def causal_filter(
     low_pass: Float[ArrayLike, ""] | None = None,
     order: int = 2,
 ) -> CausalFilter:
-    """Set a Butterworth filter up: -3 dB at each corner.
+    """Return a Butterworth filter with -3 dB at each corner.
 
     Args:
-        rate: Samples a second [Hz].
-        high_pass: Corner below which it loses what is slow [Hz]; None loses none.
-        low_pass: Corner above which it loses what is fast [Hz]; None loses none.
-        order: Of either, 1 to 4: 6 dB an octave each.
+        rate: Sampling rate [Hz].
+        high_pass: Corner below which it attenuates [Hz], or None.
+        low_pass: Corner above which it attenuates [Hz], or None.
+        order: Order of each side, 1 to 4: 6 dB per octave each.
 
     Raises:
-        ValueError: A corner is not between zero and half the rate, or the order is no
-            order; corners are not looked at inside `jit`.
+        ValueError: A corner is not between zero and half the rate, or the order is out
+            of range. Corners are not checked inside `jit`.
     """
     if not 1 <= order <= HIGHEST_ORDER:
-        raise ValueError(f"order must be 1 to {HIGHEST_ORDER}, got {order}")
+        raise ValueError(f"order: expected 1 to {HIGHEST_ORDER}, got {order}")
+    # an empty system passes its input: sections are appended to it
     a, b, c, d = (
         jnp.zeros((0, 0)),
         jnp.zeros((0, 1)),
@@ -177,19 +180,28 @@ def causal_filter(
             (np.asarray(corner) > 0) & (np.asarray(corner) < rate / 2)
         ):
             raise ValueError(
-                f"{name} must be positive and below half the rate of {rate:g} Hz, got "
-                f"{float(np.asarray(corner)):g} Hz"
+                f"{name}: expected a corner above 0 and below half the rate of "
+                f"{rate:g} Hz, got {float(np.asarray(corner)):g} Hz"
             )
+        # the tangent pre-warps the corner, which the bilinear transform would shift
         gain = jnp.tan(jnp.pi / rate * as_float_array(corner))
         sections = [_one_pole(gain, name)] if order % 2 else []
-        sections += [_two_poles(gain, damping, name) for damping in _dampings(order)]
+        # 1/Q of the pole pairs of a Butterworth filter: 2 cos of their angles
+        sections += [
+            _two_poles(
+                gain,
+                2.0 * math.cos(math.pi * (2 * i + 1 + order % 2) / (2 * order)),
+                name,
+            )
+            for i in range(order // 2)
+        ]
         for section in sections:
             a, b, c, d = _in_series((a, b, c, d), section)
     return _in_chunks(a, b, c, d)
 
 
 def filter_start(filtering: CausalFilter) -> Float[Array, " state"]:
-    """Return the state that a filter starts with: at rest."""
+    """Return the initial state of a filter: at rest."""
     return jnp.zeros_like(filtering.heard[0])
 
 
@@ -198,20 +210,23 @@ def filter_block(
     state: Float[Array, " state"],
     samples: Float[Array, " sample"],
 ) -> tuple[Float[Array, " state"], Float[Array, " sample"]]:
-    """Return the next state, and a block of any length filtered.
+    """Return the next state and a filtered block of any length.
 
     Args:
         filtering: The filter.
-        state: What the last block left, or `filter_start`.
-        samples: Of the signal.
+        state: State after the last block, or `filter_start`.
+        samples: Signal.
     """
     n = samples.shape[0]
+    # the remainder is shorter than a chunk and takes the leading part of its matrices
     whole = n - n % CHUNK
     chunks = samples[:whole].reshape(-1, CHUNK)
 
     def step(state, driven):
         return filtering.powers[CHUNK] @ state + driven, state
 
+    # The scan carries only the state from chunk to chunk; the samples are filtered in
+    # one product for all chunks.
     state, states = lax.scan(step, state, chunks @ filtering.kept.T)
     filtered = chunks @ filtering.response.T + states @ filtering.heard.T
     rest = samples[whole:]
@@ -225,11 +240,11 @@ def filter_block(
 def filter_gain(
     filtering: CausalFilter, rate: float, frequency: Float[ArrayLike, " frequency"]
 ) -> Float[Array, " frequency"]:
-    """Return what is left of the amplitude of a tone that lasts [-].
+    """Return the gain of the amplitude of a continuous tone [-].
 
     Args:
         filtering: The filter.
-        rate: Samples a second [Hz].
+        rate: Sampling rate [Hz].
         frequency: Frequencies [Hz].
     """
     step = filtering.powers[1]
@@ -250,15 +265,8 @@ def filter_gain(
     return jnp.abs(moved[..., 0] @ out + direct)
 
 
-def _dampings(order: int) -> list[float]:
-    """Return $1/Q$ of the pairs of poles of a Butterworth filter."""
-    odd = order % 2
-    angles = [math.pi * (2 * i + 1 + odd) / (2 * order) for i in range(order // 2)]
-    return [2.0 * math.cos(angle) for angle in angles]
-
-
 def _one_pole(gain, name: str):
-    """Return $A, b, c, d$ of a section of first order."""
+    """Return $A, b, c, d$ of a first-order section."""
     share = gain / (1.0 + gain)
     a, b = (1.0 - 2.0 * share)[None, None], (2.0 * share)[None, None]
     if name == "low_pass":
@@ -267,11 +275,11 @@ def _one_pole(gain, name: str):
 
 
 def _two_poles(gain, damping: float, name: str):
-    """Return $A, b, c, d$ of a section of second order."""
+    """Return $A, b, c, d$ of a second-order section."""
     a1 = 1.0 / (1.0 + gain * (gain + damping))
     a2 = gain * a1
     a3 = gain * a2
-    # band and low are what the two integrators read half a step on
+    # outputs of the two integrators half a step later (Zavalishin's v1 and v2)
     band, low = jnp.stack([a1, -a2]), jnp.stack([a2, 1.0 - a3])
     a = 2.0 * jnp.stack([band, low]) - jnp.eye(2)
     b = 2.0 * jnp.stack([a2, a3])[:, None]
@@ -282,7 +290,7 @@ def _two_poles(gain, damping: float, name: str):
 
 
 def _in_series(first, second):
-    """Return the system of which the first feeds the second."""
+    """Return the system in which the first feeds the second."""
     a1, b1, c1, d1 = first
     a2, b2, c2, d2 = second
     nothing = jnp.zeros((a1.shape[0], a2.shape[0]))
@@ -292,24 +300,25 @@ def _in_series(first, second):
 
 
 def _in_chunks(a, b, c, d) -> CausalFilter:
-    """Return what a system makes of `CHUNK` samples at once."""
+    """Return a system's matrices for `CHUNK` samples together."""
     _, powers = lax.scan(
         lambda power, _: (a @ power, power), jnp.eye(a.shape[0]), length=CHUNK + 1
     )
     heard = (c @ powers[:CHUNK])[:, 0, :]
     after = jnp.concatenate([d[0], heard[: CHUNK - 1] @ b[:, 0]])
     lag = np.arange(CHUNK)[:, None] - np.arange(CHUNK)[None, :]
+    # Toeplitz and causal: no sample depends on later ones
     response = jnp.where(lag >= 0, after[np.maximum(lag, 0)], 0.0)
     kept = (powers[:CHUNK] @ b)[::-1, :, 0].T
     return CausalFilter(response, heard, kept, powers)
 
 
 class Clipping(NamedTuple):
-    """Whether a record saturated.
+    """Saturation of a record.
 
     Attributes:
-        clipped: Whether any of its samples did: its peak is a lower bound then.
-        level: Magnitude up to which a signal is written down; infinite: any.
+        clipped: True if any of its samples saturated; its peak is then a lower bound.
+        level: Largest recorded magnitude; infinite if there is no limit.
     """
 
     clipped: Bool[Array, "..."]
@@ -319,14 +328,14 @@ class Clipping(NamedTuple):
 def saturated(
     samples: Float[Array, "..."], instrument: Instrument
 ) -> Float[Array, "..."]:
-    """Return samples as large as the instrument can have them."""
+    """Return samples limited to the instrument's full scale."""
     full_scale = instrument.full_scale
     if full_scale is None:
         return samples
     if instrument.saturation == "clip":
         return jnp.clip(samples, -full_scale, full_scale)
     share = jnp.clip(samples / full_scale, -FAR_BEYOND, FAR_BEYOND)
-    # scaled by the larger of both, for powers that stay within single precision
+    # scaled by the larger of both, so that all powers stay within single precision
     large = lax.stop_gradient(jnp.maximum(jnp.abs(share), 1.0))
     small = share / large
     power = small**SHARPNESS + large**-SHARPNESS
@@ -338,50 +347,51 @@ def quantised(
 ) -> Float[Array, "..."]:
     """Return samples as whole numbers of the instrument's smallest step.
 
-    Codes go from -2^(bits-1) to 2^(bits-1) - 1, so the largest sample is a step below
-    the full scale. The slope is that of the signal, as if nothing were rounded: the
-    true one is zero nearly everywhere and of no use.
+    Codes range from -2^(bits-1) to 2^(bits-1) - 1, so the largest sample is one step
+    below the full scale. The derivative is that of the signal before rounding: the true
+    one is zero nearly everywhere.
     """
     if instrument.bits is None or instrument.full_scale is None:
         return samples
     codes = 2.0 ** (instrument.bits - 1)
     step = instrument.full_scale / codes
     limited = jnp.clip(samples, -instrument.full_scale, instrument.full_scale - step)
-    # Straight-through derivative: that of rounding is zero almost everywhere, and
-    # would hide the signal from a fit.
+    # Straight-through derivative: the true one would hide the signal from a fit.
     return limited + lax.stop_gradient(step * jnp.round(limited / step) - limited)
 
 
 def clipping(
     samples: Float[Array, "*batch sample"], instrument: Instrument
 ) -> Clipping:
-    """Return whether a record saturated, and at what magnitude.
+    """Return whether a record saturated, and the level at which it does.
 
-    A compressed one did where the signal was beyond the full scale.
+    A compressed record saturated where the signal exceeded the full scale.
 
     Args:
-        samples: As the instrument wrote them.
-        instrument: What wrote them.
+        samples: Recorded samples.
+        instrument: Instrument that recorded them.
     """
     if instrument.full_scale is None:
         never = jnp.zeros(samples.shape[:-1], bool)
         return Clipping(never, jnp.full((), jnp.inf, samples.dtype))
     level = instrument.full_scale
     if instrument.saturation == "compress":
+        # the output for an input of exactly the full scale
         level = level * 2.0 ** (-1 / SHARPNESS)
     if instrument.bits is not None:
         level = level - instrument.full_scale / 2.0 ** (instrument.bits - 1)
+    # within 4 ulp: the limit itself is rounded when a sample is written
     beyond = jnp.abs(samples) >= level * (1 - 4 * jnp.finfo(samples.dtype).eps)
     return Clipping(jnp.any(beyond, axis=-1), level)
 
 
 class PeakReading(NamedTuple):
-    """The peak of a record, as a row of a log has it.
+    """Peak of a record, for a row of a log.
 
     Attributes:
-        value: The largest sample; where that was clipped, what it was at least.
-        sigma: Error of a reading of the value, same unit.
-        lower_bound: Whether it is a lower bound.
+        value: Largest sample; if it was clipped, a lower bound.
+        sigma: Standard error of the value, same unit.
+        lower_bound: True if it is a lower bound.
     """
 
     value: Float[Array, "..."]
@@ -395,35 +405,35 @@ def peak_reading(
     *,
     relative_sigma: Float[ArrayLike, ""] = 0.05,
 ) -> PeakReading:
-    """Return the peak of a record; a lower bound where it was clipped.
+    """Return the peak of a record; a lower bound if it was clipped.
 
-    Suction that is clipped is no bound of the peak.
+    Clipped suction does not make the peak a bound.
 
     Args:
-        samples: As the instrument wrote them.
-        instrument: What wrote them.
-        relative_sigma: Error of its calibration, as a share of the value.
+        samples: Recorded samples.
+        instrument: Instrument that recorded them.
+        relative_sigma: Relative error of its calibration.
     """
     largest = jnp.max(samples, axis=-1)
-    held = clipping(largest[..., None], instrument).clipped & (largest > 0)
+    clipped = clipping(largest[..., None], instrument).clipped & (largest > 0)
     value = largest
     if instrument.full_scale is not None and instrument.saturation == "compress":
         full_scale = instrument.full_scale
-        share = jnp.where(held, 0.0, largest / full_scale)
+        share = jnp.where(clipped, 0.0, largest / full_scale)
         expanded = largest * (1 - share**SHARPNESS) ** (-1 / SHARPNESS)
-        value = jnp.where(held, full_scale, expanded)
-    return PeakReading(value, jnp.asarray(relative_sigma) * jnp.abs(value), held)
+        value = jnp.where(clipped, full_scale, expanded)
+    return PeakReading(value, jnp.asarray(relative_sigma) * jnp.abs(value), clipped)
 
 
 def peak_log(
     sensors: Sequence[Sensor], readings: Sequence[PeakReading], *, shot: str = ""
 ) -> Observations:
-    """Return peaks as a log: a row of peak overpressure for each sensor.
+    """Return peaks as a log: one row of peak overpressure per sensor.
 
     Args:
-        sensors: Who recorded; each stands where its position says.
-        readings: The peak of each one's record [Pa].
-        shot: Name of the event, where a log has several.
+        sensors: Recording sensors with their positions.
+        readings: Peak of each sensor's record [Pa].
+        shot: Name of the event, if a log has several.
     """
     n = len(sensors)
     bound = np.array([bool(reading.lower_bound) for reading in readings], bool)
@@ -439,17 +449,17 @@ def peak_log(
 
 
 def averaged_samples(rate: float, cutoff: float = CUTOFF_HZ) -> int:
-    """Return how many samples are averaged: odd.
+    """Return the odd number of samples in the average.
 
     Args:
-        rate: Samples a second $f_s$ [Hz].
+        rate: Sampling rate $f_s$ [Hz].
         cutoff: $f_c$ [Hz], positive.
 
     Raises:
-        ValueError: The cut-off is not positive.
+        ValueError: The cutoff is not positive.
     """
     if not cutoff > 0:
-        raise ValueError(f"cutoff must be positive, got {cutoff:g} Hz")
+        raise ValueError(f"cutoff: expected a positive frequency, got {cutoff:g} Hz")
     return int(rate / (2 * cutoff)) // 2 * 2 + 1
 
 
@@ -458,18 +468,18 @@ def moving_average(
     rate: float,
     cutoff: float = CUTOFF_HZ,
 ) -> Float[Array, " sample"]:
-    """Return the mean of the samples about each.
+    """Return the moving average of a signal.
 
     Args:
-        samples: Of a signal.
-        rate: Samples a second [Hz].
-        cutoff: What the thesis calls cut-off $f_c$ [Hz].
+        samples: Signal.
+        rate: Sampling rate [Hz].
+        cutoff: Cutoff $f_c$ of the thesis [Hz].
     """
     samples = as_float_array(samples)
     n, half = samples.shape[0], averaged_samples(rate, cutoff) // 2
     # no running sum: in single precision it loses a quiet end behind a loud start
     window = jnp.ones(2 * half + 1, samples.dtype)
     sums = jnp.convolve(jnp.pad(samples, half), window, mode="valid")
-    place = jnp.arange(n)
-    counted = jnp.minimum(place, half) + jnp.minimum(n - 1 - place, half) + 1
+    row = jnp.arange(n)
+    counted = jnp.minimum(row, half) + jnp.minimum(n - 1 - row, half) + 1
     return sums / counted.astype(samples.dtype)

@@ -1,10 +1,10 @@
-"""The law of each quantity where none is specified, and the burst of each row.
+"""The law of each quantity if none is specified, and the burst of each row.
 
 One law is used for each quantity of a log: `fidelity.choose_for` over the positions of
-its rows, within a third of their smallest sigma. Where the height of the charge decides
+its rows, within a third of their smallest sigma. If the height of the charge decides
 between the curve sets of a surface burst and of free air, `settled` decides for each
-row. Laws and curve sets are chosen before a search, and once more at its answer. Within
-a search they do not change, so that it has derivatives.
+row. Laws and curve sets are chosen before a search, and again at its result. They are
+constant during a search, so that it has derivatives.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -38,12 +38,12 @@ def resolve_laws(
     Args:
         scene: Charges, air, ground and sensors.
         layout: Rows of a log.
-        sigma: Of each row; seconds for times, else relative; NaN where it is unknown.
-            Without any, the best law is chosen.
+        sigma: Sigma of each row; seconds for times, else relative; NaN if unknown. None
+            selects the best law.
 
     Raises:
-        InputError: The scene names a law that does not give a quantity, or no law gives
-            a quantity yet.
+        InputError: The scene names a law that does not predict a quantity, or a
+            quantity has no law yet.
     """
     chosen = dict(scene.law)
     for quantity, name in chosen.items():
@@ -53,6 +53,7 @@ def resolve_laws(
                 f"{', '.join(names_for(quantity)) or '(none yet)'}"
                 f"{nearest(name, names_for(quantity))}"
             )
+    # an explicit law is never replaced
     left = [q for q in layout.quantities() if chosen.get(q, "auto") == "auto"]
     automatic = choose_laws(scene, layout, left, sigma) if left else {}
     return {
@@ -62,24 +63,27 @@ def resolve_laws(
 
 
 def laws_named(words: Sequence[str], quantities: Collection[str]) -> dict[str, str]:
-    """Return a law for each quantity from words; later words win.
+    """Return a law for each quantity from command-line words; later words win.
 
     Args:
         words: "auto", NAME or QUANTITY=NAME, several with commas between.
-        quantities: Those of the log: a word that concerns none of them is refused.
+        quantities: Quantities of the log: a word that concerns none is rejected.
 
     Raises:
-        InputError: There is no such quantity or law, the law does not give the
+        InputError: There is no such quantity or law, the law does not predict the
             quantity, or the log does not contain it.
     """
+    # a difference of arrivals needs the laws of both arrivals
     needed = {part for quantity in quantities for part, _ in components(quantity)}
     chosen: dict[str, str] = {}
     for word in (part.strip() for item in words for part in item.split(",")):
         quantity, equals, name = word.rpartition("=")
-        given = _for_one(word, quantity, name) if equals else _for_all(word)
+        given = (
+            _law_of_quantity(word, quantity, name) if equals else _laws_of_name(word)
+        )
         if not needed & given.keys():
             raise InputError(
-                f"{_LAWS} {word}: expected a law for something the log holds "
+                f"{_LAWS} {word}: expected a law for a quantity of the log "
                 f"({', '.join(sorted(needed))}), got one for "
                 f"{', '.join(sorted(given))}"
             )
@@ -87,8 +91,8 @@ def laws_named(words: Sequence[str], quantities: Collection[str]) -> dict[str, s
     return chosen
 
 
-def _for_one(word: str, quantity: str, name: str) -> dict[str, str]:
-    """Return the law of a quantity."""
+def _law_of_quantity(word: str, quantity: str, name: str) -> dict[str, str]:
+    """Return the law of one quantity."""
     if quantity not in QUANTITIES:
         raise InputError(
             f"{_LAWS} {word}: expected a quantity before '=', got {quantity!r}"
@@ -101,7 +105,7 @@ def _for_one(word: str, quantity: str, name: str) -> dict[str, str]:
             "expected a law for one of these"
         )
     if name != "auto" and name not in names_for(quantity):
-        if _waits(name):
+        if _is_planned(name):
             raise InputError(f"{_LAWS} {word}: {name} is not supported yet")
         raise InputError(
             f"{_LAWS} {word}: expected auto or one of "
@@ -111,13 +115,13 @@ def _for_one(word: str, quantity: str, name: str) -> dict[str, str]:
     return {quantity: name}
 
 
-def _for_all(name: str) -> dict[str, str]:
-    """Return the law of NAME for every quantity it gives."""
+def _laws_of_name(name: str) -> dict[str, str]:
+    """Return the named law for every quantity that it predicts."""
     if name == "auto":
         return dict.fromkeys(QUANTITIES, "auto")
     if name in names():
         return {quantity: law for quantity, law in LAWS if law == name}
-    if _waits(name):
+    if _is_planned(name):
         raise InputError(f"{_LAWS} {name}: {name} is not supported yet")
     raise InputError(
         f"{_LAWS} {name}: expected auto, NAME or QUANTITY=NAME with NAME one of "
@@ -125,8 +129,8 @@ def _for_all(name: str) -> dict[str, str]:
     )
 
 
-def _waits(name: str) -> bool:
-    """Return whether a law is of the contract and not built yet."""
+def _is_planned(name: str) -> bool:
+    """Return True for a law that the contract names and that does not exist yet."""
     return name in LAW_NAMES_LATER and name not in names()
 
 
@@ -139,11 +143,11 @@ def choose_laws(
     """Return the automatic law of some quantities of a layout.
 
     Raises:
-        InputError: No law gives a quantity yet.
+        InputError: A quantity has no law yet.
     """
     for quantity in quantities:
         if not names_for(quantity):
-            raise InputError(f"no law gives {quantity}: not supported yet")
+            raise InputError(f"no law predicts {quantity}: not supported yet")
     stated = np.full(len(layout.quantity), np.nan) if sigma is None else np.array(sigma)
     if any(charge.burst is None for charge in scene.charges) and not layout.free_air:
         scene, layout = settled(scene, layout)
@@ -158,11 +162,12 @@ def choose_laws(
 def _conditions(
     scene: Scene, layout: Layout, quantities: tuple[str, ...]
 ) -> dict[str, list[Conditions | None]]:
-    """Return the conditions from every charge at the rows a quantity is of."""
+    """Return the conditions at the rows of each quantity, from every charge."""
     conditions: dict[str, list[Conditions | None]] = {
         quantity: [] for quantity in quantities
     }
     for charge, shot, burst in _charges(scene):
+        # one burst per call: the errors of laws are tabulated by curve set
         path = replace(path_to(scene, layout, charge), burst=burst, free_air=None)
         for quantity, found in conditions.items():
             rows = _rows(layout, quantity, shot, charge, burst)
@@ -175,7 +180,7 @@ def _conditions(
 
 
 def _charges(scene: Scene) -> list[tuple[Charge, int, Burst]]:
-    """Return every charge, its number, and each curve set that its rows are by."""
+    """Return every charge with its number, once per curve set of its rows."""
     return [
         (charge, shot, burst)
         for shot, charge in enumerate(scene.charges)
@@ -186,7 +191,7 @@ def _charges(scene: Scene) -> list[tuple[Charge, int, Burst]]:
 def _rows(
     layout: Layout, quantity: str, shot: int, charge: Charge, burst: Burst
 ) -> np.ndarray:
-    """Return the rows of a quantity that are by a curve set."""
+    """Return the rows of a quantity that have a curve set."""
     rows, _ = layout.rows(quantity, shot)
     if charge.burst is None:
         rows = rows[np.array(layout.free_air)[rows] == (burst == "free-air")]
@@ -200,13 +205,14 @@ def _choose(
     conditions: Sequence[Conditions | None],
     sigma: Float[np.ndarray, " row"],
 ) -> TakenLaw:
-    """Return the law of one quantity."""
+    """Return the chosen law of one quantity."""
     found, shares = [], []
     for (charge, shot, burst), each in zip(_charges(scene), conditions, strict=True):
         if each is not None:
             rows = _rows(layout, quantity, shot, charge, burst)
             found.append(each)
             shares.append(tolerance_of(sigma[rows], quantity, [each]))
+    # the strictest stated tolerance of any row; without one the best law wins
     stated = [share for share in shares if share > 0.0]
     tolerance = min(stated, default=0.0)
     choice = choose_for(quantity, found, tolerance, laws_only=True)
@@ -214,21 +220,22 @@ def _choose(
 
 
 def law_names(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
-    """Return the names alone."""
+    """Return only the names of laws."""
     return {quantity: law.name for quantity, law in laws.items()}
 
 
 def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:
-    """Return scene and layout with the curve sets that the heights leave.
+    """Return scene and layout with the curve sets that the heights leave open.
 
-    A charge of which all rows have one set is given that; else the layout has it row by
-    row. Sets that were settled before are decided again.
+    A charge whose rows all have one set gets that set; otherwise the layout has it row
+    by row. Earlier decisions are made again.
     """
     charges, free = [], np.zeros(len(layout.quantity), bool)
     for shot, charge in enumerate(scene.charges):
         if charge.burst is None or charge.by_height:
             here = np.array(layout.shot) == shot
             free |= here & free_rows(scene, layout, charge)
+            # a charge without rows gets the surface curves
             kinds = set(free[here].tolist()) or {False}
             burst = (
                 None if len(kinds) == 2 else "free-air" if True in kinds else "surface"
@@ -241,7 +248,7 @@ def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:
 
 
 def with_bursts(scene: Scene, other: Scene) -> Scene:
-    """Return a scene with the curve sets of another."""
+    """Return a scene with the curve sets of another scene."""
     charges = [
         replace(charge, burst=like.burst, by_height=like.by_height)
         for charge, like in zip(scene.charges, other.charges, strict=True)
@@ -250,11 +257,11 @@ def with_bursts(scene: Scene, other: Scene) -> Scene:
 
 
 def free_rows(scene: Scene, layout: Layout, charge: Charge) -> Bool[np.ndarray, " row"]:
-    """Return at which rows the reflection comes after the positive phase."""
+    """Return a mask of the rows reached by the reflection after the positive phase."""
     if not float(charge.up) > 0.0:
         return np.zeros(len(layout.quantity), bool)
-    unsaid = replace(charge, burst=None, by_height=False)
-    path = path_to(scene, replace(layout, free_air=()), unsaid)
+    undecided = replace(charge, burst=None, by_height=False)
+    path = path_to(scene, replace(layout, free_air=()), undecided)
     return np.asarray(path.free_air)
 
 
@@ -262,9 +269,9 @@ def height_notes(scene: Scene, layout: Layout, shot: int) -> list[str]:
     """Return notes on the curves of a charge above the ground, and their limits.
 
     Args:
-        scene: Its numbers settled; a burst that was not given is marked `by_height`.
+        scene: Settled scene; a burst that was not stated is marked `by_height`.
         layout: The rows.
-        shot: Which charge.
+        shot: Index of the charge.
     """
     charge = scene.charges[shot]
     here = np.array(layout.shot) == shot

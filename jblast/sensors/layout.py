@@ -2,11 +2,11 @@
 
 A layout comes from a log (`layout_of`) or from the sensors of a scene
 (`planned_layout`). The checks compare the shapes of its arrays and of the scene's
-with those of one scene and one log; a batch that is not mapped is rejected.
+with those of one scene and one log; an unmapped batch is rejected.
 
-Laws are called for some of the rows. A gather or a scatter goes row by row on a CPU, at
-several times the price of a law. Rows at even steps are therefore taken by a slice and
-put together end to end, which XLA fuses with the operations around them.
+Laws are evaluated for some of the rows. On a CPU, gather and scatter go row by row, at
+several times the cost of a law. Evenly spaced rows are therefore sliced and
+concatenated, which XLA fuses with the operations around them.
 """
 
 import math
@@ -28,27 +28,26 @@ from jblast.quantities import BY_CAMERA, DIRECTIONS, PLACELESS, TIMED, component
 from jblast.scene import Charge, Scene, Sensor, parameter_named
 from jblast.scene.uncertain import leaf_of, names_in
 
-VMAP = "; of a batch jax.vmap gives each scene in turn"
+VMAP = "; for a batch of scenes use jax.vmap"
 CONSTANT_ROWS = 1000
 """Known arrays with more rows are not passed to XLA as constants: folding them at
-compile time is slow.
-"""
+compile time is slow. Shorter ones stay constants, so that slices of them fold away."""
 
 
 class Layout(eqx.Module):
-    """The rows of a log: what each records, where, on which clock.
+    """Rows of a log: quantity, position, time and clock of each.
 
     Attributes:
-        quantity: What each row records.
-        position: East, north, up [m]; not used where `slant_range` is finite.
-        slant_range: Distance from the charge [m]; NaN where positions decide.
-        time: Clock time of the row [s]; NaN but for `quantities.TIMED`.
+        quantity: Quantity of each row.
+        position: East, north, up [m]; not used if `slant_range` is finite.
+        slant_range: Distance from the charge [m]; NaN if it follows from positions.
+        time: Clock time of the row [s]; NaN except for `quantities.TIMED`.
         group: Rows with the same number share the effects of their path.
-        shot: Which of the scene's charges each row is of.
-        clock: Name of the clock of each row; one that is not in the scene has no
+        shot: Index of each row's charge in the scene.
+        clock: Name of the clock of each row; a clock that is not in the scene has no
             offset.
-        free_air: By row, whether the free-air curves hold where a charge leaves that to
-            its height, as settled beforehand; () decides wherever numbers are.
+        free_air: For charges whose height decides the curve set: true for rows with
+            free-air curves, as settled beforehand. () decides during the evaluation.
     """
 
     quantity: tuple[str, ...] = eqx.field(static=True)
@@ -61,13 +60,13 @@ class Layout(eqx.Module):
     free_air: tuple[bool, ...] = eqx.field(static=True, default=())
 
     def quantities(self) -> tuple[str, ...]:
-        """Return the quantities a law is needed for, each once."""
+        """Return the quantities that need a law, each once."""
         return tuple(
             dict.fromkeys(name for q in self.quantity for name, _ in components(q))
         )
 
     def beside(self, more: "Layout") -> "Layout":
-        """Return these rows and, after them, those of another layout."""
+        """Return these rows followed by those of another layout."""
         return Layout(
             quantity=self.quantity + more.quantity,
             position=jnp.concatenate([self.position, more.position]),
@@ -92,7 +91,7 @@ class Layout(eqx.Module):
         )
 
     def rows(self, quantity: str, shot: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows of a charge a quantity takes part in, and with which sign."""
+        """Return the rows and signs with which a quantity of a charge enters."""
         signs = {
             q: sign
             for q in dict.fromkeys(self.quantity)
@@ -104,13 +103,14 @@ class Layout(eqx.Module):
         return rows, given[rows]
 
     def places(self) -> Float[np.ndarray, "place 3"]:
-        """Return the distinct positions of sensors whose range is not given."""
+        """Return the distinct positions of sensors without a given range."""
         placed = ~(np.asarray(self.slant_range) > 0)
         return np.unique(np.asarray(self.position)[placed], axis=0)
 
 
 def _column_rows(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
-    """Pick rows of a column; by NumPy where it is at hand, so that nothing compiles."""
+    """Return rows of a column; by NumPy if it is concrete, so that nothing compiles."""
+    # a gather in the program; concrete columns are indexed by NumPy instead
     if isinstance(column, Tracer):
         return column[rows]
     return jax.device_put(np.asarray(column)[rows])
@@ -119,7 +119,9 @@ def _column_rows(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
 def layout_of(observations: Observations, scene: Scene) -> Layout:
     """Return the rows of a log whose positions are known (see `resolve_positions`)."""
     shots = [charge.name for charge in scene.charges]
+    # a scene with one charge accepts any shot name
     shot = tuple(shots.index(s) if scene.others else 0 for s in observations.shot)
+    # paths from different charges are different, even to one sensor
     ways = list(zip(shot, observations.groups(), strict=True))
     groups = {way: i for i, way in enumerate(dict.fromkeys(ways))}
     return Layout(
@@ -134,15 +136,15 @@ def layout_of(observations: Observations, scene: Scene) -> Layout:
 
 
 def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence[str]]:
-    """Return the rows that a scene's sensors record, of each charge that happens.
+    """Return the rows that a scene's sensors record, for each charge that detonates.
 
     Returns:
         The layout, the sigma of each row (in its unit for `ADDITIVE`, else relative),
-        and the sensor's name of each row. What is taken at a time has a row for each of
-        the sensor's times.
+        and the sensor's name of each row. A timed quantity has one row for each of the
+        sensor's times.
 
     Raises:
-        InputError: No sensor records anything, or one cannot record what it should.
+        InputError: No sensor records anything, or a sensor cannot record its quantity.
     """
     plan = [
         (shot, i, sensor, quantity, sigma, time)
@@ -175,13 +177,13 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
 
 
 def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
-    """Return when a sensor takes a quantity by its clock; NaN if at no time."""
+    """Return the clock times at which a sensor records a quantity; NaN if untimed."""
     if quantity not in TIMED:
         return (math.nan,)
     where = f"sensor {sensor.name!r} records {quantity}"
     if not sensor.times_s:
         raise InputError(
-            f"{where}: expected times_s = [...] in its [[sensor]], got nothing"
+            f"{where}: expected times_s = [...] in its [[sensor]], got none"
         )
     start = float(charge.time_s + sensor.clock_offset_s)
     if sensor.times_s[0] <= start:
@@ -193,11 +195,11 @@ def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
 
 
 def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
-    """Return where a sensor stands: a fireball in an image is seen by the camera."""
+    """Return the position of a sensor, or of the camera for a fireball in an image."""
     is_placed = bool(np.isfinite(sensor.position_m).all())
     if quantity in BY_CAMERA:
-        who = f"sensor {sensor.name!r}"
-        return jnp.asarray(camera_place(scene, sensor.position_m, who))
+        label = f"sensor {sensor.name!r}"
+        return jnp.asarray(camera_place(scene, sensor.position_m, label))
     if scene.charges[shot].range_m is not None:
         if quantity in DIRECTIONS:
             raise InputError(
@@ -207,21 +209,21 @@ def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
     elif sensor.mount and not is_placed and quantity not in PLACELESS:
         raise InputError(
             f"sensor {sensor.name!r} records {quantity}: expected a flight of the "
-            f"{sensor.mount} that carries it, which jblast world flies; got none"
+            f"{sensor.mount} that carries it (jblast world); got none"
         )
     elif not is_placed and quantity not in PLACELESS:
         raise InputError(
             f"sensor {sensor.name!r} records {quantity}: expected position_m = "
-            "[east, north, up] in its [[sensor]], got nothing"
+            "[east, north, up] in its [[sensor]], got none"
         )
     return sensor.position_m if is_placed else jnp.zeros(3)
 
 
 def check_scene(scene: Scene) -> None:
-    """Refuse a scene whose numbers are arrays of numbers: a batch that is not mapped.
+    """Reject a scene with arrays in place of numbers: an unmapped batch.
 
     Raises:
-        InputError: One is; the message names it, the shape expected and what came.
+        InputError: A number has a shape; the message states its name and both shapes.
     """
     for name in names_in(scene):
         value = leaf_of(scene, name)
@@ -234,10 +236,10 @@ def check_scene(scene: Scene) -> None:
 
 
 def check_layout(layout: Layout) -> None:
-    """Refuse a layout whose columns are not of one length.
+    """Reject a layout whose columns differ in length.
 
     Raises:
-        InputError: One has another shape than the rows' quantities ask for.
+        InputError: A column has another shape than its quantities require.
     """
     n = len(layout.quantity)
     _check("layout.position", layout.position, (n, 3))
@@ -250,10 +252,10 @@ def check_layout(layout: Layout) -> None:
 
 
 def check_laws(laws: Mapping[str, str], layout: Layout) -> None:
-    """Refuse laws that leave a quantity of a layout without one.
+    """Reject laws that omit a quantity of a layout.
 
     Raises:
-        InputError: They do.
+        InputError: A quantity has no law.
     """
     for quantity in layout.quantities():
         if quantity not in laws:
@@ -279,9 +281,10 @@ def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:
 
 
 def stride_of(rows: Int[np.ndarray, " some"]) -> int:
-    """Return by how much each row is further than the one before; 0: not evenly."""
+    """Return the constant step between rows; 0 if they are not evenly spaced."""
     if rows.size == 1:
         return 1
+    # an even step becomes a slice
     steps = np.unique(np.diff(rows))
     return int(steps[0]) if steps.size == 1 and steps[0] > 0 else 0
 
@@ -294,21 +297,25 @@ def picked(x: Array, rows: Int[np.ndarray, " some"]) -> Array:
 
 
 def joined(parts: Sequence[tuple[Int[np.ndarray, " _"], Array]], count: int) -> Array:
-    """Return the sums of what parts give for each of so many rows, 0 where none does.
+    """Return the sums of parts over all rows, 0 for rows that no part has.
 
     Args:
-        parts: Rows, each once, and what is there; of yes and no true where none gives
-            one, and true where all do that give one.
-        count: Of all rows.
+        parts: Rows (each once per part) and their values. Boolean values are combined
+            by `and`; rows that no part has are true.
+        count: Number of all rows.
     """
+    # masks are combined by `and`, numbers by sums
     yes = bool(parts) and parts[0][1].dtype == bool
     dtype = bool if yes else jnp.zeros(()).dtype
     parts = [(own, x.astype(dtype)) for own, x in parts]
     rows = np.concatenate([own for own, _ in parts]) if parts else np.zeros(0, int)
     if np.array_equal(np.sort(rows), np.arange(count)):
         whole = jnp.concatenate([x for _, x in parts])
+        # every row in exactly one part: a permutation of the concatenated parts
         if np.array_equal(rows, np.arange(count)):
             return whole
+        # parts interleaved row by row, the usual order of a log: a stack, not a gather
+
         turns = [np.arange(n, count, len(parts)) for n in range(len(parts))]
         if count % len(parts) == 0 and np.array_equal(rows, np.concatenate(turns)):
             return jnp.stack([x for _, x in parts], axis=1).reshape(count)

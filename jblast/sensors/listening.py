@@ -2,8 +2,8 @@
 
 `plan` finds the sensors that record samples, the duration, and the waves that reach
 them. A record begins at 0 on its sensor's own clock, so that a time in it is the
-reading of `simulate`. The truth of every sensor and blast is calculated by the laws of
-`simulate`. A record is made from the same laws, so that its front, peak, impulse and
+reading of `simulate`. The true values of every sensor and blast are calculated by the
+laws of `simulate`. A record uses the same laws, so that its front, peak, impulse and
 duration are those of an error-free log of the same scene. `packets` yields the samples
 of a sensor of any kind, whole or packet by packet.
 """
@@ -32,15 +32,17 @@ from jblast.sensors.record import Recording, record
 from jblast.sensors.wave_paths import record_laws
 
 TAIL_S = 0.25
-"""Least duration of a record after the last arrival [s]."""
+"""Minimum duration of a record after the last arrival [s]."""
 DURATIONS = 10.0
-"""Positive phases after an arrival until suction and ground motion are over."""
+"""Positive phases after an arrival until suction and ground motion are over. A pulse's
+suction ends after a few; the rest is margin for the ground's decay."""
 WITHOUT_BLAST_S = 1.0
-"""Duration of a record where no blast arrives [s]."""
+"""Duration of a record without a blast [s]: long enough for its ambient sound."""
 LONGEST_S = 600.0
-"""Longest record without a requested duration [s]."""
+"""Longest record without a requested duration [s]. A later blast usually has a wrong
+`time_s`, and the file would be large."""
 MOST_SAMPLES = 2**30 - 2**14
-"""Of a sound file: samples of four bytes, sizes of 32 bits."""
+"""Most samples of a sound file: four bytes each, sizes of 32 bits, less the header."""
 QUANTITIES = (
     "air_arrival_s",
     "ground_arrival_s",
@@ -57,14 +59,14 @@ class Truth(NamedTuple):
     """Values by the laws, by sensor and blast.
 
     Attributes:
-        values: By quantity: a row for each sensor, a column for each charge. Times are
-            by the sensor's own clock; of a charge that never happens they are infinite.
-        valid: Likewise, whether the quantity's law holds there.
-        shots: Names of the charges, "" where there is one.
+        values: By quantity: a row per sensor, a column per charge. Times are on the
+            sensor's own clock; infinite for a charge that never detonates.
+        valid: Likewise, true if the quantity's law holds there.
+        shots: Names of the charges; "" if there is one.
         laws: Name of the law of every quantity.
-        notes: By which curves charges above the ground were taken.
-        places: Likewise, where the sensor is as the wave of the quantity comes: east,
-            north, up [m].
+        notes: Curve sets used for charges above the ground.
+        places: Likewise, position of the sensor at the arrival of the quantity's wave:
+            east, north, up [m].
     """
 
     values: dict[str, Float[np.ndarray, "sensor shot"]]
@@ -76,18 +78,18 @@ class Truth(NamedTuple):
 
 
 class Listening(NamedTuple):
-    """Records to be made.
+    """Plan of the records to make.
 
     Attributes:
-        scene: What is there, its numbers drawn and its curve sets settled.
-        sensors: Those that write samples, in the scene's order.
-        skipped: Why each of the others writes none, by name.
-        seconds: How long each record lasts, from 0 on its sensor's clock.
-        truth: Of `sensors`, by the laws.
-        notes: What was drawn of priors, and by which curves charges were taken.
-        key: Of all noise.
-        tracks: By name, where sensors that move are over time.
-        otherwise: By kind, the scene and the laws of sensors to which it is another.
+        scene: Scene with its numbers drawn and its curve sets settled.
+        sensors: Sensors that record samples, in the scene's order.
+        skipped: Reason why each other sensor records none, by name.
+        seconds: Duration of each record, from 0 on its sensor's clock.
+        truth: True values of `sensors`, by the laws.
+        notes: Values drawn from priors, and the curve sets used.
+        key: Random key of all noise.
+        tracks: Positions over time of moving sensors, by name.
+        otherwise: Scene and laws of the sensor kinds that have their own, by kind.
     """
 
     scene: Scene
@@ -101,17 +103,17 @@ class Listening(NamedTuple):
     otherwise: Mapping[str, tuple[Scene, Mapping[str, str]]]
 
     def heard_by(self, sensor: Sensor) -> tuple[Scene, Mapping[str, str]]:
-        """Return the scene and the laws by which a sensor's record is made."""
+        """Return the scene and the laws of a sensor's record."""
         return self.otherwise.get(sensor.kind, (self.scene, self.truth.laws))
 
 
 def instrument_of(sensor: Sensor) -> Instrument:
-    """Return a sensor's instrument: one that adds nothing if it has none."""
+    """Return a sensor's instrument; an ideal one if it has none."""
     return Instrument() if sensor.instrument is None else sensor.instrument
 
 
 def samples_of(listening: Listening, sensor: Sensor) -> int:
-    """Return how many samples a sensor's record has."""
+    """Return the number of samples of a sensor's record."""
     return max(1, round(listening.seconds * instrument_of(sensor).rate))
 
 
@@ -122,32 +124,36 @@ def plan(
     tracks: Mapping[str, Track] | None = None,
     scene_of: Callable[[Scene, str], Scene] | None = None,
 ) -> Listening:
-    """Return what a scene's sensors are to record.
+    """Return the plan of a scene's records.
 
     Args:
-        uncertain: The scene; numbers with a prior are drawn as `simulate` draws them.
-        seed: Of the priors and the noise.
-        seconds: How long; None: until the last blast has gone by everywhere.
-        tracks: By name, where sensors on a vehicle are over time.
-        scene_of: The scene as sensors of a kind have it; None: one for all.
+        uncertain: The scene; numbers with a prior are drawn as in `simulate`.
+        seed: Seed of the priors and the noise.
+        seconds: Duration; None lasts until the last blast has passed every sensor.
+        tracks: Positions over time of sensors on a vehicle, by name.
+        scene_of: Returns the scene for sensors of a kind; None uses one for all.
 
     Raises:
-        InputError: No sensor writes samples, one has no position, a charge has none, a
-            record would be too long, or the last blast comes so late that a duration is
-            required.
+        InputError: No sensor records samples, a sensor or a charge has no position, a
+            record would be too long, or the last blast arrives so late that a duration
+            is required.
     """
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     source = uncertain.source or "scene"
     tracks = {} if tracks is None else tracks
-    sensors, skipped = _heard(uncertain.scene, source, tracks)
+    sensors, skipped = _sampling_sensors(uncertain.scene, source, tracks)
+    # as in `simulate` with the same seed: a log and the records agree
     scene = draw_scene(scene_key, uncertain)
+    # sound has a direction of arrival at each sensor: a range alone does not define the
+    # paths
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
-            f"{source}: [charge] range_m: expected position_m, from which sound comes "
-            "to every sensor, got a distance alone"
+            f"{source}: [charge] range_m: expected position_m, which defines the path "
+            "to every sensor, got a range only"
         )
     places = {sensor.name: sensor for sensor in scene.sensors}
     sensors = tuple(places[sensor.name] for sensor in sensors)
+    # tracks of sensors that record nothing are ignored
     own = {i.name: tracks[i.name] for i in sensors if i.name in tracks}
     scene, truth, otherwise = _truths(scene, sensors, own, scene_of)
     drawn = [
@@ -169,7 +175,7 @@ def _truths(
     tracks: Mapping[str, Track],
     scene_of: Callable[[Scene, str], Scene] | None,
 ) -> tuple[Scene, Truth, dict[str, tuple[Scene, Mapping[str, str]]]]:
-    """Return the settled scene, its truth, and other scenes and laws by kind."""
+    """Return the settled scene, its truth, and deviating scenes and laws by kind."""
     own_scene, truth = truth_of(scene, sensors, tracks)
     otherwise: dict[str, tuple[Scene, Mapping[str, str]]] = {}
     kinds = dict.fromkeys(sensor.kind for sensor in sensors) if scene_of else ()
@@ -195,10 +201,10 @@ def _rows_of(
     return {name: np.where(own, ours[name], rows) for name, rows in others.items()}
 
 
-def _heard(
+def _sampling_sensors(
     scene: Scene, source: str, tracks: Mapping[str, Track]
 ) -> tuple[list[Sensor], dict[str, str]]:
-    """Return the sensors that write samples, and why others do not."""
+    """Return the sensors that record samples, and the reason why others do not."""
     sampling = sampling_kinds()
     expected = f"[[sensor]] of kind {', '.join(sampling)}"
     if not scene.sensors:
@@ -206,77 +212,82 @@ def _heard(
     skipped = {
         sensor.name: f"kind {sensor.kind} writes no samples over time"
         if sensor.kind
-        else "its kind is not said"
+        else "it has no kind"
         for sensor in scene.sensors
         if sensor.kind not in sampling
     }
-    heard = [sensor for sensor in scene.sensors if sensor.name not in skipped]
-    if not heard:
+    sampling_sensors = [
+        sensor for sensor in scene.sensors if sensor.name not in skipped
+    ]
+    if not sampling_sensors:
         name, why = next(iter(skipped.items()))
         raise InputError(
-            f"{source}: expected at least one {expected}; of sensor {name!r}, {why}"
+            f"{source}: expected at least one {expected}; sensor {name!r}: {why}"
         )
-    for sensor in heard:
+    for sensor in sampling_sensors:
         if sensor.name in tracks:
             continue
         if sensor.mount:
             raise InputError(
                 f"{source}: [[sensor]] {sensor.name!r} mount: expected a flight of the "
-                f"{sensor.mount} that carries it, which jblast world flies; got none"
+                f"{sensor.mount} that carries it (jblast world); got none"
             )
         if not np.isfinite(sensor.position_m).all():
             raise InputError(
                 f"{source}: [[sensor]] {sensor.name!r}: expected position_m = "
-                "[east, north, up], got nothing"
+                "[east, north, up], got none"
             )
-    return heard, skipped
+    return sampling_sensors, skipped
 
 
 def _check_rates(sensors: tuple[Sensor, ...], seconds: float, source: str) -> None:
-    """Refuse what no sound file holds: part of a hertz, more than 32-bit sizes."""
+    """Reject rates with fractions of a hertz and sizes beyond a sound file's limits."""
     for sensor in sensors:
         rate = instrument_of(sensor).rate
         where = f"{source}: [[sensor]] {sensor.name!r}"
+        # a WAV header has an integer rate
         is_sound = SENSOR_KINDS[sensor.kind].file == ".wav"
         if is_sound and rate != round(rate):
             raise InputError(
-                f"{where} rate_hz: expected a whole number, which a sound file holds, "
+                f"{where} rate_hz: expected a whole number, as sound files require, "
                 f"got {rate:g}"
             )
         if not 1 <= seconds * rate <= MOST_SAMPLES:
             raise InputError(
                 f"{argument('seconds')}: expected 1 to {MOST_SAMPLES:,} samples at "
-                f"{rate:g} Hz, of sensor {sensor.name!r}; got {seconds:g} s"
+                f"{rate:g} Hz for sensor {sensor.name!r}; got {seconds:g} s"
             )
 
 
 def _until_gone_by(truth: Truth, source: str) -> float:
-    """Return how long until every blast has gone by every sensor."""
+    """Return the time until every blast has passed every sensor [s]."""
     values = truth.values
     after = np.maximum(DURATIONS * values["positive_duration_s"], TAIL_S)
     ends = [values[name] + after for name in ("air_arrival_s", "ground_arrival_s")]
     ends = np.concatenate([end[np.isfinite(end)] for end in ends])
     last = float(ends.max(initial=-math.inf))
-    if last <= 0.0:  # none comes, or all came before the clock began
+    if last <= 0.0:  # no blast arrives, or all did before the clock began
         return WITHOUT_BLAST_S
+    # usually a `time_s` on another clock than the sensors'
     if last > LONGEST_S:
         raise InputError(
-            f"{source}: the last blast has gone by {last:.6g} s after the clocks' 0, "
-            f"where records begin; expected {argument('seconds')}, or a charge's "
-            f"time_s that ends a record within {LONGEST_S:g} s"
+            f"{source}: the last blast has passed at {last:.6g} s on the clocks; "
+            f"expected {argument('seconds')}, or a charge's time_s that ends the "
+            f"record within {LONGEST_S:g} s"
         )
+    # rounded up to a tenth of a second, so that file lengths are plain
     return math.ceil(10.0 * last) / 10.0
 
 
 def packets(
     listening: Listening, sensor: Sensor, packets_hz: float | None = None
 ) -> Iterator[Float[np.ndarray, "sample component"]]:
-    """Yield a sensor's samples, in the unit of its kind, as many as its record has.
+    """Yield the samples of a sensor's record, in the unit of its kind.
 
     Args:
-        listening: What is to be recorded.
+        listening: Plan of the records.
         sensor: One of its sensors.
-        packets_hz: Packets a second; None: all samples at once.
+        packets_hz: Packets per second; None yields all samples at once.
 
     Raises:
         InputError: A packet would hold no sample.
@@ -284,14 +295,15 @@ def packets(
     rate_hz, left = instrument_of(sensor).rate, samples_of(listening, sensor)
     if packets_hz is not None and packets_hz > rate_hz:
         raise InputError(
-            f"{argument('packets')}: expected at most {rate_hz:g} packets a second, "
-            f"the samples of sensor {sensor.name!r}, got {packets_hz:g}"
+            f"{argument('packets')}: expected at most {rate_hz:g} packets per second, "
+            f"the sampling rate of sensor {sensor.name!r}, got {packets_hz:g}"
         )
     recorder = SENSOR_KINDS[sensor.kind].samples()
+    # noise depends on the sensor's position in the scene, not on the order of recording
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
     scene, laws = listening.heard_by(sensor)
-    carried = {}  # those that can ride along take a track
+    carried = {}  # only kinds that can be mounted accept a track
     if sensor.name in listening.tracks:
         carried = {"track": listening.tracks[sensor.name]}
     try:
@@ -305,19 +317,21 @@ def packets(
             scene, sensor, key, packets_hz=packets_hz, laws=laws, **carried
         )
     except InputError as error:
+        # the message names the sensor already
         if shown(sensor.name) in str(error):
             raise
         raise InputError(f"sensor {sensor.name!r}: {error}") from None
     for packet in stream:
         samples = _by_component(packet.samples)[:left]
         yield samples
+        # the last packet is cut at the end of the record
         left -= len(samples)
         if left <= 0:
             return
 
 
 def _by_component(samples: ArrayLike) -> Float[np.ndarray, "sample component"]:
-    """Return samples with a column for each component: pressure has one, wind three."""
+    """Return samples with one column per component: pressure 1, wind 3."""
     samples = np.asarray(samples)
     return samples[:, None] if samples.ndim == 1 else samples
 
@@ -326,22 +340,23 @@ def truth_of(
     scene: Scene,
     sensors: tuple[Sensor, ...],
     tracks: Mapping[str, Track] | None = None,
-    asked: Sequence[str] = QUANTITIES,
+    requested: Sequence[str] = QUANTITIES,
 ) -> tuple[Scene, Truth]:
-    """Return the truth of some of a scene's sensors, and the settled scene.
+    """Return the true values of some of a scene's sensors, and the settled scene.
 
     Args:
-        scene: What is there, its numbers drawn.
-        sensors: For which, each with a position or a track.
-        tracks: By name, where those that move are over time.
-        asked: Quantities.
+        scene: Scene with its numbers drawn.
+        sensors: Sensors, each with a position or a track.
+        tracks: Positions over time of moving sensors, by name.
+        requested: Quantities.
 
     Raises:
-        InputError: The scene names a law that does not give its quantity.
+        InputError: The scene names a law that does not predict its quantity.
     """
     tracks = tracks or {}
-    quantities = tuple(name for name in asked if names_for(name))
+    quantities = tuple(name for name in requested if names_for(name))
     shots = len(scene.charges)
+    # a position is needed for the choice of laws; the arrivals refine it below
     start = {i.name: i.position_m for i in sensors}
     start |= {name: track.position[0] for name, track in tracks.items()}
     rows = [(q, s, i) for q in quantities for s in range(shots) for i in sensors]
@@ -366,9 +381,13 @@ def truth_of(
         ]
         layout = replace(layout, position=jnp.stack([*map(jnp.asarray, places)]))
     shape = (len(quantities), shots, len(sensors))
+    # Charges are evaluated one by one: their rows have one shape, so that all share the
+    # compiled program of `_recorded`.
     numbers = np.arange(len(rows)).reshape(shape)
     read = [
-        _recorded(*_of_one(scene, layout, shot, numbers[:, shot].ravel()), laws)
+        _recorded(
+            *_with_one_charge(scene, layout, shot, numbers[:, shot].ravel()), laws
+        )
         for shot in range(shots)
     ]
     value, valid = (
@@ -395,10 +414,10 @@ def _recorded(scene: Scene, layout: Layout, laws: dict[str, str]) -> Recording:
     return record(scene, layout, laws)
 
 
-def _of_one(
+def _with_one_charge(
     scene: Scene, layout: Layout, shot: int, rows: Int[np.ndarray, " row"]
 ) -> tuple[Scene, Layout]:
-    """Return the scene with one charge, and its rows: one program for all charges."""
+    """Return the scene with one charge, and its rows, in one form for all charges."""
     charge = replace(scene.charges[shot], name="")
     own = tuple(range(len(rows)))
     only = replace(layout.only(rows), shot=(0,) * len(rows), group=own)
@@ -406,10 +425,10 @@ def _of_one(
 
 
 def _laws_of_readings(scene: Scene) -> dict[str, str]:
-    """Return the laws by which `simulate` writes the readings of the sensors."""
+    """Return the laws that `simulate` uses for the readings of the sensors."""
     try:
         layout, sigma, _ = planned_layout(scene)
-    except InputError:  # they record nothing but sound
+    except InputError:  # no sensor has readings: all record samples only
         return {}
     scene, layout = settled(scene, layout)
     return law_names(resolve_laws(scene, layout, np.asarray(sigma)))
@@ -418,28 +437,28 @@ def _laws_of_readings(scene: Scene) -> dict[str, str]:
 def with_ambient(
     uncertain: UncertainScene, file: str | None = None
 ) -> tuple[UncertainScene, list[str]]:
-    """Return a scene whose ambient recording has been read, and notes on it.
+    """Return a scene with its ambient recording read, and notes on it.
 
     Args:
         uncertain: The scene. Its [ambient] may name a recording.
-        file: A recording in place of the scene's; a sample of 1 in it is the scene's
-            `full_scale_pa` of [ambient].
+        file: Recording that replaces the scene's; a sample of 1 is `full_scale_pa` of
+            [ambient].
 
     Raises:
-        InputError: The file cannot be used, see `read_sound`.
+        InputError: The file cannot be used (see `read_sound`).
     """
     ambient = uncertain.scene.ambient
     if file is not None:
-        said = ambient or Ambient()
-        ambient = Ambient(file=file, height=said.height, full_scale=said.full_scale)
+        stated = ambient or Ambient()
+        ambient = Ambient(file=file, height=stated.height, full_scale=stated.full_scale)
     if ambient is None or not ambient.file:
         return uncertain, []
     sound = read_sound(ambient.file)
     if (count := sound.samples.shape[1]) < 2:
-        raise InputError(f"{ambient.file}: expected two samples or more, got {count}")
+        raise InputError(f"{ambient.file}: expected two or more samples, got {count}")
     notes = [f"ambient sound: a loop of {ambient.file}, {sound.seconds:g} s"]
     if len(sound.samples) > 1:
-        notes.append(f"of its {len(sound.samples)} channels the first is heard")
+        notes.append(f"the first of its {len(sound.samples)} channels is used")
     if 0 in sound.dead_channels:
         notes.append("the ambient recording is silent")
     loop = ambient.full_scale * jnp.asarray(sound.samples[0])

@@ -1,36 +1,35 @@
 r"""Sound recorded by a microphone: blasts, ambient sound, wind and rotors.
 
-Blasts are the waves of `arrivals.heard`. Pressure is the mean over each sample, so that
-a front between two samples has its exact time. Absorption by air is a filter over the
-path of each wave, applied sample by sample to the blocks so far.
+Blasts are the waves of `arrivals.heard`. A sample is the mean pressure over its time,
+so that a front between two samples has its exact time. Absorption by air is a filter
+over the path of each wave, applied sample by sample to the blocks so far.
 
-Ambient sound is coloured noise, or a recording in a loop. At height $h$ it is
-$e^{-h/H}$ times as loud as on the ground. In the thesis ambient sound falls in this
-form, with no scale printed; $H$ = 30 m is declared. A recording loops without a seam:
-its end fades out while its start fades in, with powers that add up to one, as for
-uncorrelated sounds. It is resampled to the microphone's rate by its Fourier series,
-which is exact for a periodic signal.
+Ambient sound is coloured noise or a looped recording. At height $h$ it is $e^{-h/H}$
+times as loud as on the ground. The thesis uses this form and prints no scale; $H$ =
+30 m is declared. A recording loops without a seam: its end fades out while its start
+fades in, with powers that add up to one, as for uncorrelated sounds. It is resampled to
+the microphone's rate by its Fourier series, which is exact for a periodic signal.
 
 Wind on the membrane is noise whose spectrum falls as $f^{-5/3}$, as turbulence does
 above 20 Hz, with an rms proportional to $\rho U^2$.
 
-Rotors of the sensor's own vehicle are tones. A rotor of $B$ blades at speed $\Omega(t)$
-sounds at the harmonics $m$ of its blade passage,
+The rotors of the sensor's own vehicle are tones. A rotor of $B$ blades at speed
+$\Omega(t)$ radiates the harmonics $m$ of its blade passage,
 
 $$p(t) = (\Omega/\Omega_0)^2 \sum_m A_m \sin(m B \varphi(t) + \alpha_m), \quad
   \dot\varphi = \Omega$$
 
-with the amplitude of its thrust. Between knots the speed is linear, so the phase is a
-parabola and is integrated exactly, in turns less whole turns, so that its error does
-not grow over hours. Samples are means over their duration. Harmonics above half the
-rate, which would alias, are left out.
+with an amplitude proportional to its thrust. The speed is linear between knots, so the
+phase is a parabola. It is integrated exactly, in turns without whole turns, so that its
+error does not grow over hours. Samples are means over their duration. Harmonics above
+half the sampling rate, which would alias, are left out.
 
-The thesis sends packets of a loop from a ring buffer of fixed size (section 3.3.2):
-a packet at the head of the background's loop is sent, clipped, and appended at the end,
-as long as the whole stays below three loops. A blast is added to the waiting samples
-(case 1); one that ends after the last loop first extends it, to a loop past the blast's
-end (case 2). Here the background of the packet alone is appended: recycled as printed,
-a blast would sound again in every loop.
+The thesis sends packets of a loop from a ring buffer of fixed size (section 3.3.2). A
+packet at the head of the background loop is sent, clipped, and appended at the end, as
+long as the whole stays below three loops. A blast is added to the waiting samples (case
+1). One that ends after the last loop first extends it, to a loop past the blast's end
+(case 2). Here only the background of the packet is appended: if the packet were
+recycled as printed, a blast would repeat in every loop.
 """
 
 import math
@@ -74,23 +73,25 @@ from jblast.waves.propagation import (
 from jblast.waves.pulse import GroundPulse, Pulse
 
 WIND_SLOPE = -5.0 / 3.0 * DB_OF_OCTAVE
-"""Of the noise of wind [dB/octave]: Kolmogorov's inertial range."""
+"""Spectral slope of wind noise [dB/octave]: Kolmogorov's inertial range."""
 _peak_at = eqx.filter_jit(peak_at)
 CROSS_FADE_S = 0.05
-"""Of a loop's end and start [s]; of a short one, a quarter."""
+"""Cross-fade of a loop's end and start [s], at most a quarter of the loop. It is the
+period of 20 Hz, the lowest audible tone; a longer one only shortens the loop."""
 MOST_LOOPS = 3
+"""Capacity of the ring buffer, in loops (thesis, section 3.3.2)."""
 
 
 class WavePaths(NamedTuple):
-    """By which paths a blast is heard.
+    """Paths by which a blast reaches the microphone.
 
     Attributes:
-        reflection: Coefficient of the ground under an elevated place; 0 leaves
+        reflection: Coefficient of the ground under an elevated position; 0 leaves
             reflections out.
-        ground: Whether the wave in the ground is heard.
-        absorption: Whether air absorbs where the laws do not include it
+        ground: True to include the wave in the ground.
+        absorption: True to apply absorption by air where the laws do not include it
             (`Heard.absorbed`).
-        sound: Recorded, in place of the pulses that the laws make.
+        sound: Recorded sound that replaces the laws' pulses.
     """
 
     reflection: float | Float[Array, ""] = 1.0
@@ -103,14 +104,14 @@ EVERY_PATH = WavePaths()
 
 
 class Rotors(eqx.Module):
-    """Rotors whose tones a microphone on board hears.
+    """Rotors whose tones a microphone on board records.
 
     Attributes:
-        time: Knots of the speeds, rising [s]; before and after them they are constant.
-        speed: Of each rotor [rad/s].
-        amplitude: Of each harmonic of the blade passage, at the microphone [Pa].
-        reference_speed: At which the amplitudes hold [rad/s].
-        blades: Of each rotor.
+        time: Knots of the speeds, rising [s]; speeds are constant outside them.
+        speed: Speed of each rotor [rad/s].
+        amplitude: Amplitude of each blade-passage harmonic at the microphone [Pa].
+        reference_speed: Rotor speed of these amplitudes [rad/s].
+        blades: Blades per rotor.
     """
 
     time: Float[Array, " knot"] = eqx.field(converter=as_float_array)
@@ -139,31 +140,32 @@ def record(
     rotors: Rotors | None = None,
     wave_paths: WavePaths = EVERY_PATH,
 ) -> Float[Array, " sample"]:
-    """Return what a microphone records of a scene.
+    """Return the record of a microphone [Pa].
 
-    Pure: for jit, vmap and grad in every number of the scene, the microphone and what
-    is on board; the duration alone is static.
+    Pure, for jit, vmap and grad in every number of the scene, the microphone and the
+    rotors; only the duration is static.
 
     Args:
-        scene: What is there: charges, air, ambient sound.
-        microphone: Where it is, its clock and its instrument.
-        duration_s: Of the record [s].
+        scene: Charges, air and ambient sound.
+        microphone: Sensor with position, clock and instrument.
+        duration_s: Length of the record [s].
         key: Random key of all noise.
-        start_s: When the first sample begins, by the microphone's clock [s].
+        start_s: Start of the first sample on the microphone's clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
-        track: Where it is over time, on the common clock, instead of its position.
-        rotors: Those that it flies with.
-        wave_paths: By which paths blasts are heard.
+        track: Positions over time on the common clock, instead of its position.
+        rotors: Rotors of the vehicle that carries it.
+        wave_paths: Paths by which blasts reach it.
 
     Returns:
-        Samples [Pa], at the rate of its instrument.
+        Samples [Pa] at the rate of its instrument.
 
     Raises:
-        InputError: The sensor is no microphone, or underground, or at a charge.
+        InputError: The sensor is no microphone, is underground, or is at a charge.
 
     Example:
         `microphone.record(scene, scene.sensors[0], 1.0, jax.random.key(0))`
     """
+    # the only static number: everything else may be traced
     n = sample_count(duration_s, rate_of(microphone))
     sound, state = _start(
         scene, microphone, key, start_s, laws, track, rotors, wave_paths
@@ -184,21 +186,21 @@ def stream(
     rotors: Rotors | None = None,
     wave_paths: WavePaths = EVERY_PATH,
 ) -> Iterator[Packet]:
-    """Yield what a microphone records in packets, for ever, in constant memory.
+    """Yield the record of a microphone in packets, without end, in constant memory.
 
-    Sample for sample what `record` returns, whatever the packets.
+    The samples are those of `record`, whatever the packet size.
 
     Args:
         scene: Charges, air, ground and sensors.
-        microphone: Where it is, its clock and its instrument.
+        microphone: Sensor with position, clock and instrument.
         key: Random key of all noise.
         packet_s: Duration of a packet [s]; or
-        packets_hz: packets a second [Hz].
-        start_s: When the first sample begins, by the microphone's clock [s].
+        packets_hz: packets per second [Hz].
+        start_s: Start of the first sample on the microphone's clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
-        track: Where it is over time, on the common clock, instead of its position.
-        rotors: Those that it flies with.
-        wave_paths: By which paths blasts are heard.
+        track: Positions over time on the common clock, instead of its position.
+        rotors: Rotors of the vehicle that carries it.
+        wave_paths: Paths by which blasts reach it.
 
     Raises:
         InputError: As in `record`.
@@ -215,13 +217,13 @@ def stream(
 
 
 class BlastWave(NamedTuple):
-    """One wave that is set up.
+    """One wave, prepared for sampling.
 
     Attributes:
-        pulse: Its pressure over time.
-        transfer: What the air absorbs of it, or None.
-        sound: Heard in place of the pulse, or None.
-        scale: Of that sound [-].
+        pulse: Pressure over time.
+        transfer: Transfer function of absorption by air, or None.
+        sound: Recorded sound that replaces the pulse, or None.
+        scale: Factor of that sound [-].
     """
 
     pulse: Pulse | GroundPulse
@@ -230,7 +232,7 @@ class BlastWave(NamedTuple):
     scale: Float[Array, ""] | None = None
 
     def later(self, *times: Float[Array, ""]) -> "BlastWave":
-        """Return it with its arrival counted from later."""
+        """Return the wave with its arrival on a later clock."""
         return self._replace(pulse=counted_from(self.pulse, *times))
 
 
@@ -238,20 +240,20 @@ class Loop(NamedTuple):
     """Sound that repeats.
 
     Attributes:
-        samples: Of one turn and, after it, of a block of the next [Pa].
+        samples: One turn, then the first block of the next turn [Pa].
     """
 
     samples: Float[Array, " sample"]
 
 
 class RotorPhase(NamedTuple):
-    """Rotors that are set up.
+    """Rotors, prepared for sampling.
 
     Attributes:
-        rotors: What they are.
-        time: Of the knots, since the record began [s].
-        turns: Of each rotor at the knots, whole ones left out.
-        offset: Of each rotor's harmonics [rad].
+        rotors: The rotors.
+        time: Knots, since the start of the record [s].
+        turns: Phase of each rotor at the knots, in turns without whole turns.
+        offset: Phase of each harmonic of each rotor [rad].
     """
 
     rotors: Rotors
@@ -263,21 +265,23 @@ class RotorPhase(NamedTuple):
 def ambient_sound(
     ambient: Ambient, rate: float, key: Key[Array, ""]
 ) -> ColouredNoise | Loop:
-    """Set the ambient sound up, as it is on the ground.
+    """Return the ambient sound on the ground, prepared for sampling.
 
     Args:
-        ambient: What it is.
-        rate: The microphone's samples a second [Hz].
-        key: What noise is drawn from.
+        ambient: Level and slope of noise, or a recording.
+        rate: Sampling rate of the microphone [Hz].
+        key: Random key of the noise.
 
     Raises:
-        InputError: It is a recording that nobody has read.
+        InputError: The samples of its recording have not been read.
     """
     if ambient.loop is not None:
         turn = at_rate(
             seamless(ambient.loop, ambient.loop_rate), ambient.loop_rate, rate
         )
+        # one block past the turn: `ambient_block` reads across the seam with no modulo
         return Loop(jnp.resize(turn, (turn.size + BLOCK,)))
+    # files are read by the caller (`listening.with_ambient`): this function is traced
     if ambient.file:
         raise InputError(
             f"ambient: expected the samples of {ambient.file} in its loop, got none"
@@ -286,17 +290,17 @@ def ambient_sound(
 
 
 class Sound(NamedTuple):
-    """A microphone in a scene, set up to be sampled.
+    """A microphone in a scene, prepared for sampling.
 
     Attributes:
-        waves: All that come, their arrivals counted from the first sample.
-        ambient: The scene's, or None.
+        waves: All waves, with arrivals counted from the first sample.
+        ambient: Ambient sound of the scene, or None.
         ambient_sound: The same as noise or a loop, or None.
-        place: East, north, up [m], or where that is over time.
+        place: East, north, up [m], or a track of positions over time.
         begin: Common clock at the first sample [s].
-        wind: Its noise on the membrane, or None.
-        rotors: Those on board, or None.
-        chain: The instrument.
+        wind: Wind noise on the membrane, or None.
+        rotors: Rotors on board, or None.
+        chain: Signal chain of the instrument.
     """
 
     waves: tuple[BlastWave, ...]
@@ -319,11 +323,11 @@ def _start(
     rotors: Rotors | None,
     wave_paths: WavePaths,
 ) -> tuple[Sound, Any]:
-    """Set a microphone up; refuse a sensor of another kind or below the ground."""
-    where = f"microphone {shown(microphone.name)}"
+    """Prepare a microphone; reject a sensor of another kind or below the ground."""
+    label = f"microphone {shown(microphone.name)}"
     if microphone.kind not in ("", "microphone"):
         raise InputError(
-            f"{where}: expected a sensor of kind microphone, "
+            f"{label}: expected a sensor of kind microphone, "
             f"got {shown(microphone.kind)}"
         )
     places = microphone.position_m if track is None else track.position
@@ -331,14 +335,14 @@ def _start(
         up = np.asarray(places)[..., 2].min()
         if not up >= 0:
             raise InputError(
-                f"{where}: expected a place on the ground or above it, got {up:g} m up"
+                f"{label}: expected a position on or above the ground, got {up:g} m up"
             )
     start = as_float_array(start_s)
     if not isinstance(start, Tracer) and not np.isfinite(np.asarray(start)):
-        raise InputError(f"{where}: expected a finite start_s, got {float(start):g} s")
+        raise InputError(f"{label}: expected a finite start_s, got {float(start):g} s")
     place = microphone.position_m if track is None else track
-    # outside jit, where it compiles in parts, leaves out waves that nothing can make,
-    # and reports errors of the rest
+    # Outside jit the waves compile one by one, absent ones are left out, and errors in
+    # the remaining ones are reported.
     waves = blast_waves(scene, place, rate_of(microphone), laws, wave_paths)
     return set_up(scene, microphone, key, start, waves, track, rotors)
 
@@ -353,18 +357,19 @@ def set_up(
     track: Track | None,
     rotors: Rotors | None,
 ) -> tuple[Sound, Any]:
-    """Return a microphone that is set up, and the state that it starts with.
+    """Return a prepared microphone and its initial state.
 
     Args:
         scene: Charges, air, ground and sensors.
-        microphone: Where it is, its clock and its instrument.
+        microphone: Sensor with position, clock and instrument.
         key: Random key of all noise.
-        start_s: When the first sample begins, by the microphone's clock [s].
-        waves: All that come, on the common clock.
-        track: Where it is over time, instead of its position.
-        rotors: Those on board.
+        start_s: Start of the first sample on the microphone's clock [s].
+        waves: All waves on the common clock.
+        track: Positions over time, instead of its position.
+        rotors: Rotors on board.
     """
     instrument = microphone.instrument or Instrument()
+    # one key per source: adding one does not change the others
     keys = jax.random.split(key, 4)
     begin = start_s - microphone.clock_offset_s
     place = microphone.position_m if track is None else track
@@ -374,6 +379,7 @@ def set_up(
     if instrument.wind_noise is not None:
         air = scene.air
         density = air_density(*ambient(air), air.relative_humidity)
+        # dynamic pressure, to which the membrane's noise is proportional
         level = density * (air.wind_east**2 + air.wind_north**2)
         level = instrument.wind_noise * level
         wind = coloured_noise(keys[1], instrument.rate, level, WIND_SLOPE)
@@ -398,12 +404,13 @@ def set_up(
 def sound_block(
     sound: Sound, state: Any, index: Int[Array, ""]
 ) -> tuple[Any, Float[Array, " sample"]]:
-    """Return the next state, and what the microphone writes down of a block [Pa]."""
+    """Return the next state and a block of the microphone's samples [Pa]."""
     of_waves, of_ambient, of_wind, of_chain = state
     rate = sound.chain.instrument.rate
     shift = block_start(index, rate)
     edges = edges_of(rate)
     pressure = jnp.zeros(BLOCK)
+    # arrivals are shifted to the block's clock, whose small numbers suit float32
     after = []
     for wave, of_wave in zip(sound.waves, of_waves, strict=True):
         of_wave, heard = wave_block(wave.later(*shift), of_wave, edges)
@@ -412,6 +419,7 @@ def sound_block(
     middle = edges[:-1] + 0.5 / rate
     if sound.ambient is not None and sound.ambient_sound is not None:
         of_ambient, background = ambient_block(sound.ambient_sound, of_ambient, index)
+        # the track is on the common clock, the block on the record's own
         if isinstance(sound.place, Track):
             up = sound.place.at(middle + (shift[0] + sound.begin) + shift[1])[..., 2]
         else:
@@ -422,6 +430,7 @@ def sound_block(
         pressure = pressure + wind
     if sound.rotors is not None:
         pressure = pressure + rotor_tones(sound.rotors, shift, middle, rate)
+    # the instrument is last: filter, noise and limits act on the total pressure
     of_chain, samples = chain_block(sound.chain, of_chain, index, pressure)
     return (tuple(after), of_ambient, of_wind, of_chain), samples
 
@@ -433,22 +442,22 @@ def blast_waves(
     laws: Mapping[str, str] | None,
     wave_paths: WavePaths,
 ) -> tuple[BlastWave, ...]:
-    """Set up every wave that comes to a place, on the common clock.
+    """Prepare every wave that arrives at a position, on the common clock.
 
     Args:
         scene: Charges, air, ground and sensors.
-        place: East, north, up [m], or where that is over time.
-        rate: Samples a second [Hz].
+        place: East, north, up [m], or a track of positions over time.
+        rate: Sampling rate [Hz].
         laws: By quantity; absent ones as for `heard`.
-        wave_paths: By which paths they come.
+        wave_paths: Paths of the waves.
 
     Raises:
-        InputError: As in `heard`, or a recorded sound is to be heard in motion.
+        InputError: As in `heard`, or a recorded sound is combined with a track.
     """
     sound = wave_paths.sound
     if sound is not None and isinstance(place, Track):
         raise InputError(
-            "sound: expected a place at rest for a recorded one, got a track"
+            "sound: expected a fixed position for a recorded sound, got a track"
         )
     found = []
     for wave in heard(
@@ -458,7 +467,7 @@ def blast_waves(
             found.append(BlastWave(wave.pulse))
             continue
         transfer = scale = None
-        # inside jit any wave may be absorbed
+        # inside jit the flag is unknown, so every wave gets the filter
         absorbed = isinstance(wave.absorbed, Tracer) or bool(np.asarray(wave.absorbed))
         if wave_paths.absorption and absorbed:
             transfer = _transfer(scene, wave, rate)
@@ -470,7 +479,7 @@ def blast_waves(
 
 
 def wave_start(wave: BlastWave) -> Float[Array, " past"] | None:
-    """Return what a wave starts with: silence, as long as the air remembers."""
+    """Return the initial state of a wave: silence as long as the absorption filter."""
     if wave.transfer is None:
         return None
     return jnp.zeros(2 * (wave.transfer.size - 1) - BLOCK)
@@ -481,25 +490,30 @@ def wave_block(
     state: Float[Array, " past"] | None,
     edges: Float[Array, " edge"],
 ) -> tuple[Float[Array, " past"] | None, Float[Array, " sample"]]:
-    """Return the next state, and a wave's pressure in each sample of a block [Pa].
+    """Return the next state and the mean pressure of a wave in each sample [Pa].
 
     Args:
         wave: On the clock of the edges.
-        state: What the last block left, or `wave_start`.
-        edges: Where samples begin and end [s].
+        state: State after the last block, or `wave_start`.
+        edges: Bounds of the samples [s].
     """
-    pressure = _mean(wave, edges)
+    pressure = _mean_pressure(wave, edges)
     if wave.transfer is None or state is None:
         return state, pressure
+    # Overlap-save: the block is convolved together with the samples before it, and only
+    # its own output, free of circular wrap-around, is used.
     known = jnp.concatenate([state, pressure])
     spectrum = jnp.fft.rfft(known) * wave.transfer
     return known[BLOCK:], jnp.fft.irfft(spectrum, known.size)[-BLOCK:]
 
 
-def _mean(wave: BlastWave, edges: Float[Array, " edge"]) -> Float[Array, " sample"]:
-    """Return the mean pressure over each sample, nothing absorbed [Pa]."""
+def _mean_pressure(
+    wave: BlastWave, edges: Float[Array, " edge"]
+) -> Float[Array, " sample"]:
+    """Return the mean pressure over each sample before absorption [Pa]."""
     pulse = wave.pulse
     never = jnp.isposinf(pulse.arrival_time)
+    # a finite arrival past the block: an infinite one would give NaN in the pulse
     arrival = jnp.where(never, 2.0 * edges[-1], pulse.arrival_time)
     start, stop = edges[:-1], edges[1:]
     if wave.sound is not None and wave.scale is not None:
@@ -509,16 +523,17 @@ def _mean(wave: BlastWave, edges: Float[Array, " edge"]) -> Float[Array, " sampl
 
 @eqx.filter_jit
 def _transfer(scene: Scene, wave: Heard, rate: float) -> Complex[Array, " frequency"]:
-    """Return what the air leaves of a wave on its way; all where it absorbs nothing."""
+    """Return the absorption filter of a wave's path; 1 if nothing is absorbed."""
+    # a power of two that holds a block and the filter's tail without wrap-around
     count = 2 ** math.ceil(math.log2(BLOCK + TAIL_S * rate))
-    way = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
+    length = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
     return absorption_transfer(
-        count, rate, way, *ambient(scene.air), scene.air.relative_humidity
+        count, rate, length, *ambient(scene.air), scene.air.relative_humidity
     )
 
 
 def ambient_start(sound: ColouredNoise | Loop) -> Any:
-    """Return the state that the ambient sound starts with."""
+    """Return the initial state of the ambient sound."""
     if isinstance(sound, Loop):
         return jnp.zeros((), int)
     return noise_start(sound)
@@ -527,7 +542,7 @@ def ambient_start(sound: ColouredNoise | Loop) -> Any:
 def ambient_block(
     sound: ColouredNoise | Loop, state: Any, index: Int[Array, ""]
 ) -> tuple[Any, Float[Array, " sample"]]:
-    """Return the next state, and a block of the sound on the ground [Pa]."""
+    """Return the next state and a block of the sound on the ground [Pa]."""
     if not isinstance(sound, Loop):
         return noise_block(sound, state, index)
     turn = sound.samples.size - BLOCK
@@ -536,14 +551,16 @@ def ambient_block(
 
 
 def share_at_height(ambient: Ambient, up: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return how loud it is at a height above ground, over how loud on it."""
+    """Return the loudness at a height over that on the ground [-]."""
     return jnp.exp(-jnp.maximum(up, 0.0) / ambient.height)
 
 
 def seamless(samples: Float[Array, " sample"], rate: float) -> Float[Array, " turn"]:
     """Return one turn of a loop, shorter by the cross-fade of its end and start."""
     fade = max(1, min(round(CROSS_FADE_S * rate), samples.size // 4))
+    # sine and cosine: their squares add up to one, so the power is constant
     angle = np.arange(fade) / fade * (np.pi / 2)
+    # the mixed part replaces both, so the turn is shorter by one fade
     head, tail = samples[:fade], samples[samples.size - fade :]
     mixed = head * np.sin(angle) + tail * np.cos(angle)
     return jnp.concatenate([mixed, samples[fade : samples.size - fade]])
@@ -553,6 +570,7 @@ def at_rate(
     turn: Float[Array, " turn"], loop_rate: float, rate: float
 ) -> Float[Array, " sample"]:
     """Return a turn at another rate, to the nearest whole number of samples."""
+    # whole samples per turn, so that the loop stays periodic
     n = max(1, round(turn.size * rate / loop_rate))
     if n == turn.size:
         return turn
@@ -563,12 +581,12 @@ def at_rate(
 def rotor_phase(
     rotors: Rotors, start_s: Float[Array, ""], key: Key[Array, ""]
 ) -> RotorPhase:
-    """Set rotors up: their turns up to each knot, and where they stood at first.
+    """Prepare rotors: their phase at each knot and the random phase of each harmonic.
 
     Args:
-        rotors: What they are.
-        start_s: When the record begins, on the clock of the knots [s].
-        key: What the first phases are drawn from.
+        rotors: The rotors.
+        start_s: Start of the record on the clock of the knots [s].
+        key: Random key of the initial phases.
     """
     step = jnp.diff(rotors.time)[:, None]
     mean = 0.5 * (rotors.speed[1:] + rotors.speed[:-1])
@@ -588,16 +606,17 @@ def rotor_tones(
     time: Float[Array, " sample"],
     rate: float,
 ) -> Float[Array, " sample"]:
-    """Return what the rotors sound like [Pa].
+    """Return the sound of the rotors [Pa].
 
     Args:
-        phase: Rotors that are set up.
-        shift: What `time` counts from, since the record began, as `block_start`.
+        phase: Prepared rotors.
+        shift: Origin of `time` since the start of the record, as from `block_start`.
         time: Middle of each sample [s].
-        rate: Samples a second [Hz].
+        rate: Sampling rate [Hz].
     """
     rotors = phase.rotors
     knots = phase.time - shift[0] - shift[1]
+    # before the first and after the last knot the speed is constant
     last = knots.size - 1
     knot = jnp.clip(jnp.searchsorted(knots, time, side="right") - 1, 0, last)
     since = (time - knots[knot])[:, None]
@@ -611,6 +630,7 @@ def rotor_tones(
     harmonic = jnp.arange(1.0, rotors.amplitude.size + 1.0) * rotors.blades
     harmonic = harmonic[None, None, :]  # axes: sample, rotor, harmonic
     frequency = speed[:, :, None] * harmonic / (2 * math.pi)
+    # sinc: the mean of a tone over a sample of length 1 / rate
     mean = jnp.where(frequency < rate / 2, jnp.sinc(frequency / rate), 0.0)
     tone = jnp.sin(2 * math.pi * turns[:, :, None] * harmonic + phase.offset[None])
     loudness = (speed / rotors.reference_speed) ** 2
@@ -618,19 +638,19 @@ def rotor_tones(
 
 
 class LoopPackets:
-    """A background in a loop, sent in packets, with blasts in it."""
+    """A background loop sent in packets, with blasts added to it."""
 
     def __init__(self, loop: Float[np.ndarray, " sample"]):
-        """Start with one loop, waiting.
+        """Start with one waiting loop.
 
         Args:
-            loop: The background.
+            loop: Samples of the background.
 
         Raises:
-            ValueError: It has no sample.
+            ValueError: It has no samples.
         """
         if not loop.size:
-            raise ValueError("loop must have a sample or more, got none")
+            raise ValueError("loop: expected one or more samples, got none")
         self._loop = np.array(loop)
         self._ring = Ring(MOST_LOOPS * loop.size, loop.dtype)
         self._ring.write(self._loop)
@@ -638,29 +658,30 @@ class LoopPackets:
 
     @property
     def waiting(self) -> int:
-        """Number of samples to be sent; never more than three loops."""
+        """Number of waiting samples; at most three loops."""
         return self._ring.waiting
 
     @property
     def reach(self) -> int:
-        """Greatest distance of a blast's end from the head, in samples."""
+        """Largest distance of a blast's end from the head, in samples."""
         return self._ring.capacity - self._loop.size
 
     def send(self, size: int) -> Float[np.ndarray, " sample"]:
-        """Take a packet from the head, and append as much background if it fits.
+        """Return a packet from the head; append as much background if it fits.
 
         Args:
-            size: Samples of the packet, at most a loop.
+            size: Samples of the packet, at most one loop.
 
         Raises:
             ValueError: The packet is longer than the loop.
         """
         if not 0 <= size <= self._loop.size:
             raise ValueError(
-                f"expected a packet of 0 to {self._loop.size} samples, a loop, "
+                f"packet: expected 0 to {self._loop.size} samples (one loop), "
                 f"got {size}"
             )
         packet = self._ring.read(size)
+        # as in the thesis: below three loops the background grows by each packet sent
         if self._ring.waiting + size < self._ring.capacity:
             self._append(size)
         return packet
@@ -669,8 +690,8 @@ class LoopPackets:
         """Add a blast to the background.
 
         Args:
-            at: Its first sample, counted from the head.
-            samples: Its sound.
+            at: Index of its first sample, counted from the head.
+            samples: Samples of the blast.
 
         Raises:
             ValueError: It begins in the past, or ends beyond `reach`.
@@ -678,17 +699,18 @@ class LoopPackets:
         end = at + samples.size
         if at < 0 or end > self.reach:
             raise ValueError(
-                f"expected a blast within the {self.reach} samples from the head, two "
-                f"loops, got {samples.size} samples at {at}"
+                f"blast: expected an end within {self.reach} samples of the head (two "
+                f"loops), got {samples.size} samples at {at}"
             )
+        # case 2 of the thesis: extended to one loop past the blast's end
         if end > self._ring.waiting:
             self._append(end + self._loop.size - self._ring.waiting)
         self._ring.add(at, samples)
 
     def _append(self, size: int) -> None:
-        """Append samples of the loop, from where it was left."""
+        """Append samples of the loop, continuing where the last append ended."""
         if size <= 0:
             return
-        places = (self._appended + np.arange(size)) % self._loop.size
-        self._ring.write(self._loop[places])
+        rows = (self._appended + np.arange(size)) % self._loop.size
+        self._ring.write(self._loop[rows])
         self._appended = (self._appended + size) % self._loop.size

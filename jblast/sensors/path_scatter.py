@@ -1,19 +1,19 @@
 r"""Correlation of the scatter of neighbouring paths.
 
 Two paths from one charge that nearly coincide cross the same air, so they depart from
-a law by nearly the same amount. The scatter of path $i$, in its standard deviations,
-is a Gaussian field over paths with covariance $K_{ij} = \rho(d_{ij})$. The separation
+a law by nearly the same amount. The scatter of path $i$, in standard deviations, is a
+Gaussian field over paths with covariance $K_{ij} = \rho(d_{ij})$. The separation
 $d_{ij} = |y_i - y_j|$ is that of $y = (\ln R, e)$, with the slant range $R$ and the
-unit direction $e$ from the charge: for neighbours their distance over the range.
+unit direction $e$ from the charge. For neighbours it is their distance over the range.
 
 $$\rho(d) = (1 - f)\,e^{-(d/k_1)^2} + f\,e^{-(d/k_2)^\alpha}.$$
 
-The second term is the part of turbulence. The phase structure function of a spherical
-wave behind turbulence of the inertial range grows with the separation to the power
+The second term is due to turbulence. The phase structure function of a spherical wave
+behind turbulence of the inertial range grows with the separation to the power
 $\alpha = 5/3$ (Tatarskii 1971, The Effects of the Turbulent Atmosphere on Wave
 Propagation; Ostashev & Wilson 2015, Acoustics in Moving Inhomogeneous Media, chapter
-on line-of-sight propagation). The first is the part of wind and temperature that differ
-from those of the scene along the whole path, and so change slowly with direction.
+on line-of-sight propagation). The first is due to wind and temperature that differ from
+those of the scene along the whole path, and so change slowly with direction.
 
 Their amounts vary from site to site and from day to day. With $\alpha = 5/3$ and a
 scatter of 1 %, the bearing of an array of width $D$ has an sd of about
@@ -21,21 +21,21 @@ $0.014\,(D/k_2R)^{5/6} R/D$: 3.7 degrees at $D/R$ = 0.01 with $k_2$ = 0.4. Infra
 arrays of 1 to 4 km lose coherence as for angular widths of 0.4 to 7 degrees, and the
 back azimuths of Humming Roadrunner 5 at eight arrays 230 to 470 km away
 (`calibration/data/hrr5_infrapy_detections.csv`) are 3.6 degrees (rms) off the true
-ones. No one kernel spans this range, so the kernel is unknown as well: the likelihood
-of a log is the mean over all `KERNELS`, and the data weigh them. All nearly vanish for
-neighbours 45 degrees apart, as in a layout around the charge.
+ones. No single kernel spans this range, so the kernel is unknown as well: the
+likelihood of a log is the mean over all `KERNELS`, and the data weigh them. All nearly
+vanish for neighbours 45 degrees apart, as in a layout around the charge.
 
-The covariance of $n$ paths is split, $K = \mathrm{diag}(\psi) + B B^T$, so that what
-a path has for itself ($\psi$) keeps the distribution of independent errors. With
+The covariance of $n$ paths is split, $K = \mathrm{diag}(\psi) + B B^T$, so that the
+part of each path alone ($\psi$) keeps the distribution of independent errors. With
 $Q = K^{-1}$ the rest is positive semidefinite for $\psi_i = 1/\sum_j |Q_{ij}|$, since
 $\mathrm{diag}(1/\psi) - Q$ is then diagonally dominant. For an isolated path $\psi$
 is 1, for two paths $1 - \rho$, the largest possible. For more than `DENSE` paths $B$
-is what `ANCHORS` of them share with all (a Nystrom approximation), so that the cost
-grows in proportion to the number of paths.
+is the part that `ANCHORS` of them share with all (a Nystrom approximation), so that
+the cost grows in proportion to the number of paths.
 
-The linear systems of some tens of unknowns are solved without LAPACK. XLA on CPUs gives
-a batch of LAPACK calls to the pool of threads that already runs the program, and waits
-there for it. Where two such calls meet, in one program or in two, all threads of a
+The linear systems of some tens of unknowns are solved without LAPACK. XLA on CPUs
+passes a batch of LAPACK calls to the thread pool that already runs the program, and
+waits for it there. If two such calls meet, in one program or in two, all threads of a
 machine with two cores wait for each other and the program never ends. The elimination
 here is a loop of operations on whole matrices.
 """
@@ -59,47 +59,49 @@ KERNELS = np.array(
 probable.
 
 The third is inertial-range turbulence that decorrelates within the 45 degrees between
-neighbours of an ordinary layout; the second has a shorter outer scale. The first stands
-for roughness at small separations, as from ground and obstacles. In the fourth a tenth
-of the variance is turbulence: 0.3 % of the travel time for a law with 1 %, as for index
-fluctuations of 0.5 % with eddies of L = 50 m over R = 300 m, which leave the share
-sqrt(sqrt(pi) L/R) along the path. Least squares of a known mass, linearised, of 250
-random layouts with errors of seven other correlation functions (exponential, von
+neighbours of an ordinary layout; the second has a shorter outer scale. The first
+represents roughness at small separations, as from ground and obstacles. In the fourth a
+tenth of the variance is turbulence: 0.3 % of the travel time for a law with 1 %, as for
+index fluctuations of 0.5 % with eddies of L = 50 m over R = 300 m, which leave the
+share sqrt(sqrt(pi) L/R) along the path. Least squares of a known mass, linearised, of
+250 random layouts with errors of seven other correlation functions (exponential, von
 Karman, Gaussian; lengths of 0.1 to 0.8): 90 % intervals of the bearing contain the
 truth in 86 to 96 % with these four, in 33 to 98 % with the third alone. Fits with a
 free mass do not reach that (`calibration/array_coverage.py`)."""
 TYPICAL = np.array([0.0, 0.0, 1.0, 0.0])
-"""Weights of the kernels where no data weigh them, as for a planned layout."""
+"""Weights of the kernels if no data weigh them, as for a planned layout."""
 DENSE = 32
-"""Most paths whose covariance is split exactly, at the cost of the cube of their
-number."""
+"""Largest number of paths whose covariance is split exactly, at a cost proportional to
+the cube of their number."""
 MAX_PATHS = 1000
-"""Logs of more paths take them as independent: columns of shared effects for a million
-rows would multiply the time of a fit."""
+"""Logs with more paths treat them as independent: columns of shared effects for a
+million rows would multiply the time of a fit."""
 ANCHORS = 16
-"""Paths that carry the shared part of a longer log."""
+"""Paths that represent the shared part of a longer log: half of `DENSE`, at a cost
+proportional to their number."""
 FEW_NEIGHBOURS = 0.05
-"""An anchor whose correlations with all other paths add up to this shares half of its
-variance; one by itself shares nothing, one of a cluster nearly all."""
+"""Sum of correlations with other paths at which an anchor shares half of its variance;
+an isolated one shares nothing, one in a cluster nearly all."""
 NEAR_ZERO = 1e-4
-"""Correlation below which its absolute value is smoothed, so that it has slopes."""
+"""Correlation below which its absolute value is smoothed, to have a derivative."""
 ROOT_GUARD = 1e-16
-"""Added to a squared separation; keeps the slope of its root at zero finite."""
+"""Added to a squared separation, so that the derivative of its root is finite at 0."""
 
 
 def embedded(
     toward: Float[Array, "path 3"], slant_range: Float[Array, " path"]
 ) -> tuple[Float[Array, "path 4"], Bool[Array, " path"]]:
-    """Return log-polar coordinates of paths, and which have a direction at all.
+    """Return log-polar coordinates of paths, and the mask of those with a direction.
 
     Args:
-        toward: From the sensor to the charge [m]; zero where a range alone is given.
+        toward: Vector from the sensor to the charge [m]; zero for a range only.
         slant_range: Distance [m].
     """
     squared = jnp.sum(jnp.square(toward), axis=1)
     placed = (squared > 0) & (slant_range > 0)
     length = jnp.sqrt(jnp.where(placed, squared, 1.0))
     log_range = jnp.log(jnp.where(placed, slant_range, 1.0))
+    # paths without direction get a dummy point and are masked by `placed`
     unit = jnp.where(placed[:, None], toward / length[:, None], 0.0)
     return jnp.concatenate([log_range[:, None], unit], axis=1), placed
 
@@ -109,13 +111,14 @@ def correlations(
     other: Float[Array, "mate 4"],
     weights: Float[Array, " kernel"],
 ) -> Float[Array, "path mate"]:
-    """Return the weighted mean of the kernels between paths."""
+    """Return the weighted mean of the kernels between all pairs of paths."""
     apart = sum(
         jnp.square(one[:, i, None] - other[None, :, i]) for i in range(one.shape[1])
     )
     apart = jnp.asarray(apart) + ROOT_GUARD
     found = jnp.zeros_like(apart)
     for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
+        # `apart` is squared, hence half the power
         part = f * jnp.exp(-((apart / rough**2) ** (power / 2)))
         if f < 1:
             part = part + (1 - f) * jnp.exp(-apart / smooth**2)
@@ -130,11 +133,12 @@ def decorrelation(
     r"""Return $1 - \rho(d)$, without rounding at small separations.
 
     Args:
-        separation: Of two paths, $d$; for neighbours their distance over the range.
-        weights: Of the kernels; their sum is 1.
+        separation: Separation $d$ of two paths; for neighbours distance over range.
+        weights: Weights of the kernels; their sum is 1.
     """
     found = np.zeros_like(separation)
     for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
+        # expm1: 1 - exp of a tiny argument would round to 0
         turbulent = -np.expm1(-((separation / rough) ** power))
         along = -np.expm1(-np.square(separation / smooth))
         found = found + weight * (f * turbulent + (1 - f) * along)
@@ -146,27 +150,28 @@ def split(
     placed: Bool[Array, " path"],
     weights: Float[Array, " kernel"],
 ) -> tuple[Float[Array, " path"], Float[Array, "path column"]]:
-    r"""Split the scatter of paths into what each has for itself and what they share.
+    r"""Return the individual and the shared parts of the scatter of paths.
 
     Args:
-        place: See `embedded`.
-        placed: Paths without a direction are independent of all.
-        weights: Of the kernels; their sum is 1.
+        place: Coordinates from `embedded`.
+        placed: Mask of paths with a direction; the others are independent.
+        weights: Weights of the kernels; their sum is 1.
 
     Returns:
-        The variance $\psi$ of each path by itself, and what one standard deviation of
-        each shared effect adds ($B$), for a total variance of 1.
+        Individual variance $\psi$ of each path, and contribution of one standard
+        deviation of each shared effect ($B$), for a total variance of 1.
     """
     count = len(place)
     if count > DENSE:
         return _split_by_anchors(place, placed, weights)
-    # duplicates have equal scatter but for this variance, which rounding needs
+    # duplicate paths make the matrix singular: this variance keeps it invertible
     nugget = jnp.sqrt(jnp.finfo(place.dtype).eps)
     both = placed[:, None] & placed[None, :] & ~np.eye(count, dtype=bool)
     matrix = jnp.where(both, correlations(place, place, weights), 0.0)
     matrix = matrix + (1 + nugget) * jnp.eye(count, dtype=place.dtype)
     precision, _ = solve_system(matrix, jnp.eye(count, dtype=place.dtype))
     size = jnp.diagonal(precision)
+    # smoothed |Q|: the exact absolute value has no derivative at 0
     least = NEAR_ZERO**2 * size[:, None] * size[None, :]
     row_sum = jnp.sum(
         jnp.where(
@@ -174,13 +179,14 @@ def split(
         ),
         axis=1,
     )
+    # bound of diagonal dominance (module docstring)
     own = 1 / (size + row_sum)
     shared = matrix - jnp.diag(own) + nugget * jnp.eye(count, dtype=place.dtype)
     return own, cholesky_factor(shared)
 
 
 def _split_by_anchors(place, placed, weights):
-    """Split many paths by what some of them share with all."""
+    """Return the parts of many paths, shared through some of them as anchors."""
     # Anchors are evenly spread over the rows of a log.
     anchors = np.linspace(0, len(place) - 1, ANCHORS).astype(int)
     nugget = jnp.sqrt(jnp.finfo(place.dtype).eps)
@@ -192,17 +198,20 @@ def _split_by_anchors(place, placed, weights):
     inner = inner + (1 + nugget) * jnp.eye(ANCHORS, dtype=place.dtype)
     root = cholesky_factor(inner)
     columns = solve_system(root, across.T)[0].T
+    # without the anchor's correlation with itself
     neighbours = jnp.maximum(jnp.sum(across, axis=0) - 1, 0.0)
     share = neighbours / (neighbours + FEW_NEIGHBOURS)
     columns = columns * jnp.sqrt(share + nugget)[None, :]
     own = 1 - jnp.sum(jnp.square(columns), axis=1)
+    # rounding may leave a variance just below 0
     return jnp.maximum(own, nugget), columns
 
 
 def kernel_weights(
     log_likelihoods: Float[Array, " kernel"],
 ) -> Float[Array, " kernel"]:
-    """Return how probable each kernel is by the likelihoods of a log."""
+    """Return the probabilities of the kernels from their log likelihoods."""
+    # the largest is subtracted, so that the exponentials do not underflow together
     top = lax.stop_gradient(jnp.max(log_likelihoods))
     weights = jnp.exp(log_likelihoods - top)
     return weights / jnp.sum(weights)
@@ -212,22 +221,22 @@ def kernel_weights(
 def solve_system(
     matrix: Float[Array, "n n"], right: Float[Array, "n m"]
 ) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
-    """Solve, and return ln of the determinant, by Gauss-Jordan elimination.
+    """Return the solution and ln of the determinant, by Gauss-Jordan elimination.
 
     Without pivoting: for matrices that are positive definite, or triangular with a
-    positive diagonal. Of others that are not positive definite ln of the determinant is
-    NaN.
+    positive diagonal. For others that are not positive definite, ln of the determinant
+    is NaN.
 
     Args:
         matrix: The system.
-        right: Right sides, one a column.
+        right: Right-hand sides, one per column.
     """
     return _eliminated(matrix, right)
 
 
 @solve_system.defjvp
 def _solve_system_jvp(primals, tangents):
-    # the loop would keep a matrix for each unknown
+    # differentiating the loop would store a matrix for each unknown
     matrix, right = primals
     d_matrix, d_right = tangents
     count, wide = right.shape
@@ -245,6 +254,7 @@ def _eliminated(matrix, right):
 
     def step(i, state):
         both, size = state
+        # positive for these matrices, so no pivoting is needed
         pivot = both[i, i]
         row = both[i] / pivot
         column = both[:, i] - jnp.where(jnp.arange(count) == i, 1.0, 0.0)

@@ -1,13 +1,13 @@
 r"""Overpressure recorded by a pressure gauge, side-on or face-on.
 
-Side-on the gauge does not disturb the wave, and records the wave of `sensors.record`.
-Face-on it is a large rigid wall: the pressure of each moment is reflected as Rankine
+Side-on, the gauge does not disturb the wave, and records the wave of `sensors.record`.
+Face-on, it is a large rigid wall: the pressure of each moment is reflected as Rankine
 and Hugoniot reflect a front,
 
 $$p_r = 2 p\,\frac{7 P_0 + 4 p}{7 P_0 + p}$$
 
-which is exact at the front; behind it flow round the edge of a finite wall would reduce
-the pressure. The band is set by the instrument's corners; the zero may drift.
+which is exact at the front. Behind it, flow round the edge of a finite wall would
+reduce the pressure. The instrument's corners set the band; the zero may drift.
 """
 
 from collections.abc import Iterator, Mapping
@@ -41,13 +41,13 @@ from jblast.waves.pulse import Pulse, pulse_mean
 
 
 class PressureGauge(NamedTuple):
-    """A pressure gauge in a scene, set up to be sampled.
+    """A pressure gauge in a scene, prepared for sampling.
 
     Attributes:
         gauge: Instrument and clock.
-        waves: In the air, on the common clock.
-        ambient_pressure: $P_0$ where a wave is reflected; None: it passes [Pa].
-        drift: Of its zero, from the first sample on [Pa/s].
+        waves: Waves in the air, on the common clock.
+        ambient_pressure: $P_0$ for reflection [Pa]; None for side-on.
+        drift: Drift of its zero, from the first sample on [Pa/s].
     """
 
     gauge: Mounted
@@ -68,24 +68,24 @@ def record(
     drift: Float[ArrayLike, ""] = 0.0,
     track: Track | None = None,
 ) -> Float[Array, " sample"]:
-    """Return the overpressure that a gauge records [Pa].
+    """Return the overpressure recorded by a gauge [Pa].
 
-    Pure: for jit, vmap and grad; duration and mounting alone are static.
+    Pure, for jit, vmap and grad; only duration and mounting are static.
 
     Args:
         scene: Charges, air, ground and sensors.
-        gauge: Where it is, its clock and its instrument.
-        duration_s: Of the record [s].
+        gauge: Sensor with position, clock and instrument.
+        duration_s: Length of the record [s].
         key: Random key of its noise.
-        start_s: When the first sample begins, by its clock [s].
+        start_s: Start of the first sample on its clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
         mounting: "side-on" or "face-on".
-        drift: Of its zero [Pa/s].
-        track: Where it is over time, on the common clock, instead of its position.
+        drift: Drift of its zero [Pa/s].
+        track: Positions over time on the common clock, instead of its position.
 
     Raises:
-        InputError: The sensor is no pressure gauge, or underground, or at a charge.
-        ValueError: No such mounting.
+        InputError: The sensor is no pressure gauge, is underground, or is at a charge.
+        ValueError: The mounting is unknown.
 
     Example:
         `pressure_gauge.record(scene, scene.sensors[0], 0.1, jax.random.key(0))`
@@ -108,17 +108,10 @@ def stream(
     drift: float = 0.0,
     track: Track | None = None,
 ) -> Iterator[Packet]:
-    """Yield what a gauge records in packets, for ever; otherwise as `record`."""
+    """Yield a gauge's record in packets, without end; otherwise as `record`."""
     setup, state = _start(scene, gauge, key, start_s, laws, mounting, drift, track)
-    return packets(
-        _block,
-        setup,
-        state,
-        rate_of(gauge),
-        packet_s=packet_s,
-        packets_hz=packets_hz,
-        start_s=start_s,
-    )
+    timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
+    return packets(_block, setup, state, rate_of(gauge), **timing)
 
 
 def _start(
@@ -133,10 +126,11 @@ def _start(
 ) -> tuple[PressureGauge, Any]:
     check_kind(sensor, "pressure", track=track)
     if mounting not in ("side-on", "face-on"):
-        raise ValueError(f"mounting must be 'side-on' or 'face-on', got {mounting!r}")
+        raise ValueError(f"mounting: expected side-on or face-on, got {mounting!r}")
     gauge, state = mounted(sensor, key, start_s)
     place = sensor.position_m if track is None else track
     waves = tuple(wave.pulse for wave in heard(scene, place, laws))
+    # only the reflection depends on the ambient pressure
     pressure = None if mounting == "side-on" else ambient(scene.air)[1]
     return PressureGauge(gauge, waves, pressure, as_float_array(drift)), state
 
@@ -151,8 +145,10 @@ def _block(
     for wave in setup.waves:
         p = pulse_mean(seen_in_block(wave, gauge, index), edges[:-1], edges[1:])
         if still is not None:
+            # on the mean of a sample, which for a ramp within it is off to second order
             p = 2.0 * p * (7.0 * still + 4.0 * p) / (7.0 * still + p)
         pressure += p
+    # whole seconds first: float32 resolves the sum of small times, not of a long clock
     whole, rest = block_start(index, rate)
     pressure += setup.drift * (whole + (rest + edges[:-1] + 0.5 / rate))
     return chain_block(gauge.chain, state, index, pressure)

@@ -1,14 +1,14 @@
 r"""The forward model: readings of a scene, row by row, and the errors that rows share.
 
-Everything that compares a scene with data goes through `record`. A reading is in the
-unit of its quantity. Its errors are in that unit for `quantities.ADDITIVE` (times and
-directions), in ln for all other quantities. Each row has the scatter of its law: a part
-for itself, a part shared by the rows of a shot, and a part shared along a path.
+Every comparison of a scene with data uses `record`. A reading is in the unit of its
+quantity. Its errors are in that unit for `quantities.ADDITIVE` (times and directions),
+in ln for all other quantities. The scatter of each row's law has three parts: one of
+the row, one shared by the rows of a shot, and one shared along a path.
 
 The jolt of the scene's vehicle is $\Delta v = \tfrac1m \int F\,dt$ over the whole wave.
-The load $F$ is that of flights (`vehicle.loads.blast`), on a vehicle that hovers
-at the sensor's position in the scene's wind, tilted against it, with the scene's
-heading. If a row has a range alone, the charge is level with the vehicle.
+The load $F$ is that of simulated flights (`vehicle.loads.blast`), on a vehicle that
+hovers at the sensor's position in the scene's wind, tilted against it, with the scene's
+heading. If a row states only a range, the charge is level with the vehicle.
 """
 
 import math
@@ -58,29 +58,30 @@ from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.waves.scaling import scaled_distance
 
 FAR_EFFECT = " far away"
-"""Marks the effect that the far rows of a shot share (`registry.Law.far_scatter`)."""
+"""Suffix of the effect that far rows of a shot share (`registry.Law.far_scatter`)."""
 
 
 class Recording(eqx.Module):
     """Error-free reading of every row, and the scatter of the laws about nature.
 
     Attributes:
-        value: The reading without error, in the unit of the row's quantity. Of a charge
-            that never happens there is nothing: a time on a clock is infinite, what has
-            a size is zero, a direction or a difference of arrivals NaN.
+        value: Reading without error, in the unit of the row's quantity. For a charge
+            that never detonates, a clock time is infinite, a size is zero, a direction
+            or a difference of arrivals is NaN.
         slant_range: Distance from the charge [m].
-        valid: Whether the row's laws hold there; so too where nothing happens.
+        valid: True if the row's laws hold there; also for a charge that never
+            detonates.
         record_sd: Law scatter of this row alone; seconds for times, else ln.
-        shot_loading: By quantity (and charge, if several), what one standard deviation
-            of the effect shared by the whole shot adds to each row, same unit; under
-            the name with `FAR_EFFECT`, that of the effect shared by its far rows.
+        shot_loading: By quantity (and charge, if several): contribution to each row of
+            one standard deviation of the effect shared by the whole shot, same unit.
+            Under the name with `FAR_EFFECT`: that of the effect shared by far rows.
         path_loading: Likewise for the effect shared by the rows of one path.
-        arrival_sd: Of `record_sd`, what is of each path's travel time: the scatter of
-            arrivals, by quantity (and charge), same unit.
+        arrival_sd: Part of `record_sd` that is due to the travel time of each path: the
+            scatter of arrivals, by quantity (and charge), same unit.
         place: Log-polar coordinates of each path (`path_scatter.embedded`).
-        placed: Whether the direction of each path is given.
+        placed: True if the direction of each path is given.
         fields: Name, quantity and charge of each entry of `path_loading` and
-            `arrival_sd`, whose scatter neighbouring paths share.
+            `arrival_sd`, whose scatter is correlated between neighbouring paths.
     """
 
     value: Float[Array, " row"]
@@ -98,11 +99,12 @@ class Recording(eqx.Module):
 def to_error_scale(
     value: Float[ArrayLike, " row"], quantity: Sequence[str]
 ) -> Float[Array, " row"]:
-    """Return readings in the space their errors live in: ln, unless `ADDITIVE`."""
+    """Return readings on their error scale: ln, unless `ADDITIVE`."""
     plain = np.isin(quantity, ADDITIVE)
     if plain.all():
         return jnp.asarray(value)
     plain = opaque_constant(plain)
+    # the inner `where` keeps ln of a negative time, and its NaN slope, out of the graph
     return jnp.where(plain, value, jnp.log(jnp.where(plain, 1.0, value)))
 
 
@@ -111,55 +113,58 @@ def residuals_of(
     predicted: Float[ArrayLike, " row"],
     quantity: Sequence[str],
 ) -> Float[Array, " row"]:
-    """Return measured minus predicted on the error scale; of bearings the short way."""
+    """Return measured minus predicted on the error scale; bearings are wrapped."""
     residual = jnp.asarray(measured) - jnp.asarray(predicted)
     circular = np.isin(quantity, CIRCULAR)
     if not circular.any():
         return residual
+    # 359 and 1 degrees differ by 2, not by 358
     short = jnp.mod(residual + math.pi, 2 * math.pi) - math.pi
     return jnp.where(opaque_constant(circular), short, residual)
 
 
 @kept
 def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
-    """Return what lies between a charge (the first) and the sensor of each row."""
+    """Return the path from a charge (default: the first) to the sensor of each row."""
     charge = charge or scene.charge
     detonation = charge.as_if_at_zero().time_s
     since = layout.time - clock_offsets(scene, layout) - detonation
     path = path_between(scene, charge, layout.position, layout.slant_range, since)
+    # settled beforehand, so that a search does not switch curve sets
     if charge.burst is None and layout.free_air:
         path = replace(path, free_air=jnp.asarray(layout.free_air))
     return with_jolts(path, scene, charge, layout.quantity)
 
 
 def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:
-    """Return what each row's clock shows more than the common one [s]."""
+    """Return the offset of each row's clock from the common clock [s]."""
     offsets_by_name = scene.clock_offsets()
     if not offsets_by_name:
         return jnp.zeros(len(layout.clock))
     place = {name: i for i, name in enumerate(offsets_by_name, start=1)}
     offsets = jnp.stack([jnp.zeros(()), *offsets_by_name.values()])
+    # 0 is the common clock, for names without an offset
     of_row = np.array([place.get(name, 0) for name in layout.clock])
     return offsets[opaque_constant(of_row)]
 
 
 def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
-    """Return what each row of a layout would read of a scene.
+    """Return the readings of a scene for each row of a layout.
 
     Args:
-        scene: Charges, air, ground and sensors. Its `scatter` states whether laws
-            scatter about nature.
+        scene: Charges, air, ground and sensors. Its `scatter` states whether law
+            scatter is included.
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
 
     Returns:
-        Values and scatter of each row, and where its law holds; differentiable in all
-        numbers of the scene, without errors of instruments.
+        Values, scatter and validity of each row, without instrument errors;
+        differentiable in all numbers of the scene.
 
     Raises:
         ValueError: A name in `laws` is no law of its quantity.
-        InputError: A number of the scene, or a column of the layout, has the shape of
-            a batch, or a quantity has no law.
+        InputError: A number of the scene or a column of the layout has a batch axis, or
+            a quantity has no law.
 
     Example:
         `layout, sigma, names = jblast.sensors.planned_layout(scene)` gives the rows,
@@ -181,6 +186,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     fields: list[tuple[str, str, int]] = []
     place, placed = jnp.zeros((n, 4)), jnp.zeros(n, bool)
     for shot, charge in enumerate(scene.charges):
+        # finite times for the laws: those of no detonation are put in at the end
         never, charge = charge.never, charge.as_if_at_zero()
         path = path_to(scene, layout, charge)
         here = shots == shot
@@ -189,6 +195,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         there, known = embedded(jnp.stack(toward, axis=1), path.slant_range)
         place = jnp.where(opaque_constant(here)[:, None], there, place)
         placed = jnp.where(opaque_constant(here), known, placed)
+        # the origin time is added once; laws contribute travel times
         starts = opaque_constant(here & is_clock_time)
         value = jnp.where(starts, charge.time_s + offsets, value)
         values, holds, variances = [], [], []
@@ -197,22 +204,26 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             if not rows.size:
                 continue
             law = law_for(quantity, laws[quantity])
-            way = replace(_rows_of(path, rows), charge_mass=charge.tnt_mass(quantity))
-            given = jnp.broadcast_to(call(law.function, way), rows.shape)
+            row_path = replace(
+                _rows_of(path, rows), charge_mass=charge.tnt_mass(quantity)
+            )
+            given = jnp.broadcast_to(call(law.function, row_path), rows.shape)
             if quantity == "flash_time_s" and scene.instant_light:
                 given = jnp.zeros_like(given)
-            if not (sign == 1).all():
+            if not (sign == 1).all():  # only differences of arrivals have sign -1
                 sign = opaque_constant(sign)
                 signed = sign * given
             else:
                 sign, signed = 1.0, given
             values.append((rows, signed))
-            holds.append((rows, jnp.broadcast_to(call(law.valid, way), rows.shape)))
+            holds.append(
+                (rows, jnp.broadcast_to(call(law.valid, row_path), rows.shape))
+            )
             unit = given if quantity in TIMES else jnp.ones_like(given)
-            sds = call(law.scatter, way) if scene.scatter else (0.0, 0.0, 0.0)
+            sds = call(law.scatter, row_path) if scene.scatter else (0.0, 0.0, 0.0)
             far = (0.0, 0.0)
             if scene.scatter and law.far_scatter is not None:
-                far = call(law.far_scatter, way)
+                far = call(law.far_scatter, row_path)
             of_shot, of_path, of_record, of_weather, of_far_record = (
                 jnp.where(never, 0.0, sd * unit * sign) for sd in (*sds, *far)
             )
@@ -234,11 +245,13 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             record_variance = record_variance + joined(variances, n)
         lost = opaque_constant(here) & never
         sizeless = np.where(np.isin(layout.quantity, ADDITIVE), np.nan, 0.0)
-        # a charge that never happens has no size, and its times are infinite
+        # no detonation: sizes are zero, clock times infinite, directions undefined
         absent = np.where(np.isin(layout.quantity, CLOCK_TIMES), np.inf, sizeless)
         value = jnp.where(lost, opaque_constant(absent), value)
+        # nothing to predict, so nothing to flag
         valid = valid | lost
-    some = ~(record_variance <= 0)  # a scatter that is no number is not none
+    # negated: a NaN variance is not zero and has to stay NaN
+    some = ~(record_variance <= 0)
     record_sd = jnp.where(some, jnp.sqrt(jnp.where(some, record_variance, 1.0)), 0.0)
     return Recording(
         value,
@@ -255,17 +268,17 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
 
 
 def _is_zero(sd: object) -> bool:
-    """Whether a scatter is left out altogether (a plain 0.0), so needs no effect."""
+    """Return True for a plain 0.0: this scatter is absent and needs no effect."""
     return isinstance(sd, int | float) and sd == 0
 
 
 def path_effects(
     scene: Scene, layout: Layout, laws: Mapping[str, str]
 ) -> frozenset[tuple[str, int]]:
-    """Return of which quantities, and charges, every path has an effect of its own.
+    """Return quantity and charge index of each effect that differs between paths.
 
     Args:
-        scene: Its `scatter` states whether laws scatter at all.
+        scene: Its `scatter` states whether law scatter is included.
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
     """
@@ -284,12 +297,12 @@ def path_effects(
 
 
 def _rows_of(path: Path, rows: np.ndarray) -> Path:
-    """Pick the rows of every field that has rows; what all share stays a scalar."""
+    """Return the path at some rows; fields shared by all rows stay scalars."""
     return jax.tree.map(lambda x: picked(x, rows) if x.ndim else x, path)
 
 
 def _path_scatter(law: Law, scene: Scene, layout: Layout, row: int):
-    """Return a law's scatter from path to path: its shape, or the number it is."""
+    """Return a law's scatter between paths: its shape, or a plain number."""
 
     def scatter():
         charge = scene.charges[layout.shot[row]]
@@ -300,7 +313,7 @@ def _path_scatter(law: Law, scene: Scene, layout: Layout, row: int):
 
 
 def count_effects(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> int:
-    """Return how many effects rows share, at most.
+    """Return the maximum number of effects that rows share.
 
     One for each quantity and charge, one more where the law has a far scatter, and one
     for each path in `path_effects`.
@@ -320,39 +333,46 @@ def count_effects(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> int:
 def with_jolts(
     path: Path, scene: Scene, charge: Charge, quantity: Sequence[str]
 ) -> Path:
-    """Return a path with the jolts at its rows of which one is asked for.
+    """Return the path with the jolt at each row that needs one; NaN elsewhere.
 
     Args:
         path: From a charge to every row.
-        scene: Has vehicle and air.
-        charge: What the path is from.
+        scene: Its vehicle and air are used.
+        charge: Origin of the path.
         quantity: Of each row.
 
     Raises:
-        InputError: A jolt is asked for, and there is no vehicle.
+        InputError: A row needs a jolt, and the scene has no vehicle.
     """
     rows = np.flatnonzero(np.isin(quantity, BY_VEHICLE))
     if not rows.size:
         return path
     if scene.vehicle is None:
         raise InputError(
-            f"{quantity[rows[0]]}: expected a [vehicle] in the scene, which is what "
-            "is jolted; got none"
+            f"{quantity[rows[0]]}: expected a [vehicle] in the scene, whose velocity "
+            "changes; got none"
         )
     spec = scene.vehicle
 
-    def jolts(way: Path) -> Float[Array, "row 3"]:
-        toward = jnp.stack([way.toward_east, way.toward_north, way.toward_up], axis=-1)
+    def jolts(row_path: Path) -> Float[Array, "row 3"]:
+        toward = jnp.stack(
+            [row_path.toward_east, row_path.toward_north, row_path.toward_up], axis=-1
+        )
+        # a range without direction: the vehicle is placed east of the charge, at its
+        # height
         range_alone = ~jnp.any(toward != 0, axis=-1)
-        east = jnp.zeros_like(toward).at[:, 0].set(way.slant_range)
+        east = jnp.zeros_like(toward).at[:, 0].set(row_path.slant_range)
         place = jnp.where(range_alone[:, None], east, -toward)[rows]
         return jax.vmap(
-            lambda at: _jolt(at, scene, charge, spec.model, spec.yaw, way.one_burst())
+            lambda at: _jolt(
+                at, scene, charge, spec.model, spec.yaw, row_path.one_burst()
+            )
         )(place)
 
     if path.burst is not None:
         found = jolts(path)
     else:
+        # both sets are evaluated, as the height decides row by row
         surface, in_free_air = (jolts(path.at_burst(burst)) for burst in BURSTS)
         high = False if path.free_air is None else path.free_air[rows][:, None]
         found = jnp.where(high, in_free_air, surface)
@@ -369,8 +389,8 @@ def _jolt(
     yaw: Float[Array, ""],
     burst: Burst,
 ) -> Float[Array, "3"]:
-    """Return the jolt of a vehicle at a place, as seen from the charge."""
-    # the vehicle is imported only for quantities of a jolt
+    """Return the jolt of a vehicle at a position relative to the charge, shape (3,)."""
+    # imported here: most logs have no jolts, and the vehicle is slow to import
     from jblast.vehicle import named
     from jblast.vehicle.control.allocation import hover_in_wind
     from jblast.vehicle.loads.blast import jolt_velocity
@@ -386,6 +406,7 @@ def _jolt(
     air = scene.air
     wind = jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east])
     around = Surroundings(ambient(air)[1], sound_speed_of(air), wind)
+    # the model is a constant: evaluated at once, not traced into the program
     with jax.ensure_compile_time_eval():
         vehicle = named(model)
     state = hover_in_wind(vehicle, place, yaw, wind)
@@ -397,7 +418,7 @@ def jolt_speed(
     jolt_north: Float[ArrayLike, "..."],
     jolt_up: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    """Return the size of a jolt [m/s].
+    """Return the magnitude of a jolt [m/s].
 
     Args:
         jolt_east: Change of velocity [m/s].
@@ -412,13 +433,14 @@ def jolt_bearing(
 ) -> Float[Array, "..."]:
     r"""Return the direction of a jolt, clockwise from north [rad], 0 to $2\pi$.
 
-    One straight up or down has no bearing: zero is returned, with no slope.
+    A vertical jolt has no bearing: zero is returned, with zero slope.
 
     Args:
         jolt_east: Change of velocity [m/s].
         jolt_north: Likewise [m/s].
     """
     east, north = as_float_arrays(jolt_east, jolt_north)
+    # atan2(0, 0) has a NaN gradient
     aside = (east != 0) | (north != 0)
     angle = jnp.arctan2(jnp.where(aside, east, 0.0), jnp.where(aside, north, 1.0))
     return jnp.mod(angle, 2 * math.pi)
@@ -457,9 +479,9 @@ def jolt_valid(
 
 
 def _length(*parts: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return the size of a vector; its slope at nothing is zero, not NaN."""
+    """Return the length of a vector, with zero slope (not NaN) at zero length."""
     square = as_float_array(sum(part * part for part in parts))
-    some = ~(square <= 0)  # what is no number is not nothing
+    some = ~(square <= 0)  # negated: NaN stays NaN
     return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
 
 
@@ -468,10 +490,10 @@ SCATTER = {
     "jolt_bearing_rad": (jolt_bearing, 0.0, 0.02),
     "jolt_elevation_rad": (jolt_elevation, 0.05, 0.02),
 }
-"""Each law, and its scatter of a shot and of a record. It has not been measured: an
-impulse goes about as pressure times impulse of the air, 10 % each of a shot and of a
-record. The lift of rotors in a blast wind, by which a jolt rises, is carried far beyond
-where its coefficient was fitted."""
+"""Function of each law, and its scatter of a shot and of a record. It has not been
+measured. An impulse scatters about as pressure times impulse of the air, 10 % each per
+shot and per record. The lift of rotors in a blast wind, which determines the
+elevation, is extrapolated far beyond the fit of its coefficient."""
 mark_packaged(
     *(
         register(

@@ -1,14 +1,14 @@
-r"""Records and streams of samples, made of the same blocks, and their noise.
+r"""Records and streams of samples from the same blocks, and their noise.
 
-An instrument is a function of a block: its setup, the state that the last block left
-(of filters and of noise) and the block's index give the next state and the samples. A
-record is the first samples of such blocks in a row. A stream is the same blocks without
-end, cut into packets of another size. All random numbers depend on a key and the index
-alone. So the two are equal, sample for sample.
+An instrument is a function of a block: its setup, the state after the last block (of
+filters and noise) and the block's index give the next state and the samples. A record
+consists of the first samples of consecutive blocks. A stream is the same blocks without
+end, cut into packets of another size. All random numbers depend only on a key and the
+index, so record and stream are equal, sample for sample.
 
 Noise has a stated level and colour. Gaussian white noise is drawn from a key and the
 block's index, and shaped by a filter of `BLOCK` + 1 taps whose response is the square
-root of the requested spectrum. The spectrum rises by a slope of $s$ dB an octave,
+root of the requested spectrum. The spectrum rises by a slope of $s$ dB per octave,
 $S \propto f^{s/3.01}$, above a corner, and is flat below it. The squares of the taps
 add up to the square of the level, so that the rms is the level.
 """
@@ -29,25 +29,27 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key
 from jblast.types import as_float_array, as_float_arrays
 
 BLOCK = 4096
-"""Samples of a block."""
+"""Samples of a block: an FFT of twice this size is efficient, and at 48 kHz a block of
+85 ms spans more than a period of `CORNER_HZ`, so that taps of a block resolve it."""
 LARGEST_RATE = 2**31 // BLOCK
-"""Up to this whole rate [Hz] the start of a block is exact in 32-bit integers."""
+"""Largest whole rate [Hz] at which the start of a block is exact in 32-bit integers."""
 Step = Callable[[Any, Any, Any], tuple[Any, Any]]
 """(setup, state, index) -> (next state, samples [BLOCK]); pure."""
 CORNER_HZ = 20.0
-"""Below it coloured noise is flat [Hz]: where hearing, and most microphones, begin."""
+"""Frequency below which coloured noise is flat [Hz]: the limit of hearing, and of most
+microphones. A power law down to zero would have infinite power for falling spectra."""
 DB_OF_OCTAVE = 10.0 * math.log10(2.0)
-"""By how much a spectrum proportional to frequency rises in an octave [dB]."""
+"""Rise per octave of a spectrum proportional to frequency [dB]."""
 
 
 class Packet(NamedTuple):
-    """Some samples in a row of a stream.
+    """Consecutive samples of a stream.
 
     Attributes:
-        number: Of the packet, from 0.
+        number: Number of the packet, from 0.
         first_sample: Number of its first sample, from the start of the stream.
-        start_s: When that one begins [s]; from whole numbers, so nothing adds up.
-        samples: In the unit of the sensor.
+        start_s: Start of that sample [s]; from whole numbers, so errors do not add up.
+        samples: Samples in the unit of the sensor.
     """
 
     number: int
@@ -57,14 +59,14 @@ class Packet(NamedTuple):
 
 
 def sample_count(duration_s: float, rate: float) -> int:
-    """Return how many samples a record of some duration has.
+    """Return the number of samples of a record.
 
     Raises:
         ValueError: The duration is negative or not finite.
     """
     if not 0 <= duration_s < math.inf:
         raise ValueError(
-            f"duration_s must be finite and not negative, got {duration_s:g} s"
+            f"duration_s: expected a finite time of 0 s or more, got {duration_s:g} s"
         )
     return round(duration_s * rate)
 
@@ -72,17 +74,19 @@ def sample_count(duration_s: float, rate: float) -> int:
 def block_start(
     index: Int[ArrayLike, ""], rate: float
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return when a block starts, counted from the first [s]: whole seconds, and rest.
+    """Return the start of a block since the first one [s]: whole seconds and remainder.
 
-    Two numbers, because single precision does not resolve one sample from the next in
-    one that counts minutes: subtract the first from a time, then the second.
+    Two numbers, because after minutes single precision no longer resolves one sample.
+    Subtract the first from a time, then the second.
     """
     index = jnp.asarray(index)
+    # the general case, by floating point: its start is off by rounding, in no sum
     if rate != int(rate) or rate > LARGEST_RATE:
         start = index.astype(float) * (BLOCK / rate)
         whole = jnp.floor(start)
         return whole, start - whole
     whole_rate = int(rate)
+    # `rate` blocks last exactly BLOCK seconds, so the index is reduced modulo the rate
     cycle, place = index // whole_rate, (index % whole_rate).astype(jnp.uint32)
     sample = place * np.uint32(BLOCK)
     whole = cycle.astype(float) * BLOCK + (sample // np.uint32(whole_rate)).astype(
@@ -97,10 +101,10 @@ def first_samples(
     """Return the first samples of a signal.
 
     Args:
-        step: The instrument, of one block.
-        setup: What it was set up with.
-        state: What it starts with.
-        n: How many samples.
+        step: Function of one block.
+        setup: Setup of the instrument.
+        state: Initial state.
+        n: Number of samples.
     """
     _, samples = _blocks(step, setup, state, jnp.arange(-(-n // BLOCK)))
     return samples.reshape(-1)[:n]
@@ -116,27 +120,28 @@ def packets(
     packets_hz: float | None = None,
     start_s: float = 0.0,
 ) -> Iterator[Packet]:
-    """Yield the samples of a signal in packets, for ever, in constant memory.
+    """Yield the samples of a signal in packets, without end, in constant memory.
 
-    Where no whole number of samples makes a packet, its size varies by one, so that
-    packet k starts with the first sample at or past k times its duration.
+    If a packet's duration is no whole number of samples, its size varies by one:
+    packet k starts with the first sample at or after k durations.
 
     Args:
-        step: The instrument, of one block.
-        setup: What it was set up with.
-        state: What it starts with.
-        rate: Samples a second [Hz].
+        step: Function of one block.
+        setup: Setup of the instrument.
+        state: Initial state.
+        rate: Sampling rate [Hz].
         packet_s: Duration of a packet [s]; or
-        packets_hz: packets a second [Hz].
-        start_s: When the first sample begins [s].
+        packets_hz: packets per second [Hz].
+        start_s: Start of the first sample [s].
 
     Raises:
-        ValueError: Both durations are given or none, or a packet has no sample.
+        ValueError: Both or none of the durations are given, or a packet has no sample.
     """
     size = _packet_size(rate, packet_s, packets_hz)
 
+    # a nested generator, so that the arguments above are checked at the call already
     def run(state: Any) -> Iterator[Packet]:
-        """Make blocks as they are needed."""
+        """Make blocks when they are needed."""
         ring: Ring | None = None
         blocks, first = count(), 0
         for index in count():
@@ -145,8 +150,10 @@ def packets(
                 block = jnp.asarray([next(blocks)])
                 state, samples = _blocks(step, setup, state, block)
                 made = np.asarray(samples).reshape(-1)
+                # room for a packet and the block that completes it
                 ring = ring or Ring(math.ceil(size) + 1 + BLOCK, made.dtype)
                 ring.write(made)
+            # a fraction: sums of a float step would drift over hours
             start = Fraction(start_s) + first / _exact(rate)
             yield Packet(index, first, float(start), ring.read(last - first))
             first = last
@@ -157,24 +164,25 @@ def packets(
 def _packet_size(
     rate: float, packet_s: float | None, packets_hz: float | None
 ) -> Fraction:
-    """Return the samples of a packet, as exactly as its duration was written."""
+    """Return the samples of a packet as an exact fraction."""
+    # one of the two defines the other
     if (packet_s is None) == (packets_hz is None):
-        raise ValueError("expected either packet_s or packets_hz")
+        raise ValueError("expected either packet_s or packets_hz, got both or none")
     name = "packets_hz" if packet_s is None else "packet_s"
     given = packets_hz if packet_s is None else packet_s
     if given is None or not 0 < given < math.inf:
-        raise ValueError(f"{name} must be positive and finite, got {given}")
+        raise ValueError(f"{name}: expected a positive finite number, got {given}")
     size = _exact(rate) * (1 / _exact(given) if packet_s is None else _exact(given))
     if size < 1:
         raise ValueError(
-            f"{name} must leave a packet one sample or more at {rate:g} Hz, "
+            f"{name}: expected one or more samples per packet at {rate:g} Hz, "
             f"got {given:g}"
         )
     return size
 
 
 def _exact(number: float) -> Fraction:
-    """Return a number as it is written: 0.1 is a tenth, not the float nearest to it."""
+    """Return a number as it is written: 0.1 is exactly a tenth."""
     return Fraction(repr(float(number)))
 
 
@@ -182,16 +190,16 @@ def _exact(number: float) -> Fraction:
 def _blocks(
     step: Step, setup: Any, state: Any, indices: Int[Array, " block"]
 ) -> tuple[Any, Float[Array, "block sample"]]:
-    """Run the instrument over some blocks; compiled once for each number of them."""
+    """Run the instrument over some blocks; compiled once for each number of blocks."""
     return lax.scan(lambda state, index: step(setup, state, index), state, indices)
 
 
 class ColouredNoise(NamedTuple):
-    """Noise that is set up to be drawn.
+    """Noise, prepared for drawing.
 
     Attributes:
-        key: What its samples are drawn from.
-        response: Of the filter that colours it, at 0 to half the rate.
+        key: Random key of its samples.
+        response: Response of the colouring filter, at 0 to half the rate.
     """
 
     key: Key[Array, ""]
@@ -213,7 +221,7 @@ def power_spectrum(
     Args:
         frequency: Frequency [Hz].
         slope: Rise above the corner [dB/octave].
-        corner: Where it starts [Hz].
+        corner: Frequency at which the slope starts [Hz].
     """
     frequency, slope = as_float_arrays(frequency, slope)
     octaves = jnp.log2(jnp.maximum(frequency, corner) / corner)
@@ -226,25 +234,29 @@ def coloured_noise(
     level: Float[ArrayLike, ""],
     slope: Float[ArrayLike, ""],
 ) -> ColouredNoise:
-    """Set noise of a colour up.
+    """Return noise of a colour, prepared for drawing.
 
     Args:
-        key: What its samples are drawn from.
-        rate: Samples a second [Hz].
+        key: Random key of its samples.
+        rate: Sampling rate [Hz].
         level: Its rms.
         slope: Rise of its spectrum above 20 Hz [dB/octave].
     """
     frequency = jnp.linspace(0.0, 0.5 * rate, BLOCK + 1)
     amplitude = jnp.sqrt(power_spectrum(frequency, slope))
+    # a rising or falling slope spans decades: scaled so that float32 keeps the small
+    # end
     amplitude = amplitude / jnp.max(amplitude)
+    # zero phase, shifted by half a block to be causal
     taps = jnp.roll(jnp.fft.irfft(amplitude, 2 * BLOCK), BLOCK // 2)[: BLOCK + 1]
-    taps = taps * jnp.hanning(BLOCK + 1)  # without it, ripples about every corner
+    # a window: truncated taps would ripple about every corner of the spectrum
+    taps = taps * jnp.hanning(BLOCK + 1)
     taps = as_float_array(level) * taps / jnp.sqrt(jnp.sum(taps**2))
     return ColouredNoise(key, jnp.fft.rfft(taps, 2 * BLOCK))
 
 
 def noise_start(noise: ColouredNoise) -> Float[Array, " sample"]:
-    """Return the state that coloured noise starts with."""
+    """Return the initial state of coloured noise."""
     return white_noise(noise.key, 0)
 
 
@@ -253,68 +265,69 @@ def noise_block(
 ) -> tuple[Float[Array, " sample"], Float[Array, " sample"]]:
     """Return the next state and a block of coloured noise."""
     white = white_noise(noise.key, jnp.asarray(index) + 1)
+    # overlap-save: the taps reach one block back, so the second half has no wrap-around
     spectrum = jnp.fft.rfft(jnp.concatenate([state, white]))
     return white, jnp.fft.irfft(spectrum * noise.response)[BLOCK:]
 
 
 class Ring:
-    """Samples between their producer and their consumer.
+    """Buffer of samples between producer and consumer.
 
     Attributes:
-        waiting: How many samples were written and not yet read.
+        waiting: Number of samples written and not yet read.
     """
 
     def __init__(self, capacity: int, dtype: np.dtype | type = float):
-        """Make an empty buffer for a number of samples."""
+        """Make an empty buffer."""
         if capacity < 1:
-            raise ValueError(f"capacity must be one sample or more, got {capacity}")
+            raise ValueError(f"capacity: expected one sample or more, got {capacity}")
         self._samples = np.zeros(capacity, dtype)
         self._first = 0
         self.waiting = 0
 
     @property
     def capacity(self) -> int:
-        """Number of samples that fit in."""
+        """Largest number of samples in the buffer."""
         return self._samples.size
 
     def write(self, samples: Float[np.ndarray, " sample"]) -> None:
         """Append samples.
 
         Raises:
-            ValueError: They do not fit; nothing is written then.
+            ValueError: They do not fit; nothing is written.
         """
         if self.waiting + samples.size > self.capacity:
             raise ValueError(
-                f"expected at most {self.capacity - self.waiting} samples, which is "
-                f"what fits, got {samples.size}"
+                f"expected at most {self.capacity - self.waiting} samples, the free "
+                f"space, got {samples.size}"
             )
         at = (self._first + self.waiting + np.arange(samples.size)) % self.capacity
         self._samples[at] = samples
         self.waiting += samples.size
 
     def add(self, at: int, samples: Float[np.ndarray, " sample"]) -> None:
-        """Add to samples that wait.
+        """Add to waiting samples.
 
         Args:
-            at: How many samples from the oldest the first one is.
-            samples: What to add.
+            at: Offset of the first sample from the oldest one.
+            samples: Samples to add.
 
         Raises:
-            ValueError: Some of them would not be among those that wait.
+            ValueError: The range exceeds the waiting samples.
         """
         if at < 0 or at + samples.size > self.waiting:
             raise ValueError(
-                f"expected samples within the {self.waiting} that wait, got "
+                f"expected a range within the {self.waiting} waiting samples, got "
                 f"{samples.size} at {at}"
             )
-        places = (self._first + at + np.arange(samples.size)) % self.capacity
-        self._samples[places] += samples
+        rows = (self._first + at + np.arange(samples.size)) % self.capacity
+        self._samples[rows] += samples
 
     def read(self, count: int) -> Float[np.ndarray, " sample"]:
-        """Take the oldest samples out.
+        """Return the oldest samples and remove them.
 
         Raises:
-            ValueError: There are fewer; nothing is taken then.
+            ValueError: There are fewer; nothing is removed.
         """
         samples = self.peek(count)
         self._first = (self._first + count) % self.capacity
@@ -322,14 +335,13 @@ class Ring:
         return samples
 
     def peek(self, count: int) -> Float[np.ndarray, " sample"]:
-        """Copy the oldest samples and leave them in.
+        """Return the oldest samples without removing them.
 
         Raises:
             ValueError: There are fewer.
         """
         if not 0 <= count <= self.waiting:
             raise ValueError(
-                f"expected 0 to {self.waiting} samples, which is what waits, "
-                f"got {count}"
+                f"expected 0 to {self.waiting} samples, as many as wait, got {count}"
             )
         return self._samples[(self._first + np.arange(count)) % self.capacity]

@@ -1,23 +1,22 @@
-r"""Waves at a place: their paths through air and ground, arrivals and pulses.
+r"""Waves at a position: their paths through air and ground, arrivals and pulses.
 
 Air. Arrival, peak, duration and impulse are those of `sensors.record` for the same
-scene and laws. Two numbers are not a law's to choose: the suction is that of
-`waves.blast_pulse`, and smaller by the same factor where a law has less pressure than
-`shock_kinematics`; the rise time is that of a weak shock
-(`waves/waveform.py`).
+scene and laws. Two numbers do not depend on the choice of laws. The suction is that of
+`waves.blast_pulse`, reduced by the same factor where a law predicts less pressure than
+`shock_kinematics`. The rise time is that of a weak shock (`waves/waveform.py`).
 
 The reflection comes from the image of the charge below a flat ground. It exists for
-charges whose curves are those of free air (the curves of a surface burst contain the
-ground) and for places above the ground. It is a wave of its own by the same laws at the
-longer distance, its pressure times the coefficient of the ground, 1 for a rigid one.
-This is the regular reflection of sound. Where the direct wave is strong the true
-reflection is stronger, and past the triple point the two waves are one.
+charges with free-air curves (the curves of a surface burst contain the ground) and for
+positions above the ground. It is a separate wave by the same laws at the longer
+distance, its pressure times the reflection coefficient of the ground, 1 for a rigid
+one. This is the regular reflection of sound. Where the direct wave is strong the true
+reflection is stronger, and past the triple point the two waves merge.
 
 Ground. Arrival, displacement and velocity are those of `sensors.record` for the same
-scene and laws. The arrival is that at the place itself, which above the ground follows
-the scene's `ground.path`; the motion is that of the ground below the place. The ground
-is a piston to the air above it, $p = \rho c\,v$: a plane wave that goes up without
-attenuation.
+scene and laws. The arrival is that at the position itself, which above the ground
+follows the scene's `ground.path`. The motion is that of the ground below the position.
+The ground is a piston to the air above it, $p = \rho c\,v$: a plane wave that goes up
+without attenuation.
 """
 
 from collections.abc import Mapping
@@ -49,7 +48,7 @@ AIR_QUANTITIES = (
 )
 """Quantities that define a wave in air."""
 DEFAULT_RECORD_LAWS: dict[str, str] = dict.fromkeys(AIR_QUANTITIES, "shock_kinematics")
-"""One model from the charge to Z = 1e4, so that nothing has to be chosen inside jit."""
+"""One model from the charge to Z = 1e4, so that no law has to be chosen inside jit."""
 DEFAULT_GROUND_LAWS: dict[str, str] = {
     "ground_arrival_s": "wu_hao",
     "ground_displacement_m": "ground_motion",
@@ -59,21 +58,21 @@ DEFAULT_GROUND_LAWS: dict[str, str] = {
 
 
 class Heard(NamedTuple):
-    """One wave that comes to a place.
+    """One wave that arrives at a position.
 
     Attributes:
-        pulse: Its pressure over time, on the common clock: a `Pulse`.
-        kind: "air" from the charge itself, "reflected" by the ground, or "ground": of
-            the moving ground, a `GroundPulse` in pascals (its displacement is then the
-            integral of the pressure [Pa s]).
-        shot: Which of the scene's charges it is of.
-        distance: That it came [m].
-        absorbed: Whether the air's absorption acts on it, because its law does not
-            include it: where the law of the peak does not hold, or the scene requests
-            it. Never on that of the ground.
+        pulse: Pressure over time on the common clock: a `Pulse`.
+        kind: "air" for the direct wave, "reflected" for that of the ground's image, or
+            "ground" for the wave above moving ground, a `GroundPulse` in pascals (its
+            displacement is then the integral of the pressure [Pa s]).
+        shot: Index of its charge in the scene.
+        distance: Length of its path [m].
+        absorbed: True if the air's absorption acts on it, because its law does not
+            include it: if the law of the peak does not hold, or the scene requests it.
+            Never for the ground wave.
     """
 
-    pulse: Any  # Pulse, or GroundPulse: a union would ask every reader which
+    pulse: Any  # Pulse or GroundPulse: a union would need a check at every use
     kind: Way
     shot: int
     distance: Float[Array, ""]
@@ -87,17 +86,17 @@ def waves_at(
     reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
-    """Return every wave that comes to a place.
+    """Return every wave that arrives at a position.
 
-    Of a charge that never happens it arrives never, with no pressure. Pure: for jit,
-    vmap and grad.
+    The wave of a charge that never detonates has infinite arrival and no pressure.
+    Pure, for jit, vmap and grad.
 
     Args:
         scene: Charges, air, ground and sensors.
         position: East, north, up [m].
-        laws: By quantity, all that the ways need.
+        laws: Law names by quantity, for all paths.
         reflection: Coefficient of the ground; a plain 0 leaves reflections out.
-        ground: Whether the moving ground is heard, too.
+        ground: True to include the waves of the moving ground.
     """
     return tuple(
         wave_at(scene, position, laws, shot, way, reflection)
@@ -113,21 +112,23 @@ def wave_at(
     way: Way,
     reflection: float | Float[Array, ""],
 ) -> Heard:
-    """Return one wave at a place; what is not there arrives never.
+    """Return one wave at a position; an absent wave has infinite arrival.
 
     Args:
         scene: Charges, air, ground and sensors.
         position: East, north, up [m].
-        laws: By quantity.
-        shot: Which of the scene's charges it is of.
-        way: How it comes.
+        laws: Law names by quantity.
+        shot: Index of its charge.
+        way: Path of the wave.
         reflection: Coefficient of the ground.
     """
+    # air and reflected waves have the same laws; only the ground wave needs motion
     if way != "ground":
         return air_wave(scene, position, laws, shot, way, reflection)
     seen, place = as_seen(scene, position, shot, way)
     (motion,) = ground_waves(seen, place, laws)
     there = is_there(scene, position, shot, way)
+    # the ground as a piston: velocity times rho c is pressure
     loudness = jnp.where(there, pressure_of_velocity(scene.air), 0.0)
     pulse = motion._replace(
         arrival_time=jnp.where(there, motion.arrival_time, jnp.inf),
@@ -149,18 +150,19 @@ def air_wave(
     way: Way,
     reflection: float | Float[Array, ""] = 1.0,
 ) -> Heard:
-    """Return one wave at a place; what is not there arrives never.
+    """Return one wave in air at a position; an absent wave has infinite arrival.
 
     Args:
         scene: Charges, air, ground and sensors.
         position: East, north, up [m].
-        laws: By quantity, all of `AIR_QUANTITIES`.
-        shot: Which of the scene's charges it is of.
-        way: How it comes.
+        laws: Law names by quantity, all of `AIR_QUANTITIES`.
+        shot: Index of its charge.
+        way: Path of the wave.
         reflection: Coefficient of the ground.
     """
     seen, place = as_seen(scene, position, shot, way)
     layout = rows_of_place(place, AIR_QUANTITIES)
+    # one call for the four rows: the path is computed once
     arrival, peak, duration, impulse = record(seen, layout, laws).value
     path = replace(
         path_to(seen, layout.only(np.array([1]))),
@@ -170,12 +172,15 @@ def air_wave(
     suction = _suction(path, peak)
     pulse = pulse_of(arrival, peak, impulse, duration, rise, *suction)
     there = is_there(scene, position, shot, way)
+    # an absent wave has no pressure; its arrival is infinite
     factor = jnp.where(there, 1.0 if way == "air" else reflection, 0.0)
     pulse = pulse._replace(
         arrival_time=jnp.where(there, arrival, jnp.inf),
         peak=factor * pulse.peak,
         suction=factor * pulse.suction,
     )
+    # validity of the peak decides about absorption: beyond its range the law
+    # extrapolates without it
     law = law_for("peak_overpressure_pa", laws["peak_overpressure_pa"])
     holds = jnp.broadcast_to(call(law.valid, path), (1,))[0]
     absorbed = ~holds | scene.air.absorption
@@ -185,7 +190,8 @@ def air_wave(
 def peak_at(
     scene: Scene, distance: Float[Array, ""], laws: Mapping[str, str], wave: Heard
 ) -> Float[Array, ""]:
-    """Return the peak of a wave's charge at another distance, by the same law [Pa]."""
+    """Return the peak of a wave at another distance, by the same law [Pa]."""
+    # the layout below states the range, so the position is not used
     nowhere = jnp.zeros(3, jnp.result_type(distance))
     seen, place = as_seen(scene, nowhere, wave.shot, wave.kind)
     layout = rows_of_place(place, ("peak_overpressure_pa",))
@@ -196,17 +202,20 @@ def peak_at(
 def _suction(
     path: Path, peak: Float[Array, ""]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return greatest underpressure and its impulse, less where a law has less."""
+    """Return peak suction and its impulse, scaled to a weaker law's peak."""
 
-    def by_burst(way: Path):
+    def suction_at(way: Path):
         burst = way.one_burst()
         air = (way.slant_range, way.charge_mass, way.ambient_pressure)
         known = shock_kinematics_pressure(*air, burst)
         low, impulse = suction_of(*air, way.sound_speed, burst)
+        # a law with more pressure leaves the suction as it is
         share = jnp.minimum(peak / known, 1.0)
         return share * low, share * impulse
 
-    low, impulse = path.by_height(by_burst) if path.burst is None else by_burst(path)
+    low, impulse = (
+        path.by_height(suction_at) if path.burst is None else suction_at(path)
+    )
     return low[0], impulse[0]
 
 
@@ -215,13 +224,16 @@ def ground_waves(
 ) -> tuple[GroundPulse, ...]:
     """Return the wave in the ground of every charge, on the common clock.
 
-    That of a charge that never happens comes never. Pure: for jit, vmap and grad.
+    That of a charge that never detonates has infinite arrival. Pure, for jit, vmap and
+    grad.
 
     Args:
         scene: Charges, air, ground and sensors.
-        position: East, north, up [m]; in the ground, or above the ground it is felt by.
-        laws: By quantity, all of `DEFAULT_GROUND_LAWS`.
+        position: East, north, up [m]; above the ground, the motion is that below it.
+        laws: Law names by quantity, all of `DEFAULT_GROUND_LAWS`.
     """
+    # ground motion is that of the surface below an elevated position; the arrival keeps
+    # its height
     below = position.at[2].min(0.0)
     shots = len(scene.charges)
     quantities = tuple(DEFAULT_GROUND_LAWS)
@@ -240,7 +252,7 @@ def ground_waves(
 
 
 def pressure_of_velocity(air: Air) -> Float[Array, ""]:
-    r"""Return the pressure above ground that moves, over its velocity: $\rho c$."""
+    r"""Return pressure over velocity above moving ground, $\rho c$ [Pa s/m]."""
     density = air_density(*ambient(air), air.relative_humidity)
     return density * sound_speed_of(air)
 
@@ -248,19 +260,23 @@ def pressure_of_velocity(air: Air) -> Float[Array, ""]:
 def ways(
     scene: Scene, reflection: float | Float[Array, ""], ground: bool
 ) -> tuple[tuple[int, Way], ...]:
-    """Return by which ways waves of which charge may come to a place.
+    """Return charge index and path of each wave that may arrive at a position.
 
     Args:
         scene: Charges, air, ground and sensors.
         reflection: Coefficient of the ground; a plain 0 leaves reflections out.
-        ground: Whether the moving ground is heard, too.
+        ground: True to include the waves of the moving ground.
     """
+    # a traced coefficient may be zero only at run time, so its waves stay
     off = not isinstance(reflection, Tracer) and not np.any(reflection)
     found: list[tuple[int, Way]] = []
     for shot, charge in enumerate(scene.charges):
         found.append((shot, "air"))
-        if not off and _may_be_high(charge):
+        # no reflection for a range without a position, nor for curves that contain it
+        alone_or_low = charge.range_m is not None or charge.burst == "surface"
+        if not (off or alone_or_low or _stands_low(charge)):
             found.append((shot, "reflected"))
+        # the ground wave exists for every charge, also for one in free air
         if ground:
             found.append((shot, "ground"))
     return tuple(found)
@@ -273,34 +289,29 @@ def arrival_time(
     shot: int,
     way: Way,
 ) -> Float[Array, ""]:
-    """Return when one wave comes to a place, on the common clock [s].
+    """Return the arrival time of one wave at a position, on the common clock [s].
 
-    Of a charge that never happens, as if it did at time 0.
+    A charge that never detonates is treated as if it did at time 0.
     """
     seen, place = as_seen(scene, position, shot, way)
     quantity = "ground_arrival_s" if way == "ground" else "air_arrival_s"
     return record(seen, rows_of_place(place, (quantity,)), laws).value[0]
 
 
-def _may_be_high(charge: Charge) -> bool:
-    """Whether a charge may stand above the ground and be taken by free-air curves."""
-    if charge.range_m is not None or charge.burst == "surface":
-        return False
-    return not _stands_low(charge)
-
-
 def _stands_low(charge: Charge) -> bool:
-    """Whether a charge is known to stand on the ground or in it."""
+    """Return True if a charge is certainly on the ground or in it."""
     return not isinstance(charge.up, Tracer) and bool(
         np.all(np.asarray(charge.up) <= 0)
     )
 
 
 def low_charges_settled(scene: Scene) -> Scene:
-    """Return the scene with surface curves where a height on the ground leaves them.
+    """Return the scene with surface curves for charges on the ground.
 
-    Outside jit, where heights are known: half of the program.
+    This needs known heights, so it is called outside jit. It halves the program, which
+    would otherwise contain both curve sets.
     """
+    # heights are concrete here, so the choice costs nothing inside the program
     charges = [
         replace(charge, burst="surface", by_height=True)
         if charge.burst is None and _stands_low(charge)
@@ -311,9 +322,10 @@ def low_charges_settled(scene: Scene) -> Scene:
 
 
 def alone(scene: Scene, shot: int) -> Scene:
-    """Return a scene with one of its charges and no sensors: one program for all.
+    """Return a scene with one of its charges and no sensors.
 
-    Another count, name or order of a scene's parts needs another compilation.
+    All charges then share one program: another number, name or order of a scene's parts
+    would need another compilation.
     """
     return replace(
         scene,
@@ -330,14 +342,15 @@ def alone(scene: Scene, shot: int) -> Scene:
 def as_seen(
     scene: Scene, position: Float[Array, "3"], shot: int, way: Way
 ) -> tuple[Scene, Float[Array, "3"]]:
-    """Return the scene with one charge, and the place as the wave of a way sees it.
+    """Return the scene with one charge, and the position on the path of a wave.
 
-    Mirrored at the ground it is as far from the charge as the place from the image, and
-    as far upwind.
+    For a reflection the position is mirrored at the ground: it is as far from the
+    charge as the position from the image, and as far upwind.
     """
     charge = scene.charges[shot].as_if_at_zero()
     if way != "reflected":
         return replace(scene, charge=charge, others=()), position
+    # the image replaces the ground, which free-air curves do not contain
     charge = replace(charge, burst="free-air")
     mirror = jnp.array([1.0, 1.0, -1.0], position.dtype)
     return replace(scene, charge=charge, others=()), position * mirror
@@ -346,10 +359,11 @@ def as_seen(
 def is_there(
     scene: Scene, position: Float[Array, "3"], shot: int, way: Way
 ) -> Bool[Array, ""]:
-    """Return whether there is a wave of a way at a place."""
+    """Return True if a wave of this path exists at a position."""
     charge = scene.charges[shot]
     if way != "reflected":
         return ~charge.never
+    # a charge or sensor on the ground has no separate reflection
     above = (charge.up > 0) & (position[2] > 0)
     if charge.burst is None:
         seen, _ = as_seen(scene, position, shot, "air")
@@ -359,7 +373,7 @@ def is_there(
 
 
 def rows_of_place(place: Float[Array, "3"], quantities: tuple[str, ...]) -> Layout:
-    """Return the rows of a place, one a quantity, on the common clock."""
+    """Return one row per quantity for a position, on the common clock."""
     n = len(quantities)
     return Layout(
         quantity=quantities,
@@ -375,29 +389,30 @@ def rows_of_place(place: Float[Array, "3"], quantities: tuple[str, ...]) -> Layo
 def record_laws(
     scene: Scene, laws: Mapping[str, str] | None = None, *, ground: bool = False
 ) -> dict[str, str]:
-    """Return the law of each quantity: as given, else the scene's, else the default.
+    """Return the law of each quantity: given, else the scene's, else the default.
 
     Args:
         scene: Its `law`; "auto" there leaves a quantity to `DEFAULT_RECORD_LAWS`.
-        laws: By quantity; quantities that no record needs are not looked at.
-        ground: Whether waves in the ground are recorded, too: with `ground_laws`.
+        laws: Law names by quantity; quantities that no record needs are ignored.
+        ground: True to add the laws of waves in the ground (`ground_laws`).
 
     Raises:
-        InputError: A law of that name does not give its quantity.
+        InputError: A law does not exist, or predicts another quantity.
     """
     named = _named(scene, laws, DEFAULT_RECORD_LAWS)
     return named | ground_laws(scene, laws) if ground else named
 
 
 def ground_laws(scene: Scene, laws: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the same of waves in the ground, by `DEFAULT_GROUND_LAWS`."""
+    """Return the laws of waves in the ground, by default `DEFAULT_GROUND_LAWS`."""
     return _named(scene, laws, DEFAULT_GROUND_LAWS)
 
 
 def _named(
     scene: Scene, laws: Mapping[str, str] | None, defaults: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the law of each quantity that has a default."""
+    """Return the law name of each quantity that has a default."""
+    # the caller's names override the scene's
     chosen = {**dict(scene.law), **(laws or {})}
     found = {
         quantity: chosen[quantity]

@@ -102,7 +102,7 @@ def test_what_a_bound_is_asked_at_is_a_number():
 @pytest.mark.parametrize(
     ("ranges", "masses", "said"),
     [
-        (np.ones(3), np.ones(2), r"charge_mass: expected shape \(3,\), as .* \(2,\)"),
+        (np.ones(3), np.ones(2), r"charge_mass: .* shape \(3,\), as .* \(2,\)"),
         (
             np.ones((2, 2)),
             1.0,

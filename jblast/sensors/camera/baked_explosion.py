@@ -7,8 +7,8 @@ no brightness of their own:
 - each picture is scaled so that its visible radius (two standard deviations of its
   silhouette along the horizontal of the image, which for a disc is the radius) is that
   of the scene's fireball law at the time, seen as the outline of a ball of this radius;
-  so is each of the two pictures between which the time is;
-- its phase is the time over the law's duration of the charge;
+  both pictures between which the time lies are scaled in this way;
+- its phase is the time over the law's duration for the charge;
 - its light is that of a black body, by the law's temperature and the heat of each
   texel, plus the daylight on soot and dust.
 
@@ -20,30 +20,31 @@ $$T_a + h\,(T - T_a)$$
 for the fireball's temperature $T$ at the time. Soot and dust of a colour are lit by the
 daylight. One opacity covers both.
 
-A picture stands on a billboard as in `billboards.py`, with the same up. Its foot is at
-the charge, or on the ground below it as long as the charge is not higher than half the
-largest radius, and that much below it if it is higher: the picture is then that of a
-burst on the ground, raised above it. Seen from another elevation than its own, the
-picture is moved up or down so that the middle of the cloud keeps its height in the
-world. The wind carries the middle as it carries the law's ball, what is below it less
-and what is above it more, by the height in the picture: the foot does not move. After
-the last phase the last picture remains, and fades within half as long again.
+A picture is on a billboard as in `billboards.py`, with the same up. Its foot is at the
+charge, or on the ground below it as long as the charge is not higher than half the
+largest radius. If the charge is higher, the foot is that much below it: the picture is
+then that of a burst on the ground, raised. Seen from another elevation than its own,
+the picture is shifted so that the middle of the cloud keeps its height in the world.
+The wind carries the middle as it carries the law's ball, lower parts less and upper
+parts more, by the height in the picture; the foot does not move. After the last phase
+the last picture remains, and fades within half of that time.
 
 A direction is shown by the nearest view on the unit sphere; or by the three views at
 the corners of the spherical triangle around it, by barycentric weights
 
 $$d = \sum_i \lambda_i u_i, \qquad w_i = \lambda_i \Big/ \sum_j \lambda_j$$
 
-The triangles are those of the convex hull of all views and of their images in the
-ground: every direction is in one, and one from below is shown the view from as far
-above. Weights are continuous everywhere, with a kink at the edges of triangles.
+The triangles are those of the convex hull of all views and of their mirror images in
+the ground. Every direction is in one, and a direction from below is shown by the view
+from as far above. Weights are continuous everywhere, with a kink at the edges of
+triangles.
 
-A picture with several texels a pixel would flicker if it were sampled between pixels.
+A picture with several texels per pixel would flicker if it were sampled between pixels.
 Its convolution with $[1, 2, 1]/4$, the texels then 1, 2, 4 ... apart, has the variance
-$(4^n - 1)/6$ texels after $n$ times: that of a tent $2^n$ texels wide less the one that
-is interpolated by. For a pixel $s$ texels wide the two next pictures are mixed so that
-the variance is $(s^2 - 1)/6$ exactly: it makes the square of a disc's radius,
-$R = 2\sigma$, larger by at most two thirds of a square pixel.
+$(4^n - 1)/6$ texels after $n$ times: that of a tent $2^n$ texels wide minus that of the
+interpolation. For a pixel $s$ texels wide the two next pictures are mixed so that the
+variance is $(s^2 - 1)/6$ exactly. This increases the square of a disc's radius,
+$R = 2\sigma$, by at most two thirds of a square pixel.
 
 References:
     Parab's thesis, 3.2.2: views on the upper hemisphere, the nearest shown.
@@ -78,20 +79,24 @@ from jblast.waves.fireball import (
     fireball_growth_time,
 )
 
-LOOKED = 24
-"""Instants at which it is asked whether a picture is in view."""
+TESTED_PHASES = 24
+"""Phases at which `is_met` tests a picture, geometrically spaced because the cloud
+grows fastest at first. A view that opens only between two of them is not found."""
 FADING = 0.5
 """Time in which the last picture fades, over its phase."""
 CLOSEST = 0.9
-"""Radius over distance from which on the outline of a ball is not followed."""
+"""Radius over distance up to which the outline of a ball is followed. Nearer, the
+outline's radius would diverge as the camera enters the ball."""
 ON_GROUND = 0.5
-"""Height of a burst over its largest radius up to which the picture stands below it."""
+"""Height of a burst over its largest radius up to which its picture stands on it."""
 LOWEST = 0.1
-"""Of the middle of a cloud as it is seen, over its radius."""
+"""Smallest apparent height of the middle of a cloud, over its radius: seen from above
+the height vanishes, and the wind's share by height would diverge."""
 HIGHEST = 2.0
-"""Height over that of the middle from which on the wind carries all alike."""
+"""Height over that of the middle above which the wind carries all parts equally."""
 LEVELS = 6
-"""Of a picture of 128 texels there is one left."""
+"""Convolutions of a picture: after six a tent 64 texels wide, half of a usual picture
+of 128. A picture that is shown smaller is not smoothed further."""
 
 
 class Pictures(ViewSet):
@@ -105,18 +110,18 @@ class Pictures(ViewSet):
         spread: Covariance of the silhouette's columns with its rows, and variance of
             its rows, over the variance of its columns [-].
         box: First and last column, first and last row that show anything [px].
-        height: Of the middle of the cloud above the ground at each phase, over its
-            visible radius [-].
-        phase: Of each frame: time since the burst over the fireball's duration, rising.
+        height: Height of the middle of the cloud above the ground at each phase, over
+            its visible radius [-].
+        phase: Time of each frame since the burst over the fireball's duration, rising.
         anchor: (x, y) of the burst in each view's pictures [px].
         corners: Views around each triangle of the sphere of directions.
-        inverses: Of the matrices whose columns are these directions.
-        sides: How many views a picture is mixed of: the nearest, or three around it.
-        windows: Whether no more of an image is looked at than may show some of a
-            picture. Under `vmap`, where all branches are taken, it is slower.
-        smoothed: Whether pictures shown smaller than they are lose what is finer than a
-            pixel (`low_passed`). Under `vmap` that is done for all, wanted or not, and
-            takes as long as the rest: leave it out where no picture is shown so small.
+        inverses: Inverses of the matrices whose columns are these directions.
+        sides: Number of views that are mixed: the nearest, or three around it.
+        windows: True to calculate only the part of an image that may show some of a
+            picture. Under `vmap`, where all branches are evaluated, it is slower.
+        smoothed: True to remove detail finer than a pixel from pictures shown smaller
+            than they are (`low_passed`). Under `vmap` that is done for all pictures and
+            takes as long as the rest: omit it where no picture is shown so small.
     """
 
     frames: UInt8[Array, "view frame size size 5"]
@@ -137,10 +142,10 @@ class Pictures(ViewSet):
     def views_towards(
         self, towards: Float[Array, "3"]
     ) -> tuple[Int[Array, " side"], Float[Array, " side"]]:
-        """Return which views are shown in a direction from the blast, and their parts.
+        """Return the views shown in a direction from the blast, and their weights.
 
         Args:
-            towards: From the blast to the camera; its length does not matter.
+            towards: Vector from the blast to the camera, of any length.
         """
         if self.sides == 1:
             return nearest_side(self.direction, towards)
@@ -149,7 +154,7 @@ class Pictures(ViewSet):
     def frames_at(
         self, phase: Float[Array, ""]
     ) -> tuple[Int[Array, "2"], Float[Array, "2"]]:
-        """Return the two frames that a phase is between, and their parts."""
+        """Return the two frames around a phase, and their weights."""
         last = len(self.phase) - 1
         before = jnp.searchsorted(self.phase, phase, side="right") - 1
         before = jnp.clip(before, 0, max(last - 1, 0))
@@ -159,24 +164,26 @@ class Pictures(ViewSet):
         part = (phase - self.phase[before]) / jnp.where(some, apart, 1.0)
         part = jnp.where(some, jnp.clip(part, 0.0, 1.0), 0.0).astype(phase.dtype)
         end = self.phase[-1].astype(phase.dtype)
+        # the weight of the last picture falls linearly to zero
         there = jnp.clip(1.0 - (phase / end - 1.0) / FADING, 0.0, 1.0)
         there = jnp.where(phase > 0.0, there, 0.0)
         return jnp.stack([before, after]), there * jnp.stack([1.0 - part, part])
 
 
 class ExplosionViews(Pictures):
-    """Pictures of an explosion on the ground, as rays see them: see `Pictures`."""
+    """Pictures of an explosion on the ground, as rays see them; see `Pictures`."""
 
     glows: ClassVar[bool] = True
 
     def duration(self, charge: Charge) -> Float[Array, ""]:
-        """Return how long the pictures of a charge last, the fading left out [s]."""
+        """Return the duration of a charge's pictures, without the fading [s]."""
         return self.phase[-1] * self._life(charge)
 
     def instants(self, charge: Charge) -> Float[np.ndarray, " instant"]:
-        """Return when pictures stand, and when it grows, since the burst [s]."""
+        """Return the times of frames and of rapid growth, since the burst [s]."""
         life = float(self._life(charge))
         mass = charge.tnt_mass("fireball_radius_m")
+        # doubling steps follow the decelerating growth
         growing = float(fireball_growth_time(mass)) * 0.25 * 2.0 ** np.arange(6)
         phases = np.asarray(self.phase, float)
         last = (1.0 + FADING) * phases[-1:]
@@ -189,9 +196,9 @@ class ExplosionViews(Pictures):
         time: Float[Array, ""],
         appearance: Appearance,
     ) -> Float[Array, "4 row column"]:
-        """Return what rays see of a scene's charges, nearer ones in front.
+        """Return the image of a scene's charges along rays, nearer ones in front.
 
-        Differentiable in all numbers of scene, camera and time but at kinks: where a
+        Differentiable in all numbers of scene, camera and time except at kinks: where a
         ray passes a texel's centre, at a frame's phase, and at the edge between three
         views; and at jumps: where the nearest view changes, or something hides it.
         """
@@ -203,7 +210,7 @@ class ExplosionViews(Pictures):
         )
 
     def is_met(self, scene: Scene, charge: Charge, rays: Rays) -> Bool[Array, ""]:
-        """Return whether a ray ever meets the picture, where it shows anything."""
+        """Return True if a ray ever meets the picture, where it shows anything."""
         return is_met(self, scene, charge, rays)
 
     def _life(self, charge: Charge) -> Float[Array, ""]:
@@ -223,15 +230,16 @@ def explosion_layer(
     Args:
         views: The set.
         scene: Air, and the law of the fireball.
-        charge: Of the scene.
-        rays: Where to look, and where the background is.
-        time: On the common clock [s].
-        appearance: How it is exposed.
+        charge: One of the scene's charges.
+        rays: Camera rays, which end at the background.
+        time: Time on the common clock [s].
+        appearance: Exposure.
     """
     ball = cloud(scene, charge, time)
     mass = charge.tnt_mass("fireball_radius_m")
     phase = charge.since(time) / fireball_duration(mass)
     plane = plane_of(charge, rays, ball)
+    # 256 black bodies per instant, one for each value of heat, instead of one per texel
     heat = jnp.arange(256, dtype=ball.temperature.dtype) / 255.0
     light = blackbody_light(ball.air + heat * (ball.temperature - ball.air))
     glow = light / appearance.white
@@ -247,6 +255,7 @@ def explosion_layer(
             laid = laid_on(views, plane, axes, view, frame)
             x, y = met.on(laid)
             pitch = ray_pitch(x, y, met.ever, (laid.x, laid.y), size)
+            # smoothing and interpolation spread the silhouette by up to two pixels
             margin = 2.0 * jnp.maximum(pitch, 1.0)
             box = views.box[view, frame] + margin * jnp.array([-1.0, 1.0, -1.0, 1.0])
             cells |= touched(x, y, met.ever, corners.farthest <= 0.0, box)
@@ -260,7 +269,9 @@ def explosion_layer(
         total = jnp.zeros((*part.farthest.shape, 4), part.direction.dtype)
         for axes, pictures in layers:
             met = met_by(axes, plane, part)
-            seen = sum(_between(picture, *met.on(laid)) for laid, picture in pictures)
+            seen = sum(
+                _interpolated(picture, *met.on(laid)) for laid, picture in pictures
+            )
             visible = met.ever & (met.distance < part.farthest)
             total = total + jnp.where(visible[..., None], seen, 0.0)
         return total
@@ -275,7 +286,7 @@ def explosion_layer(
 def is_met(
     views: Pictures, scene: Scene, charge: Charge, rays: Rays
 ) -> Bool[Array, ""]:
-    """Return whether a ray ever meets a charge's picture, where it shows anything."""
+    """Return True if a ray ever meets a charge's picture, where it shows anything."""
     charge = charge.as_if_at_zero()
 
     def at(phase):
@@ -296,15 +307,15 @@ def is_met(
         inside &= (y > top - pitch) & (y < bottom + pitch)
         return jnp.any(inside & met.ever)
 
-    return jnp.any(jax.lax.map(at, jnp.geomspace(1e-3, views.phase[-1], LOOKED)))
+    return jnp.any(jax.lax.map(at, jnp.geomspace(1e-3, views.phase[-1], TESTED_PHASES)))
 
 
-def _between(
+def _interpolated(
     picture: Float[Array, "height width 4"],
     x: Float[Array, "row column"],
     y: Float[Array, "row column"],
 ) -> Float[Array, "row column 4"]:
-    """Return a picture's light between texels; beyond them it falls to nothing."""
+    """Return a picture's light between texels; outside it falls to zero."""
     picture = jnp.pad(picture, ((1, 1), (1, 1), (0, 0)))
     height, width, channels = picture.shape
     x, y = jnp.clip(x + 1.0, 0.0, width - 1.0), jnp.clip(y + 1.0, 0.0, height - 1.0)
@@ -328,16 +339,16 @@ def texel_light(
     glow: Float[Array, "256 3"],
     day: Float[Array, ""],
 ) -> Float[Array, "height width 4"]:
-    """Return premultiplied linear light.
+    """Return the premultiplied linear light of texels.
 
     Args:
         texels: Heat; red, green and blue of soot and dust, sRGB; opacity.
         glow: Light of every heat.
-        day: Light of a white wall in the light of the day, full scale 1.
+        day: Light of a white wall in daylight, full scale 1.
     """
     numbers = jnp.arange(256, dtype=glow.dtype) / 255.0
     shade = day * srgb_to_linear(numbers)
-    # indices of integers are bounded by their type
+    # 8-bit indices are within tables of 256, so that bounds need no check
     parts = texels.astype(jnp.int32)
     light = _entries(glow, parts[..., 0]) + _entries(shade, parts[..., 1:4])
     alpha = _entries(numbers, parts[..., 4:])
@@ -351,11 +362,11 @@ def _entries(table, index):
 def nearest_side(
     directions: Float[Array, "view 3"], towards: Float[Array, "3"]
 ) -> tuple[Int[Array, "1"], Float[Array, "1"]]:
-    """Return the nearest view, whose weight is one; the first of equals.
+    """Return the nearest view, with weight one; the first of equals.
 
     Args:
-        directions: Of the views, from the blast.
-        towards: From the blast to the camera.
+        directions: Directions of the views, from the blast.
+        towards: Vector from the blast to the camera.
     """
     view = jnp.argmax(directions @ towards)[None]
     return view, jnp.ones(1, towards.dtype)
@@ -370,29 +381,31 @@ def three_sides(
 
     Args:
         corners: Views at the corners of each triangle.
-        inverses: Of the matrix whose columns are a triangle's corners.
-        towards: From the blast to the camera.
+        inverses: Inverse of the matrix whose columns are a triangle's corners.
+        towards: Vector from the blast to the camera.
     """
+    # barycentric coordinates in all triangles; the right one has no negative share
     shares = inverses @ towards
     shares = shares / jnp.sum(jnp.abs(shares), axis=1, keepdims=True)
     best = jnp.argmax(jnp.min(shares, axis=1))
-    inside = jnp.maximum(shares[best], 0.0)  # rounding, or a set without that side
+    # negative by rounding, or if the set has no views on that side
+    inside = jnp.maximum(shares[best], 0.0)
     return corners[best], inside / jnp.sum(inside)
 
 
 def triangles(
     directions: Float[np.ndarray, "view 3"],
 ) -> tuple[Int[np.ndarray, "triangle 3"], Float[np.ndarray, "triangle 3 3"]]:
-    """Return the triangles between views: their corners, and inverses of these.
+    """Return the triangles between views: their corners, and the inverse matrices.
 
     Args:
-        directions: Unit vectors from the blast; of one or two alone there is no
-            triangle, and the first stands for all of it.
+        directions: Unit vectors from the blast. One or two alone form no triangle; the
+            first then stands for all directions.
     """
     from scipy.spatial import ConvexHull, QhullError
 
     mirrored = directions * np.array([1.0, 1.0, -1.0])
-    low = np.abs(directions[:, 2]) < 1e-6  # its own image
+    low = np.abs(directions[:, 2]) < 1e-6  # in the ground: its own mirror image
     views = np.concatenate([np.arange(len(directions)), np.flatnonzero(~low)])
     points = np.concatenate([directions, mirrored[~low]])
     try:
@@ -400,6 +413,7 @@ def triangles(
     except (QhullError, ValueError):  # fewer than four, or all in a plane
         return np.zeros((1, 3), int), np.eye(3)[None]
     matrices = np.swapaxes(points[faces], 1, 2)
+    # a face through the origin, between views on opposite sides, has no inverse
     whole = np.abs(np.linalg.det(matrices)) > 1e-9
     return views[faces[whole]], np.linalg.inv(matrices[whole])
 
@@ -409,12 +423,12 @@ def shown_towards(
     towards: Float[np.ndarray, "camera 3"],
     sides: int,
 ) -> Int[np.ndarray, " shown"]:
-    """Return which views of a set are shown in some directions, in their order.
+    """Return the views of a set that are shown in some directions, sorted.
 
     Args:
-        directions: Of all views.
-        towards: From the blast to cameras.
-        sides: How many views a picture is mixed of.
+        directions: Directions of all views.
+        towards: Vectors from the blast to cameras.
+        sides: Number of views that are mixed.
     """
     if sides == 1:
         return np.unique(np.argmax(towards @ directions.T, axis=1))
@@ -428,11 +442,11 @@ class Plane(NamedTuple):
     """Plane of a picture: across the line of sight, through the foot of the cloud.
 
     Attributes:
-        sight: From the camera to its anchor [m].
-        far: How far that is [m].
-        apart: Whether the camera is anywhere else.
-        radius: That the visible radius is to have there [m].
-        drift: Of the middle of the cloud with the wind: east, north, up [m].
+        sight: Vector from the camera to the anchor [m].
+        far: Length of that vector [m].
+        apart: False if the camera is at the anchor.
+        radius: Visible radius of the cloud on the plane [m].
+        drift: Drift of the cloud's middle with the wind: east, north, up [m].
     """
 
     sight: Float[Array, "3"]
@@ -443,15 +457,15 @@ class Plane(NamedTuple):
 
 
 class Laid(NamedTuple):
-    """Scale and position of one picture of several on the plane.
+    """Scale and position of one picture on the plane.
 
     Attributes:
-        scale: Texels a metre [1/m].
-        x: Column of the picture where the foot of the cloud is [px].
-        y: Row of it.
-        drift: Of the middle of the cloud with the wind, to the right and down [m].
-        middle: How high it is above the foot, as it is seen [m].
-        level: Cosine of the elevation from which it is seen.
+        scale: Texels per metre [1/m].
+        x: Column of the picture at the foot of the cloud [px].
+        y: Row there.
+        drift: Drift of the cloud's middle with the wind, to the right and down [m].
+        middle: Apparent height of the middle above the foot [m].
+        level: Cosine of the elevation of the line of sight.
     """
 
     scale: Float[Array, ""]
@@ -466,10 +480,10 @@ class Met(NamedTuple):
     """Intersections of rays with the plane.
 
     Attributes:
-        right: Of the foot of the cloud, along the picture's rows [m].
-        down: Below it, along its columns [m].
-        ever: Whether they do.
-        distance: Along each ray [m].
+        right: Distance to the right of the foot of the cloud [m].
+        down: Distance below it [m].
+        ever: False for rays that miss the plane.
+        distance: Distance along each ray [m].
     """
 
     right: Float[Array, "row column"]
@@ -478,8 +492,8 @@ class Met(NamedTuple):
     distance: Float[Array, "row column"]
 
     def on(self, laid: Laid) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-        """Return the places on a picture [px]."""
-        # how high a place is can be seen from the side, and not from above
+        """Return the positions on a picture [px]."""
+        # heights of points are visible from the side, and not from above
         higher = jnp.clip(-self.down / laid.middle, 0.0, HIGHEST) - 1.0
         carried = 1.0 + laid.level * higher
         right, down = laid.drift
@@ -490,7 +504,7 @@ class Met(NamedTuple):
 
 
 def foot_height(charge: Charge) -> Float[Array, ""]:
-    """Return how high the foot of a charge's pictures stands [m].
+    """Return the height of the foot of a charge's pictures [m].
 
     On the ground, unless the burst is more than half its largest radius above it.
     """
@@ -499,12 +513,14 @@ def foot_height(charge: Charge) -> Float[Array, ""]:
 
 
 def plane_of(charge: Charge, rays: Rays, ball: Cloud) -> Plane:
-    """Return where the pictures of a charge stand."""
+    """Return the plane of a charge's pictures."""
     east, north, _ = charge.position_m
     sight = jnp.stack([east, north, foot_height(charge)]) - rays.origin
     apart = jnp.any(sight != 0.0)
+    # a camera at the foot sees nothing; any finite vector avoids 0 / 0
     sight = jnp.where(apart, sight, 1.0)
     far = jnp.sqrt(jnp.sum(jnp.square(sight)))
+    # the outline of a ball of radius R at distance d has the radius R / sqrt(1 - sin^2)
     sine = jnp.minimum(ball.radius / far, CLOSEST)
     seen = ball.radius / jnp.sqrt(1.0 - jnp.square(sine))
     radius = jnp.where(ball.radius > 0.0, seen, 1.0)
@@ -525,9 +541,9 @@ def laid_on(
     view: Int[Array, ""],
     frame: Int[Array, ""],
 ) -> Laid:
-    """Return how a view's picture of a frame is laid on its plane."""
+    """Return scale and position of a view's picture of a frame on its plane."""
     radius, level = level_radius(views, axes, view, frame), -axes[1, 2]
-    # by how much the middle of the cloud stands higher here than in the picture
+    # difference of the middle's apparent height here and in the picture
     raised = views.height[frame] * radius * (level - views.up[view, 2])
     x, y = views.anchor[view]
     right, down, _ = axes @ plane.drift
@@ -542,13 +558,13 @@ def level_radius(
     view: Int[Array, ""],
     frame: Int[Array, ""],
 ) -> Float[Array, ""]:
-    r"""Return a picture's visible radius along what is level where it is shown [px].
+    r"""Return a picture's visible radius along the horizontal of the image [px].
 
-    A view from beside is turned in the image, the more the higher the camera: two
+    A view from the side is rotated in the image, the more the higher the camera. Two
     standard deviations of its own columns are then not those of the camera's. Along the
-    level direction $n$ of the picture they are $2\sqrt{n^T \Sigma n}$, with $\Sigma$
-    the covariance of the silhouette. Seen from straight above nothing is level, and the
-    picture's columns are taken.
+    horizontal $n$ of the picture they are $2\sqrt{n^T \Sigma n}$, with $\Sigma$ the
+    covariance of the silhouette. From straight above no direction is horizontal, and
+    the picture's columns are used.
     """
     across, along = -axes[1, 2], axes[0, 2]
     square = jnp.square(across) + jnp.square(along)
@@ -560,7 +576,7 @@ def level_radius(
 
 
 def met_by(axes: Float[Array, "3 3"], plane: Plane, rays: Rays) -> Met:
-    """Return where rays meet the plane of a picture."""
+    """Return the intersections of rays with the plane of a picture."""
     east, north, up = rays.direction
     # written out: a matrix product would go through memory
     right, down, ahead = (a[0] * east + a[1] * north + a[2] * up for a in axes)
@@ -572,13 +588,13 @@ def met_by(axes: Float[Array, "3 3"], plane: Plane, rays: Rays) -> Met:
 def low_passed(
     picture: Float[Array, "height width channel"], pitch: Float[Array, ""]
 ) -> Float[Array, "height width channel"]:
-    """Return a picture without what is finer than a pixel.
+    """Return a picture without detail finer than a pixel.
 
     Continuous in the pitch, with a kink at the powers of two.
 
     Args:
         picture: Premultiplied linear light.
-        pitch: Texels that a pixel is wide; up to one the picture stays as it is.
+        pitch: Width of a pixel in texels; up to one the picture is unchanged.
     """
     return jax.lax.cond(pitch > 1.0, _smoothed, lambda p, _: p, picture, pitch)
 
@@ -587,17 +603,19 @@ def _smoothed(picture, pitch):
     square = jnp.clip(jnp.square(pitch), 1.0, 4.0**LEVELS)
     found, level = jnp.zeros_like(picture), picture
     for n in range(LEVELS + 1):
+        # tent weights in the variance: `above` falls and `below` rises between levels
         above = jnp.clip((4.0 ** (n + 1) - square) / (3.0 * 4.0**n), 0.0, 1.0)
         below = jnp.clip((square - 4.0 ** (n - 1)) / (3.0 * 4.0 ** (n - 1)), 0.0, 1.0)
         found = found + jnp.minimum(above, below) * level
         if n < LEVELS:
-            level = _spread(_spread(level, 2**n, 0), 2**n, 1)
+            level = _convolved(_convolved(level, 2**n, 0), 2**n, 1)
     return found
 
 
-def _spread(image, step: int, axis: int):
-    """Return the convolution with [1, 2, 1] / 4, so many texels apart."""
+def _convolved(image, step: int, axis: int):
+    """Return the convolution with [1, 2, 1] / 4 at a spacing of `step` texels."""
     length = image.shape[axis]
+    # both neighbours are outside the picture, where it is zero
     if step >= length:
         return 0.5 * image
     room = [(0, 0)] * image.ndim

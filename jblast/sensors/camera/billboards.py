@@ -1,27 +1,27 @@
 r"""Pictures of an explosion from several sides, in place of the procedural fireball.
 
 The picture shown is that of the view nearest by direction on the unit sphere about the
-blast: the largest $d \cdot u$, $d$ towards the camera, $u$ towards the viewer. It
-stands on a billboard: a plane through the burst, across the line of sight. A ray from
-the camera meets it at a point in metres, so that range, focal length, roll and
-distortion act on it as on any point.
+blast: the largest $d \cdot u$, $d$ towards the camera, $u$ towards the viewer. It is on
+a billboard: a plane through the burst, across the line of sight. A ray from the camera
+meets it at a point in metres, so that range, focal length, roll and distortion act on
+it as on any point.
 
-Each view keeps its own up, a fixed vector $v$ of the world that is up in its pictures.
-The billboard's up is the part of $v - (d \cdot v)^3\,u$ across the line of sight: $v$
-near the view; and away from the view's side as the camera climbs to where $v$ points,
-where $v$ alone would turn with every step. A picture has to turn somewhere, as no field
-of directions on a sphere is without such a point. It turns at two points behind the
-view, 58 degrees from straight behind, towards $v$ and away from it. A set should have
-other views there.
+Each view has its own up, a fixed vector $v$ of the world that is up in its pictures.
+The billboard's up is the part of $v - (d \cdot v)^3\,u$ across the line of sight. Near
+the view it is $v$. As the camera climbs to where $v$ points, it turns away from the
+view's side, because $v$ alone would turn with every step. A picture has to turn
+somewhere, as no field of directions on a sphere is without such a point. It turns at
+two points behind the view, 58 degrees from straight behind, towards $v$ and away from
+it. A set should have other views there.
 
-Another charge than the one in the pictures is shown as the fireball's law scales it:
+A charge other than the one in the pictures is shown as the fireball's law scales it:
 lengths by the cube root of the mass, times by `fireball_duration`.
 
 Limits of a flat picture: it hides, and is hidden, at the billboard's distance as a
-whole. Where rays end at the ground, all of it that is below is cut off: seen from
-above, also the foot of a fireball, which is nearer than its middle. A picture that was
-made on the ground is cut by it already and needs rays that do not end there. A camera
-nearer than the fireball's radius is not inside it.
+whole. Where rays end at the ground, all of it below the ground is cut off: seen from
+above, also the foot of a fireball, which is nearer than its middle. A picture made on
+the ground already ends there and needs rays that do not. A camera nearer than the
+fireball's radius is not inside it.
 
 References:
     Parab's thesis (camera plugin), for the nearest view.
@@ -49,25 +49,26 @@ from jblast.types import as_float_array
 from jblast.waves.fireball import fireball_duration
 
 GRAZING = 1e-4
-"""Cosine between a ray and the line of sight below which the billboard is not seen."""
+"""Cosine between ray and line of sight below which a ray misses the billboard (89.994
+degrees): nearly parallel rays would meet it arbitrarily far away."""
 
 
 class ViewSet(eqx.Module):
     """Pictures of an explosion from several sides, in place of the smooth fireball.
 
     Attributes:
-        glows: Whether its fire is as bright as the law's, and lights what is around.
+        glows: True if its fire is as bright as the law's and lights its surroundings.
     """
 
     glows: ClassVar[bool] = False
 
     @abc.abstractmethod
     def duration(self, charge: Charge) -> Float[Array, ""]:
-        """Return how long the pictures of a charge last [s]."""
+        """Return the duration of the pictures of a charge [s]."""
 
     @abc.abstractmethod
     def instants(self, charge: Charge) -> Float[np.ndarray, " instant"]:
-        """Return when a charge's pictures change their course, since the burst [s]."""
+        """Return the times of a charge's frames, since the burst [s]."""
 
     @abc.abstractmethod
     def seen(
@@ -77,13 +78,13 @@ class ViewSet(eqx.Module):
         time: Float[Array, ""],
         appearance: Appearance,
     ) -> Float[Array, "4 row column"]:
-        """Return what rays see of a scene's charges, nearer ones in front.
+        """Return the image of a scene's charges along rays, nearer ones in front.
 
         Args:
-            scene: Where and when the charges go off.
-            rays: Where to look, and where the background is.
-            time: On the common clock [s].
-            appearance: How the fire is exposed, where the pictures leave that open.
+            scene: Positions and times of the charges.
+            rays: Camera rays, which end at the background.
+            time: Time on the common clock [s].
+            appearance: Exposure, for pictures without their own.
 
         Returns:
             Linear red, green and blue times alpha, and alpha.
@@ -91,22 +92,22 @@ class ViewSet(eqx.Module):
 
     @abc.abstractmethod
     def is_met(self, scene: Scene, charge: Charge, rays: Rays) -> Bool[Array, ""]:
-        """Return whether a ray ever meets a charge's picture, hidden or not."""
+        """Return True if a ray ever meets a charge's picture, hidden or not."""
 
 
 class Views(ViewSet):
-    """A set of pictures indexed by the direction they were taken from.
+    """Pictures indexed by the direction from which they were taken.
 
     Attributes:
         frames: Red, green, blue and straight alpha of 8 bits.
         direction: Unit vector from the blast to the viewer: east, north, up.
         up: Unit vector that is up in each view's pictures, across its direction:
-            `upright(direction)` of a camera held level.
-        metres_per_pixel: Of each view's pictures, at the burst [m/px].
+            `upright(direction)` for a level camera.
+        metres_per_pixel: Scale of each view's pictures at the burst [m/px].
         anchor: (x, y) of the burst in each view's pictures [px].
         frames_hz: Frame k shows the blast k / frames_hz after the burst [1/s].
-        charge_mass: TNT-equivalent mass of the charge they show [kg].
-        srgb: Whether colours are sRGB, or linear light.
+        charge_mass: TNT-equivalent mass of the charge that they show [kg].
+        srgb: True if colours are sRGB, false for linear light.
     """
 
     frames: UInt8[Array, "view frame height width 4"]
@@ -119,11 +120,11 @@ class Views(ViewSet):
     srgb: bool = eqx.field(static=True, default=True)
 
     def duration(self, charge: Charge) -> Float[Array, ""]:
-        """Return how long the pictures of a charge last [s]."""
+        """Return the duration of the pictures of a charge [s]."""
         return self.frames.shape[1] / self.frames_hz * self.stretch(charge)
 
     def instants(self, charge: Charge) -> Float[np.ndarray, " instant"]:
-        """Return when frames stand, and when the last has faded [s]."""
+        """Return the times of the frames and of the end of the last [s]."""
         pace = float(self.stretch(charge) / self.frames_hz)
         return pace * np.arange(self.frames.shape[1] + 2)
 
@@ -134,18 +135,20 @@ class Views(ViewSet):
         time: Float[Array, ""],
         appearance: Appearance,
     ) -> Float[Array, "4 row column"]:
-        """Return what rays see of the pictures; their exposure is their own.
+        """Return the image of the pictures along rays; their exposure is their own.
 
-        Differentiable in the place of a charge, the camera and the size of the picture,
-        but for a kink where a ray passes a pixel's centre, and a jump where the view
-        changes or something hides it. In time it is linear between two frames; it
+        Differentiable in the position of a charge, the camera and the size of the
+        picture, except for a kink where a ray passes a pixel's centre, and a jump where
+        the view changes or something hides it. Light is linear between two frames; it
         begins at the burst with the first, and fades out within a frame after the last.
         """
         del appearance
-        return laid_over([_seen(self, charge, rays, time) for charge in scene.charges])
+        return laid_over(
+            [_picture_seen(self, charge, rays, time) for charge in scene.charges]
+        )
 
     def is_met(self, scene: Scene, charge: Charge, rays: Rays) -> Bool[Array, ""]:
-        """Return whether a ray meets the picture."""
+        """Return True if a ray meets the picture."""
         board = billboard(self, rays, charge)
         height, width = self.frames.shape[2:4]
         inside = (board.x > -1) & (board.x < width)
@@ -153,17 +156,17 @@ class Views(ViewSet):
         return jnp.any(inside & jnp.isfinite(board.distance))
 
     def stretch(self, charge: Charge) -> Float[Array, ""]:
-        """Return a charge's fireball's duration over that of the pictures [-]."""
+        """Return the duration of a charge's fireball over that of the pictures [-]."""
         mass = charge.tnt_mass("fireball_radius_m")
         return fireball_duration(mass) / fireball_duration(self.charge_mass)
 
     def size(self, charge: Charge) -> Float[Array, ""]:
-        """Return a charge's fireball's radius over that of the pictures [-]."""
+        """Return the radius of a charge's fireball over that of the pictures [-]."""
         return jnp.cbrt(charge.tnt_mass("fireball_radius_m") / self.charge_mass)
 
 
 def upright(direction: np.ndarray) -> np.ndarray:
-    """Return what is up in the picture of a level camera: a unit vector.
+    """Return the unit vector that is up in the picture of a level camera.
 
     From straight above or below that is north, as on a map.
 
@@ -172,6 +175,7 @@ def upright(direction: np.ndarray) -> np.ndarray:
     """
     up = np.array([0.0, 0.0, 1.0])
     across = up - direction[2] * direction
+    # below 1e-9 only rounding errors are left of the vertical
     length = float(np.linalg.norm(across))
     return across / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
 
@@ -180,10 +184,10 @@ class Billboard(eqx.Module):
     """Intersections of rays with a view's picture.
 
     Attributes:
-        view: The nearest one.
-        x: Column in the picture [px]; inside it or not, -2 where it is not met.
+        view: The nearest view.
+        x: Column in the picture [px], also outside it; -2 for a ray that misses.
         y: Row, likewise.
-        distance: Along each ray [m]; infinite where the picture is not met.
+        distance: Distance along each ray [m]; infinite for a ray that misses.
     """
 
     view: Int[Array, ""]
@@ -193,22 +197,22 @@ class Billboard(eqx.Module):
 
 
 def nearest_view(views: Views, direction: Float[Array, "3"]) -> Int[Array, ""]:
-    """Return which view is nearest to a direction from the blast; the first of equals.
+    """Return the view nearest to a direction from the blast; the first of equals.
 
     Args:
-        views: Where each was taken from.
-        direction: From the blast: east, north, up; its length does not matter.
+        views: The pictures.
+        direction: Vector from the blast: east, north, up, of any length.
     """
     return jnp.argmax(views.direction @ direction)
 
 
 def billboard(views: Views, rays: Rays, charge: Charge) -> Billboard:
-    """Return where rays meet the picture of a charge.
+    """Return the intersections of rays with the picture of a charge.
 
     Args:
         views: The pictures.
-        rays: Of a camera.
-        charge: Where it bursts, and how large it is.
+        rays: Camera rays.
+        charge: Position and size of the burst.
     """
     sight = jnp.stack(charge.position_m) - rays.origin
     apart = jnp.any(sight != 0.0)
@@ -235,27 +239,28 @@ def billboard_axes(
     """Return right, down and forward of a billboard, as rows.
 
     Args:
-        forward: Along the line of sight, from the camera.
-        towards: The view's direction, from the blast.
-        up: What is up in its pictures.
+        forward: Direction of the line of sight, from the camera.
+        towards: Direction of the view, from the blast.
+        up: Unit vector that is up in its pictures.
     """
-    wanted = up - (-jnp.dot(forward, up)) ** 3 * towards
-    right = jnp.cross(forward, wanted)
+    tilted_up = up - (-jnp.dot(forward, up)) ** 3 * towards
+    right = jnp.cross(forward, tilted_up)
     square = jnp.sum(jnp.square(right))
-    turned = square > 0.0  # else any right will do: here it turns
+    turned = square > 0.0  # otherwise a pole of the field: any right will do
     right = jnp.where(turned, right, jnp.cross(forward, up))
     right = right / jnp.sqrt(jnp.where(turned, square, 1.0))
     return jnp.stack([right, jnp.cross(forward, right), forward])
 
 
-def _seen(
+def _picture_seen(
     views: Views, charge: Charge, rays: Rays, time: Float[Array, ""]
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
-    """Return the premultiplied light of one charge's picture, and how far it is."""
+    """Return the premultiplied light of one charge's picture, and squared distance."""
     burst = jnp.stack(charge.position_m)
     board = billboard(views, rays, charge)
     since = charge.since(time) / views.stretch(charge)
     layer = resampled(_picture(views, board.view, since), board.x, board.y)
+    # hidden as a whole by anything nearer along the ray
     visible = board.distance < rays.farthest
     return (
         jnp.where(visible[None], layer, 0.0),
@@ -266,13 +271,14 @@ def _seen(
 def _picture(
     views: Views, view: Int[Array, ""], since: Float[Array, ""]
 ) -> Float[Array, "height width 4"]:
-    """Return a view's picture at a time of its own since the burst.
+    """Return a view's picture at a time since its own burst.
 
     Premultiplied linear light.
     """
     last = views.frames.shape[1] - 1
     position = since * views.frames_hz
     before = jnp.floor(position)
+    # -1 and last + 1 are blank frames: nothing before the burst and after the end
     frame = jnp.clip(before, -1, last + 1).astype(int)
 
     def shown(frame):

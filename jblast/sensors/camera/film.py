@@ -2,20 +2,20 @@ r"""Frames of a scene in order of time, and the instants sampled for events.
 
 A film is rendered block by block, so that its length does not affect the memory.
 
-For events the light is sampled at instants of its own, and between two of them its
-logarithm is taken as linear. An interval is halved as long as its middle shows that
-this moves events by more than a bound: where the logarithm in the middle is $d$ off,
-and changes by $D$ over the length $T$, a crossing is moved by $d\,T/D$, and by less
-than $T$ in any case. Both halves must satisfy the bound too: a jump against a slope may
-leave the middle unchanged, but not the next one.
+For events the light is sampled at separate instants, and its logarithm is linear
+between two of them. An interval is halved as long as its middle shows that this shifts
+events by more than a bound. If the logarithm in the middle is off by $d$ and changes by
+$D$ over the length $T$, a crossing is shifted by $d\,T/D$, and by less than $T$ in any
+case. Both halves must satisfy the bound too: a jump on a slope may leave the middle
+unchanged, but not that of the next interval.
 
-That bounds the events of an ideal camera, whose levels are fixed. A pixel that is reset
+This bounds the events of an ideal camera, whose levels are fixed. A pixel that is reset
 takes its next reference from the light between two instants, and an error of the light
-in a steep interval moves an event in a slow one. For such a camera the error of the
+in a steep interval shifts an event in a slow one. For such a camera the error of the
 light is bounded, too.
 
-A recorded film is converted into a file of the events that an event camera would send,
-block by block.
+A recorded film is converted into a file of the events of an event camera, block by
+block.
 """
 
 import math
@@ -52,32 +52,36 @@ from jblast.sensors.camera.surroundings import Landscape, Outlook, outlook_of
 from jblast.waves.fireball import fireball_duration, fireball_growth_time
 
 PIXELS = 1 << 22
-"""Of a block of frames: 100 MB of three channels in float64."""
+"""Pixels of a block of frames: 100 MB of three channels in float64. Larger blocks use
+more memory, smaller ones call the compiled program more often."""
 MAX_BLOCK = 20
-"""Frames of a block: a second at most rates is some whole ones."""
+"""Largest number of frames of a block: a second at 20, 60, 100 or 1000 frames per
+second is a whole number of blocks, so that none is padded."""
 Frames = Float[np.ndarray, "_ _ _ 3"]
 STAMP_ERROR = 1e-4
-"""Bound of the error of the time of an event [s]: a fifth of the time that the
-photoreceptor of our noisy camera takes, and of its refractory period."""
+"""Bound of the time error of an event [s]: a fifth of the response time of the noisy
+camera's photoreceptor, and of its refractory period."""
 LIGHT_ERROR = 5e-4
 """Bound of the error of the logarithm of light for a camera with resets, in thresholds:
 found by trial, so that 99 in 100 of its events are within `STAMP_ERROR` too."""
 JUMP = 1 / 16
-"""Time of a jump of the light: found to this share of the bound of times."""
+"""Resolution of the time of a jump of the light, as a share of the bound of times: a
+jump has no finer interval in which its logarithm is linear."""
 LEFT = 0.01
-"""Share of the events of an interval that may be farther off."""
+"""Accepted share of the events of an interval outside the bound."""
 PER_LIFE = 32
-"""First instants over the time a fireball glows: what passes a pixel lasts longer."""
+"""First instants over the time a fireball glows: passages of a pixel last longer."""
 MOVED = 0.5
-"""Pixels that the ground moves by between first instants, where a camera moves: so fine
-patterns are not taken for still."""
+"""Shift of the ground between first instants of a moving camera [px]. At a whole pixel
+or more, a fine pattern may look the same and be missed."""
 BLOCK = 16
-"""Instants of a block: few programs are compiled if all are alike."""
+"""Instants of a block. Full blocks of one size share one compiled program."""
 QUIET = 1e-3
-"""Thresholds that all pixels together may pass in an interval where nothing happens."""
+"""Sum of the changes of all pixels, in thresholds, up to which an interval is not
+refined: on average a thousandth of an event is affected."""
 Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 THRESHOLD = (0.2, 0.2)
-"""Default change of the logarithm of light that gives an event, up and down."""
+"""Default change of the logarithm of light per event, up and down."""
 
 
 @dataclass(frozen=True)
@@ -85,19 +89,18 @@ class Film:
     """A scene, a camera, and the times of the frames.
 
     Attributes:
-        scene: What explodes.
-        camera: Who looks.
-        times: Of the frames, on the common clock, not falling [s].
-        background: Linear light: a grey, a colour, an image, or pictures that move; or
-            ground and sky for a camera that moves.
-        views: Pictures to show in place of the procedural fireball.
+        scene: The scene.
+        camera: The camera.
+        times: Times of the frames on the common clock, not falling [s].
+        background: Linear light: a grey, a colour, an image, or moving pictures; or
+            ground and sky for a moving camera.
+        views: Pictures that replace the procedural fireball.
         supersample: Rays along each side of a pixel.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
-        appearance: How bright the day is, and how the fire is drawn; None: as usual.
-        path: Of what carries the camera; None if it stands still.
-        bloom: Part of the light of frames that the lens spreads; events have none.
-        gain: Factor of the light of frames (`image.picture_gain`); events have
-            none.
+        appearance: Exposure, and distribution of the smoke; None: defaults.
+        path: Pose of the camera's carrier over time; None for a fixed camera.
+        bloom: Share of the light of frames that the lens spreads; not for events.
+        gain: Factor of the light of frames (`image.picture_gain`); not for events.
     """
 
     scene: Scene
@@ -115,18 +118,19 @@ class Film:
     gain: float = 1.0
 
     def at_instants(self) -> "Film":
-        """Return the same without exposure: an event camera does not gather light."""
+        """Return the film without exposure: event cameras do not integrate light."""
         return self._still
 
     @cached_property
     def _still(self) -> "Film":
+        # zero keeps the field's structure, so that the compiled program is shared
         camera = eqx.tree_at(
             lambda c: c.exposure_s, self.camera, 0.0 * self.camera.exposure_s
         )
         return replace(self, camera=camera)
 
     def frames(self) -> Iterator[tuple[slice, Frames]]:
-        """Return the frames of each block, and which they are; two blocks are held.
+        """Yield slice and frames of each block; two blocks are in memory.
 
         Linear light, full scale 1, not clipped.
 
@@ -140,16 +144,16 @@ class Film:
             yield which, self._shot(self._rendered(self.times[which]))
 
     def some(self, numbers: Sequence[int]) -> Frames:
-        """Return a few frames by their numbers, as instants."""
+        """Return some frames by their numbers, as instants."""
         still, length = self.at_instants(), self._length()
         parts = [numbers[a : a + length] for a in range(0, len(numbers), length)]
         frames = [still._rendered(self.times[part]) for part in parts]
         return self._shot(np.concatenate(frames))
 
     def light(self, times: Float[np.ndarray, " _"]) -> Float[np.ndarray, "_ _ _"]:
-        """Return the grey light at some instants, whatever the exposure [s].
+        """Return the grey light at some instants, without exposure.
 
-        A background that moves is linear between its frames.
+        A moving background is linear between its frames.
         """
         still, length = self.at_instants(), self._length()
         parts = [slice(a, a + length) for a in range(0, len(times), length)]
@@ -162,17 +166,18 @@ class Film:
         return bloom(frames, self.bloom)
 
     def _length(self) -> int:
-        """Return how many frames are rendered together."""
+        """Return the number of frames that are rendered together."""
         pixels = self.camera.width * self.camera.height
         return max(1, min(MAX_BLOCK, PIXELS // pixels))
 
     def _rendered(self, times: Float[np.ndarray, " few"]) -> Frames:
-        """Return what is seen at a few times."""
+        """Return linear light at a few times."""
         count = len(times)
-        # as many as in every block, so that there is one program
+        # padded to the size of a block, so that one compiled program serves all
         times = np.pad(times, (0, self._length() - count), mode="edge")
         background = self._behind
         if isinstance(background, MovingBackground):
+            # a moving background starts with the film, whatever the clock
             background = background.at(times - self.times[0])
         if self.path is not None:
             if not isinstance(background, Landscape):
@@ -189,7 +194,8 @@ class Film:
                 views=self.views,
             )
             return np.asarray(carried)[:count]
-        assert not isinstance(background, Landscape), "it is for a camera that moves"
+        assert not isinstance(background, Landscape), "needs the path of a camera"
+        # before the first charge there is only the background: nothing is rendered
         if times.max() + float(self.camera.exposure_s) <= self._begins:
             check_camera(self.camera, ground=self._ground)
             return bare(self.camera, background, len(times))[:count]
@@ -211,29 +217,29 @@ class Film:
     def _behind(
         self,
     ) -> Float[Array, "..."] | MovingBackground | Landscape:
-        """The background; of one light or colour an image, made once for all blocks."""
+        """Background; a grey or colour becomes an image, once for all blocks."""
         if isinstance(self.background, MovingBackground | Landscape):
             return self.background
         return images(self.camera, self.background, len(self.times))
 
     @cached_property
     def _shown(self) -> Appearance:
-        """Of the film; made once, because its arrays are on the device."""
+        """Appearance; created once, because its arrays are on the device."""
         return self.appearance or Appearance()
 
     @cached_property
     def _begins(self) -> float:
-        """When the first charge goes off: until then there is nothing to see [s]."""
+        """Time of the first detonation, before which only the background shows [s]."""
         return min(float(charge.time_s) for charge in self.scene.charges)
 
     @property
     def _ground(self) -> bool:
-        """A picture from above shows also what its billboard has below ground."""
+        """False with pictures: from above they also show parts below the ground."""
         return self.views is None
 
     @cached_property
     def _outlook(self) -> Outlook:
-        """Of a camera that stands: computed once for all blocks."""
+        """Outlook of a fixed camera, computed once for all blocks."""
         appearance, views = self._shown, self.views
         return outlook_of(
             self.camera,
@@ -246,15 +252,16 @@ class Film:
 
 
 def first_instants(film: Film) -> Float[np.ndarray, " time"]:
-    """Return the instants looked at first, from the first frame to the last [s].
+    """Return the first instants to evaluate, from the first frame to the last [s].
 
-    As many as the fireball's life asks for, close after a burst; those of the pictures
-    where pictures stand for it, and those of a background that moves.
+    They resolve the fireball's life, densely after a burst; or the frames of pictures
+    that replace it; and the frames of a moving background.
     """
     start, stop = float(film.times[0]), float(film.times[-1])
     charges = film.scene.charges
     bursts = np.array([float(charge.time_s) for charge in charges])
     masses = [charge.tnt_mass("fireball_radius_m") for charge in charges]
+    # the shortest life decides for all charges
     step = min(float(fireball_duration(mass)) for mass in masses) / PER_LIFE
     found = [bursts]
     if film.views is None:
@@ -268,23 +275,23 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
         found.append(start + film.background.times)
     if film.path is not None:
         moved = np.asarray(pixels_moved(film.camera, film.path), float)
-        wanted = np.arange(0.0, moved[-1], MOVED)
-        found.append(np.interp(wanted, moved, np.asarray(film.path.time, float)))
+        shifts = np.arange(0.0, moved[-1], MOVED)
+        found.append(np.interp(shifts, moved, np.asarray(film.path.time, float)))
     even = np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / step))))
     inside = np.concatenate([even, *found])
     inside = np.unique(inside[(inside >= start) & (inside <= stop)])
-    # two that rounding alone keeps apart are one
+    # instants that differ only by rounding are merged
     apart = np.diff(inside, prepend=-np.inf) > 1e-9 * (stop - start)
     return inside[apart]
 
 
 class Interval(NamedTuple):
-    """An interval between two instants; with its middle, if that is enough.
+    """Interval between two instants, with its middle once that is sufficient.
 
     Attributes:
-        times: Its ends, or its ends and its middle [s].
-        light: At these.
-        is_half: Whether it is a half of one that was found fine.
+        times: Both ends, or ends and middle [s].
+        light: Light at these times.
+        is_half: True for half of an interval whose middle satisfied the bounds.
     """
 
     times: tuple[float, ...]
@@ -306,17 +313,17 @@ def subdivided(
     bound_s: float = STAMP_ERROR,
     light_error: float = math.inf,
 ) -> Iterator[Block]:
-    """Return times [s] and grey light of a film, close enough together for events.
+    """Yield times [s] and grey light of a film, close enough together for events.
 
-    Blocks of `BLOCK` instants but for the last.
+    Blocks have `BLOCK` instants except the last.
 
     Args:
-        film: What is filmed; its exposure is left out.
-        threshold: The smaller threshold: smaller changes give no events.
-        bound_s: All but `LEFT` of an ideal camera's events are to be less than this
-            off [s].
-        light_error: How far off the logarithm of the light may be, for all but `LEFT`
-            of its changes.
+        film: The film; its exposure is not used.
+        threshold: The smaller threshold: smaller changes cause no events.
+        bound_s: Bound of the time error of all but `LEFT` of an ideal camera's events
+            [s].
+        light_error: Bound of the error of the logarithm of light, for all but `LEFT` of
+            its changes.
     """
     times: list[float] = []
     light: list[np.ndarray] = []
@@ -331,7 +338,7 @@ def subdivided(
 
 
 def _instants(film: Film, bounds: _Bounds):
-    """Return time and image of one instant after another."""
+    """Yield time and image of one instant after another."""
     knots = first_instants(film)
     last = knots[0], film.light(knots[:1])[0]
     yield last
@@ -346,12 +353,13 @@ def _instants(film: Film, bounds: _Bounds):
                 interval = intervals.popleft()
                 yield interval.times[1], interval.light[1]
                 yield interval.times[2], interval.light[2]
-            _look_closer(intervals, film, bounds)
+            _refine(intervals, film, bounds)
         last = ends[-1]
 
 
-def _look_closer(intervals: deque[Interval], film: Film, bounds: _Bounds) -> None:
-    """Look at middles of the first intervals that have none, and halve the bad ones."""
+def _refine(intervals: deque[Interval], film: Film, bounds: _Bounds) -> None:
+    """Evaluate the middles of the first intervals without one; halve coarse ones."""
+    # one block of middles at a time: the program has a fixed number of frames
     front = [i for i, interval in enumerate(intervals) if len(interval.times) == 2][
         :BLOCK
     ]
@@ -359,6 +367,7 @@ def _look_closer(intervals: deque[Interval], film: Film, bounds: _Bounds) -> Non
         return
     middles = [0.5 * sum(intervals[i].times) for i in front]
     images = film.light(np.array(middles))
+    # from the back, so that an insertion does not shift the indices before it
     for i, time, image in reversed(list(zip(front, middles, images, strict=True))):
         (start, stop), (before, after), is_half = intervals[i]
         light = before, image, after
@@ -371,35 +380,38 @@ def _look_closer(intervals: deque[Interval], film: Film, bounds: _Bounds) -> Non
 
 
 def _is_fine(length: float, light, bounds: _Bounds) -> bool:
-    """Return whether an interval with its middle is fine enough."""
+    """Return True if an interval with its middle satisfies the bounds."""
     before, middle, after = (np.log(np.maximum(image, DARKEST)) for image in light)
+    # total change: proportional to the number of events, also for a peak between the
+    # ends
     passed = np.abs(middle - before) + np.abs(after - middle)
     if passed.sum() <= QUIET * bounds.threshold:
         return True
     off, bad = np.abs(middle - 0.5 * (before + after)), np.zeros(passed.shape, bool)
     if length > bounds.time_s:
+        # d T / D of the module's docstring, without a division by a change of zero
         bad |= off * length > bounds.time_s * np.abs(after - before)
     if length > JUMP * bounds.time_s:
-        # with its middle an interval is off by a quarter of that
+        # two linear halves have a quarter of the error of one (quadratic light)
         bad |= off > 4.0 * bounds.light
     return bool(passed[bad].sum() <= LEFT * passed.sum())
 
 
 class ConvertedFilm(NamedTuple):
-    """Events of a film, as they were written.
+    """Events of a converted film.
 
     Attributes:
         frames: Number of frames.
-        width: Of a frame [px].
-        height: Of a frame [px].
-        frames_hz: Frames a second.
-        seconds: From the first frame to the last.
-        threshold: Change of the logarithm of light that gives an event, up and down.
+        width: Width of a frame [px].
+        height: Height of a frame [px].
+        frames_hz: Frames per second.
+        seconds: Time from the first frame to the last.
+        threshold: Change of the logarithm of light per event, up and down.
         written: Numbers of events.
-        bits: Bit depth of the frames; None of floats.
-        darkest: Linear light, as a fraction of full scale, below which changes give no
+        bits: Bit depth of the frames; None for floats.
+        darkest: Linear light, as a fraction of full scale, below which changes cause no
             events.
-        below_darkest: Share of the pixel values that are darker than that.
+        below_darkest: Share of the pixel values below that.
     """
 
     frames: int
@@ -430,15 +442,15 @@ def film_to_events(
 
     Args:
         film: Folder of PNG frames or of .npy files of linear light, or a video.
-        out: File of events: .h5 (HDF5 in the layout of DSEC), .npz, .raw or .aedat4.
-        fps: Frames a second; a folder needs it.
-        threshold: Change of the logarithm of light that gives an event, up and down.
-        noise: Whether the camera has its imperfections.
-        seed: Of the noise.
-        srgb: Whether grey values of PNG frames are sRGB; else they are linear light.
-        darkest: Linear light, as a fraction of full scale, below which changes give no
-            event; default: half a step of the frames' bits, 1e-6 of floats.
-        force: Whether the file may be overwritten.
+        out: Event file: .h5 (HDF5 in the layout of DSEC), .npz, .raw or .aedat4.
+        fps: Frames per second; required for a folder.
+        threshold: Change of the logarithm of light per event, up and down.
+        noise: True for a camera with its imperfections.
+        seed: Seed of the noise.
+        srgb: True if grey values of PNG frames are sRGB, else linear light.
+        darkest: Linear light, as a fraction of full scale, below which changes cause no
+            events; default: half a step of the frames' bits, 1e-6 for floats.
+        force: True to overwrite the file.
 
     Raises:
         InputError: The film cannot be read, the file cannot be written, or an argument
@@ -449,7 +461,8 @@ def film_to_events(
     opened = open_recording(os.fspath(film), fps, srgb=srgb)
     if srgb and opened.is_video:
         raise InputError(
-            f"{argument('srgb')}: is said of PNG frames; {film} names its own curve"
+            f"{argument('srgb')}: expected PNG frames, got {film}, which states its "
+            "own curve"
         )
     darkest = opened.darkest if darkest is None else darkest
     if darkest == 0.0:

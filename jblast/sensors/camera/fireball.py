@@ -1,14 +1,14 @@
 r"""The image of a fireball: light, smoke and opacity, in a part of the image.
 
 The cloud is a sphere whose density falls as $1 - r^2/R^2$. A ray passes its centre at
-the distance $b$, at $s_c$; from $s_0$ to $s_1$ on it, $q = (s - s_c)/R$ limited to
+the distance $b$, at $s_c$. From $s_0$ to $s_1$ on it, with $q = (s - s_c)/R$ limited to
 $\pm h$, $h^2 = 1 - b^2/R^2$, the optical depth is
 
 $$\tau = \tfrac34\,\tau_0\,\big[h^2 q - q^3/3\big]_{q_0}^{q_1}, \qquad
 \alpha = 1 - e^{-\tau}$$
 
-and $\tau_0 h^3$ for the whole chord: at the limb its slope is zero, so that gradients
-miss no edge. $s_0$ is the camera, $s_1$ the ground or the surface in front of the
+and $\tau_0 h^3$ for the whole chord. Its slope is zero at the limb, so that gradients
+include the edge. $s_0$ is the camera, $s_1$ the ground or the surface in front of the
 cloud.
 
 Soot alone has hundreds of optical depths, but is not evenly mixed. With $N$ lumps along
@@ -16,12 +16,12 @@ a diameter the gaps transmit light as if the depth were
 
 $$\tau_0 = N\,(1 - e^{-\tau_s/N})$$
 
-(Natta and Panagia 1984, from memory). A bright fireball still shows its whole disc, as
-at its limb even a small alpha is much light; black smoke has a soft limb.
+(Natta and Panagia 1984, from memory). A bright fireball still shows its whole disc,
+because at its limb even a small alpha is much light; black smoke has a soft limb.
 
-The light is a black body's, between that of the middle and that of the cooler limb by
-$h^2$: as if the temperature fell with $b^2$. Soot reflects an even sky above and a
-ground a fifth as bright: $0.6 + 0.4\,n_z$, $n$ the normal where the ray enters. The
+The light is a black body's, interpolated between the middle and the cooler limb by
+$h^2$, as if the temperature fell with $b^2$. Soot reflects an even sky above and a
+ground a fifth as bright: $0.6 + 0.4\,n_z$, $n$ the normal at the entry of the ray. The
 wind carries the cloud (`waves/fireball.py`). The light of the fire on its surroundings
 is in `surroundings.py`.
 
@@ -30,15 +30,16 @@ and middle is a smooth function of the fireball's temperature alone. Where it is
 a million times, it is tabulated as cubics between values and slopes (Hermite) at
 `KNOTS` temperatures from the air's to that of the burst: its luminance to 1e-9 of its
 value, however long a film is. Colour is tabulated separately from luminance and does
-not affect it: while anything glows it is exact to 1e-9 too, and less exact below that.
+not affect it. It is exact to 1e-9 while anything glows, and less exact below.
 
 Only a part of the image is calculated. A ray meets a fireball of the radius $R$ at the
-distance $d$ if it is less than $\arcsin(R/d)$ off its middle. The rays of a cell are no
-farther from the nearest of its corners than these are from each other. Cells are
-compared by the rays of every sixteenth row and column, and the smallest window of a few
-sizes that contains all cells that may show something is calculated: one program for all
-frames, with a branch for each size. So nothing is missed, and the result is that of
-`fireballs_seen` over the whole image. Pictures of an explosion use the same windows.
+distance $d$ if its angle from the middle is less than $\arcsin(R/d)$. The rays of a
+cell are no farther from the nearest of its corners than these are from each other.
+Cells are compared by the rays of every sixteenth row and column, and the smallest
+window of a few sizes that contains all cells that may show something is calculated: one
+program for all frames, with a branch for each size. Nothing is missed: the result is
+that of `fireballs_seen` over the whole image. Pictures of an explosion use the same
+windows.
 """
 
 import math
@@ -75,25 +76,30 @@ radius wide, as in pictures of black smoke."""
 RIM = 0.9
 """Excess of temperature at the limb over that in the middle [-]. Declared."""
 SMOKE = 0.07
-r"""Part of the light that thick soot gives back [-]: $(1 - s)/(1 + s)$, $s^2 = 1 - w$,
-for scattering alike in all directions with the albedo $w = 0.25$ of fresh soot (Bond
-and Bergstrom 2006, from memory: 0.2 to 0.3)."""
+r"""Share of light that thick soot reflects [-]: $(1 - s)/(1 + s)$, $s^2 = 1 - w$, for
+isotropic scattering with the albedo $w = 0.25$ of fresh soot (Bond and Bergstrom 2006,
+from memory: 0.2 to 0.3)."""
 Glow = tuple[Float[Array, "3"], Float[Array, "3"]]
 """Light of the limb and of the middle of a fireball [cd/m2]."""
 FAINTEST = 1e-30
-"""Light that no float loses [cd/m2]."""
+"""Light added before a logarithm [cd/m2]: far below any visible light, and far above
+the smallest number of float32 (1e-38)."""
 KNOTS = 4096
+"""Temperatures of the glow table: cubics between them are exact to 1e-9."""
 FIREBALL_SIZES = ((0.0, 0.0), (0.4, 0.3), (1.0, 1.0))
-"""Rows and columns of windows: few, as each is compiled for itself."""
+"""Rows and columns of fireball windows, as shares of the image. Few sizes, because each
+is a branch that is compiled."""
 STRIDE = 16
-"""Rows and columns from one corner to the next."""
+"""Rows and columns between two corners of cells: a 256th of the image's rays is tested.
+A larger stride tests fewer rays and enlarges the windows."""
 WINDOW_SIZES = ((0.125, 0.125), (0.25, 0.25), (0.5, 0.5), (0.75, 0.5), (1.0, 1.0))
-"""Rows and columns of windows, as parts of the image's; each holds the one before. A
-cloud of smoke is higher than wide."""
+"""Rows and columns of picture windows, as shares of the image; each contains the one
+before. A cloud of smoke is higher than wide."""
 WHOLE_IMAGE = 64
-"""Images with fewer rows or columns are searched as a whole."""
+"""Images with fewer rows or columns are calculated as a whole: they have only a few
+cells, and a window saves less than its search costs."""
 SLACK = 0.1
-"""By how much of a cell a lens may bend what is within it."""
+"""Margin of a cell for the bending of its rays by the lens, as a share of its size."""
 
 
 class Appearance(eqx.Module):
@@ -102,13 +108,13 @@ class Appearance(eqx.Module):
     Attributes:
         white: Luminance that is full scale [cd/m2].
         lumps: Lumps of smoke along a diameter [-]; many make the smoke even.
-        rim: Excess of temperature over the air at the limb, as a part of that in the
+        rim: Excess of temperature over the air at the limb, as a share of that in the
             middle [-].
-        smoke: Part of the sky's light that thick smoke gives back [-].
-        illuminance: Of a level surface, by sky and sun [lx]: the light in which the
-            background was taken, and that smoke gives back. None: as much as makes a
-            white wall full scale, which is what a picture is exposed for.
-        flash: Whether the fire lights the background (`surroundings.py`).
+        smoke: Share of the sky's light that thick smoke reflects [-].
+        illuminance: Illuminance of a level surface by sky and sun [lx]: the light of
+            the background and of the smoke. None: that under which a white wall is full
+            scale, which is the usual exposure.
+        flash: True if the fire lights the background (`surroundings.py`).
 
     Raises:
         InputError: Outside jit: a number is not positive and finite, or `rim` or
@@ -137,20 +143,20 @@ class Appearance(eqx.Module):
             number, part = value.item(), name in ("rim", "smoke")
             if not 0 < number < math.inf or (part and number > 1):
                 raise InputError(
-                    f"look {name}: expected a number above 0"
+                    f"appearance {name}: expected a number above 0"
                     f"{', at most 1' if part else ''}, got {shown(number)}"
                 )
 
 
 class Cloud(eqx.Module):
-    """A charge's fireball where it is at an instant.
+    """Fireball of a charge at an instant.
 
     Attributes:
         centre: East, north, up [m].
-        radius: Of the cloud [m].
-        temperature: Of its light [K].
-        optical_depth: Of its soot along a diameter [-].
-        air: Temperature of the air around [K].
+        radius: Radius of the cloud [m].
+        temperature: Temperature of its light [K].
+        optical_depth: Optical depth of its soot along a diameter [-].
+        air: Temperature of the surrounding air [K].
     """
 
     centre: Float[Array, "3"]
@@ -170,16 +176,16 @@ def fireball_layer(
     supersample: int = 1,
     appearance: Appearance | None = None,
 ) -> Float[Array, "height width 4"]:
-    """Return the fireballs of a scene at an instant, with nothing behind them.
+    """Return the fireballs of a scene at an instant, without a background.
 
     Args:
         scene: Charges, each by its position, and air.
-        camera: Who looks.
-        time: On the common clock [s].
+        camera: The camera.
+        time: Time on the common clock [s].
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
-        ground: Whether the plane up = 0 hides what is below it.
+        ground: True if the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
-        appearance: How it is exposed, and how the smoke is distributed.
+        appearance: Exposure, and distribution of the smoke.
 
     Returns:
         Red, green, blue in linear light, full scale 1, not clipped, and straight alpha.
@@ -198,15 +204,15 @@ def fireballs_seen(
 ) -> Float[Array, "4 row column"]:
     """Return the light of all fireballs along rays, laid over each other.
 
-    Whichever's centre is farther is behind; where two meet, the nearer hides the other.
+    Fireballs are ordered by the distance of their centres, the nearest in front.
 
     Args:
         scene: Charges and air.
-        rays: Along which to look.
-        time: On the common clock [s].
-        appearance: How it is exposed, and how the smoke is distributed.
-        shining: Light of limb and middle of a fireball, where it is tabulated; None to
-            take Planck's law.
+        rays: Camera rays.
+        time: Time on the common clock [s].
+        appearance: Exposure, and distribution of the smoke.
+        shining: Tabulated light of limb and middle of a fireball; None for Planck's
+            law.
 
     Returns:
         Red, green and blue times alpha, and alpha.
@@ -214,19 +220,19 @@ def fireballs_seen(
     appearance = Appearance() if appearance is None else appearance
     return laid_over(
         [
-            _seen(scene, charge, rays, time, appearance, shining)
+            _fireball_seen(scene, charge, rays, time, appearance, shining)
             for charge in scene.charges
         ]
     )
 
 
 class RayPassage(eqx.Module):
-    """Passages of rays through a cloud; zero where they miss it.
+    """Passages of rays through a cloud; zero for rays that miss it.
 
     Attributes:
         column: Optical depth over that along a diameter [-], 0 to 1.
         chord: Square of the half chord over the radius, $h^2$ [-].
-        height: Of the place where the ray enters above the centre, over the radius [-].
+        height: Height of the entry point above the centre, over the radius [-].
     """
 
     column: Float[Array, "row column"]
@@ -237,24 +243,26 @@ class RayPassage(eqx.Module):
 def passage(
     offset: Float[Array, "3"], radius: Float[Array, ""], rays: Rays
 ) -> RayPassage:
-    """Return how rays pass a cloud.
+    """Return the passages of rays through a cloud.
 
     Args:
-        offset: From the camera to the centre: east, north, up [m].
-        radius: Of the cloud [m].
-        rays: Along which to look.
+        offset: Centre relative to the camera: east, north, up [m].
+        radius: Radius of the cloud [m].
+        rays: Camera rays.
     """
     along = jnp.tensordot(offset, rays.direction, 1)
     aside = offset[:, None, None] - along[None] * rays.direction
     room = jnp.square(radius) - jnp.sum(jnp.square(aside), axis=0)
-    met = ~(room <= 0)  # so that a radius that is no number is seen, not missed
+    met = ~(room <= 0)  # negated: a NaN radius stays visible as NaN
     half = jnp.sqrt(jnp.where(met, room, 1.0))
+    # the camera may be inside the cloud: the passage then begins at it
     begin = jnp.clip(-along, -half, half)
     end = jnp.clip(rays.farthest - along, -half, half)
+    # a radius of zero has no passage, and would divide by zero
     size = jnp.where(met, radius, 1.0)
     chord = jnp.where(met, room, 0.0) / jnp.square(size)
     first, last = begin / size, end / size
-    # the difference of two cubes by its factors: no rounding is left of an empty way
+    # the difference of two cubes by its factors: exactly zero for an empty interval
     cubes = jnp.square(first) + first * last + jnp.square(last)
     column = 0.75 * (last - first) * jnp.maximum(chord - cubes / 3.0, 0.0)
     height = (begin * rays.direction[2] - aside[2]) / size
@@ -289,15 +297,16 @@ def glow(
     """Return the light of the limb and of the middle of a fireball [cd/m2].
 
     Args:
-        temperature: Of its middle [K].
-        air: Temperature of the air around [K].
-        appearance: How much cooler its limb is.
+        temperature: Temperature of its middle [K].
+        air: Temperature of the surrounding air [K].
+        appearance: Its `rim` states how much cooler the limb is.
     """
+    # the excess over the air: a cold cloud has a limb as cold
     limb = air + appearance.rim * (temperature - air)
     return blackbody_light(limb), blackbody_light(temperature)
 
 
-def _seen(
+def _fireball_seen(
     scene: Scene,
     charge: Charge,
     rays: Rays,
@@ -305,7 +314,7 @@ def _seen(
     appearance: Appearance,
     shining: Callable[[Cloud], Glow] | None,
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
-    """Return the premultiplied light of one charge's fireball, and how far it is."""
+    """Return the premultiplied light of one charge's fireball, and its distance."""
     ball = cloud(scene, charge, time)
     offset = ball.centre - rays.origin
     met = passage(offset, ball.radius, rays)
@@ -321,32 +330,33 @@ def _seen(
 
 
 def lumpy_depth(ball: Cloud, appearance: Appearance) -> Float[Array, ""]:
-    r"""Return $\tau_0$: the optical depth along a diameter of smoke that has gaps."""
+    r"""Return $\tau_0$: the optical depth along a diameter of smoke with gaps."""
     return -appearance.lumps * jnp.expm1(-ball.optical_depth / appearance.lumps)
 
 
 def between(
     limb: Float[Array, "3"], middle: Float[Array, "3"], part: Float[Array, "row column"]
 ) -> Float[Array, "3 row column"]:
-    """Return light between two: a power of both luminances, its colour linear.
+    """Return interpolated light: luminance geometrically, colour linearly.
 
-    One exponential a pixel, where Planck's law would be hundreds.
+    This is one exponential per pixel, instead of the hundreds of Planck's law.
     """
     lights = jnp.stack([limb, middle]) + FAINTEST
     brightness = luminance(lights)
     (low, high), (cool, hot) = jnp.log(brightness), lights / brightness[:, None]
+    # colour apart from brightness: a mean of lights would take the hue of the brighter
     colour = cool[:, None, None] + (hot - cool)[:, None, None] * part[None]
     return jnp.exp(low + (high - low) * part)[None] * colour
 
 
 class GlowTable(eqx.Module):
-    """Light of a fireball's limb and of its middle.
+    """Tabulated light of a fireball's limb and middle.
 
     Attributes:
-        air: Temperature of the air around, to which it cools [K].
-        pace: From one knot to the next [K].
-        knots: Logarithm of luminance [cd/m2] and the light over it, and their change
-            over a pace.
+        air: Temperature of the surrounding air, to which the fireball cools [K].
+        pace: Step between knots [K].
+        knots: Logarithm of luminance [cd/m2], the light over it, and their derivatives
+            times the step.
     """
 
     air: Float[Array, ""]
@@ -356,8 +366,10 @@ class GlowTable(eqx.Module):
     def __call__(self, ball: Cloud) -> Glow:
         """Return the light of limb and middle of a fireball in the table's air."""
         place = (ball.temperature - self.air) / self.pace
+        # outside the table the last cubic is extended; fireballs do not leave its range
         before = jnp.clip(place.astype(int), 0, len(self.knots) - 2)
         u = place - before.astype(place.dtype)
+        # cubic Hermite: value a and slope `rise` at one knot, b and `leave` at the next
         (a, rise), (b, leave) = self.knots[before], self.knots[before + 1]
         square, cube = u * u, u * u * u
         bend = 3.0 * square - 2.0 * cube
@@ -371,8 +383,9 @@ class GlowTable(eqx.Module):
 def glow_table(
     air: Float[Array, ""], appearance: Appearance, *, knots: int = KNOTS
 ) -> GlowTable:
-    """Return the table of fireballs in air of a temperature [K]."""
+    """Return the table of fireballs in air of one temperature [K]."""
     pace = (HOTTEST - air) / (knots - 1)
+    # slopes come with the values by one forward derivative
     temperatures = air + pace * jnp.arange(knots, dtype=pace.dtype)
 
     def glowing(temperature):
@@ -389,13 +402,13 @@ def glow_table(
 def fireballs_in_window(
     scene: Scene, rays: Rays, time: Float[Array, ""], appearance: Appearance
 ) -> Float[Array, "4 row column"]:
-    """Return what `fireballs_seen` does, in less time where fireballs are small.
+    """Return the result of `fireballs_seen`, faster if fireballs are small.
 
     Args:
         scene: Charges and air.
-        rays: Of a whole image, row by row.
-        time: On the common clock [s].
-        appearance: How they are exposed.
+        rays: Rays of a whole image, row by row.
+        time: Time on the common clock [s].
+        appearance: Exposure.
     """
     cells = cells_touched(scene, corner_rays(rays), time)
 
@@ -413,19 +426,20 @@ def fireballs_over(
     appearance: Appearance,
     behind: Float[Array, "time row column 3"],
 ) -> Float[Array, "time row column 3"]:
-    """Return images with the fireballs in front; no more of them is touched than they.
+    """Return images with fireballs in front, changed only where these are.
 
     Args:
         scene: Charges and air.
-        rays: One a pixel, row by row.
-        times: Of the images, on the common clock [s].
-        appearance: How they are exposed.
+        rays: One ray per pixel, row by row.
+        times: Times of the images on the common clock [s].
+        appearance: Exposure.
         behind: The images.
     """
     corners = corner_rays(rays)
+    # cells of all images first: they share one size of window
     cells = jax.vmap(lambda time: cells_touched(scene, corners, time))(times)
 
-    # for gradients what a window shows is computed again: it would fill the memory
+    # gradients recompute the contents of a window: storing them would fill the memory
     @jax.checkpoint
     def lay(
         part: Rays, beneath: Float[Array, "row column 3"], time: Float[Array, ""]
@@ -442,33 +456,36 @@ def fireballs_over(
 def cells_touched(
     scene: Scene, corners: Rays, time: Float[Array, ""]
 ) -> Bool[Array, "_ _"]:
-    """Return which cells between corners may show a fireball.
+    """Return the mask of cells between corners that may show a fireball.
 
     Args:
         scene: Charges and air.
         corners: Rays at the corners of the cells.
-        time: On the common clock [s].
+        time: Time on the common clock [s].
     """
-    way = corners.direction
-    # no ray of a cell is farther from its nearest corner than half a diagonal
-    slope = _chord(way[:, 1:, 1:], way[:, :-1, :-1])
-    other = _chord(way[:, 1:, :-1], way[:, :-1, 1:])
+    direction = corners.direction
+    # no ray of a cell is farther from the nearest corner than half a diagonal
+    slope = _chord(direction[:, 1:, 1:], direction[:, :-1, :-1])
+    other = _chord(direction[:, 1:, :-1], direction[:, :-1, 1:])
     size = (0.5 + SLACK) * jnp.maximum(slope, other)
-    unknown = _four(~(corners.farthest > 0.0), jnp.logical_or)
+    unknown = _over_corners(~(corners.farthest > 0.0), jnp.logical_or)
     found = [jnp.zeros_like(unknown)]
     for charge in scene.charges:
         ball = cloud(scene, charge, time)
         offset = ball.centre - corners.origin
         square = jnp.sum(jnp.square(offset))
         away = jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
-        apart = _chord(way, (offset / away)[:, None, None] + jnp.zeros_like(way))
-        nearest = -_four(-apart, jnp.maximum)
+        apart = _chord(
+            direction, (offset / away)[:, None, None] + jnp.zeros_like(direction)
+        )
+        nearest = -_over_corners(-apart, jnp.maximum)
         sine = ball.radius / away
+        # camera inside the ball, which then covers every ray
         within = ~(sine < 1.0) | ~(square > 0.0)
         cosine = jnp.sqrt(1.0 - jnp.square(jnp.where(within, 0.0, sine)))
-        # chords obey the triangle's inequality; this is that of the angle arcsin(R/d)
+        # chords obey the triangle inequality; the sum is the chord of arcsin(R/d)
         seen = ~(nearest > sine * jnp.sqrt(2.0 / (1.0 + cosine)) + size)
-        # a radius that is no number is seen
+        # negated comparisons: a NaN radius counts as visible
         found.append((seen | within | unknown) & ~(ball.radius <= 0.0))
     return reduce(jnp.logical_or, found)
 
@@ -479,20 +496,20 @@ def _chord(a: Float[Array, "3 _ _"], b: Float[Array, "3 _ _"]) -> Float[Array, "
     return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
 
 
-def _four(values: Array, join: Callable[[Array, Array], Array]) -> Array:
-    """Join the values at the four corners of each cell."""
+def _over_corners(values: Array, join: Callable[[Array, Array], Array]) -> Array:
+    """Return a reduction over the four corners of each cell."""
     across = join(values[:, 1:], values[:, :-1])
     return join(across[1:], across[:-1])
 
 
 def corner_rays(rays: Rays) -> Rays:
     """Return the rays at the corners of all cells."""
-    rows, columns = (_places(size) for size in rays.farthest.shape)
+    rows, columns = (_corner_positions(size) for size in rays.farthest.shape)
     at = np.ix_(rows, columns)
     return Rays(rays.origin, rays.direction[:, *at], rays.farthest[at])
 
 
-def _places(size: int) -> Int[np.ndarray, " corner"]:
+def _corner_positions(size: int) -> Int[np.ndarray, " corner"]:
     before = np.arange(0, size - 1, STRIDE) if size > 1 else np.zeros(1, int)
     return np.append(before, size - 1)
 
@@ -504,24 +521,25 @@ def ray_pitch(
     anchor: tuple[Float[Array, ""], Float[Array, ""]],
     shape: tuple[int, ...],
 ) -> Float[Array, ""]:
-    """Return how far a ray is from the next on a picture, at a place of it [px].
+    """Return the distance between neighbouring rays on a picture, at a point [px].
 
-    The root of the area, so that it is alike in all directions; taken in the cell
-    beside the corner nearest to the place.
+    It is the root of the area per ray, and so the same in all directions. It is taken
+    in the cell at the corner nearest to the point.
 
     Args:
-        x: Where rays at corners meet the picture.
+        x: Intersections of the corner rays with the picture.
         y: Likewise.
-        met: Whether they do.
-        anchor: The place.
+        met: Mask of the rays that meet it.
+        anchor: The point.
         shape: Rows and columns of all rays.
     """
     away = jnp.square(x - anchor[0]) + jnp.square(y - anchor[1])
     row, column = jnp.divmod(jnp.argmin(jnp.where(met, away, jnp.inf)), x.shape[1])
+    # the last corner has no cell beyond it
     row = jnp.minimum(row, x.shape[0] - 2)
     column = jnp.minimum(column, x.shape[1] - 2)
     down, right = (
-        jnp.asarray(np.maximum(np.diff(_places(size)), 1), x.dtype)[at]
+        jnp.asarray(np.maximum(np.diff(_corner_positions(size)), 1), x.dtype)[at]
         for size, at in zip(shape, (row, column), strict=True)
     )
     x_down, y_down = (p[row + 1, column] - p[row, column] for p in (x, y))
@@ -538,25 +556,25 @@ def touched(
     unknown: Bool[Array, "row column"],
     box: Float[Array, "4"],
 ) -> Bool[Array, "_ _"]:
-    """Return which cells may show some of a box.
+    """Return the mask of cells that may show part of a box.
 
     Args:
-        x: Where rays at corners meet the picture.
+        x: Intersections of the corner rays with the picture.
         y: Likewise.
-        met: Whether they do.
+        met: Mask of the rays that meet it.
         unknown: Corners without a direction; their cells may show anything.
         box: First and last x, first and last y.
     """
 
     def spans(places, first, last):
-        low = -_four(jnp.where(met, -places, -jnp.inf), jnp.maximum)
-        high = _four(jnp.where(met, places, -jnp.inf), jnp.maximum)
+        low = -_over_corners(jnp.where(met, -places, -jnp.inf), jnp.maximum)
+        high = _over_corners(jnp.where(met, places, -jnp.inf), jnp.maximum)
         slack = SLACK * (high - low)
         return (high + slack >= first) & (low - slack <= last)
 
-    some = _four(met, jnp.logical_or)
+    some = _over_corners(met, jnp.logical_or)
     known = spans(x, box[0], box[1]) & spans(y, box[2], box[3])
-    return some & (known | _four(unknown, jnp.logical_or))
+    return some & (known | _over_corners(unknown, jnp.logical_or))
 
 
 def in_window(
@@ -565,12 +583,12 @@ def in_window(
     look: Callable[[Rays], Float[Array, "row column 4"]],
     parts: Sequence[tuple[float, float]] = WINDOW_SIZES,
 ) -> Float[Array, "row column 4"]:
-    """Return what is seen along all rays, having looked only where cells are touched.
+    """Return the image along all rays, calculated only in a window of touched cells.
 
     Args:
-        cells: Which may show something.
-        rays: Of the whole image.
-        look: What is seen along rays; nothing outside the cells.
+        cells: Mask of cells that may show something.
+        rays: Rays of the whole image.
+        look: Returns the image along rays; zero outside the cells.
         parts: As in `laid_in_window`.
     """
     shape, dtype = rays.farthest.shape, jax.eval_shape(look, rays).dtype
@@ -585,16 +603,15 @@ def laid_in_window(
     behind: Float[Array, "row column _"],
     parts: Sequence[tuple[float, float]] = WINDOW_SIZES,
 ) -> Float[Array, "row column _"]:
-    """Return an image over which something is laid, only where cells are touched.
+    """Return an image with a layer over it, calculated only where cells are touched.
 
     Args:
-        cells: Which may show something.
-        rays: Of the whole image.
-        lay: Lays what is seen along rays over what is behind, which it leaves as it is
-            outside the cells.
+        cells: Mask of cells that may show something.
+        rays: Rays of the whole image.
+        lay: Lays the layer along rays over a background, unchanged outside the cells.
         behind: The whole image.
-        parts: Rows and columns of windows, as parts of the image's; the last is all.
-            Of none nothing is looked at.
+        parts: Rows and columns of windows, as shares of the image; the last is all. A
+            window of zero rows or columns is not calculated.
     """
 
     def over(part: Rays, beneath: Array, _: None) -> Array:
@@ -611,16 +628,16 @@ def laid_in_windows(
     each: Any,
     parts: Sequence[tuple[float, float]] = WINDOW_SIZES,
 ) -> Float[Array, "image row column _"]:
-    """Return images over which something is laid, in windows of one size.
+    """Return images with layers over them, in windows of one size.
 
-    Images are changed where they stand, one after another: none is copied.
+    Images are changed in place, one after another: none is copied.
 
     Args:
-        cells: Which are touched, of each image.
-        rays: Of every image.
-        lay: As in `laid_in_window`; also takes what there is for each image.
+        cells: Mask of touched cells of each image.
+        rays: Rays of every image.
+        lay: As in `laid_in_window`; its third argument is the entry of `each`.
         behind: The images.
-        each: Arrays whose first axis are the images; None: nothing.
+        each: Arrays whose first axis is that of the images, or None.
         parts: As in `laid_in_window`.
     """
     shape = rays.farthest.shape
@@ -629,12 +646,16 @@ def laid_in_windows(
     sizes = np.ceil(np.array(parts) * np.array(shape)).astype(int)
     starts, needs = zip(
         *(
-            jax.vmap(partial(_extent, size=shape[i]))(jnp.any(cells, axis=2 - i))
+            jax.vmap(partial(_touched_extent, size=shape[i]))(
+                jnp.any(cells, axis=2 - i)
+            )
             for i in (0, 1)
         ),
         strict=True,
     )
+    # one size for all images, the smallest that holds the largest extent of any of them
     needed = jnp.max(jnp.stack(needs), axis=1)
+    # sizes ascend, so the number of those too small is the index of the first that fits
     which = jnp.sum(jnp.any(needed[None] > sizes[:-1], axis=1))
 
     def branch(size):
@@ -642,6 +663,7 @@ def laid_in_windows(
 
         def image(images, inputs):
             number, row, column, own = inputs
+            # a window at the edge is shifted inwards: slices have a fixed size
             row = jnp.clip(row, 0, shape[0] - rows)
             column = jnp.clip(column, 0, shape[1] - columns)
             part = Rays(
@@ -669,11 +691,11 @@ def laid_in_windows(
     return jax.lax.switch(which, [branch(size) for size in sizes])
 
 
-def _extent(
+def _touched_extent(
     touched: Bool[Array, " cell"], size: int
 ) -> tuple[Int[Array, ""], Int[Array, ""]]:
-    """Return the first row or column of the cells touched, and how many they have."""
-    places = _places(size)
+    """Return the first row or column of the touched cells, and their number."""
+    places = _corner_positions(size)
     first = jnp.asarray(places)[jnp.argmax(touched)]
     last = jnp.asarray(places)[len(touched) - jnp.argmax(touched[::-1])]
     count = jnp.where(jnp.any(touched), last - first + 1, 0)

@@ -36,27 +36,28 @@ from jblast.scene.camera import Camera, quaternion_matrix, quaternion_product
 from jblast.types import as_float_array
 
 STEEPEST = 1e4
-"""Largest distance from the axis in the plane at 1: 89.994 degrees. Beyond, the sixth
-power and its gradient leave float32."""
+"""Largest distance from the axis in the plane at 1: 89.994 degrees. Beyond it the sixth
+power and its gradient overflow float32."""
 TRIALS = 100
-"""Newton's trials at most."""
+"""Largest number of Newton trials, halved steps included; an unsolved pixel is NaN."""
 ROUNDING = 16
-"""Accepted residual of a pixel, in roundings of the distortion's largest term."""
+"""Accepted residual of a pixel, in rounding errors of the distortion's largest term:
+the few operations of `distort` add up to less."""
 STEPS = 64
-"""Places on the way out at which the fold is looked for; one that opens and closes
-between two of them is overlooked."""
+"""Points between centre and ray at which the fold is searched. A fold that opens and
+closes between two of them is not found."""
 HALVINGS = 52
-"""Of a bracket: they leave the last bit of float64."""
+"""Halvings of the bracket: to the last bit of float64."""
 
 
 class Projected(eqx.Module):
-    """Pixels at which places of the world appear to a camera.
+    """Pixels at which points of the world appear to a camera.
 
     Attributes:
         pixel: (x, y), pixel centres at whole numbers [px]; inside the image or not.
         depth: Distance along the camera's axis [m]; negative behind it.
-        seen: Whether a lens could show the place: it is ahead of the camera and inside
-            the distortion's first fold. Where not, `pixel` has no meaning.
+        seen: True if a lens could show the point: it is ahead of the camera and inside
+            the distortion's first fold. Otherwise `pixel` is meaningless.
     """
 
     pixel: Float[Array, "... 2"]
@@ -64,31 +65,33 @@ class Projected(eqx.Module):
     seen: Bool[Array, "..."]
 
     def within(self, camera: Camera) -> Bool[Array, "..."]:
-        """Return whether a place is seen and its pixel is one of the image's."""
+        """Return True for points that are seen at a pixel of the image."""
         x, y = self.pixel[..., 0], self.pixel[..., 1]
         across = (x >= -0.5) & (x < camera.width - 0.5)
         return self.seen & across & (y >= -0.5) & (y < camera.height - 0.5)
 
 
 def project(camera: Camera, points: Float[ArrayLike, "... 3"]) -> Projected:
-    r"""Project places of the world into the image.
+    r"""Return the projection of points of the world into the image.
 
     $$(X, Y, Z) = R^T (P - C), \quad u = f_x x_d + c_x, \quad v = f_y y_d + c_y$$
 
     with $(x_d, y_d)$ from `distort(X/Z, Y/Z)`, as `cv2.projectPoints`; `seen` marks
-    what no lens would show. Of a place behind the camera, or within 0.006 degrees of
-    its plane, the pixel is the principal point: finite, so that the gradient of what
-    `seen` masks is never NaN.
+    points that a lens shows. The pixel of a point behind the camera, or within 0.006
+    degrees of its plane, is the principal point: finite, so that the gradient of values
+    masked by `seen` is never NaN.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         points: East, north, up [m].
 
     References:
         OpenCV 5, Calib3d, "Detailed Description".
     """
     x, y, depth = (c[..., 0] for c in jnp.split(to_camera(camera, points), 3, axis=-1))
+    # a product instead of a quotient: no division by a depth near zero
     ahead = depth * STEEPEST > jnp.maximum(jnp.abs(x), jnp.abs(y))
+    # guarded inputs, not a guarded result: a `where` around x / 0 has NaN gradients
     z = jnp.where(ahead, depth, 1.0)
     across, down = jnp.where(ahead, x, 0.0) / z, jnp.where(ahead, y, 0.0) / z
     plane = jnp.stack([across, down], axis=-1)
@@ -101,7 +104,7 @@ def project(camera: Camera, points: Float[ArrayLike, "... 3"]) -> Projected:
 def to_camera(
     camera: Camera, points: Float[ArrayLike, "... 3"]
 ) -> Float[Array, "... 3"]:
-    """Return places of the world in the camera's axes: right, down, ahead [m]."""
+    """Return points of the world in the camera's axes: right, down, ahead [m]."""
     points = as_float_array(points)
     offset = points - jnp.broadcast_to(camera.position, points.shape)
     return offset @ quaternion_matrix(camera.quaternion)
@@ -110,15 +113,15 @@ def to_camera(
 def unproject(
     camera: Camera, pixel: Float[ArrayLike, "... 2"]
 ) -> Float[Array, "... 3"]:
-    """Direction in the world from which a pixel's light comes.
+    """Return the direction in the world of a pixel's light.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         pixel: (x, y), pixel centres at whole numbers [px]; inside the image or not.
 
     Returns:
-        East, north, up, of length one. Inside jit, NaN where no direction inside the
-        distortion's first fold shows there.
+        East, north, up, unit length. Inside jit, NaN if the pixel shows no direction
+        inside the distortion's first fold.
 
     Raises:
         InputError: Outside jit, for the first such pixel.
@@ -134,7 +137,7 @@ def unproject(
             f"{shown(camera.distortion.tolist(), 120)}, got "
             f"{shown(pixel[~found[..., 0]][0].tolist())}"
         )
-    plane = jnp.where(found, plane, 0.0)  # the camera's gradients stay finite
+    plane = jnp.where(found, plane, 0.0)  # NaN would spoil the camera's gradients
     ray = jnp.concatenate([plane, jnp.ones_like(plane[..., :1])], axis=-1)
     unit = ray / jnp.sqrt(jnp.sum(jnp.square(ray), axis=-1, keepdims=True))
     return jnp.where(found, unit @ quaternion_matrix(camera.quaternion).T, jnp.nan)
@@ -144,31 +147,34 @@ def unproject(
 def undistort(
     bent: Float[Array, "... 2"], distortion: Float[Array, "5"]
 ) -> Float[Array, "... 2"]:
-    """Inverse of `distort` inside its first fold; NaN where it has none.
+    """Return the inverse of `distort` inside its first fold; NaN where it has none.
 
     Newton's method from the centre. A step is halved until it stays inside the fold and
-    comes closer, so that it cannot jump to another branch. A point in a gap between two
-    folds may be lost, never misplaced. Derivatives are those of the implicit function.
+    reduces the residual, so that it cannot jump to another branch. A point in a gap
+    between two folds may be lost, but never misplaced. Derivatives are those of the
+    implicit function.
 
     Args:
         bent: Point of the plane at distance 1, with distortion [-].
         distortion: k1, k2, p1, p2, k3 [-].
     """
 
-    def wanted(point, part, left):
+    def unsolved_lanes(point, part, left):
         unsolved = left > _rounding(point, distortion)
         return unsolved & (part > jnp.sqrt(jnp.finfo(bent.dtype).eps))
 
     def unsolved(state):
         trial, *lanes = state
-        return (trial < TRIALS) & jnp.any(wanted(*lanes))
+        return (trial < TRIALS) & jnp.any(unsolved_lanes(*lanes))
 
     def newton(state):
         trial, point, part, left = state
         step = _solve(point, distortion, bent - distort(point, distortion))
         there = point + part[..., None] * step
         left_there = _length(bent - distort(there, distortion))
-        better = wanted(point, part, left) & (left_there < left)
+        # all pixels are lanes of one loop; solved ones stay unchanged until the last is
+        # done
+        better = unsolved_lanes(point, part, left) & (left_there < left)
         better &= unfolded(there, distortion)
         return (
             trial + 1,
@@ -185,7 +191,7 @@ def undistort(
 
 @undistort.defjvp
 def undistort_jvp(primals, tangents):
-    """J dx = d(bent) - d(distort) at a point that stays."""
+    """Solve J dx = d(bent) - d(distort) at the converged point."""
     bent, distortion = primals
     d_bent, d_distortion = tangents
     point = undistort(bent, distortion)
@@ -200,8 +206,9 @@ def _solve(
     distortion: Float[Array, "5"],
     right: Float[Array, "... 2"],
 ) -> Float[Array, "... 2"]:
-    """Solve J step = right, J the Jacobian of `distort` in a point."""
+    """Solve J step = right, with J the Jacobian of `distort` at a point."""
     xx, xy, yy = distortion_jacobian(point, distortion)
+    # 2 x 2 by Cramer's rule: LAPACK calls for each pixel would be far slower
     det = xx * yy - xy * xy
     x, y = right[..., 0], right[..., 1]
     solved = jnp.stack([yy * x - xy * y, xx * y - xy * x], axis=-1)
@@ -240,7 +247,7 @@ def distort(
 def distortion_jacobian(
     point: Float[Array, "... 2"], distortion: Float[Array, "5"]
 ) -> tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]:
-    """Entries xx, xy and yy of the symmetric Jacobian of `distort` in the point."""
+    """Return entries xx, xy, yy of the symmetric Jacobian of `distort` at the point."""
     x, y = point[..., 0], point[..., 1]
     k1, k2, p1, p2, k3 = distortion
     r2 = x * x + y * y
@@ -256,13 +263,13 @@ def distortion_jacobian(
 def unfolded(
     point: Float[Array, "... 2"], distortion: Float[Array, "5"]
 ) -> Bool[Array, "..."]:
-    """Return whether no fold lies between the centre and a point, nor on it.
+    """Return True if no fold lies between the centre and a point, nor on it.
 
     Args:
         point: Without distortion: x/z, y/z [-].
         distortion: k1, k2, p1, p2, k3 [-].
     """
-    # the answer is yes or no, and has no derivative
+    # a boolean has no derivative: the loop would only cost memory in a gradient
     point, distortion = jax.lax.stop_gradient((point, distortion))
 
     def step(n, clear):
@@ -276,18 +283,18 @@ def unfolded(
 def fold_radius(
     distortion: Float[Array, "5"], direction: Float[Array, "... 2"]
 ) -> Float[Array, "..."]:
-    """Distance from the centre at which the model first folds over, going one way.
+    """Return the radius at which the model first folds over along a direction.
 
-    Found by its sign at 1024 angles from the axis, 0.09 degrees apart, and bisection.
-    It is not differentiated: its gradient is zero.
+    It is bracketed at 1024 angles from the axis, 0.09 degrees apart, then bisected. It
+    is not differentiated: its gradient is zero.
 
     Args:
         distortion: k1, k2, p1, p2, k3 [-].
-        direction: Along which to go; its length does not matter.
+        direction: Direction from the centre; its length does not matter.
 
     Returns:
-        Radius without distortion, in the plane at distance 1 [-]; infinite where there
-        is no fold.
+        Radius without distortion, in the plane at distance 1 [-]; infinite without a
+        fold.
     """
     distortion = jax.lax.stop_gradient(distortion)
     length = jnp.sqrt(jnp.sum(jnp.square(direction), axis=-1, keepdims=True))
@@ -302,10 +309,12 @@ def fold_radius(
         before = clear(middle)
         return jnp.where(before, middle, inside), jnp.where(before, beyond, middle)
 
+    # even in angle, so that wide lenses are searched as finely as narrow ones
     radii = jnp.asarray(np.tan(np.arange(1024) * (np.pi / 2 / 1024)), unit.dtype)
     at = jax.vmap(lambda radius: clear(jnp.broadcast_to(radius, unit.shape[:-1])))
-    folded = ~at(radii)  # never at the centre itself
+    folded = ~at(radii)  # never at the centre, where the Jacobian is the unit matrix
     first = jnp.argmax(folded, axis=0)
+    # the sign changes between the last clear radius and the first folded one
     bracket = radii[jnp.maximum(first - 1, 0)], radii[first]
     inside, _ = jax.lax.fori_loop(0, HALVINGS, halve, bracket)
     return jnp.where(jnp.any(folded, axis=0), inside, jnp.inf)
@@ -314,7 +323,7 @@ def fold_radius(
 def _clear(
     point: Float[Array, "... 2"], distortion: Float[Array, "5"]
 ) -> Bool[Array, "..."]:
-    """Return whether both eigenvalues of the Jacobian in a point are positive.
+    """Return True where both eigenvalues of the Jacobian are positive.
 
     The determinant is compared after division: its products would overflow in float32.
     """
@@ -323,13 +332,13 @@ def _clear(
 
 
 class Rays(eqx.Module):
-    """Straight lines from a camera, one a pixel or several.
+    """Straight lines from a camera, one or several per pixel.
 
     Attributes:
-        origin: East, north, up of all [m].
-        direction: East, north, up, of length one.
-        farthest: Where the ray ends at the background [m]; infinite where nothing ends
-            it, 0 for a pixel that shows no direction.
+        origin: Common origin: east, north, up [m].
+        direction: East, north, up, unit length.
+        farthest: Distance of the background along the ray [m]; infinite without one, 0
+            for a pixel that shows no direction.
     """
 
     origin: Float[Array, "3"]
@@ -347,24 +356,26 @@ def pixel_rays(
 ) -> Rays:
     """Return the rays of all pixels, row by row.
 
-    Compiled here, where `unproject` marks a pixel without a direction and raises
-    nothing, and where many programs can share it.
+    It is compiled here, so that many programs share it, and so that `unproject` marks
+    pixels without a direction instead of raising.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         supersample: Rays along each side of a pixel, evenly spaced; one goes through
             its centre.
-        ground: Whether rays end at the plane up = 0.
+        ground: True if rays end at the plane up = 0.
     """
     dtype = camera.position.dtype
+    # pixel centres are at whole numbers, so the image spans -0.5 to width - 0.5
     x, y = (
         (jnp.arange(size * supersample, dtype=dtype) + 0.5) / supersample - 0.5
         for size in (camera.width, camera.height)
     )
     unit = unproject(camera, jnp.stack(jnp.meshgrid(x, y), axis=-1))
-    unit = jnp.moveaxis(unit, -1, 0)  # whole images of each component: faster
+    unit = jnp.moveaxis(unit, -1, 0)  # contiguous images of each component: faster
     shown = ~jnp.isnan(unit[0])
+    # any finite direction: NaN would spread into gradients of the other pixels
     unit = jnp.where(shown, unit, 1.0)
     farthest = jnp.full(shown.shape, jnp.inf, dtype)
     if depth is not None:
@@ -372,6 +383,7 @@ def pixel_rays(
         farthest = jnp.repeat(farthest, supersample, axis=1)
     if ground:
         down = unit[2] < 0
+        # rays at or above the horizon never meet the ground
         hit = -camera.position[2] / jnp.where(down, unit[2], -1.0)
         farthest = jnp.minimum(farthest, jnp.where(down, hit, jnp.inf))
     return Rays(camera.position, unit, jnp.where(shown, farthest, 0.0))
@@ -389,12 +401,12 @@ def pixels(
 
 
 class Surfaces(eqx.Module):
-    """Places of the background, one a pixel.
+    """Points of the background, one per pixel.
 
     Attributes:
-        place: East, north, up [m]; that of the camera where there is none.
-        normal: Unit vector away from the surface, on the camera's side of it.
-        solid: Whether there is a surface at all; sky has none.
+        place: East, north, up [m]; the camera's position if there is no surface.
+        normal: Unit normal of the surface, on the camera's side.
+        solid: True if there is a surface; false for sky.
     """
 
     place: Float[Array, "3 row column"]
@@ -403,31 +415,33 @@ class Surfaces(eqx.Module):
 
 
 def surfaces_seen(rays: Rays, *, image: bool) -> Surfaces:
-    """Return where rays end.
+    """Return the surfaces at which rays end.
 
-    On the plane up = 0 the normal is up. Elsewhere it comes from the places of the
-    neighbours, of the nearer one on each axis, so that it does not lean over an edge;
-    a pixel without a neighbour faces the camera.
+    On the plane up = 0 the normal is up. Elsewhere it follows from the points of the
+    neighbours, on each axis from the nearer one, so that it does not lean over an edge.
+    A pixel without a neighbour faces the camera.
 
     Args:
-        rays: One through the centre of each pixel.
-        image: Whether they end at a depth image too, or at the ground alone.
+        rays: One ray through the centre of each pixel.
+        image: True if they also end at a depth image, not only at the ground.
     """
     solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
-    way = jnp.where(solid, rays.farthest, 0.0)[None] * rays.direction
-    place = rays.origin[:, None, None] + way
+    along = jnp.where(solid, rays.farthest, 0.0)[None] * rays.direction
+    place = rays.origin[:, None, None] + along
     up = jnp.zeros_like(place).at[2].set(1.0)
     if not image:
         return Surfaces(place, up, solid)
-    # seven digits of a far place leave the plane by as much
+    # float32 has seven digits: a far point on the plane is off it by as much
     height = 16.0 * jnp.finfo(place.dtype).eps * (rays.farthest + rays.origin[2])
     flat = solid & (jnp.abs(place[2]) <= height)
     across, along = (_towards_neighbour(place, solid, axis) for axis in (2, 1))
+    # two tangents of the surface, by differences to neighbours
     normal = jnp.cross(across, along, axis=0)
     square = jnp.sum(jnp.square(normal), axis=0)
     leans = square > 0.0
     length = jnp.sqrt(jnp.where(leans, square, 1.0))[None]
     normal = jnp.where(leans[None], normal / length, -rays.direction)
+    # the order of neighbours gives either sign
     facing = jnp.sum(normal * rays.direction, axis=0) <= 0.0
     normal = jnp.where(facing[None], normal, -normal)
     return Surfaces(place, jnp.where(flat[None], up, normal), solid)
@@ -436,13 +450,14 @@ def surfaces_seen(rays: Rays, *, image: bool) -> Surfaces:
 def _towards_neighbour(
     place: Float[Array, "3 row column"], solid: Bool[Array, "row column"], axis: int
 ) -> Float[Array, "3 row column"]:
-    """Return the step along an axis to the neighbour that is nearer; zero of none."""
+    """Return the step along an axis to the nearer neighbour; zero without one."""
     if place.shape[axis] == 1:
         return jnp.zeros_like(place)
     here, there = (
         (slice(None),) * axis + (part,) for part in (slice(-1), slice(1, None))
     )
     step = place[there] - place[here]
+    # a neighbour in the sky is no part of the surface
     known = solid[there[1:]] & solid[here[1:]]
     square = jnp.where(known, jnp.sum(jnp.square(step), axis=0), jnp.inf)
     step = jnp.where(known[None], step, 0.0)
@@ -458,9 +473,9 @@ class CameraPath(eqx.Module):
     """Position and attitude of a camera's carrier; linear between rows.
 
     Attributes:
-        time: Of the rows, on the common clock, rising [s].
+        time: Times of the rows on the common clock, rising [s].
         position: East, north, up [m].
-        quaternion: Body to world (x, y, z, w), of length one.
+        quaternion: Rotation from body to world (x, y, z, w), unit length.
     """
 
     time: Float[Array, " row"]
@@ -468,23 +483,27 @@ class CameraPath(eqx.Module):
     quaternion: Float[Array, "row 4"]
 
     def at(self, time: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "4"]]:
-        """Return place and turn at a time; before and after the rows, those of the end.
+        """Return position and attitude at a time; constant outside the rows.
 
         Args:
-            time: On the common clock [s].
+            time: Time on the common clock [s].
         """
+        # first and last interval serve all times outside the rows; `part` is clipped
         after = jnp.clip(jnp.searchsorted(self.time, time), 1, len(self.time) - 1)
         begin, end = self.time[after - 1], self.time[after]
         part = jnp.clip((time - begin) / (end - begin), 0.0, 1.0)
         place = (1.0 - part) * self.position[after - 1] + part * self.position[after]
         a, b = self.quaternion[after - 1], self.quaternion[after]
-        b = jnp.where(jnp.dot(a, b) < 0.0, -b, b)  # the same turn, the shorter way
+        # q and -q are the same rotation; the nearer one gives the shorter path
+        b = jnp.where(jnp.dot(a, b) < 0.0, -b, b)
+        # linear and normalised: within 0.1 degree of slerp for turns below 30 degrees
+        # per row
         turn = (1.0 - part) * a + part * b
         return place, turn / jnp.sqrt(jnp.sum(jnp.square(turn)))
 
 
 def carried_camera(camera: Camera, path: CameraPath, time: Float[Array, ""]) -> Camera:
-    """Return a camera on a body as it stands in the world at a time [s]."""
+    """Return a carried camera with its pose in the world at a time [s]."""
     place, turn = path.at(time)
     position = place + quaternion_matrix(turn) @ camera.position
     quaternion = quaternion_product(turn, camera.quaternion)
@@ -495,7 +514,7 @@ def carried_camera(camera: Camera, path: CameraPath, time: Float[Array, ""]) -> 
 
 @eqx.filter_jit
 def camera_rays(camera: Camera, supersample: int) -> Rays:
-    """Return the rays of a lens in the camera's own axes; nothing ends them."""
+    """Return the rays of a lens in the camera's own axes, without an end."""
     zero = jnp.zeros_like(camera.position)
     ahead = jnp.zeros_like(camera.quaternion).at[3].set(1.0)
     lens = dataclasses.replace(camera, position=zero, quaternion=ahead)
@@ -503,14 +522,15 @@ def camera_rays(camera: Camera, supersample: int) -> Rays:
 
 
 def turned_rays(rays: Rays, camera: Camera) -> Rays:
-    """Return rays of a lens for a camera in the world; they end at the plane up = 0.
+    """Return the rays of a lens for a pose in the world; they end at the plane up = 0.
 
     Args:
-        rays: As `camera_rays` returns them.
-        camera: Where the camera is, and how it is turned.
+        rays: Rays from `camera_rays`.
+        camera: Camera with its pose in the world.
     """
     matrix = quaternion_matrix(camera.quaternion)
     x, y, z = rays.direction
+    # written out: a matrix product would go through memory
     direction = jnp.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
     down = direction[2] < 0.0
     hit = -camera.position[2] / jnp.where(down, direction[2], -1.0)
@@ -519,15 +539,16 @@ def turned_rays(rays: Rays, camera: Camera) -> Rays:
 
 
 def pixels_moved(camera: Camera, path: CameraPath) -> Float[Array, " row"]:
-    """Return how far the picture of the ground has moved since the first row [px].
+    """Return the shift of the ground's image since the first row, an upper bound [px].
 
-    At most: by turns, and by the way over the height, as of the ground below.
+    The sum of rotation and of displacement over height, as for the ground below.
     """
     a, b = path.quaternion[:-1], path.quaternion[1:]
-    # between unit quaternions q and -q, which turn alike
+    # q and -q are the same attitude: the smaller distance counts
     apart = jnp.minimum(jnp.sum(jnp.square(a - b), 1), jnp.sum(jnp.square(a + b), 1))
-    turned = 4.0 * jnp.arcsin(jnp.minimum(0.5 * jnp.sqrt(apart), 1.0))
-    way = jnp.sqrt(jnp.sum(jnp.square(jnp.diff(path.position, axis=0)), axis=1))
+    rotation = 4.0 * jnp.arcsin(jnp.minimum(0.5 * jnp.sqrt(apart), 1.0))
+    moved = jnp.sqrt(jnp.sum(jnp.square(jnp.diff(path.position, axis=0)), axis=1))
+    # at least 0.1 m: the shift of ground at the lens itself would be infinite
     height = jnp.maximum(path.position[1:, 2] + camera.position[2], 0.1)
-    moved = jnp.max(camera.focal) * (turned + way / height)
+    moved = jnp.max(camera.focal) * (rotation + moved / height)
     return jnp.concatenate([jnp.zeros_like(moved[:1]), jnp.cumsum(moved)])

@@ -6,8 +6,8 @@ Images are linear light. Alpha is composited in linear light (Porter and Duff 19
 $$\alpha = \alpha_1 + (1 - \alpha_1)\,\alpha_2, \qquad
 \alpha\,C = \alpha_1 C_1 + (1 - \alpha_1)\,\alpha_2 C_2$$
 
-An event camera needs one number a pixel: `grey_composite` lays the grey light of 8-bit
-colour frames with straight alpha over a background, fast.
+An event camera needs one number per pixel: `grey_composite` lays the grey light of
+8-bit colour frames with straight alpha over a background, fast.
 
 Black bodies. Planck's law, weighted by the colour matching functions of the CIE 1931
 observer in the piecewise Gaussian fit of Wyman, Sloan and Shirley (2013, listing 1):
@@ -18,17 +18,17 @@ The fit is within 1 % of the luminance and 0.003 of the chromaticity of the tabl
 Below some 1900 K the colour is redder than sRGB can show: its blue is negative. It is
 made positive by a smooth step, at the same luminance.
 
-Tone. Pictures, not events, are shown with exposure and a curve for highlights. A
+Tone. Exposure and a curve for highlights are applied to pictures, not to events. A
 picture cannot show light above full scale. Channels that are clipped one by one change
 their hue: orange light becomes yellow, then white. Here all channels are divided by the
-greatest, $p$, and mixed with more white the brighter they are:
+largest, $p$, and mixed with more white the brighter they are:
 
 $$c' = g\,\frac{c}{p} + 1 - g, \qquad g = \frac{1}{K_d\,(p - 1) + 1}, \qquad p > 1$$
 
 This is the PBR Neutral curve of the Khronos Group with the start of compression
-$K_s = 1$ and without its correction for reflections: light up to full scale is shown as
-it is, so that frames remain measurements. The mean level of a picture follows the level
-of light. The key, the grey that is shown for the mean luminance $Y$ [cd/m2], is
+$K_s = 1$ and without its correction for reflections. Light up to full scale is
+unchanged, so that frames remain measurements. The mean level of a picture follows the
+level of light. The key, the grey shown for the mean luminance $Y$ [cd/m2], is
 
 $$\alpha(Y) = 1.03 - \frac{2}{2 + \log_{10}(Y + 1)}$$
 
@@ -47,7 +47,7 @@ $$\text{SSIM} = \frac{(2 \mu_x \mu_y + C_1)(2 \sigma_{xy} + C_2)}
 {(\mu_x^2 + \mu_y^2 + C_1)(\sigma_x^2 + \sigma_y^2 + C_2)}$$
 
 of means, variances and covariance under a Gaussian of 11 x 11 pixels, 1.5 pixels wide,
-about each pixel; beyond the edge the picture continues as its mirror image.
+about each pixel. Beyond its edge the picture continues as its mirror image.
 
 References:
     Khronos Group (2024), Khronos PBR Neutral Tone Mapper, specification
@@ -80,9 +80,9 @@ FIRST_RADIATION = 1.191042972e-16
 SECOND_RADIATION = 1.438776877e-2
 """$h c / k$ [m K]. CODATA 2018, exact."""
 EFFICACY = 683.0
-"""Lumens in a watt of green light [lm/W]. SI Brochure, 9th edition."""
+"""Luminous efficacy of green light [lm/W]. SI Brochure, 9th edition."""
 WAVELENGTHS = np.arange(360e-9, 831e-9, 5e-9)
-"""Those summed over [m]; 5 nm is the step the CIE's tables are used at."""
+"""Wavelengths of the sums [m]; 5 nm is the step at which the CIE's tables are used."""
 LOBES: tuple[tuple[int, float, float, float, float], ...] = (
     (0, 0.362, 442.0, 0.0624, 0.0374),
     (0, 1.056, 599.8, 0.0264, 0.0323),
@@ -92,7 +92,7 @@ LOBES: tuple[tuple[int, float, float, float, float], ...] = (
     (2, 1.217, 437.0, 0.0845, 0.0278),
     (2, 0.681, 459.0, 0.0385, 0.0725),
 )
-"""Of x, y or z: height, middle [nm], inverse widths below and above it [1/nm]."""
+"""Index of x, y or z, height, middle [nm], inverse widths below and above it [1/nm]."""
 LINEAR_SRGB = np.array(
     [
         [3.2404542, -1.5371385, -0.4985314],
@@ -102,14 +102,14 @@ LINEAR_SRGB = np.array(
 )
 """From X, Y, Z to linear red, green, blue: primaries of BT.709, white D65."""
 STEP_WIDTH = 0.01
-"""Width of the smooth step, as a part of the luminance: it lifts a channel that would
+"""Width of the smooth step, as a share of the luminance: it lifts a channel that would
 be zero by half of this."""
 DESATURATION = 0.15
 """$K_d$ of the specification: at eight times full scale half of a colour is white."""
 FULL_SUN = 3e4
 """Luminance of a white wall for which pictures have a gain of 1 [cd/m2]."""
 WIDTHS = (0.004, 0.016, 0.064)
-"""Standard deviations, over the longer side of the picture [-]."""
+"""Standard deviations of the bloom over the picture's longer side [-]; declared."""
 BACKGROUND = 0.18
 """Linear light of a grey that looks half as bright as white."""
 Background = (
@@ -119,12 +119,12 @@ Background = (
     | Float[ArrayLike, "time height width 3"]
     | Callable[[Float[Array, ""]], Float[Array, "height width 3"]]
 )
-"""A grey, a colour, an image, an image for each time, or a function of the time that
-JAX can trace, the frame source: linear light, full scale 1."""
+"""A grey, a colour, an image, an image per time, or a function of time that JAX can
+trace (the frame source): linear light, full scale 1."""
 WIDTH = 1.5
-"""Standard deviation of the window [px]."""
+"""Standard deviation of the window [px] (Wang et al. 2004)."""
 WINDOW_REACH = 5
-"""Half width of the window [px]."""
+"""Half width of the window [px]: 11 x 11 pixels (Wang et al. 2004)."""
 # Constants of the structural similarity of Wang et al. (2004), IEEE Trans. Image
 # Process. 13:600: (0.01 L)^2 and (0.03 L)^2 with full scale L = 1.
 C1, C2 = 0.01**2, 0.03**2
@@ -134,14 +134,14 @@ Grey = Float[np.ndarray, "height width"]
 def over(
     layer: Float[Array, "... 4"], background: Float[Array, "... channel"]
 ) -> Float[Array, "... channel"]:
-    """Lay a layer over a background.
+    """Return a layer over a background.
 
     Args:
         layer: Red, green, blue in linear light and straight alpha.
         background: The same, or opaque with three channels.
 
     Returns:
-        As many channels as the background has; black where nothing is to be seen.
+        As many channels as the background has; black where both are transparent.
     """
     behind = background if background.shape[-1] == 4 else opaque(background)
     seen = over_premultiplied(premultiplied(layer), premultiplied(behind))
@@ -151,14 +151,14 @@ def over(
 def over_premultiplied(
     layer: Float[Array, "... 4"], background: Float[Array, "... 4"]
 ) -> Float[Array, "... 4"]:
-    """Lay a layer over a background, both with colours times their alpha."""
+    """Return a layer over a background, both with colours times their alpha."""
     return layer + (1.0 - layer[..., 3:]) * background
 
 
 def laid_over(
     seen: list[tuple[Float[Array, "4 row column"], Float[Array, ""]]],
 ) -> Float[Array, "4 row column"]:
-    """Return premultiplied layers over each other, by how far away each is.
+    """Return premultiplied layers over each other, ordered by distance.
 
     Args:
         seen: Layers, channels first, and their distances in one unit.
@@ -167,6 +167,7 @@ def laid_over(
     if len(layers) == 1:
         return layers[0]
     stack = jnp.stack(layers)
+    # sorted inside the program: the order may change with time
     order = jnp.argsort(jnp.stack(distances), descending=True)
     whole = stack[order[0]]
     for nearer in order[1:]:
@@ -187,9 +188,10 @@ def premultiplied(image: Float[Array, "... 4"]) -> Float[Array, "... 4"]:
 
 
 def straight(image: Float[Array, "... 4"]) -> Float[Array, "... 4"]:
-    """Return an image of premultiplied alpha with straight; black where alpha is 0."""
+    """Return premultiplied alpha as straight alpha; black where alpha is 0."""
     alpha = image[..., 3:]
     seen = alpha > 0
+    # guarded division: gradients of transparent pixels stay finite
     colour = jnp.where(seen, image[..., :3] / jnp.where(seen, alpha, 1.0), 0.0)
     return jnp.concatenate([colour, alpha], axis=-1)
 
@@ -197,16 +199,17 @@ def straight(image: Float[Array, "... 4"]) -> Float[Array, "... 4"]:
 def srgb_to_linear(value: Any) -> Any:
     """Return the linear light of sRGB values; both have 1 for full scale.
 
-    Negative values, and those above 1, go on along the same curve.
+    Negative values, and those above 1, follow the same curve.
 
     Args:
-        value: An array of NumPy or of JAX; the answer is of the same kind.
+        value: An array of NumPy or of JAX; the result is of the same kind.
 
     References:
         IEC 61966-2-1.
     """
     xp = _namespace(value)
     bent = value > 0.04045
+    # the power is evaluated at 1 on the linear branch, where its base may be negative
     above = ((xp.where(bent, value, 1.0) + 0.055) / 1.055) ** 2.4
     return xp.where(bent, above, value / 12.92)
 
@@ -220,7 +223,7 @@ def linear_to_srgb(light: Any) -> Any:
 
 
 def _namespace(value: Any) -> Any:
-    """Return NumPy for what is NumPy's, JAX for all else."""
+    """Return NumPy for NumPy's values, JAX for all others."""
     return np if isinstance(value, np.ndarray | np.generic) else jnp
 
 
@@ -238,10 +241,10 @@ def grey_composite(
     Args:
         rgba: Red, green, blue and straight alpha, 255 full scale, linear.
         background: Grey light behind every frame, full scale 1; its precision is that
-            of the answer.
+            of the result.
     """
-    # One word a pixel, its bytes taken apart by shifts: a compiler makes vector code
-    # of that, and not of strided bytes. Four times faster on a CPU.
+    # One word per pixel, its bytes separated by shifts: a compiler vectorises that, but
+    # not strided bytes. Four times faster on a CPU.
     word = jax.lax.bitcast_convert_type(jnp.asarray(rgba), jnp.uint32)
     background = jnp.asarray(background)
     red, green, blue, alpha = (
@@ -255,7 +258,7 @@ def grey_composite(
 def blackbody_light(
     temperature: Float[ArrayLike, "..."],
 ) -> Float[Array, "... 3"]:
-    r"""Luminous light of a black body.
+    r"""Return the luminous light of a black body.
 
     Args:
         temperature: $T$ [K], positive.
@@ -266,13 +269,15 @@ def blackbody_light(
     """
     xyz, scale = _relative_xyz(as_float_array(temperature))
     ratio = xyz @ jnp.asarray(LINEAR_SRGB.T, xyz.dtype) / xyz[..., 1:2]
+    # smooth maximum of the ratio and 0
     shown = 0.5 * (ratio + jnp.sqrt(jnp.square(ratio) + STEP_WIDTH**2))
+    # rescaled, so that the smooth step leaves the luminance unchanged
     weight = luminance(shown)
     return (scale * xyz[..., 1] / weight)[..., None] * shown
 
 
 def blackbody_xyz(temperature: Float[ArrayLike, "..."]) -> Float[Array, "... 3"]:
-    """Tristimulus values X, Y, Z of a black body [cd/m2]; Y is its luminance.
+    """Return the tristimulus values X, Y, Z of a black body [cd/m2]; Y is luminance.
 
     Args:
         temperature: $T$ [K], positive.
@@ -297,8 +302,8 @@ def _relative_xyz(
 ) -> tuple[Float[Array, "... 3"], Float[Array, "..."]]:
     r"""Return X, Y, Z over a scale [cd/m2], and the scale, which may underflow.
 
-    The scale is $e^{-x}$ at the longest wavelength, $x = h c / (\lambda k T)$: what is
-    left is near one for any temperature, so that ratios keep their gradients.
+    The scale is $e^{-x}$ at the longest wavelength, $x = h c / (\lambda k T)$. The
+    remainder is near one for any temperature, so that ratios keep their gradients.
     """
     dtype = temperature.dtype
     longest = SECOND_RADIATION / float(WAVELENGTHS[-1])
@@ -309,7 +314,8 @@ def _relative_xyz(
 
     terms = SECOND_RADIATION / WAVELENGTHS
     scale = jnp.exp(-longest * inverse)
-    part = jnp.exp(-outer(terms - longest))  # of the whole exponential: one, not two
+    # a factor of the whole exponential, so that one serves both terms of the fraction
+    part = jnp.exp(-outer(terms - longest))
     relative = part / (1.0 - scale[..., None] * part)
     step = WAVELENGTHS[1] - WAVELENGTHS[0]
     power = EFFICACY * step * FIRST_RADIATION / WAVELENGTHS**5
@@ -318,7 +324,7 @@ def _relative_xyz(
 
 
 def toned(light: Any) -> Any:
-    """Return linear light within 0 to 1 that keeps its hue.
+    """Return linear light within 0 to 1 with its hue unchanged.
 
     Args:
         light: Grey or red, green, blue in the last axis, full scale 1; an array of
@@ -328,6 +334,7 @@ def toned(light: Any) -> Any:
         An array of the same kind; light from 0 to 1 is unchanged.
     """
     xp = _namespace(light)
+    # negative channels are outside the gamut
     light = xp.maximum(light, 0.0)
     peak = xp.maximum(light.max(axis=-1, keepdims=True), 1.0)
     part = 1.0 / (DESATURATION * (peak - 1.0) + 1.0)
@@ -338,7 +345,7 @@ def picture_gain(illuminance: float) -> float:
     """Return the gain of a picture of a scene, 1 in full sun.
 
     Args:
-        illuminance: Of a level surface, by sky and sun [lx].
+        illuminance: Illuminance of a level surface by sky and sun [lx].
     """
     return _key(illuminance / math.pi) / _key(FULL_SUN)
 
@@ -350,23 +357,24 @@ def _key(luminance: float) -> float:
 def bloom(
     frames: Float[np.ndarray, "*time height width 3"], part: float
 ) -> Float[np.ndarray, "*time height width 3"]:
-    """Return frames of which a part of the light is spread.
+    """Return frames with a share of their light spread.
 
     Args:
         frames: Linear light, not clipped.
-        part: How much of the light is spread, 0 to 1; of 0 they are the same.
+        part: Share of the light that is spread, 0 to 1; 0 returns the frames.
 
     Raises:
         InputError: The part is below 0 or above 1.
     """
     if not 0.0 <= part <= 1.0:
-        raise InputError(f"bloom: expected a part from 0 to 1, got {part!r}")
+        raise InputError(f"bloom: expected a share from 0 to 1, got {part!r}")
     if part == 0.0:
         return frames
     height, width = frames.shape[-3:-1]
     spread = np.zeros_like(frames)
     for relative in WIDTHS:
         sigma = relative * max(height, width)
+        # a Gaussian is separable: one matrix for rows, one for columns
         rows, columns = (_spreading(size, sigma) for size in (height, width))
         wide = np.einsum(
             "ij,...jkc->...ikc", rows.astype(frames.dtype), frames, optimize=True
@@ -381,11 +389,11 @@ def bloom(
 def _spreading(size: int, sigma: float) -> Float[np.ndarray, "size size"]:
     """Return the matrix that spreads a line of pixels; its columns sum to one."""
     steps = np.arange(size)
-    reach = math.ceil(4 * sigma)
+    reach = math.ceil(4 * sigma)  # beyond 4 sigma are 6e-5 of the light
     tap = np.arange(-reach, reach + 1)
     weight = np.exp(-0.5 * np.square(tap / sigma))
     weight /= weight.sum()
-    # past an edge it comes back: pixels stand as in a mirror, and again in another
+    # light past an edge returns: pixels repeat as in a mirror, with period 2 * size
     landed = (steps[:, None] + tap) % (2 * size)
     landed = np.where(landed < size, landed, 2 * size - 1 - landed)
     matrix = np.zeros((size, size))
@@ -396,15 +404,15 @@ def _spreading(size: int, sigma: float) -> Float[np.ndarray, "size size"]:
 def images(
     camera: Camera, background: Float[ArrayLike, "..."], count: int
 ) -> Float[Array, "..."]:
-    """Return an image, or as many as there are frames.
+    """Return the background as one image, or as one image per frame.
 
     Args:
-        camera: Who looks.
-        background: No function.
-        count: Of the frames.
+        camera: The camera.
+        background: A number, a colour, an image or images; not a function.
+        count: Number of frames.
 
     Raises:
-        InputError: It has another shape.
+        InputError: The background has another shape.
     """
     size = (camera.height, camera.width, 3)
     return fitting(as_float_array(background), [size, (count, *size)], size)
@@ -413,17 +421,17 @@ def images(
 def bare(
     camera: Camera, background: Float[ArrayLike, "..."], count: int
 ) -> Float[np.ndarray, "time height width 3"]:
-    """Return frames in which nothing has exploded yet: `render`'s, at no cost.
+    """Return frames before any explosion: those of `render`, without rendering.
 
-    They are the background itself, not copies of it: to be read alone.
+    They are views of the background, not copies: read-only.
 
     Args:
-        camera: Who looks.
-        background: No function.
-        count: Of the frames.
+        camera: The camera.
+        background: A number, a colour, an image or images; not a function.
+        count: Number of frames.
 
     Raises:
-        InputError: It has another shape.
+        InputError: The background has another shape.
     """
     image = np.asarray(images(camera, background, count))
     return np.broadcast_to(image, (count, *image.shape[-3:]))
@@ -432,7 +440,7 @@ def bare(
 def fitting(
     image: Float[Array, "..."], shapes: list[tuple[int, ...]], size: tuple[int, ...]
 ) -> Float[Array, "..."]:
-    """Return a background of one of some shapes; a colour is made an image."""
+    """Return a background of one of the given shapes; a colour becomes an image."""
     if image.shape not in ((), (3,), *shapes):
         raise InputError(
             "background: expected a number, a colour or shape "
@@ -446,12 +454,13 @@ def resampled(
     x: Float[Array, "row column"],
     y: Float[Array, "row column"],
 ) -> Float[Array, "channel row column"]:
-    """Return a premultiplied picture at places between its pixels; beyond it nothing.
+    """Return a premultiplied picture between its pixels; zero outside it.
 
-    Bilinear, and linear to nothing within a pixel of the edge. A picture that is shown
-    several times smaller needs several rays a pixel.
+    Bilinear, falling linearly to zero within a pixel of the edge. A picture shown
+    several times smaller needs several rays per pixel.
     """
     height, width = picture.shape[:2]
+    # two pixels outside are zero already; infinite positions would give NaN
     at = [jnp.clip(y, -2.0, height + 1.0), jnp.clip(x, -2.0, width + 1.0)]
 
     def one(channel):
@@ -464,12 +473,12 @@ def psnr(one: Grey, other: Grey, where: Bool[np.ndarray, "height width"]) -> flo
     """Return the ratio of full scale to the difference of two pictures [dB].
 
     Args:
-        one: As it is looked at (sRGB, not linear light), 0 to 1.
+        one: Display values (sRGB, not linear light), 0 to 1.
         other: Likewise.
         where: Pixels that count, at least one.
 
     Returns:
-        Infinite where they are the same.
+        Infinite for equal pictures.
     """
     square = float(np.mean(np.square(one - other)[where]))
     return float("inf") if square == 0.0 else -10.0 * float(np.log10(square))
@@ -479,7 +488,7 @@ def ssim(one: Grey, other: Grey, where: Bool[np.ndarray, "height width"]) -> flo
     """Return the mean structural similarity of two pictures, 1 for the same.
 
     Args:
-        one: As it is looked at (sRGB, not linear light), 0 to 1.
+        one: Display values (sRGB, not linear light), 0 to 1.
         other: Likewise.
         where: Pixels whose windows count, at least one.
     """
@@ -489,6 +498,7 @@ def ssim(one: Grey, other: Grey, where: Bool[np.ndarray, "height width"]) -> flo
 def structural_similarity(one: Grey, other: Grey) -> Grey:
     """Return the structural similarity about each pixel, -1 to 1."""
     mean, mean_other = _local(one), _local(other)
+    # one pass by moments: pictures are within 0 to 1, so little is cancelled
     variance = _local(np.square(one)) - np.square(mean)
     variance_other = _local(np.square(other)) - np.square(mean_other)
     covariance = _local(one * other) - mean * mean_other

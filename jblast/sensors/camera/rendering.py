@@ -2,9 +2,9 @@
 
 A frame is the background, lit by the fireballs, with the fireballs or pictures of an
 explosion over it. With an exposure, a frame is the mean of instants in the middles of
-equal parts of it. A camera at rest shares its rays between all frames; a camera on a
+equal parts of it. A fixed camera shares its rays between all frames; a camera on a
 moving body has its own at each frame, or at each part of an exposure. `in_view` returns
-whether any ray of the image meets a fireball at any time of its life.
+True if any ray of the image meets a fireball at any time of its life.
 """
 
 from collections.abc import Callable
@@ -57,7 +57,8 @@ from jblast.types import as_float_array
 from jblast.waves.fireball import fireball_duration
 
 INSTANTS = 16
-"""Of a fireball's life at which it is looked for."""
+"""Instants of a fireball's life at which `in_view` tests it, evenly spaced. A fireball
+that touches the image only between two of them is not found."""
 
 
 def render(
@@ -75,46 +76,45 @@ def render(
     views: ViewSet | None = None,
     outlook: Outlook | None = None,
 ) -> Float[Array, "time height width channel"]:
-    """Return what a camera sees of a scene's fireballs before a background.
+    """Return a camera's frames of a scene's fireballs before a background.
 
     A frame gathers light from its time on, over the camera's exposure; an exposure of
-    zero is an instant. Its place decides what is seen:
+    zero is an instant. Visibility:
 
-    - Behind the background's `depth`, or below the ground, there is nothing.
-    - Of a fireball partly outside the image the part inside is there; of one behind the
-      camera, nothing. From within it the camera sees the smoke before its lens.
+    - Nothing is visible behind the background's `depth` or below the ground.
+    - A fireball is cut at the bounds of the image, and invisible behind the camera.
+      From inside it the camera sees the smoke before its lens.
     - A pixel whose rays all miss shows the background. Without supersampling a fireball
       smaller than a pixel is therefore seen whole or not at all; with n, to 1/n^2.
-    - Before detonation there is nothing.
+    - Before detonation nothing is visible.
     - A pixel beyond the lens's fold, which shows no direction, keeps the background.
-    - The fire lights the ground, and what the depth image shows (`flash`), unless
-      the appearance says otherwise; the sky and a background without depth or ground
-      stay as they are, and so does all where pictures of one's own stand for the
-      fire.
+    - The fire lights the ground and the surfaces of the depth image (`flash`), unless
+      the appearance excludes it. The sky, and a background without depth or ground, are
+      not lit; nor is anything if user-supplied pictures replace the fire.
 
     It has derivatives in all numbers of the scene, the camera, the times and the
     background, except where a fireball begins, where two change their order, where one
     is a point at the camera, and on the horizon from a camera on the ground.
 
     Args:
-        scene: Charges, each by its position (a `range` is not looked at), and air.
-        camera: Who looks.
-        times: When the frames begin, on the common clock, not falling [s].
-        background: A grey, a colour, an image, an image a time, or a function of time.
+        scene: Charges, each with a position (a `range` is not used), and air.
+        camera: The camera.
+        times: Starts of the frames on the common clock, not falling [s].
+        background: A grey, a colour, an image, an image per time or a function of time.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
-        ground: Whether the plane up = 0 hides what is below it. It is not drawn.
-        alpha: Whether to leave the background out: red, green, blue, straight alpha.
-        supersample: Rays along each side of a pixel; the flash lights what is behind by
-            the pixel's middle.
-        exposures: Instants that stand for an exposure, in the middles of as many equal
-            parts; the frame is their mean.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
-        views: Pictures of an explosion to show in place of the procedural fireball;
-            what they cannot show is said where they are defined. Of the appearance
-            pictures of one's own take nothing; an explosion set takes its white, its
-            daylight and its flash.
-        outlook: Of the same camera, from `outlook_of`, for who renders its frames
-            part by part; `depth`, `ground` and `supersample` are then its own.
+        ground: True if the plane up = 0 hides what is below it. It is not drawn.
+        alpha: True to omit the background: red, green, blue, straight alpha.
+        supersample: Rays along each side of a pixel; the flash is calculated at the
+            pixel's middle.
+        exposures: Number of instants averaged over an exposure, in the middles of equal
+            parts.
+        appearance: Exposure, and distribution of the smoke.
+        views: Pictures of an explosion that replace the procedural fireball; their
+            limits are stated at their definition. User-supplied pictures ignore the
+            appearance; an explosion set uses its white, its daylight and its flash.
+        outlook: Result of `outlook_of` for the same camera, for callers that render the
+            frames in several calls; it then defines `depth`, `ground` and
+            `supersample`.
 
     Returns:
         Linear light, full scale 1, not clipped; three channels, or four with `alpha`.
@@ -137,10 +137,17 @@ def render(
         expected = (camera.height, camera.width)
         if depth.shape != expected:
             raise InputError(f"depth: expected shape {expected}, got {depth.shape}")
-        if not isinstance(depth, Tracer) and not (np.asarray(depth) >= 0).all():
-            raise InputError("depth: expected distances, got a negative one or NaN")
+        if not isinstance(depth, Tracer):
+            bad = np.argwhere(~(np.asarray(depth) >= 0))
+            if len(bad):
+                row, column = bad[0]
+                raise InputError(
+                    "depth: expected distances of 0 m or more, got "
+                    f"{np.asarray(depth)[row, column]:g} at row {row}, column {column}"
+                )
     size = (camera.height, camera.width, 3)
     source: Any = background
+    # a function is evaluated at each instant inside the program, never as a whole film
     if not callable(background):
         source = images(camera, background, len(times))
     appearance = Appearance() if appearance is None else appearance
@@ -175,18 +182,20 @@ def _render(
     size: tuple[int, int, int],
     alpha: bool,
 ) -> Float[Array, "time height width channel"]:
-    """Return what `render` promises, of inputs that fit."""
+    """Return the result of `render` for checked inputs."""
     rays, lit, supersample = outlook.rays, outlook.lit, outlook.supersample
     appearance, views = shown_by
+    # this frequent case composites in place, only where fireballs are
     simple = views is None and supersample == exposures == 1 and not alpha
 
     def instant(time, behind):
-        """Return one instant: premultiplied, or over what is behind."""
+        """Return one instant: premultiplied, or composited over the background."""
         if not alpha:
             if callable(source):
                 image: Any = source(time)
                 behind = fitting(as_float_array(image), [size], size)
             if lit is not None:
+                # light adds to the background before the fire covers it
                 behind = brightened(behind, lit, scene, time, appearance)
             if simple:
                 return behind
@@ -204,7 +213,7 @@ def _render(
         nothing = jnp.zeros((*size[:2], 4 if alpha else 3), rays.direction.dtype)
         return exposed(lambda t: instant(t, behind), time, exposure, exposures, nothing)
 
-    # what a frame computes on its way is computed again for gradients: it would fill
+    # gradients recompute the intermediate images of a frame: storing them would fill
     # the memory
     @jax.checkpoint
     def frame(inputs):
@@ -212,7 +221,7 @@ def _render(
             return instant(*inputs)
         return jax.lax.cond(exposure > 0, gathered, instant, *inputs)
 
-    if exposures == 1:  # in the middle
+    if exposures == 1:  # one instant stands for the exposure: its middle
         times = times + 0.5 * exposure
     if not callable(source) and source.ndim == 4:
         frames = jax.lax.map(frame, (times, source))
@@ -225,34 +234,34 @@ def _render(
 
 
 def check_stands(camera: Camera) -> None:
-    """Refuse a camera that something carries, whose place is not one of the world.
+    """Reject a camera that is carried: its position is not one of the world.
 
     Raises:
-        InputError: It is.
+        InputError: The camera has a mount.
     """
     if camera.mount:
         raise InputError(
-            f'camera mount: expected a camera that stands still, got "{camera.mount}"; '
-            "one that moves is for render_carried, which takes its path"
+            f'camera mount: expected a fixed camera, got "{camera.mount}"; '
+            "use render_carried with the path of a moving one"
         )
 
 
 def check_camera(camera: Camera, *, ground: bool) -> None:
-    """Refuse a camera that something carries, or one below the ground.
+    """Reject a camera that is carried or below the ground.
 
     Args:
-        camera: Who looks.
-        ground: Whether there is one.
+        camera: The camera.
+        ground: True if there is a ground.
 
     Raises:
-        InputError: It is.
+        InputError: The camera is carried, or below the ground.
     """
     check_stands(camera)
     if ground and not isinstance(camera.position, Tracer):
         up = float(np.asarray(camera.position)[2])
         if up < 0:
             raise InputError(
-                "camera position: expected a place not below the ground, up = 0, "
+                "camera position: expected a position on or above the ground, up = 0, "
                 f"got up = {up:g} m"
             )
 
@@ -283,16 +292,17 @@ def exposed(
     """Return the mean of instants in the middles of equal parts of an exposure.
 
     Args:
-        instant: Returns what is seen at a time [s].
-        time: When it begins [s].
-        exposure: How long it lasts [s].
-        parts: How many.
+        instant: Returns the image at a time [s].
+        time: Start of the exposure [s].
+        exposure: Length of the exposure [s].
+        parts: Number of parts.
         nothing: An image of zeros.
     """
 
     def add(total, part):
         return total + instant(time + part * exposure), None
 
+    # midpoint rule, of second order in the length of a part
     middles = (jnp.arange(parts, dtype=time.dtype) + 0.5) / parts
     return jax.lax.scan(add, nothing, middles)[0] / parts
 
@@ -309,36 +319,37 @@ def render_carried(
     appearance: Appearance | None = None,
     views: ViewSet | None = None,
 ) -> Float[Array, "time height width 3"]:
-    """Return what a camera on a moving body sees of a scene; as `render` else.
+    """Return the frames of a camera on a moving body; otherwise as `render`.
 
-    One program, whatever the poses are. The ground, up = 0, hides what is below it.
+    One program serves all poses. The ground, up = 0, hides what is below it.
 
     Args:
-        scene: Charges, each by its position, and air.
-        camera: Place and quaternion are those on the body: forward, left, up [m].
-        path: Where the body is at which time.
-        times: When the frames begin, on the common clock [s].
-        background: Ground and sky, by default even ground and a clear sky; or a picture
-            for each time, taken by such a camera.
+        scene: Charges, each with a position, and air.
+        camera: Position and quaternion relative to the body: forward, left, up [m].
+        path: Pose of the body over time.
+        times: Starts of the frames on the common clock [s].
+        background: Ground and sky, by default even ground and a clear sky; or an image
+            per time, taken by this camera.
         supersample: Rays along each side of a pixel.
-        exposures: Instants that stand for an exposure, if there is one.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
+        exposures: Number of instants averaged over an exposure, if there is one.
+        appearance: Exposure, and distribution of the smoke.
         views: Pictures of an explosion in place of the procedural fireball.
 
     Returns:
         Linear light, full scale 1, not clipped.
 
     Raises:
-        InputError: Outside jit: a time is before the path begins or after its end.
+        InputError: Outside jit: a time is outside the path.
     """
     if camera.mount not in MOUNTS:
-        raise InputError("camera mount: expected one on a vehicle, got one that stands")
+        raise InputError("camera mount: expected a mount on a vehicle, got none")
     times = as_float_array(times)
     if not isinstance(times, Tracer):
         check_times_on(path, np.asarray(times))
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
         exposures = 1
+    # the lens is inverted once; each pose only rotates its rays
     lens = camera_rays(camera, supersample)
     middles = lens if supersample == 1 else camera_rays(camera, 1)
     look = Appearance() if appearance is None else appearance
@@ -346,16 +357,16 @@ def render_carried(
     if not isinstance(behind, Landscape):
         behind = as_float_array(behind)
     counts = (supersample, exposures)
-    return _frames(
+    return _carried_frames(
         scene, camera, path, times, behind, (lens, middles), counts, (look, views)
     )
 
 
 def check_times_on(path: CameraPath, times: Float[np.ndarray, " time"]) -> None:
-    """Refuse times at which nobody knows where the camera is.
+    """Reject times outside a camera's path.
 
     Raises:
-        InputError: There are such.
+        InputError: A time is before the first or after the last row.
     """
     first, last = float(path.time[0]), float(path.time[-1])
     if len(times) and not first <= times.min() <= times.max() <= last:
@@ -366,7 +377,7 @@ def check_times_on(path: CameraPath, times: Float[np.ndarray, " time"]) -> None:
 
 
 @eqx.filter_jit
-def _frames(
+def _carried_frames(
     scene: Scene,
     camera: Camera,
     path: CameraPath,
@@ -416,13 +427,13 @@ def _frames(
 def in_view(
     scene: Scene, camera: Camera, views: ViewSet | None = None
 ) -> Bool[Array, ""]:
-    """Return whether any ray of the image meets a fireball, at any time of its life.
+    """Return True if any ray of the image meets a fireball, at any time of its life.
 
-    A fireball smaller than a pixel counts. What stands before it is not looked at.
+    A fireball smaller than a pixel counts. Obstacles in front of it are ignored.
 
     Args:
-        scene: What explodes.
-        camera: Who looks.
+        scene: The scene.
+        camera: The camera.
         views: Pictures shown in place of the procedural fireball.
     """
     return _in_view(scene, camera, views)
@@ -432,26 +443,29 @@ def in_view(
 def _in_view(scene: Scene, camera: Camera, views: ViewSet | None) -> Bool[Array, ""]:
     rays = pixel_rays(camera, ground=False)
     shown = [
-        _meets(scene, charge, rays, 0.71 / jnp.min(camera.focal))  # to a pixel's corner
+        _meets_fireball(
+            scene, charge, rays, 0.71 / jnp.min(camera.focal)
+        )  # to a pixel's corner
         if views is None
         else views.is_met(scene, charge, rays)
         for charge in scene.charges
     ]
+    # `as_if_at_zero` makes a charge that never detonates visible: excluded here
     happens = [~charge.never for charge in scene.charges]
     return jnp.any(jnp.stack(shown) & jnp.stack(happens))
 
 
 def off_axis(scene: Scene, camera: Camera) -> Float[Array, ""]:
-    """Angle between the camera's axis and the first charge, 0 to pi [rad]."""
+    """Return the angle from the camera's axis to the first charge, 0 to pi [rad]."""
     charge = scene.charge
     right, down, ahead = to_camera(camera, jnp.stack(charge.position_m))
     return jnp.arctan2(jnp.hypot(right, down), ahead)
 
 
-def _meets(
+def _meets_fireball(
     scene: Scene, charge: Charge, rays: Rays, margin: Float[Array, ""]
 ) -> Bool[Array, ""]:
-    """Return whether a ray meets the sphere, or passes it within an angle [rad]."""
+    """Return True if a ray meets the sphere, or passes it within an angle [rad]."""
     charge = charge.as_if_at_zero()
     life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
 
@@ -460,6 +474,7 @@ def _meets(
         offset = ball.centre - rays.origin
         along = jnp.tensordot(offset, rays.direction, 1)
         square = jnp.sum(jnp.square(offset))
+        # the margin is an angle, so a distance grows with that to the ball
         reach = ball.radius + margin * jnp.sqrt(square)
         met = (square - jnp.square(along) < jnp.square(reach)) & (along > -ball.radius)
         return jnp.any(met & (rays.farthest > 0.0))

@@ -1,34 +1,33 @@
 r"""The surroundings of a fireball: landscape, sun, and surfaces lit by the fireball.
 
-Landscape. Where no picture is behind the fire, it is a ground with a texture, and a
-sky. The texture is tiled. It is stored at every size down to one pixel, each half of
-the one before (Williams 1983, "Pyramidal parametrics"), and interpolated between the
-two sizes whose pixels are as large as what a ray covers of the ground: far away it is
-even, and does not flicker when the camera moves. The light of the sky falls from its
-horizon upwards by $e^{-\sin(h)/s}$, $h$ the height.
+Landscape. The default background of a moving camera is textured ground and a sky. The
+texture is tiled. It is stored at every size down to one pixel, each half of the one
+before (Williams 1983, "Pyramidal parametrics"), and interpolated between the two sizes
+whose pixels are as large as the footprint of a ray on the ground. Far away it is even,
+and does not flicker when the camera moves. The light of the sky falls from its horizon
+upwards by $e^{-\sin(h)/s}$, $h$ the elevation.
 
-Sun. Full scale is a white wall in the daylight $E$. A disc of half the angle $r$ that
-alone gives $E$ to a surface facing it is, relative to that wall's $E/\pi$, as bright as
+Sun. Full scale is a white wall in the daylight $E$. A disc of angular radius $r$ that
+alone gives $E$ to a surface facing it has, relative to that wall's $E/\pi$, the light
 
 $$L = 1/\sin^2 r$$
 
-A pixel that is wider than the disc sees the same amount of light: the disc is drawn at
-least two pixels wide, and fainter by the same factor. Around it is glare, of lens and
-air, by the law of Stiles and Holladay for the eye, $10\,E/\theta^2$ in cd/m2 at the
-angle $\theta$ in degrees: declared for a camera, and no brighter towards the middle
-than at the limb.
+A pixel wider than the disc sees the same amount of light: the disc is drawn at least
+two pixels wide, and fainter by the same factor. Around it is glare, of lens and air, by
+the law of Stiles and Holladay for the eye, $10\,E/\theta^2$ in cd/m2 at the angle
+$\theta$ in degrees. It is declared for a camera, and limited to its value at the limb.
 
 Light of the fireball. A surface of a background is as bright as the light that falls on
-it. By day that is the illuminance $E_0$, under which the background was taken; the
+it. By day that is the illuminance $E_0$, under which the background was taken. The
 fireball adds $E$ to it,
 
 $$B = B_0\,(1 + E/E_0), \qquad E = \pi\,\bar L\,F$$
 
 in each of red, green and blue, $E_0$ being white. $\bar L$ is the mean light of the
 fireball's disc as in `fireball.py`. $F$ is the configuration factor: the share of the
-surface's view that a sphere of radius $R$ fills, its centre at the distance $d$ and
-$\beta$ off the surface's normal. $F = (R/d)^2 \cos\beta$ if the surface's own plane
-does not cut the sphere. If it does, $|\cos\beta| < R/d$, the part above the plane makes
+surface's view that a sphere of radius $R$ fills, its centre at the distance $d$ and at
+the angle $\beta$ from the surface's normal. $F = (R/d)^2 \cos\beta$ if the plane of the
+surface does not cut the sphere. If it does, $|\cos\beta| < R/d$, the part above gives
 
 $$F = \frac{\cos\beta\,\arccos y - x \sin\beta \sqrt{1 - y^2}}{\pi (d/R)^2}
 + \frac1\pi \arctan\frac{\sin\beta \sqrt{1 - y^2}}{x}, \quad
@@ -37,10 +36,10 @@ x^2 = \frac{d^2}{R^2} - 1,\; y = -x \cot\beta$$
 (Howell's catalogue of configuration factors, a planar element and a sphere; from
 memory, tested against the integral). Within the sphere it keeps its value at the
 sphere's surface, $(1 + \cos\beta)/2$. A charge on the ground lights the ground with
-half a ball: far away by the third power of the distance, until it has risen; then by
-the square of the distance and the cosine.
+half a ball. Far away the light falls by the third power of the distance until the ball
+has risen, then by the square of the distance and the cosine.
 
-Left out: shadows, light that is reflected more than once, smoke between the fire and
+Neglected: shadows, light that is reflected more than once, smoke between the fire and
 the surface, the ground's own heat, and the flash of the shock in air before the
 products are visible, which is hotter and shorter than the fireball of the law.
 
@@ -78,29 +77,30 @@ from jblast.sensors.camera.geometry import Rays, Surfaces, pixel_rays, surfaces_
 from jblast.types import as_float_array
 
 GROUND = (0.16, 0.14, 0.11)
-"""Light of even ground where nothing is said: dry soil, full scale 1. Declared."""
+"""Light of even ground without a texture: dry soil, full scale 1. Declared."""
 HORIZON = (0.55, 0.70, 0.90)
 """Light of a clear sky above the horizon, full scale 1. Declared."""
 FALL = 0.6
-"""Sine of the height over which the sky's light falls by e [-]. Declared."""
+"""Sine of the elevation over which the sky's light falls by e [-]. Declared."""
 RADIUS = math.radians(0.53 / 2)
-"""Half the angle of the sun's disc [rad]."""
+"""Angular radius of the sun's disc [rad]: 0.53 degrees is its mean diameter."""
 GLARE = 10.0 * math.pi
-"""Of Stiles and Holladay, over a white wall's light [deg2]."""
+"""Glare of Stiles and Holladay over a white wall's light [deg2]."""
 PARTS = 16
-"""Rows are cut to so many parts of an image's height: each is a program of its own."""
+"""Lit rows are rounded up to this share of an image's height, because each number of
+rows is a program of its own."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-"""Of the mean over the disc: it is known to 1e-4."""
+"""Quadrature of the mean over the disc: exact to 1e-4."""
 TERMS = {"float64": 13, "float32": 8}
-"""Of the polynomial: the arc tangent to 1e-11 and, where no more can be told, to 1e-7;
-near zero much better."""
+"""Terms of the polynomial: the arc tangent to 1e-11 in float64 and, at the precision of
+float32, to 1e-7; near zero much better."""
 
 
 class Sun(eqx.Module):
-    """A sun without a colour.
+    """A white sun.
 
     Attributes:
-        direction: East, north, up, of length one.
+        direction: East, north, up, unit length.
     """
 
     direction: Float[Array, "3"] = eqx.field(converter=as_float_array)
@@ -108,23 +108,25 @@ class Sun(eqx.Module):
     def light(
         self, direction: Float[Array, "3 row column"], pixel: Float[Array, ""]
     ) -> Float[Array, "row column"]:
-        """Return what it adds to the light of the sky, full scale 1.
+        """Return the light that the sun adds to the sky, full scale 1.
 
         Args:
-            direction: Of rays, of length one.
-            pixel: Angle of one [rad].
+            direction: Directions of rays, unit length.
+            pixel: Angle of a pixel [rad].
         """
         away = direction - self.direction.astype(direction.dtype)[:, None, None]
         square = jnp.sum(jnp.square(away), axis=0)
-        # the chord keeps its digits near the middle, where the cosine has none
+        # near the middle the cosine of the angle loses its digits, the chord does not
         chord = jnp.sqrt(jnp.maximum(square, jnp.finfo(square.dtype).tiny))
         angle = 2.0 * jnp.arcsin(jnp.minimum(0.5 * chord, 1.0))
         radius = jnp.maximum(RADIUS, pixel)
+        # an edge one pixel wide, so that a moving sun does not flicker
         disc = jnp.clip((radius - angle) / pixel + 0.5, 0.0, 1.0)
         # over the area of a disc whose edge falls off within a pixel
         area = jnp.square(radius) + jnp.square(pixel) / 12.0
         bright = (RADIUS / math.sin(RADIUS)) ** 2 / area
         limb = math.degrees(RADIUS)
+        # the law of glare diverges in the middle
         apart = jnp.maximum(jnp.degrees(angle), limb)
         return bright * disc + GLARE / jnp.square(apart)
 
@@ -134,13 +136,13 @@ class Landscape(eqx.Module):
 
     Attributes:
         texels: Linear light of the texture at all its sizes, row by row, full scale 1.
-        start: Where each size begins.
-        rows: Of each size.
-        columns: Of each size.
-        metres_per_pixel: Of the texture [m/px]; east is to its right, north up, and its
-            middle stands at the origin.
+        start: First texel of each size.
+        rows: Rows of each size.
+        columns: Columns of each size.
+        metres_per_pixel: Scale of the texture [m/px]; east is to its right, north up,
+            and its middle is at the origin.
         horizon: Light of the sky above the horizon.
-        sun: That stands in it; None if there is none.
+        sun: The sun, or None.
     """
 
     texels: Float[Array, "texel 3"]
@@ -154,21 +156,22 @@ class Landscape(eqx.Module):
     def light(
         self, rays: Rays, pixel: Float[Array, ""]
     ) -> Float[Array, "3 row column"]:
-        """Return what rays see; black where they show no direction.
+        """Return the light along rays; black for rays without a direction.
 
         Args:
-            rays: That end at the ground, or nowhere.
-            pixel: Angle of one [rad].
+            rays: Rays that end at the ground, or nowhere.
+            pixel: Angle of a pixel [rad].
         """
         up = rays.direction[2]
         solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
-        way = jnp.where(solid, rays.farthest, 0.0)
+        distance = jnp.where(solid, rays.farthest, 0.0)
         east, north = (
-            (rays.origin[axis] + way * rays.direction[axis]) / self.metres_per_pixel
+            (rays.origin[axis] + distance * rays.direction[axis])
+            / self.metres_per_pixel
             for axis in (0, 1)
         )
-        covered = way * pixel / self.metres_per_pixel
-        # at a slant a ray covers more along its way than across: the mean of both
+        covered = distance * pixel / self.metres_per_pixel
+        # at a slant the footprint is longer along the ray than across: geometric mean
         slant = jnp.sqrt(jnp.maximum(-up, 1e-3))
         size = jnp.log2(jnp.maximum(covered / slant, 1.0))
         size = jnp.clip(size, 0.0, len(self.rows) - 1.0)
@@ -189,7 +192,7 @@ class Landscape(eqx.Module):
         north: Float[Array, "row column"],
         size: Int[Array, "row column"],
     ) -> Float[Array, "3 row column"]:
-        """Return the texture at places [px] and of sizes, between its pixels."""
+        """Return the texture at positions [px] and sizes, interpolated bilinearly."""
         rows, columns, start = self.rows[size], self.columns[size], self.start[size]
         high, wide = (count.astype(east.dtype) for count in (rows, columns))
         across, along = (n[0].astype(east.dtype) for n in (self.columns, self.rows))
@@ -200,6 +203,7 @@ class Landscape(eqx.Module):
         left, top = left.astype(int), top.astype(int)
 
         def texel(row, column):
+            # modulo tiles the texture
             at = start + (row % rows) * columns + column % columns
             return jnp.moveaxis(self.texels[at], -1, 0)
 
@@ -218,12 +222,13 @@ def landscape(
 
     Args:
         texture: Linear light, full scale 1.
-        metres_per_pixel: Of it [m/px].
+        metres_per_pixel: Scale of the texture [m/px].
         horizon: Light of the sky above the horizon, full scale 1.
-        sun: That stands in it; None if there is none.
+        sun: The sun, or None.
     """
     image = np.array([[GROUND]]) if texture is None else np.asarray(texture, float)
     sizes = [image]
+    # down to one pixel: the mean light of the texture, seen far away
     while max(sizes[-1].shape[:2]) > 1:
         sizes.append(_halved(sizes[-1]))
     counts = [size.shape[0] * size.shape[1] for size in sizes]
@@ -239,10 +244,12 @@ def landscape(
 
 
 def _halved(image: np.ndarray) -> np.ndarray:
-    """Return an image of half the size; an odd row is shared out."""
+    """Return an image of half the size; an odd row is shared between two."""
     for axis in (0, 1):
         size = image.shape[axis]
         if size > 1:
+            # box filter by differences of the running sum; odd sizes have fractional
+            # bounds
             edges = np.arange(size // 2 + 1) * (size / (size // 2))
             whole = np.concatenate(
                 [np.zeros_like(image.take([0], axis)), np.cumsum(image, axis)], axis
@@ -259,10 +266,11 @@ def _halved(image: np.ndarray) -> np.ndarray:
 
 
 def sun_at(azimuth_deg: float, elevation_deg: float) -> Sun:
-    """Return the sun at an azimuth, clockwise from north, and at a height [deg].
+    """Return the sun at an azimuth, clockwise from north, and an elevation [deg].
 
     Raises:
-        InputError: It is below the horizon or past the zenith, or a number is none.
+        InputError: It is below the horizon or past the zenith, or a number is not
+            finite.
     """
     if not math.isfinite(azimuth_deg):
         raise InputError(f"sun: expected an azimuth in degrees, got {azimuth_deg!r}")
@@ -284,11 +292,11 @@ def sun_at(azimuth_deg: float, elevation_deg: float) -> Sun:
 
 
 class LitRows(eqx.Module):
-    """Surfaces of some rows of an image; the others have none.
+    """Surfaces of consecutive rows of an image; the other rows have none.
 
     Attributes:
-        surfaces: Of these rows.
-        first: The first of them.
+        surfaces: Surfaces of these rows.
+        first: Index of the first row.
     """
 
     surfaces: Surfaces
@@ -296,11 +304,11 @@ class LitRows(eqx.Module):
 
 
 class Outlook(eqx.Module):
-    """The rays of an image, and what there is for a fire to light.
+    """Rays of an image, and the surfaces that a fire can light.
 
     Attributes:
-        rays: One a pixel, or several.
-        lit: Surfaces of the background; None: nothing is lit.
+        rays: One or several per pixel.
+        lit: Surfaces of the background; None if nothing is lit.
         supersample: Rays along each side of a pixel.
     """
 
@@ -321,12 +329,12 @@ def outlook_of(
     """Return the outlook of a camera.
 
     Args:
-        camera: Who looks.
+        camera: The camera.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
-        ground: Whether the plane up = 0 hides what is below it.
+        ground: True if the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
-        lit: Whether the fire lights what is there.
-        lit_ground: Whether it lights the plane up = 0; by default where that hides.
+        lit: True if the fire lights the background.
+        lit_ground: True if it lights the plane up = 0; by default `ground`.
     """
     surfaces = None
     if lit:
@@ -338,16 +346,17 @@ def outlook_of(
 
 
 def lit_rows(surfaces: Surfaces) -> LitRows:
-    """Return the rows in which there is a surface; all of them where it is not known.
+    """Return the rows that have a surface; all rows if that is unknown inside jit.
 
     Args:
-        surfaces: Of a whole image.
+        surfaces: Surfaces of a whole image.
     """
     height = surfaces.solid.shape[0]
     first, count = 0, height
     if not isinstance(surfaces.solid, Tracer):
         rows = np.flatnonzero(np.asarray(surfaces.solid).any(axis=1))
         rows = rows if len(rows) else np.zeros(1, int)
+        # rounded up, so that few counts of rows occur
         step = -(-height // PARTS)
         count = min(-(-int(rows[-1] + 1 - rows[0]) // step) * step, height)
         first = min(int(rows[0]), height - count)
@@ -362,16 +371,17 @@ def brightened(
     time: Float[Array, ""],
     appearance: Appearance,
 ) -> Float[Array, "height width 3"]:
-    """Return a background in the light of the fire.
+    """Return a background lit by the fire.
 
     Args:
-        behind: As the day lights it.
-        lit: What there is to be lit.
+        behind: Background in daylight.
+        lit: Surfaces to be lit.
         scene: Charges and air.
-        time: On the common clock [s].
-        appearance: How bright the day is.
+        time: Time on the common clock [s].
+        appearance: Level of daylight.
     """
     gained = jnp.moveaxis(flash(scene, lit.surfaces, time, appearance), 0, -1)
+    # every row is lit: no slice needed
     if gained.shape[0] == behind.shape[0]:
         return behind * (1.0 + gained)
     at = lit.first, 0, 0
@@ -391,13 +401,14 @@ def flash(
 
     Args:
         scene: Charges and air.
-        surfaces: Of the background.
-        time: On the common clock [s].
-        appearance: How bright the day is, and how the smoke is distributed.
-        shining: Light of limb and middle of a fireball, where it is tabulated.
+        surfaces: Surfaces of the background.
+        time: Time on the common clock [s].
+        appearance: Level of daylight, and distribution of the smoke.
+        shining: Tabulated light of limb and middle of a fireball; None for Planck's
+            law.
 
     Returns:
-        Of red, green and blue; zero before detonation and where nothing is lit.
+        Red, green and blue; zero before detonation and where nothing is lit.
     """
     total = jnp.zeros((), surfaces.place.dtype)
     for charge in scene.charges:
@@ -413,14 +424,14 @@ def flash(
 
 
 def disc_light(ball: Cloud, ends: Glow, appearance: Appearance) -> Float[Array, "3"]:
-    r"""Return $\bar L$: the mean light of a fireball's disc, its own alone [cd/m2].
+    r"""Return $\bar L$: the mean emitted light of a fireball's disc [cd/m2].
 
-    $\int_0^1 (1 - e^{-\tau h^3})\,L(h^2)\,2h\,dh$ by Gauss and Legendre.
+    $\int_0^1 (1 - e^{-\tau h^3})\,L(h^2)\,2h\,dh$ by Gauss-Legendre quadrature.
 
     Args:
         ball: The fireball.
         ends: Light of its limb and of its middle [cd/m2].
-        appearance: How its smoke is distributed.
+        appearance: Distribution of its smoke.
     """
     h = jnp.asarray(0.5 * (1.0 + _NODES), ball.radius.dtype)[None]
     weight = jnp.asarray(_WEIGHTS, h.dtype)[None] * h
@@ -436,6 +447,7 @@ def _arctan_series(terms: int) -> list[float]:
         root = np.sqrt(square)
         return (np.arctan(root) / root - 1.0) / square
 
+    # Chebyshev points: nearly the best polynomial of this degree
     ends = np.polynomial.Chebyshev.interpolate(ratio, terms - 1, [0.0, 1.0])
     return ends.convert(kind=np.polynomial.Polynomial).coef.tolist()
 
@@ -446,14 +458,14 @@ _ARCTAN = {dtype: _arctan_series(terms) for dtype, terms in TERMS.items()}
 def sphere_factor(
     centre: Float[Array, "3"], radius: Float[Array, ""], surfaces: Surfaces
 ) -> Float[Array, "row column"]:
-    r"""Return $F$: the part that a sphere has of what surfaces see; 0 of no surface.
+    r"""Return $F$: the share of a surface's view that a sphere fills; 0 for no surface.
 
     Args:
-        centre: Of the sphere: east, north, up [m].
-        radius: Of the sphere [m]; none of it is seen if it is 0.
-        surfaces: Where they are, and which way they face.
+        centre: Centre of the sphere: east, north, up [m].
+        radius: Radius of the sphere [m]; it is invisible if that is 0.
+        surfaces: Positions and normals of the surfaces.
     """
-    begun = ~(radius <= 0.0)  # a radius that is no number is seen
+    begun = ~(radius <= 0.0)  # negated: a NaN radius stays visible as NaN
     lit = surfaces.solid & begun
     square = along = jnp.zeros((), radius.dtype)
     for axis in range(3):
@@ -465,8 +477,10 @@ def sphere_factor(
     cosine = jnp.where(apart, along, 0.0) / jnp.sqrt(square)
     near = jnp.where(apart, jnp.minimum(jnp.square(radius) / square, 1.0), 1.0)
     near = jnp.where(lit, near, 0.5)  # (R/d)^2
+    # the plain cosine law while the sphere is entirely above the plane
     whole = near * jnp.maximum(cosine, 0.0)
     # sine and cosine of arccos y are `across` and -x cos(beta), over sin(beta)
+    # the plane of the surface cuts the sphere
     cut = jnp.square(cosine) < near
     slant = jnp.where(cut, cosine, 0.0)
     outside = near < 1.0
@@ -480,9 +494,10 @@ def sphere_factor(
 
 
 def _angle(y: Float[Array, "..."], x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return the angle of a place from the x axis, y not negative; not both are 0."""
+    """Return the angle of (x, y) from the x axis, for y >= 0, not both 0."""
     aside = jnp.abs(x)
     steep = y > aside
+    # reduced to 0 to 1, the range of the polynomial
     tangent = jnp.minimum(y, aside) / jnp.maximum(y, aside)
     series = _ARCTAN[jnp.dtype(tangent.dtype).name]
     square, rest = jnp.square(tangent), series[-1]

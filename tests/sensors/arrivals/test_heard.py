@@ -32,7 +32,7 @@ def test_a_law_that_is_none_is_refused():
     "place", [[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]]
 )
 def test_a_place_at_the_charge_or_nowhere_is_refused(place):
-    with pytest.raises(InputError, match="expected a place away from it"):
+    with pytest.raises(InputError, match="expected a position away from it"):
         heard(SCENE, place)
 
 

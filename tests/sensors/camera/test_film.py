@@ -64,7 +64,7 @@ def test_before_anything_explodes_nothing_is_rendered(monkeypatch):
     ):
         with pytest.raises(AssertionError, match="rendered"):
             next(late.frames())
-    with pytest.raises(InputError, match="not below the ground"):
+    with pytest.raises(InputError, match="on or above the ground"):
         next(replace(film, camera=camera((0.0, -40.0, -1.0))).frames())
 
 

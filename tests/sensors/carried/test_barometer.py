@@ -59,5 +59,5 @@ def test_a_blast_comes_on_top_as_its_wave_has_it():
 
 
 def test_a_rate_of_nothing_is_refused():
-    with pytest.raises(ValueError, match="rate must be positive, got 0 Hz"):
+    with pytest.raises(ValueError, match="rate: expected a positive rate, got 0 Hz"):
         Barometer(rate=0.0)

@@ -107,7 +107,9 @@ def test_errors_of_a_fix_have_their_size():
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(ValueError, match=r"delay must be shorter .* got 0\.2 s"):
+    with pytest.raises(ValueError, match=r"delay: expected .* got 0\.2 s"):
         Gps(delay=0.2)
-    with pytest.raises(ValueError, match="gps rate must be that of the imu, 4 Hz"):
+    with pytest.raises(
+        ValueError, match="gps: expected a rate of at most that of the imu, 4 Hz"
+    ):
         Suite(FIELD, imu=Imu(rate=4.0))

@@ -157,7 +157,7 @@ def test_sensors_of_another_kind_or_on_the_other_side_of_the_ground_are_refused(
 
 
 def test_what_a_gauge_cannot_be_told_is_refused():
-    with pytest.raises(ValueError, match="mounting must be 'side-on' or 'face-on'"):
+    with pytest.raises(ValueError, match="mounting: expected side-on or face-on"):
         pressure_gauge.record(SCENE, sensor_of("pressure"), 0.1, KEY, mounting="up")
     ranged = Scene(Charge(mass_kg=15.0, range_m=50.0))
     with pytest.raises(InputError, match="wind has a direction"):

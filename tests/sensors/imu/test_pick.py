@@ -81,7 +81,7 @@ def test_noise_moves_a_jolt_by_what_it_says():
 
 def test_calm_air_gives_no_jolt():
     pick = picked(read(jax.random.key(1), Imu(), HOVERING), Imu())
-    assert (pick.found, pick.why) == (False, "no jolt leaves the noise")
+    assert (pick.found, pick.why) == (False, "no residual exceeds the noise")
 
 
 def test_a_range_too_small_makes_it_a_lower_bound():
@@ -94,8 +94,8 @@ def test_a_range_too_small_makes_it_a_lower_bound():
 @pytest.mark.parametrize(
     ("count", "why"),
     [
-        (345, "the jolt is not over within the stretch"),
-        (20, "20 samples are too few"),
+        (345, "the jolt does not end within the samples"),
+        (20, "expected 40 or more samples, got 20"),
     ],
 )
 def test_a_stretch_that_ends_too_early_has_no_jolt(count, why):
@@ -105,7 +105,7 @@ def test_a_stretch_that_ends_too_early_has_no_jolt(count, why):
 
 def test_a_vehicle_that_was_lost_has_no_jolt():
     lost = JOLTED._replace(force=JOLTED.force.at[400:].set(jnp.nan))
-    assert picked(lost, EXACT).why == "the vehicle was lost"
+    assert picked(lost, EXACT).why == "the residual is not finite"
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ def test_a_recording_is_pascals_by_its_full_scale(tmp_path):
     assert (float(heard.height), heard.loop_rate) == (10.0, 4000.0)
     # half a step of 24 bits, times three
     np.testing.assert_allclose(heard.loop, 3.0 * SOUND[0], atol=2e-7)
-    assert notes[1] == "of its 2 channels the first is heard"
+    assert notes[1] == "the first of its 2 channels is used"
     named = UncertainScene(Scene(ambient=Ambient(file=str(path))))
     again, _ = with_ambient(named)
     assert again.scene.ambient is not None
@@ -41,5 +41,5 @@ def test_silence_and_a_recording_too_short_are_told(tmp_path):
     _, notes = with_ambient(UncertainScene(Scene()), str(path))
     assert notes[1] == "the ambient recording is silent"
     write_sound(path, np.ones(1), 4000)
-    with pytest.raises(InputError, match="two samples or more"):
+    with pytest.raises(InputError, match="two or more samples"):
         with_ambient(UncertainScene(Scene()), str(path))

@@ -107,7 +107,7 @@ def test_a_recorded_sound_stands_for_the_pulse_scaled_by_the_law():
     assert np.flatnonzero(samples)[0] == first
     assert samples[first : first + 6].sum() == pytest.approx(recorded.sum(), rel=1e-6)
     track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
-    with pytest.raises(InputError, match="a place at rest for a recorded one"):
+    with pytest.raises(InputError, match="a fixed position for a recorded sound"):
         heard(wave_paths=WavePaths(sound=sound), track=track)
 
 

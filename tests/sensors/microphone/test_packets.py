@@ -75,5 +75,5 @@ def test_what_cannot_be_sent_or_heard_is_refused():
     for at, length in ((-1, 2), (19, 2), (0, 21)):
         with pytest.raises(ValueError, match="within the 20 samples from the head"):
             packets.add_blast(at, np.ones(length))
-    with pytest.raises(ValueError, match="a sample or more, got none"):
+    with pytest.raises(ValueError, match="one or more samples, got none"):
         LoopPackets(np.zeros(0))

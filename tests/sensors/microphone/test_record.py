@@ -203,7 +203,7 @@ def test_what_is_no_microphone_or_in_no_place_for_one_is_refused():
         (replace(MICROPHONE, kind="geophone"), "'m': expected .* microphone, got 'geo"),
         (replace(MICROPHONE, position_m=np.array([9.0, 9.0, -1.0])), "got -1 m up"),
         (replace(MICROPHONE, position_m=np.full(3, np.nan)), "got nan m up"),
-        (replace(MICROPHONE, position_m=np.zeros(3)), "a place away"),
+        (replace(MICROPHONE, position_m=np.zeros(3)), "a position away"),
     ):
         with pytest.raises(InputError, match=said):
             microphone.record(SCENE, sensor, 0.1, KEY)

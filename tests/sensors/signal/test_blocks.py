@@ -93,7 +93,7 @@ def test_a_record_ends_where_it_is_asked_to():
         assert samples.tolist() == list(range(n))
     assert sample_count(1.0, 44_100.0) == 44_100
     for wrong in (-1.0, math.inf, math.nan):
-        with pytest.raises(ValueError, match="duration_s must be finite"):
+        with pytest.raises(ValueError, match="duration_s: expected a finite time"):
             sample_count(wrong, 100.0)
 
 
@@ -118,9 +118,9 @@ def test_blocks_start_when_exact_fractions_say(rate, dtype):
     [
         ({}, "either packet_s or packets_hz"),
         ({"packet_s": 0.1, "packets_hz": 10.0}, "either packet_s or packets_hz"),
-        ({"packet_s": -0.1}, "packet_s must be positive"),
-        ({"packet_s": 0.0}, "packet_s must be positive"),
-        ({"packets_hz": math.inf}, "packets_hz must be positive"),
+        ({"packet_s": -0.1}, "packet_s: expected a positive"),
+        ({"packet_s": 0.0}, "packet_s: expected a positive"),
+        ({"packets_hz": math.inf}, "packets_hz: expected a positive"),
         ({"packets_hz": 201.0}, "one sample or more at 200 Hz, got 201"),
     ],
 )

@@ -120,10 +120,10 @@ def test_no_filter_leaves_samples_alone():
 @pytest.mark.parametrize(
     ("corners", "words"),
     [
-        ({"high_pass": 0.0}, "high_pass must be positive"),
+        ({"high_pass": 0.0}, "high_pass: expected a corner above 0"),
         ({"low_pass": 24e3}, "below half the rate of 48000 Hz, got 24000 Hz"),
-        ({"low_pass": np.nan}, "low_pass must be"),
-        ({"low_pass": 1e3, "order": 5}, "order must be 1 to 4, got 5"),
+        ({"low_pass": np.nan}, "low_pass: expected a corner"),
+        ({"low_pass": 1e3, "order": 5}, "order: expected 1 to 4, got 5"),
     ],
 )
 def test_corners_that_are_none_are_refused(corners, words):

@@ -41,5 +41,7 @@ def test_a_window_longer_than_the_signal_is_its_mean():
 
 
 def test_a_cutoff_that_is_none_is_refused():
-    with pytest.raises(ValueError, match="cutoff must be positive, got 0 Hz"):
+    with pytest.raises(
+        ValueError, match="cutoff: expected a positive frequency, got 0 Hz"
+    ):
         moving_average(jnp.ones(1), 400.0, 0.0)

@@ -2,11 +2,10 @@
 
 Unfinished files are in `.bake` within the set's folder, with the recipe. Views are
 written as they are finished, the index at the end, and then `.bake` is removed. In an
-existing folder only files that were baked are overwritten; all others are the user's
-own.
+existing folder only baked files are overwritten; all others belong to the user.
 
-Blender is another program, which is searched, run and watched. The scripts run in its
-own Python, which has no jblast. Each reads its settings from a JSON file.
+Blender is a separate program, which is searched, run and monitored. The scripts run in
+its own Python, which has no jblast. Each reads its settings from a JSON file.
 """
 
 import json
@@ -55,32 +54,34 @@ from jblast.sensors.camera.bake.recipe import (
 from jblast.sensors.camera.files.views import INDEX
 
 WORK = ".bake"
-"""Folder of what is not finished."""
+"""Folder of unfinished files."""
 MAKER = "jblast bake"
 """Maker, as stated in an index."""
 LAYERS = ("glow", "shade")
 """Pictures of a frame: light of the gas itself, and of the sky."""
 QUALITY, ALPHA_QUALITY, EFFORT = 88, 90, 4
-"""Of WebP, lossy."""
+"""Options of lossy WebP. Heat and opacity are data, so the quality is high; artefacts
+in transparent parts are removed on reading (`views.FAINTEST`)."""
 SCRIPTS = Path(__file__).parent
 """Scripts that Blender runs, in a Python without jblast."""
 OLDEST_BLENDER = (3, 4)
-"""Version that the scripts are written for."""
+"""Version for which the scripts are written."""
 LOOK_S = 0.5
-"""Interval between two looks at Blender's progress [s]."""
+"""Interval between two checks of Blender's progress [s]: a progress bar needs no more,
+and a check lists folders."""
 COLDEST = 0.05
-"""Least heat that counts as hot [unit of the simulation]: gas that has mixed with air
-has less, and does not glow."""
+"""Smallest heat of a frame's hot gas [unit of the simulation]. Gas mixed with air has
+less, and does not glow."""
 
 
 class Baking:
-    """A set that is being made.
+    """A set of views in the making.
 
     Attributes:
-        recipe: What it is made from.
+        recipe: Its recipe.
         out: Its folder.
-        direction: From where it is seen.
-        instants: Of its frames.
+        direction: Directions from which it is seen.
+        instants: Instants of its frames.
     """
 
     def __init__(
@@ -97,15 +98,15 @@ class Baking:
         self.log = self.work / "blender.log"
 
     def begin(self, *, force: bool) -> None:
-        """Make the folder, or go on in one that holds a part of the same set.
+        """Create the folder, or continue in one with a part of the same set.
 
         Raises:
-            InputError: It holds a finished set, or a part of another one, and is not
-                to be overwritten; or a file stands where a view goes, and was not
-                baked.
+            InputError: It contains a finished set, or a part of another one, and may
+                not be overwritten; or a file that was not baked has the name of a view.
         """
         recipe = self.work / "recipe.json"
         ours = self._identity()
+        # the stored recipe decides whether unfinished work is of the same set
         theirs = read_json(recipe, "the recipe of a set") if recipe.exists() else None
         index = self.out / INDEX
         if index.exists() and not force:
@@ -113,6 +114,7 @@ class Baking:
                 f"{index}: exists already; expected a new directory, or "
                 f"{argument('force')} to overwrite it"
             )
+        # only these names may be overwritten or removed
         known = baked_views(index) | recipe_views(theirs)
         for number in range(len(self.direction)):
             if (
@@ -120,30 +122,30 @@ class Baking:
                 and (self.out / view_file(number)).exists()
             ):
                 raise InputError(
-                    f"{self.out / view_file(number)}: is in the way of a view, and of "
-                    "no set that was baked here; expected a directory without it"
+                    f"{self.out / view_file(number)}: has the name of a view, but "
+                    "belongs to no baked set; expected a directory without it"
                 )
         if force and (index.exists() or theirs != ours):
             self._clear(known)
             theirs = None
         if theirs is not None:
-            wrong = differences(ours, theirs)
-            if wrong:
+            problem = differences(ours, theirs)
+            if problem:
                 raise InputError(
-                    f"{self.out}: holds a part of a set of another recipe "
-                    f"({'; '.join(wrong[:4])}); expected the same, a new directory, or "
-                    f"{argument('force')} to begin anew"
+                    f"{self.out}: contains part of a set with another recipe "
+                    f"({'; '.join(problem[:4])}); expected the same, a new directory, "
+                    f"or {argument('force')} to start again"
                 )
             return
         self.work.mkdir(parents=True, exist_ok=True)
         write_text(recipe, json.dumps(ours, indent=1))
 
     def make(self, program: str, version: str) -> list[str]:
-        """Make what is missing; return the names of the files.
+        """Make the missing parts; return the names of the files.
 
         Raises:
-            InputError: Blender fails, is killed, or leaves something out; what is
-                finished is kept.
+            InputError: Blender fails, is killed, or leaves out a part; finished parts
+                are kept.
         """
         begin = stages({"simulating": 0.3, "rendering": 1.0})
         begin("simulating")
@@ -163,7 +165,7 @@ class Baking:
         return [INDEX, *(view_file(number) for number in views)]
 
     def finished(self) -> list[int]:
-        """Return which views are there and whole; one that is not whole goes."""
+        """Return the complete views; incomplete ones are removed."""
         found = []
         for number in range(len(self.direction)):
             path = self.out / view_file(number)
@@ -176,25 +178,26 @@ class Baking:
         return found
 
     def _simulate(self, program: str) -> None:
-        """Let Mantaflow bake, from the start: half a cache is none."""
+        """Run Mantaflow from the start: an incomplete cache cannot be continued."""
         baked = self.work / "baked.json"
         if baked.exists():
             return
         cache = self.work / "cache"
         shutil.rmtree(cache, ignore_errors=True)
         settings = simulation_settings(self.recipe, self.instants, self.work)
+        # noise is a second, finer grid with files of its own
         grids = 2 if self.recipe.physics["noise"] else 1
         through = counted(grids * int(self.recipe.physics["last"]), "steps")
 
-        def looked() -> None:
+        def update() -> None:
             through(len(list(cache.glob("*/fluid_*.vdb"))))
 
-        self._run(program, None, "simulate", settings, looked)
+        self._run(program, None, "simulate", settings, update)
         if not baked.exists():
             raise self._failed("ended without a simulated explosion")
 
     def _render(self, program: str) -> None:
-        """Render what is missing, and write views as their frames come."""
+        """Render missing pictures, and write each view when its frames are complete."""
         done = set(self.finished())
         missing = [n for n in range(len(self.direction)) if n not in done]
         if not missing:
@@ -210,12 +213,13 @@ class Baking:
         each = len(self.instants) * len(LAYERS)
         through = counted(len(self.direction) * each, "pictures")
 
-        def looked() -> None:
+        def update() -> None:
             count = len(done) * each
             for number in missing:
                 if number in done:
                     continue
                 there = len(list(self._folder(number).glob("[0-9]*.exr")))
+                # packed when complete: uncompressed pictures take far more space
                 if there == each:
                     write_view(
                         self.out / view_file(number),
@@ -229,7 +233,7 @@ class Baking:
             through(count)
 
         blend = self.work / "baked.blend"
-        self._run(program, blend, "render_views", settings, looked)
+        self._run(program, blend, "render_views", settings, update)
         if len(done) < len(self.direction):
             raise self._failed("ended before all views were rendered")
 
@@ -239,24 +243,24 @@ class Baking:
         blend: Path | None,
         script: str,
         settings: dict[str, Any],
-        looked: Callable[[], None],
+        update: Callable[[], None],
     ) -> None:
         path = self.work / f"{script}.json"
         write_text(path, json.dumps(settings))
-        wrong = run_blender(program, blend, script, path, self.log, looked)
-        if wrong:
-            raise self._failed(wrong)
+        problem = run_blender(program, blend, script, path, self.log, update)
+        if problem:
+            raise self._failed(problem)
 
-    def _failed(self, wrong: str) -> InputError:
-        """Return an error that states what Blender did, and what is kept."""
+    def _failed(self, problem: str) -> InputError:
+        """Return the error for a failure of Blender, with the finished views."""
         kept = len(self.finished())
         hint = ""
         if self.recipe.engine == "eevee":
-            hint = " (eevee may need a display; cycles does without)"
+            hint = " (eevee may need a display; cycles does not)"
         return InputError(
-            f"{self.log}: Blender {wrong}{hint}; expected it to finish; {kept} of "
+            f"{self.log}: Blender {problem}{hint}; expected it to finish; {kept} of "
             f"{len(self.direction)} views are finished and kept, and the same command "
-            "goes on from there"
+            "continues from there"
         )
 
     def _sides(self) -> np.ndarray:
@@ -267,20 +271,20 @@ class Baking:
         return picture_sides(reach, top, elevation)
 
     def _extents(self) -> list[dict[str, Any]]:
-        """Return how hot each frame is and how far it reaches, as was simulated."""
+        """Return heat and extent of each frame, as simulated."""
         return read_json(self.work / "baked.json", "what was simulated")
 
     def _folder(self, number: int) -> Path:
         return self.work / "frames" / f"{number:03d}"
 
     def _identity(self) -> dict[str, Any]:
-        """Return what makes the set this one and no other."""
+        """Return everything that distinguishes this set from others."""
         return self.recipe.as_json() | {
             "directions": np.round(self.direction, 6).tolist()
         }
 
     def _clear(self, known: set[str]) -> None:
-        """Remove a set, or a part of one, that is overwritten, and nothing else."""
+        """Remove the overwritten set, or part of one, and nothing else."""
         shutil.rmtree(self.work, ignore_errors=True)
         (self.out / INDEX).unlink(missing_ok=True)
         for name in known:
@@ -296,20 +300,20 @@ def write_view(path: Path, folder: Path, size: int, frames: int) -> None:
     """Write a view's sheet from its pictures.
 
     Args:
-        path: What to write.
-        folder: Holds `0000.glow.exr`, `0000.shade.exr` and so on.
+        path: The file.
+        folder: Folder with `0000.glow.exr`, `0000.shade.exr` and so on.
         size: Side of a frame [px].
-        frames: How many there are.
+        frames: Number of frames.
 
     Raises:
-        InputError: A picture is not whole, or of another size; it is removed.
+        InputError: A picture is incomplete, or has another size; it is removed.
     """
     from PIL import Image
 
     tiles = []
     for index in range(frames):
         pictures = (folder / f"{index:04d}.{layer}.exr" for layer in LAYERS)
-        tiles.append(layers_of(*(_picture(file, size) for file in pictures)))
+        tiles.append(layers_of(*(_rendered_picture(file, size) for file in pictures)))
     pixels = Image.fromarray(sheet(tiles, columns_for(frames)))
     with replacing(path) as temporary:
         pixels.save(
@@ -321,8 +325,8 @@ def write_view(path: Path, folder: Path, size: int, frames: int) -> None:
         )
 
 
-def _picture(path: Path, size: int) -> Channels:
-    """Return a rendered picture; one that cannot be used goes, to be rendered again."""
+def _rendered_picture(path: Path, size: int) -> Channels:
+    """Return a rendered picture; an unusable one is removed, to be rendered again."""
     try:
         found = read_exr(path)
         missing = set("RGBA") - found.keys()
@@ -343,7 +347,7 @@ def read_sheet(path: Path) -> UInt8[np.ndarray, "height width 4"]:
     """Return a view's sheet.
 
     Raises:
-        InputError: It is no whole WebP picture with alpha.
+        InputError: It is not a complete WebP picture with alpha.
     """
     from PIL import Image
 
@@ -352,12 +356,12 @@ def read_sheet(path: Path) -> UInt8[np.ndarray, "height width 4"]:
             return np.asarray(picture.convert("RGBA"))
     except (OSError, ValueError, SyntaxError, EOFError) as error:
         raise InputError(
-            f"{path}: expected a whole WebP picture, but it cannot be read ({error})"
+            f"{path}: expected a complete WebP picture, but it cannot be read ({error})"
         ) from None
 
 
 def is_whole_view(path: Path, size: int, frames: int) -> bool:
-    """Return whether a view's file can be read and has the tiles it should have."""
+    """Return True for a view's file that is readable and has the expected tiles."""
     try:
         shape = read_sheet(path).shape[:2]
     except InputError:
@@ -375,15 +379,15 @@ def write_index(
     sides: Float[np.ndarray, " frame"],
     version: str,
 ) -> None:
-    """Write the index of a set whose views are there.
+    """Write the index of a set whose views are complete.
 
     Args:
-        out: Its folder.
-        recipe: What it was made from.
-        instants: Of the frames.
-        direction: From where each view sees it.
-        sides: Of each frame [Blender's metre].
-        version: Of Blender.
+        out: Folder of the set.
+        recipe: Its recipe.
+        instants: Instants of the frames.
+        direction: Directions of the views.
+        sides: Side of each frame [Blender's metre].
+        version: Version of Blender.
     """
     phases = ", ".join(f"{instant.phase:g}" for instant in instants)
     physics = ", ".join(f"{key} = {value}" for key, value in recipe.physics.items())
@@ -426,10 +430,10 @@ def write_index(
 
 
 def read_json(path: Path, expected: str) -> Any:
-    """Return what a JSON file of ours holds.
+    """Return the content of one of our JSON files.
 
     Raises:
-        InputError: It is not there, or is no JSON.
+        InputError: It does not exist, or is no JSON.
     """
     try:
         return json.loads(read_text(path, expected))
@@ -442,19 +446,19 @@ def read_json(path: Path, expected: str) -> Any:
 
 
 def baked_views(index: Path) -> set[str]:
-    """Return the files of a finished set, by its index; none of one made otherwise."""
+    """Return the files of a finished set, by its index; none for other makers."""
     try:
         found = tomllib.loads(index.read_text(encoding="utf-8"))
         if found["made"]["by"] != MAKER:
             return set()
         names = {str(view["file"]) for view in found["view"]}
-    except (OSError, ValueError, KeyError, TypeError):  # no index, or none of ours
+    except (OSError, ValueError, KeyError, TypeError):  # no index, or another maker's
         return set()
     return names & {view_file(number) for number in range(len(names))}
 
 
 def recipe_views(recipe: Any) -> set[str]:
-    """Return the files of a set that is half made, by its recipe; None: nothing is."""
+    """Return the files of an unfinished set, by its recipe; none for None."""
     if not isinstance(recipe, dict) or not isinstance(recipe.get("directions"), list):
         return set()
     return {view_file(number) for number in range(len(recipe["directions"]))}
@@ -464,20 +468,20 @@ def blender_found(program: str | None) -> tuple[str, str]:
     """Return path and version of Blender.
 
     Args:
-        program: Where it is; None: on the PATH.
+        program: Its path; None searches the PATH.
 
     Raises:
-        InputError: There is none, it does not start, or it is too old.
+        InputError: It is not found, does not start, or is too old.
     """
     path = shutil.which(program or "blender")
     if path is None:
         raise InputError(
             f"{argument('blender')}: expected the program Blender"
             + (f" at {program}" if program else " on the PATH")
-            + ", found none (of Debian: apt-get install blender)"
+            + ", got none (Debian: apt-get install blender)"
         )
     try:
-        said = subprocess.run(
+        answer = subprocess.run(
             [path, _option("version")],
             capture_output=True,
             text=True,
@@ -489,11 +493,11 @@ def blender_found(program: str | None) -> tuple[str, str]:
             f"{argument('blender')} {path}: expected the program Blender, but it does "
             f"not start ({getattr(error, 'strerror', None) or 'no answer'})"
         ) from None
-    version = re.search(r"Blender (\d+)\.(\d+)(?:\.\d+)?", said.stdout)
+    version = re.search(r"Blender (\d+)\.(\d+)(?:\.\d+)?", answer.stdout)
     if version is None:
         raise InputError(
             f"{argument('blender')} {path}: expected the program Blender, but it does "
-            "not say its version"
+            "not print its version"
         )
     if (int(version[1]), int(version[2])) < OLDEST_BLENDER:
         raise InputError(
@@ -509,44 +513,45 @@ def run_blender(
     script: str,
     settings: Path,
     log: Path,
-    looked: Callable[[], None],
+    update: Callable[[], None],
 ) -> str | None:
     """Run a script in Blender, without a window, and wait for it.
 
     Args:
-        program: Where Blender is.
-        blend: File that it opens; None: its own, as it comes.
+        program: Path of Blender.
+        blend: File that it opens; None for its default scene.
         script: Name of a script in `SCRIPTS`, without `blender_`.
         settings: File that the script reads.
         log: Blender's output is appended to this file.
-        looked: Called twice a second meanwhile, and once when it is over.
+        update: Called twice a second while it runs, and once after it ends.
 
     Returns:
-        What went wrong, in words; None if nothing did.
+        The failure as text, or None.
     """
     command = [
         str(Path(program).resolve()),
+        # without python-exit-code Blender ends with 0 after an error of the script
         *(_option("background"), _option("python-exit-code"), "3"),
         *([] if blend is None else [str(blend.resolve())]),
         *(_option("factory-startup"), _option("python")),
         *(str(SCRIPTS / f"blender_{script}.py"), "--", str(settings.resolve())),
     ]
-    with log.open("ab") as said:
+    with log.open("ab") as output:
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
-            stdout=said,
-            stderr=said,
-            cwd=log.parent,  # Mantaflow leaves a file of noise where it is started
+            stdout=output,
+            stderr=output,
+            cwd=log.parent,  # Mantaflow writes a file of noise to the working directory
         )
         try:
             while process.poll() is None:
-                looked()
+                update()
                 time.sleep(LOOK_S)
         finally:
-            process.kill()  # if we are interrupted; else it is over already
+            process.kill()  # on an interruption; otherwise it has ended already
             process.wait()
-    looked()
+    update()
     code = process.returncode
     if code == 0:
         return None
@@ -556,19 +561,19 @@ def run_blender(
 
 
 def _option(name: str) -> str:
-    """Return an option of Blender's."""
+    """Return an option of Blender."""
     return f"--{name}"
 
 
 def simulation_settings(
     recipe: Recipe, instants: Sequence[Instant], work: Path
 ) -> dict[str, Any]:
-    """Return what `blender_simulate.py` reads.
+    """Return the settings for `blender_simulate.py`.
 
     Args:
-        recipe: What the set is made from.
-        instants: Frames of which is to be written down how far they reach.
-        work: Where the cache, the scene and what was found go.
+        recipe: Recipe of the set.
+        instants: Frames whose extent is required.
+        work: Folder of the cache, the scene and the extents.
     """
     work = work.resolve()
     return {
@@ -589,15 +594,15 @@ def rendering_settings(
     direction: Directions,
     folders: dict[int, Path],
 ) -> dict[str, Any]:
-    """Return what `blender_render_views.py` reads.
+    """Return the settings for `blender_render_views.py`.
 
     Args:
-        recipe: What the set is made from.
-        instants: Of the frames.
-        hot: How hot each is.
-        sides: How much of the world each holds [Blender's metre].
-        direction: From where each view of the set sees it.
-        folders: Of the views that are to be rendered, by their number.
+        recipe: Recipe of the set.
+        instants: Instants of the frames.
+        hot: Heat of each frame.
+        sides: Side of each frame [Blender's metre].
+        direction: Directions of the views of the set.
+        folders: Folders of the views to render, by their number.
     """
     azimuth, elevation = (angle.tolist() for angle in azimuth_elevation(direction))
     return {

@@ -1,4 +1,4 @@
-"""Run by Blender: every view of a baked explosion, as light of fire and of the sky.
+"""Rendering of every view of a baked explosion, run by Blender.
 
     blender -b BAKED.blend --factory-startup --python SCRIPT -- CONFIG.json
 
@@ -6,7 +6,7 @@ A picture is rendered twice, into two uncompressed OpenEXR files of single preci
 0000.glow.exr and 0000.shade.exr in the view's folder. `glow`: the gas emits and
 absorbs, so that light over alpha is a measure of the heat along a ray; only the start
 of the steps along it is random. `shade`: the gas scatters and absorbs the light of sky
-and sun. Pictures that exist already are kept.
+and sun. Existing pictures are not rendered again.
 """
 
 import contextlib
@@ -17,20 +17,21 @@ import os
 import sys
 
 AWAY, FARTHEST = 20.0, 100.0
-"""Distance of the camera, and the farthest that it sees [Blender's metre]."""
+"""Distance of the camera, and its clipping distance [Blender's metre]."""
 LAYERS = ("glow", "shade")
 VIEWS_PER_FRAME = 16
-"""Views that are rendered frame by frame: loading a frame takes longer than
-rendering a picture, and a view is finished when all its frames are.
-"""
+"""Views that are rendered frame by frame. Loading a frame takes longer than rendering
+a picture, so more views are faster; a view is finished only when all its frames are,
+so fewer views lose less on interruption."""
 EYE = "eye_"
-"""Begins the names of ours among the eyes of a scene, which has two of its own."""
+"""Prefix of our names among the render views of a scene, which has two of its own."""
 
 
 def main() -> None:
-    """Set the scene once, then render what is not there yet."""
-    with contextlib.suppress(AttributeError, OSError):  # Linux alone can
-        ctypes.CDLL(None).prctl(1, 9, 0, 0, 0)  # end with the one who started this
+    """Set the scene once, then render the missing pictures."""
+    # PR_SET_PDEATHSIG: Blender ends with the process that started it (Linux only).
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(1, 9, 0, 0, 0)
     with open(sys.argv[sys.argv.index("--") + 1], encoding="utf-8") as file:
         config = json.load(file)
     import bpy  # pyright: ignore[reportMissingImports] (Blender's own)
@@ -38,6 +39,7 @@ def main() -> None:
 
     scene, domain = bpy.context.scene, bpy.data.objects["domain"]
     for thing in bpy.data.objects:
+        # the emitters are meshes, which would be rendered as solids
         thing.hide_render = thing.name != domain.name
     materials, inputs = set_materials(bpy, domain, config)
     set_light(bpy, scene, config["light"], Vector)
@@ -46,10 +48,12 @@ def main() -> None:
     scene.camera = cameras[0]
     for first in range(0, len(config["views"]), VIEWS_PER_FRAME):
         views = config["views"][first : first + VIEWS_PER_FRAME]
+        # layer outside, frames inside: changing the material prepares the scene again
         for layer in LAYERS:
             domain.data.materials[0] = materials[layer]
             scene.cycles.samples = config["samples"][layer]
             for number, frame in enumerate(config["frames"]):
+                # resumed after an interruption: only pictures without a file
                 missing = [
                     (view, path)
                     for view in views
@@ -69,13 +73,15 @@ def main() -> None:
 
 
 def render(bpy, scene, paths: list[str]) -> None:
-    """Render what as many cameras see, and give each picture its name when it is whole.
+    """Render one picture per camera, and rename each when it is complete.
 
-    All at once, as a picture for many eyes: the gas is loaded and prepared once.
+    All are rendered together as one multi-view picture, so that the gas is loaded and
+    prepared once.
     """
     eyes = [eye for eye in scene.render.views if eye.name.startswith(EYE)]
     for number, eye in enumerate(eyes):
         eye.use = number < len(paths)
+    # a single view is rendered without multi-view, whose files have suffixes
     several = len(paths) > 1
     scene.render.use_multiview = several
     scene.render.filepath = os.path.join(os.path.dirname(paths[0]), "part.exr")
@@ -86,8 +92,9 @@ def render(bpy, scene, paths: list[str]) -> None:
 
 
 def add_camera(bpy, scene, number: int):
-    """Add a camera, and the eye of the scene that looks through it."""
+    """Add a camera, and the render view that uses it."""
     lens = bpy.data.cameras.new(f"camera_{number}")
+    # orthographic: the scale of a picture does not depend on depth
     lens.type, lens.clip_end = "ORTHO", FARTHEST
     camera = bpy.data.objects.new(lens.name, lens)
     scene.collection.objects.link(camera)
@@ -97,13 +104,13 @@ def add_camera(bpy, scene, number: int):
 
 
 def picture(folder: str, number: int, layer: str) -> str:
-    """Return the path of a picture, and make its folder."""
+    """Return the path of a picture, and create its folder."""
     os.makedirs(folder, exist_ok=True)
     return os.path.join(folder, f"{number:04d}.{layer}.exr")
 
 
 def aim(camera, view: dict, scale: float) -> None:
-    """Let a level camera look at the burst, which stands below the picture's middle."""
+    """Point a level camera at the burst, which is below the picture's middle."""
     azimuth, elevation = (math.radians(view[k]) for k in ("azimuth", "elevation"))
     camera.location = (
         AWAY * math.sin(azimuth) * math.cos(elevation),
@@ -116,14 +123,15 @@ def aim(camera, view: dict, scale: float) -> None:
 
 
 def set_output(scene, config: dict) -> None:
-    """Set how pictures are rendered and written."""
+    """Set the options of rendering and of output files."""
     cycles, render, image = scene.cycles, scene.render, scene.render.image_settings
     render.engine = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE"}[config["engine"]]
     cycles.device, cycles.use_denoising = "CPU", False
     cycles.use_adaptive_sampling = False
+    # single scattering: the strength of sky and sun (`recipe.LIGHT`) is chosen for it
     cycles.max_bounces = cycles.volume_bounces = 0
     cycles.volume_max_steps = 512
-    # Eevee cuts the gas as finely as it can: by default 8 pixels share one slice.
+    # finest slices of Eevee's gas: by default 8 pixels share one
     scene.eevee.taa_render_samples = config["samples"]["shade"]
     scene.eevee.use_volumetric_shadows = True
     scene.eevee.volumetric_tile_size, scene.eevee.volumetric_samples = "2", 256
@@ -133,13 +141,14 @@ def set_output(scene, config: dict) -> None:
     image.file_format, image.exr_codec = "OPEN_EXR", "NONE"
     image.color_mode, image.color_depth = "RGBA", "32"
     render.views_format, image.views_format = "MULTIVIEW", "INDIVIDUAL"
+    # Blender's own left and right views stay off
     for eye in render.views:
         eye.use = False
     render.use_file_extension = True
 
 
 def set_light(bpy, scene, light: dict, Vector) -> None:
-    """Put a white sky and a sun above."""
+    """Add a white sky and a sun."""
     world = bpy.data.worlds.new("sky")
     scene.world = world
     world.use_nodes = True
@@ -154,9 +163,9 @@ def set_light(bpy, scene, light: dict, Vector) -> None:
 
 
 def set_materials(bpy, domain, config: dict) -> tuple[dict, dict]:
-    """Return the material of each layer, and what in them changes with the frame."""
+    """Return the material of each layer, and their inputs that change by frame."""
     inputs: dict[str, list] = {"hot": [], "fade": [], "extinction": []}
-    # Eevee has no grid of heat: there, what burns glows, and what is only hot does not
+    # Eevee has no grid of heat: there only burning gas glows, not hot gas
     flames = config["engine"] == "eevee"
     made = {n: material(bpy, n, config["look"], inputs, flames) for n in LAYERS}
     domain.data.materials.clear()
@@ -165,7 +174,7 @@ def set_materials(bpy, domain, config: dict) -> tuple[dict, dict]:
 
 
 def material(bpy, name: str, look: dict, inputs: dict, flames: bool):
-    """Return gas that glows and absorbs, or gas that scatters and absorbs."""
+    """Return a material that glows and absorbs, or one that scatters and absorbs."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     made.cycles.volume_sampling = "DISTANCE"
@@ -212,10 +221,11 @@ def material(bpy, name: str, look: dict, inputs: dict, flames: bool):
     extinction = calculated("MULTIPLY", grid("density"), value("extinction"))
     if name == "glow":
         warmth, most = (grid("flame"), 1.0) if flames else (grid("heat"), value("hot"))
+        # relative to the frame's own hot gas: the simulation's unit has no meaning
         share = calculated("DIVIDE", warmth, most, clamp=True)
         heat = calculated("POWER", share, look["contrast"])
         heat = calculated("MULTIPLY", heat, value("fade"))
-        # light of a black body as Wien has it, which the reader of the file undoes
+        # a black body's light by Wien's law, which the reader of the file inverts
         span, air, reference = look["span_k"], look["air_k"], look["reference_k"]
         warmth = calculated("ADD", calculated("MULTIPLY", heat, span), air)
         exponent = calculated("SUBTRACT", 1.0, calculated("DIVIDE", reference, warmth))

@@ -1,7 +1,7 @@
-r"""Rendered frames as pictures of 8 bits: heat, shade and opacity.
+r"""Rendered frames as 8-bit pictures: heat, shade and opacity.
 
 Blender renders a frame twice, as OpenEXR files without compression, which are read
-here. From the two follow heat, colour and opacity of each pixel.
+here. Heat, colour and opacity of each pixel follow from the two.
 
 Heat $h$ codes light logarithmically, as a temperature does. Fire that is as bright as a
 black body of $T_h = T_a + h\,(T - T_a)$, $T$ the temperature of the fireball's law,
@@ -10,20 +10,20 @@ emits
 $$\frac{L}{L(T)} = \exp\left[w \left(1 - \frac{T}{T_h}\right)\right], \qquad w =
 \frac{c_2}{\lambda T}$$
 
-(Wien). With the $w$ used it is a black body's relative luminance within 9 %, from
+(Wien). With the $w$ used, this is a black body's relative luminance within 9 %, from
 1100 K to the reference. $h = 0$ is dark, $h = 1$ as bright as the law.
 
-A view's sheet has two halves of the same tiles, one tile a frame, row after row. The
-upper is heat as grey, opaque. The lower is the colour of soot and dust under the sky,
-straight, as sRGB, with the opacity of fire and smoke as alpha.
+A view's sheet has two halves of the same tiles, one tile per frame, row after row. The
+upper half is heat as grey, opaque. The lower half is the colour of soot and dust under
+the sky, straight, as sRGB, with the opacity of fire and smoke as alpha.
 
 The visible radius of an explosion in a picture is
 
 $$R = 2\,\sigma_x, \qquad \sigma_x^2 = \frac{\sum_x n_x (x - \bar x)^2}{\sum_x n_x}$$
 
 with $n_x$ the number of pixels of column $x$ that belong to the cloud. It is the radius
-of a disc and of half a disc that stands on the ground: columns of both are as high as
-$\sqrt{R^2 - x^2}$, whose variance is $R^2/4$. A rim, or lobes, matter less than for the
+of a disc, and of half a disc on the ground: columns of both are as high as
+$\sqrt{R^2 - x^2}$, whose variance is $R^2/4$. A rim, or lobes, affect it less than the
 width of the outline.
 """
 
@@ -40,18 +40,19 @@ from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
 
 REFERENCE_TEMPERATURE = 2200.0
-"""At which heat is coded [K]: the fireball's at its start."""
+"""Temperature of heat 1 [K]: that of the fireball's law at its start."""
 AIR_TEMPERATURE = 288.15
-"""Of the air around [K]."""
+"""Temperature of heat 0, the surrounding air [K]."""
 WIEN = 11.12
-r"""$w$ at the reference temperature [-]."""
+r"""$w$ at the reference temperature [-]: $\lambda$ = 588 nm, amid visible light."""
 MIN_OPACITY = 1.0 / 255.0
-"""Opacity that 8 bits round to zero [-]."""
+"""Opacity up to which a pixel has no heat: one step of 8 bits."""
 SMOOTHED = 1.1
-"""Standard deviation of what shade is averaged over [px]: few rays were scattered."""
+"""Standard deviation of the average of shade [px]: its few rays leave noise. A larger
+one would blur the lobes."""
 MAGIC = b"\x76\x2f\x31\x01"
 TYPES = {1: "<f2", 2: "<f4"}
-"""Of a channel: half and single precision."""
+"""Types of an OpenEXR channel: half and single precision."""
 Channels = dict[str, Float[np.ndarray, "height width"]]
 OPAQUE = 0.5
 """Opacity from which a pixel belongs to the cloud [-]: dust that is swept over the
@@ -59,10 +60,10 @@ ground is mostly thinner."""
 
 
 class Layers(NamedTuple):
-    """A frame of an explosion, without what is behind it.
+    """A frame of an explosion without background.
 
     Attributes:
-        heat: 0 to 1.
+        heat: Heat, 0 to 1.
         shade: Linear colour under the sky, straight, 0 to 1.
         alpha: Opacity, 0 to 1.
     """
@@ -74,21 +75,21 @@ class Layers(NamedTuple):
 
 def heat_of_light(light: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
     """Return the heat of light relative to the reference's, clipped to 0 to 1."""
-    logs = np.log(np.maximum(light, 1e-30))
+    logs = np.log(np.maximum(light, 1e-30))  # any light this small is heat 0
     temperature = REFERENCE_TEMPERATURE / (1.0 - np.minimum(logs, 0.0) / WIEN)
     span = REFERENCE_TEMPERATURE - AIR_TEMPERATURE
     return np.clip((temperature - AIR_TEMPERATURE) / span, 0.0, 1.0)
 
 
 def light_of_heat(heat: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Return the light of heat relative to the reference's: the way back."""
+    """Return the light of heat relative to the reference's: the inverse of coding."""
     span = REFERENCE_TEMPERATURE - AIR_TEMPERATURE
     temperature = AIR_TEMPERATURE + heat * span
     return np.exp(WIEN * (1.0 - REFERENCE_TEMPERATURE / temperature))
 
 
 def sheet(frames: list[Layers], columns: int) -> UInt8[np.ndarray, "height width 4"]:
-    """Return the two halves of a view's sheet; tiles that are left over are empty.
+    """Return the two halves of a view's sheet; remaining tiles are empty.
 
     Args:
         frames: All of one size.
@@ -112,12 +113,12 @@ def sheet(frames: list[Layers], columns: int) -> UInt8[np.ndarray, "height width
 def frames_of_sheet(
     picture: UInt8[np.ndarray, "height width 4"], size: int, number: int
 ) -> list[Layers]:
-    """Return the frames of a sheet; the way back, but for rounding.
+    """Return the frames of a sheet; the inverse of `sheet`, except for rounding.
 
     Args:
         picture: Both halves.
         size: Side of a tile [px].
-        number: How many of the tiles are frames.
+        number: Number of frames.
     """
     columns, rows = sheet_layout(picture.shape[:2], size)
     found = []
@@ -136,7 +137,7 @@ def sheet_layout(shape: tuple[int, ...], size: int) -> tuple[int, int]:
 
 
 def columns_for(number: int) -> int:
-    """Return how many tiles a row has: both halves together are about square."""
+    """Return the tiles per row with which both halves together are about square."""
     return max(1, math.ceil(math.sqrt(2 * number)))
 
 
@@ -153,19 +154,21 @@ def _tiled(tiles: list[np.ndarray], columns: int, blank: np.ndarray) -> np.ndarr
 def layers_of(glow: Channels, shade: Channels) -> Layers:
     """Return a frame's layers.
 
-    Opacity and heat come from the gas that emits and absorbs, which has little noise.
-    The colour under the sky is the other one's light over its own opacity, both
-    averaged over the neighbours.
+    Opacity and heat come from the emitting gas, which has little noise. The colour
+    under the sky is the light of the scattering gas over its own opacity, both averaged
+    over neighbours.
 
     Args:
-        glow: Channels R, G, B, A of the gas that glows: premultiplied, linear.
-        shade: The same of the gas that scatters.
+        glow: Channels R, G, B, A of the emitting gas: premultiplied, linear.
+        shade: Likewise for the scattering gas.
     """
     alpha = np.clip(glow["A"], 0.0, 1.0)
+    # premultiplied light over alpha: the mean source of the ray
     there = np.maximum(alpha, MIN_OPACITY)
-    weights = np.asarray(LUMINANCE)  # of double precision, and so is the light
+    weights = np.asarray(LUMINANCE)  # float64, so that light is too
     light = sum(w * glow[c] for w, c in zip(weights, "RGB", strict=True)) / there
     heat = np.where(alpha > MIN_OPACITY, heat_of_light(np.asarray(light)), 0.0)
+    # guards the division in empty pixels, which are transparent anyway
     opacity = np.maximum(averaged(shade["A"]), 1e-3)
     colour = np.stack([averaged(shade[c]) / opacity for c in "RGB"], axis=-1)
     return Layers(heat, np.clip(colour, 0.0, 1.0), alpha)
@@ -194,10 +197,10 @@ def averaged(
 
 
 def read_exr(path: str | Path) -> Channels:
-    """Return the channels of a file by their names, as `shade.Combined.R`.
+    """Return the channels of an OpenEXR file by name, such as `shade.Combined.R`.
 
     Raises:
-        InputError: It is no such file, or not a whole one; the message names it.
+        InputError: It is no such file, or incomplete; the message names it.
     """
     data = read_bytes(path, "an OpenEXR picture")
     if not data.startswith(MAGIC):
@@ -206,12 +209,13 @@ def read_exr(path: str | Path) -> Channels:
         return _channels(data)
     except (struct.error, IndexError, KeyError, ValueError) as error:
         raise InputError(
-            f"{path}: expected a whole OpenEXR picture of scan lines, uncompressed, "
+            f"{path}: expected a complete OpenEXR picture of scan lines, uncompressed, "
             f"but it cannot be read ({error})"
         ) from None
 
 
 def _channels(data: bytes) -> Channels:
+    # uncompressed scan lines have a fixed layout, which one NumPy type describes
     attributes, place = _attributes(data)
     if attributes["compression"] != b"\0":
         raise ValueError("it is compressed")
@@ -224,6 +228,7 @@ def _channels(data: bytes) -> Channels:
         [("y", "<i4"), ("bytes", "<i4")] + [(n, t, (width,)) for n, t in names]
     )
     offsets = np.frombuffer(data, "<u8", height, place)
+    # NaN marks lines that an incomplete file does not have
     found = {name: np.full((height, width), np.nan, np.float32) for name, _ in names}
     for offset in offsets.tolist():
         (row,) = np.frombuffer(data, line, 1, offset)
@@ -233,7 +238,7 @@ def _channels(data: bytes) -> Channels:
 
 
 def _attributes(data: bytes) -> tuple[dict[str, bytes], int]:
-    """Return the header's attributes, and where what follows it begins."""
+    """Return the header's attributes, and the position after the header."""
     found, place = {}, len(MAGIC) + 4
     while data[place]:
         name, place = _word(data, place)
@@ -251,7 +256,7 @@ def _channel_types(listed: bytes) -> list[tuple[str, str]]:
         name, place = _word(listed, place)
         (kind,) = struct.unpack_from("<i", listed, place)
         found.append((name, TYPES[kind]))
-        place += 16  # kind, how it was coded, steps across and down
+        place += 16  # type, linearity, sampling across and down
     return found
 
 
@@ -263,11 +268,12 @@ def _word(data: bytes, place: int) -> tuple[str, int]:
 def visible_radius(alpha: Float[np.ndarray, "height width"]) -> float:
     """Return the radius of a silhouette [px]; 0 if nothing is opaque.
 
-    Pixels are as wide as they are: to the variance of their middles 1/12 is added.
+    The variance of pixel centres is increased by that within a pixel, 1/12.
 
     Args:
         alpha: Opacity of fire and smoke, 0 to 1.
     """
+    # column sums: their spread is insensitive to a rim (module docstring)
     columns = (alpha > OPAQUE).sum(axis=0).astype(float)
     total = columns.sum()
     if total == 0:

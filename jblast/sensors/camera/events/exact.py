@@ -1,12 +1,13 @@
-"""Events without frames: of light that is a function of time.
+"""Events without frames, of light that is a function of time.
 
-Each pixel's logarithm of light is cut into monotone pieces. The thresholds that a piece
-crosses are counted as between two frames, and each crossing is solved for on the
-function itself. So its time does not depend on the spacing of the first samples.
+Each pixel's logarithm of light is cut into monotone segments. The thresholds that a
+segment crosses are counted as between two frames, and each crossing is solved for on
+the function itself. Its time therefore does not depend on the spacing of the first
+samples.
 
-A piece between two times is compared in its middle with the cubic that has the piece's
-values and slopes at both ends (Hermite). Where they differ the piece is halved, until
-they agree or it is shorter than the tolerance, as at a jump. A piece whose slopes have
+A segment between two times is compared in its middle with the cubic that has its values
+and slopes at both ends (Hermite). Where they differ the segment is halved, until they
+agree or it is shorter than the tolerance, as at a jump. A segment whose slopes have
 opposite signs is cut at its extremum. One whose cubic may still turn twice (a slope of
 more than three times the mean) is halved too.
 
@@ -38,20 +39,24 @@ from jblast.sensors.camera.events.ideal import (
 )
 from jblast.sensors.camera.events.stream import Found, gathered
 
-AT_ONCE = 1 << 18
-"""First samples of the pixels that are in memory at a time."""
+SAMPLES_IN_MEMORY = 1 << 18
+"""First samples of the pixels in memory together: 2 MB per float64 field."""
 LogLight = Callable[
     [Float[Array, " at"], Float[Array, " at"], Float[Array, " at"]],
     Float[Array, " at"],
 ]
-"""Logarithm of the light at times [s], columns and rows: one place for each time."""
+"""Logarithm of the light at times [s], columns and rows: one point for each time."""
 SIZES = (1 << 16, 1 << 12, 1 << 8)
-"""So many places are looked at in one call."""
-AGREES = 0.01
-"""A piece may differ from its cubic by this share of what is small."""
+"""Numbers of points that are evaluated in one call: each compiles a program, and a call
+is padded to the last. Few sizes compile less, more sizes pad less."""
+ACCEPTED_MISFIT = 0.01
+"""Accepted difference of a segment from its cubic, as a share of the smaller threshold:
+an excursion below it causes no event unless the level is that close."""
 FLAT = 1e-3
-"""A change by less than this share of what is small is none."""
+"""Change of a segment, as a share of the smaller threshold, below which its monotony
+does not matter."""
 EPS = float(np.finfo(float).eps)
+"""Rounding of float64: extrema are not refined below it."""
 
 
 def frameless_events(
@@ -63,21 +68,21 @@ def frameless_events(
     tolerance: float = 1e-9,
     pixels: Int[np.ndarray, " _"] | None = None,
 ) -> Events:
-    """Return what an ideal event camera sends of light known at every time.
+    """Return the events of an ideal camera for light known at every time.
 
     It runs on the host and in float64. A pytree as `log_light`, such as
     `jax.tree_util.Partial`, is compiled once for all its numbers.
 
     Args:
-        log_light: The scene; differentiable in time but at single instants.
+        log_light: The scene; differentiable in time except at single instants.
         shape: Height and width [px].
-        times: The first and the last bound the search; those between are the first
-            samples of light [s]. An excursion shorter than half of that may be missed,
-            as may one of under 1 % of a threshold.
+        times: First samples of light [s]; the first and the last bound the search. An
+            excursion shorter than half of their spacing may be missed, as may one of
+            under 1 % of a threshold.
         thresholds: Positive and negative, as positive numbers; one for all pixels or
             an array (height, width).
-        tolerance: Of the times of events [s].
-        pixels: Those whose light changes, row times width plus column; all by default.
+        tolerance: Tolerance of the times of events [s].
+        pixels: Pixels whose light changes, row times width plus column; default: all.
 
     Raises:
         InputError: Times do not rise or are not finite, light is not finite, or a
@@ -85,30 +90,39 @@ def frameless_events(
     """
     check_thresholds(thresholds)
     times = np.asarray(times, float)
-    rise = len(times) > 1 and bool((np.diff(times) > 0.0).all())
-    if not (rise and np.isfinite(times).all()):
-        raise InputError("times: expected two or more that rise")
+    if len(times) < 2:
+        raise InputError(f"times: expected two or more, got {len(times)}")
+    rises = np.isfinite(times) & (np.diff(times, prepend=-np.inf) > 0.0)
+    if not rises.all():
+        n = int(np.argmin(rises))
+        raise InputError(
+            f"times: expected finite rising times, got {times[n]:g} s at index {n}"
+        )
     if pixels is None:
         pixels = np.arange(shape[0] * shape[1])
     both = [
         np.broadcast_to(np.asarray(threshold, float), shape).ravel()
         for threshold in thresholds
     ]
+    # no finer than the spacing of float64 at the largest time
     tolerance = max(tolerance, float(np.spacing(np.abs(times).max())))
-    each = max(1, AT_ONCE // len(times))
+    each = max(1, SAMPLES_IN_MEMORY // len(times))
     found, done = [Found(pixels[:0], np.empty(0), pixels[:0])], 0
     through = counted(len(pixels), "pixels")
+    # event times to 1e-9 s on clocks of seconds need float64
     with jax.enable_x64(True):
         for at in np.array_split(pixels, max(1, -(-len(pixels) // each))):
             if len(at):
                 here = [b[at] for b in both]
-                found.append(_found(log_light, shape[1], at, times, here, tolerance))
+                found.append(
+                    _pixel_events(log_light, shape[1], at, times, here, tolerance)
+                )
                 done += len(at)
                 through(done)
     return gathered(found, shape[1])
 
 
-def _found(log_light, width: int, at, times, both, tolerance: float) -> Found:
+def _pixel_events(log_light, width: int, at, times, both, tolerance: float) -> Found:
     """Return the events of some pixels."""
     row, column = np.divmod(at, width)
 
@@ -123,10 +137,13 @@ def _found(log_light, width: int, at, times, both, tolerance: float) -> Found:
             )
         return Knots(pixel, time, value, slope)
 
-    knots = _moving(monotone_knots(curve, times, np.minimum(*both), tolerance), both)
+    knots = _changing_pixels(
+        monotone_knots(curve, times, np.minimum(*both), tolerance), both
+    )
     crossed, level = _walk(knots, both)
     piece = np.flatnonzero(crossed)
     number, sign = np.abs(crossed[piece]), np.sign(crossed[piece])
+    # running number of each event within its segment, from 1
     nth = np.arange(1, number.sum() + 1) - np.repeat(np.cumsum(number) - number, number)
     piece, sign = np.repeat(piece, number), np.repeat(sign, number)
     pixel = knots.pixel[piece]
@@ -143,10 +160,10 @@ class Knots(NamedTuple):
     """Points on the curves of several pixels.
 
     Attributes:
-        pixel: Whose.
-        time: Seconds.
-        value: Of the curve.
-        slope: Its derivative in time [1/s].
+        pixel: Index of the pixel.
+        time: Time [s].
+        value: Value of the curve.
+        slope: Derivative of the curve in time [1/s].
     """
 
     pixel: Int[np.ndarray, " knot"]
@@ -155,26 +172,28 @@ class Knots(NamedTuple):
     slope: Float[np.ndarray, " knot"]
 
     def at(self, which: Bool[np.ndarray, " knot"] | Int[np.ndarray, " _"]) -> "Knots":
-        """Return some of them."""
+        """Return selected knots."""
         return Knots(*(field[which] for field in self))
 
 
-def _moving(knots: Knots, both) -> Knots:
+def _changing_pixels(knots: Knots, both) -> Knots:
     """Return the knots of pixels whose light changes by a threshold."""
     begin = np.flatnonzero(np.diff(knots.pixel, prepend=-1))
     least = np.minimum.reduceat(knots.value, begin)
     most = np.maximum.reduceat(knots.value, begin)
+    # same margin as in `crossings`, so that no pixel with an event is dropped
     limit = np.minimum(*both) - rounding(np.maximum(np.abs(least), np.abs(most)), np)
     return knots.at((most - least >= limit)[knots.pixel])
 
 
 def _walk(knots: Knots, both) -> tuple[Int[np.ndarray, " _"], Float[np.ndarray, " _"]]:
-    """Return the thresholds crossed from the knot before to each, and the level then.
+    """Return the thresholds crossed since the knot before, and the level at its start.
 
-    One knot of every pixel at a time.
+    The loop goes over the knots of a pixel, all pixels together.
     """
     begin = np.flatnonzero(np.diff(knots.pixel, prepend=-1))
     length = np.diff(begin, append=knots.pixel.size)
+    # longest pixels first: at knot k all pixels with more knots are a leading slice
     begin, length = (v[np.argsort(-length, kind="stable")] for v in (begin, length))
     positive, negative = (threshold[knots.pixel[begin]] for threshold in both)
     first = knots.value[begin]
@@ -182,7 +201,7 @@ def _walk(knots: Knots, both) -> tuple[Int[np.ndarray, " _"], Float[np.ndarray, 
     crossed = np.zeros(knots.pixel.size, np.int32)
     levels = np.zeros(knots.pixel.size)
     for k in range(1, int(length.max(initial=0))):
-        size = int(np.searchsorted(-length, -k))  # so many are longer than k
+        size = int(np.searchsorted(-length, -k))  # number of pixels with more knots
         part = slice(size)
         there = begin[part] + k
         up, down = ups[part], downs[part]
@@ -204,12 +223,13 @@ sample = eqx.filter_jit(value_and_slope)
 
 
 def in_lanes(run, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Run on arrays of three sizes only, so that few programs are compiled."""
+    """Run on arrays of three sizes only, so that three programs are compiled."""
     size = fields[0].size
     if not size:
         return np.empty(0), np.empty(0)
     parts, begin = [], 0
     while begin < size:
+        # largest size that is filled; the rest is padded to the smallest
         lanes = next((n for n in SIZES if n <= size - begin), SIZES[-1])
         part = [np.asarray(field[begin : begin + lanes], float) for field in fields]
         kept = len(part[0])
@@ -222,30 +242,32 @@ def in_lanes(run, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
 
 @eqx.filter_jit
 def solve_crossings(log_light, low, high, level, sign, x, y, tolerance):
-    """Solve for the crossings of monotone pieces: Newton's steps, held by bisection."""
+    """Solve for crossings of monotone segments: Newton with bisection as safeguard."""
 
-    def going(state):
+    def unfinished(state):
         return state[-1].any()
 
     def step(state):
-        *old, going = state
+        *old, unfinished = state
         low, high, time, last, before = old
         value, slope = value_and_slope(log_light, time, x, y)
+        # before the crossing: the lower bound moves up
         short = sign * (value - level) < 0.0
         low, high = jnp.where(short, time, low), jnp.where(short, high, time)
         move = (level - value) / jnp.where(slope == 0.0, jnp.inf, slope)
         new = time + move
-        # as long as steps halve every second time they converge faster than bisection
+        # Steps that halve every second time converge faster than bisection; otherwise
+        # the interval is bisected, so that the loop always ends (Brent's safeguard).
         good = (new > low) & (new < high) & (jnp.abs(move) < 0.5 * before)
         new = jnp.where(good & (slope != 0.0), new, 0.5 * (low + high))
         length = jnp.abs(new - time)
         state = (low, high, new, length, last)
-        kept = (jnp.where(going, a, b) for a, b in zip(state, old, strict=True))
-        return *kept, going & (length > tolerance)
+        kept = (jnp.where(unfinished, a, b) for a, b in zip(state, old, strict=True))
+        return *kept, unfinished & (length > tolerance)
 
     size = high - low
     state = (low, high, 0.5 * (low + high), size, size, size > tolerance)
-    return jax.lax.while_loop(going, step, state)[2:3]
+    return jax.lax.while_loop(unfinished, step, state)[2:3]
 
 
 Curve = Callable[[Int[np.ndarray, " knot"], Float[np.ndarray, " knot"]], Knots]
@@ -260,14 +282,14 @@ def monotone_knots(
 ) -> Knots:
     """Return knots between which each pixel's curve is monotone.
 
-    What is missed: an excursion that neither the ends nor the middle of a piece feel.
-    The pieces looked at first last from one of the times to the next.
+    An excursion that changes neither the ends nor the middle of a segment is missed.
+    The first segments are those between the given times.
 
     Args:
         curve: Values and slopes of pixels 0 to n - 1.
         times: First knots of every pixel [s], rising.
-        small: The change of each pixel that matters: its smaller threshold.
-        tolerance: Shortest piece that is cut [s].
+        small: Smaller threshold of each pixel: the change that matters.
+        tolerance: Shortest segment that is cut [s].
 
     Returns:
         Knots by pixel, and then by time.
@@ -281,7 +303,7 @@ def monotone_knots(
     while left.pixel.size:
         middle = curve(left.pixel, 0.5 * (left.time + right.time))
         limit = small[left.pixel]
-        smooth = _misfit(left, middle, right) <= AGREES * limit
+        smooth = _misfit(left, middle, right) <= ACCEPTED_MISFIT * limit
         short = right.time - left.time <= 2.0 * tolerance
         again, kept = [], short
         for a, b in ((left, middle), (middle, right)):
@@ -301,8 +323,9 @@ def _joined(parts) -> Knots:
 
 
 def _misfit(a: Knots, middle: Knots, b: Knots) -> Float[np.ndarray, " knot"]:
-    """Return how far the middle is off the cubic of the ends, its slope included."""
+    """Return the deviation of the middle from the cubic of the ends, slope included."""
     length, rise = b.time - a.time, b.value - a.value
+    # Hermite cubic and its slope at the middle
     value = 0.5 * (a.value + b.value) + length / 8.0 * (a.slope - b.slope)
     slope = 1.5 * rise / length - 0.25 * (a.slope + b.slope)
     off = np.abs(middle.value - value)
@@ -310,23 +333,25 @@ def _misfit(a: Knots, middle: Knots, b: Knots) -> Float[np.ndarray, " knot"]:
 
 
 def _is_monotone(a: Knots, b: Knots, small) -> Bool[np.ndarray, " knot"]:
-    """Return whether the cubic of the ends is monotone, or does not matter."""
+    """Return True if the cubic of the ends is monotone, or does not matter."""
     length, rise = b.time - a.time, b.value - a.value
     steep = np.maximum(np.abs(a.slope), np.abs(b.slope)) * length
+    # sufficient condition of Fritsch and Carlson: no slope above three times the mean
     along = (a.slope * rise >= 0.0) & (b.slope * rise >= 0.0)
     return (along & (steep <= 3.0 * np.abs(rise))) | (steep <= FLAT * small)
 
 
 def _extrema(curve: Curve, a: Knots, b: Knots, tolerance: float) -> Knots:
-    """Return where slopes change their sign, by bisection of each piece."""
+    """Return the knots at which slopes change sign, by bisection of each segment."""
     while True:
         length = b.time - a.time
-        # beside an extremum the curve is off by the slope times the distance
+        # near an extremum the curve is off by at most the slope times the distance
         rest = np.minimum(np.abs(a.slope), np.abs(b.slope)) * length
-        going = (length > tolerance) & (rest > EPS * (1.0 + np.abs(a.value)))
-        if not going.any():
+        unfinished = (length > tolerance) & (rest > EPS * (1.0 + np.abs(a.value)))
+        if not unfinished.any():
             return a
         middle = curve(a.pixel, 0.5 * (a.time + b.time))
+        # same sign as at the start: the extremum is in the second half
         before = middle.slope * a.slope > 0.0
         a, b = (
             Knots(*(np.where(to, m, f) for m, f in zip(middle, knots, strict=True)))
@@ -343,16 +368,16 @@ def implicit_times(
     r"""Return the times of solved events as functions of the scene, for gradients.
 
     One step of Newton on $L(t) = L(t_0) + u C_+ - d C_-$, with u and d the events of
-    the pixel so far: it stays where it is, and its derivative is that of the crossing.
-    A crossing at which light stands still has none: infinite or NaN.
+    the pixel so far: the value is unchanged, and its derivative is that of the
+    crossing. A crossing with zero slope of the light has none: infinite or NaN.
 
     Args:
         log_light: The scene, at the values for which the events were found.
-        events: All of `frameless_events`, in their order.
+        events: All events of `frameless_events`, in their order.
         start: The first of its times [s].
         thresholds: One each for all pixels.
     """
-    up, down = (jnp.asarray(v) for v in _sent(events))
+    up, down = (jnp.asarray(v) for v in _sent_counts(events))
     x, y, time = (jnp.asarray(v, float) for v in (events.x, events.y, events.time))
     positive, negative = thresholds
     begin = log_light(jnp.full_like(time, start), x, y)
@@ -361,9 +386,10 @@ def implicit_times(
     return time - (value - level) / jax.lax.stop_gradient(slope)
 
 
-def _sent(events: Events) -> tuple[np.ndarray, np.ndarray]:
-    """Count the events that each pixel has sent of each sign, up to each event."""
+def _sent_counts(events: Events) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of a pixel's events of each sign so far, at each event."""
     y, x = np.asarray(events.y), np.asarray(events.x)
+    # by pixel, then in order of time, which `events` already has
     order = np.lexsort((np.arange(y.size), x, y))
     sign = np.asarray(events.polarity)[order]
     new = np.append(True, (np.diff(x[order]) != 0) | (np.diff(y[order]) != 0))[: y.size]

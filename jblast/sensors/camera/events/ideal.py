@@ -8,28 +8,28 @@ Files of $b$ bits have the floor of half a step, $0.5 / (2^b - 1)$: a value of 0
 most that. Floats have no step; their floor is the dark level of a pixel, `DARKEST`.
 
 The pixel compares $L$ with a reference. Each time $L$ is a threshold above or below, it
-sends an event and moves its reference by that threshold. Between two frames $L$ is
+sends an event and shifts its reference by that threshold. Between two frames $L$ is
 linear in time, so all its events there have one sign. First all events are counted,
-then as many as there is room for are written, each at the time at which $L$ crosses the
-threshold. That time is second order in the frame interval, and differentiable. All of
-it works under jit, vmap and grad.
+then as many as the capacity permits are written, each at the time at which $L$ crosses
+the threshold. That time is of second order in the frame interval, and differentiable.
+All of it works under jit, vmap and grad.
 
 A pixel may instead be held in reset after each event for the refractory period $\tau$.
-At its end the reference is the $L$ of that moment. So a change of $L$ within the period
-is lost, not postponed; where $L$ rises at a rate $s$ the pixel sends an event every
-$C/s + \tau$.
+At its end the reference is the $L$ of that moment. A change of $L$ within the period is
+therefore lost, not postponed. Where $L$ rises at a rate $s$ the pixel sends an event
+every $C/s + \tau$.
 
 For gradients of counts, `smooth_counts` replaces the $\lfloor u \rfloor$ events of a
 change of $u$ thresholds by a staircase of logistic steps,
-$\sum_k 1 / (1 + \exp((k - u) / T))$, and moves the reference by the smooth count. As
-the temperature $T$ goes to 0 the counts become those of `ideal_events`. At $T$ a still
-pixel sends about $e^{-1/T}$ events a frame: 5e-5 at 0.1.
+$\sum_k 1 / (1 + \exp((k - u) / T))$, and shifts the reference by the smooth count. As
+the temperature $T$ goes to 0 the counts become those of `ideal_events`. At $T$ a pixel
+in constant light sends about $e^{-1/T}$ events per frame: 5e-5 at 0.1.
 
-For comparison, `frame_differences` makes events as Parab's thesis does: one event where
+For comparison, `frame_differences` makes events as Parab's thesis does: one event if
 the grey value of a pixel changes by more than a threshold from one frame to the next,
 at the time of the second, whatever the change. Its polarity is inverted, 0 for brighter
 and 1 for darker, and becomes -1 and +1 here. This is not a model of an event camera,
-which responds to the logarithm of light, each pixel in its own time, several times a
+which responds to the logarithm of light, each pixel at its own times, several times per
 frame.
 
 References:
@@ -64,29 +64,29 @@ Thresholds = tuple[Float[Array, "..."], Float[Array, "..."]]
 DARKEST = 1e-6
 """Dark level of floats, as a fraction of full scale: 120 dB below it, the range of the
 sensor of Lichtsteiner et al. (0.1 lux in a scene of 100,000 lux). Changes of darker
-light give no events; a lower level gives events of light that its dark current hides.
+light cause no events; a lower level gives events of light that its dark current hides.
 """
 WEIGHTS = (0.299, 0.587, 0.114)
-"""Of red, green and blue in the grey of 8 bits (ITU-R BT.601)."""
+"""Weights of red, green and blue in the grey of 8 bits (ITU-R BT.601)."""
 STEP = 15
-"""Change of the grey value past which there is an event, of 255."""
+"""Change of the grey value, of 255, above which there is an event: the default of the
+detector of gazebo_blast3d."""
 Grey = UInt8[np.ndarray, "height width"]
 
 
 class Events(eqx.Module):
-    """Events in order of time, those of one time in order of pixel (row by row).
+    """Events ordered by time, those of one time by pixel (row by row).
 
-    Empty places stand at the end: x and y -1, time infinite, polarity 0. Light that is
-    no number crosses no threshold: inside jit, where it cannot be refused, all times
-    are NaN.
+    Empty entries follow at the end: x and y -1, time infinite, polarity 0. NaN light
+    crosses no threshold: inside jit, where it cannot be rejected, all times are NaN.
 
     Attributes:
         x: Column.
         y: Row, downwards.
         time: Seconds on the clock of the frames.
         polarity: +1 brighter, -1 darker.
-        count: How many there are.
-        lost: How many more there were than room.
+        count: Number of events.
+        lost: Number of events beyond the capacity.
     """
 
     x: Int[Array | np.ndarray, " event"]
@@ -104,15 +104,15 @@ def ideal_events(
     *,
     capacity: int,
 ) -> Events:
-    """Return what an ideal event camera sends: no event at the first frame.
+    """Return the events of an ideal event camera: none at the first frame.
 
     Args:
         log_frames: Logarithm of the light (`log_intensity`).
-        times: Of the frames [s], rising.
+        times: Times of the frames [s], rising.
         thresholds: Positive and negative, as positive numbers; one for all pixels or
             an array (height, width).
-        capacity: Room for so many events. If there are more, those of the earliest
-            intervals are kept and `lost` counts the others.
+        capacity: Largest number of events. If there are more, those of the earliest
+            intervals are returned and `lost` counts the others.
 
     Raises:
         InputError: Outside jit: a threshold is not positive, times do not rise, or
@@ -124,15 +124,15 @@ def ideal_events(
 
 
 class Reference(eqx.Module):
-    """The reference level of every pixel.
+    """Reference level of every pixel.
 
-    It is kept as whole numbers of thresholds from where it began, so that a long
-    stream gathers no rounding errors.
+    It is stored as whole numbers of thresholds from its initial value, so that a long
+    stream accumulates no rounding errors.
 
     Attributes:
         first: Logarithm of the light at the first frame.
-        up: Events sent so far by which the reference rose.
-        down: Likewise fell.
+        up: Number of events by which the reference rose.
+        down: Number of events by which it fell.
     """
 
     first: Float[Array, "..."]
@@ -140,11 +140,11 @@ class Reference(eqx.Module):
     down: Int[Array, "..."]
 
     def level(self, thresholds: Thresholds) -> Float[Array, "..."]:
-        """Return the level itself."""
+        """Return the reference level."""
         positive, negative = thresholds
         number = self.first.dtype
         net, down = (self.up - self.down).astype(number), self.down.astype(number)
-        # not up * positive - down * negative: both grow for ever, and cancel
+        # not up * positive - down * negative: both grow without bound, and cancel
         return self.first + net * positive + down * (positive - negative)
 
 
@@ -161,7 +161,7 @@ def continued_events(
     Parts give the events of the whole if each begins with the last frame of the one
     before. Arguments and errors as those of `ideal_events`.
     """
-    log_frames, times, both = _fitting(log_frames, times, thresholds)
+    log_frames, times, both = _checked(log_frames, times, thresholds)
     counts, levels, after = count_events(log_frames, both, reference)
     pixels = log_frames[0].size
     flat = log_frames.reshape(-1, pixels)
@@ -173,10 +173,11 @@ def continued_events(
         before, after = flat[interval, pixel], flat[interval + 1, pixel]
         change = jnp.where(sign != 0, after - before, 1.0)
         target = levels.ravel()[cell] + nth.astype(step.dtype) * step
+        # the margin of `rounding` may place a crossing just outside its interval
         part = jnp.clip((target - before) / change, 0.0, 1.0).astype(times.dtype)
         return times[interval] + part * (times[interval + 1] - times[interval])
 
-    return _marked(_write_out(counts, when, capacity), log_frames), after
+    return _nan_if_undefined(_write_out(counts, when, capacity), log_frames), after
 
 
 def reset_events(
@@ -188,19 +189,19 @@ def reset_events(
     *,
     capacity: int,
 ) -> Events:
-    """Return the events of pixels that are held in reset after each of them.
+    """Return the events of pixels that are held in reset after each event.
 
     Arguments and errors as those of `ideal_events`; further:
 
     Args:
         log_frames: Logarithm of the light.
-        times: Of the frames [s], rising.
+        times: Times of the frames [s], rising.
         thresholds: Positive and negative.
-        refractory_s: How long a pixel is held [s].
+        refractory_s: Time for which a pixel is held [s].
         first: Reference of the pixels at the first frame.
-        capacity: Room for so many events.
+        capacity: Largest number of events.
     """
-    log_frames, times, both = _fitting(log_frames, times, thresholds)
+    log_frames, times, both = _checked(log_frames, times, thresholds)
     dtype = jnp.promote_types(log_frames.dtype, times.dtype)  # a signal at any time
     log_frames, times, both, first = jax.tree.map(
         lambda v: v.astype(dtype), (log_frames, times, both, first)
@@ -215,30 +216,36 @@ def reset_events(
         later = (nth - 1).astype(dtype) * runs.pace.ravel()[cell]
         return runs.first.ravel()[cell] + later
 
-    return _marked(_write_out(runs.count, when, capacity), log_frames)
+    return _nan_if_undefined(_write_out(runs.count, when, capacity), log_frames)
 
 
-def _marked(events: Events, light: Float[Array, "frame height width"]) -> Events:
-    """Return events without times where light was no number."""
+def _nan_if_undefined(
+    events: Events, light: Float[Array, "frame height width"]
+) -> Events:
+    """Return events with times of NaN if any light is NaN."""
     unknown = jnp.isnan(light).any()
     return replace(events, time=jnp.where(unknown, jnp.nan, events.time))
 
 
-def _fitting(
+def _checked(
     log_frames: Float[Array, "frame height width"],
     times: Float[Array, " frame"],
     thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
 ) -> tuple[
     Float[Array, "two_or_more height width"], Float[Array, " two_or_more"], Thresholds
 ]:
-    """Return frames with an interval between them, and thresholds of each pixel."""
+    """Return two or more frames with their times, and thresholds of each pixel."""
     check_thresholds(thresholds)
     check_light(log_frames)
-    clock_rises = isinstance(times, Tracer) or (np.diff(np.asarray(times)) > 0).all()
-    if not clock_rises:
-        raise InputError("times: expected times that rise from frame to frame")
+    if not isinstance(times, Tracer):
+        falls = np.flatnonzero(~(np.diff(np.asarray(times)) > 0))
+        if falls.size:
+            raise InputError(
+                "times: expected times that rise from frame to frame, got "
+                f"{float(times[falls[0] + 1]):g} s after {float(times[falls[0]]):g} s"
+            )
     dtype, shape = log_frames.dtype, log_frames.shape[1:]
-    if len(log_frames) == 1:  # no interval: one in which nothing happens
+    if len(log_frames) == 1:  # an interval without change, so that shapes are not empty
         log_frames = jnp.repeat(log_frames, 2, axis=0)
         times = jnp.stack([times[0], times[0] + 1.0])
     positive, negative = (
@@ -253,13 +260,13 @@ def _write_out(
     when: Callable[[Array, Array, Array], Float[Array, " event"]],
     capacity: int,
 ) -> Events:
-    """Give each event counted its place, time and sign.
+    """Return counted events with pixel, time and sign.
 
     Args:
-        counts: Of each interval and pixel: +k brighter, -k darker.
-        when: The time of an event: of which interval and pixel, the how-manieth, and
-            of which sign.
-        capacity: Room for so many.
+        counts: Signed number in each interval and pixel: +k brighter, -k darker.
+        when: Time of an event by its interval and pixel, its number among those, and
+            its sign.
+        capacity: Largest number of events.
     """
     width, pixels = counts.shape[2], counts.shape[1] * counts.shape[2]
     number = jnp.abs(counts).ravel()
@@ -267,6 +274,7 @@ def _write_out(
     total = ends[-1]
     slot = jnp.arange(capacity, dtype=ends.dtype)
     valid = slot < total
+    # inverse of the cumulated counts: each slot finds its interval and pixel
     cell = jnp.searchsorted(ends, slot, side="right")
     cell = jnp.minimum(cell, number.size - 1)
     nth = slot - (ends[cell] - number[cell]) + 1
@@ -282,7 +290,7 @@ def _write_out(
 def check_thresholds(
     thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
 ) -> None:
-    """Refuse thresholds that no pixel can have; inside jit they are not looked at.
+    """Reject thresholds that are not positive; inside jit they are not checked.
 
     Raises:
         InputError: One is not a positive, finite number.
@@ -299,9 +307,9 @@ def check_thresholds(
 
 
 def check_light(light: ArrayLike, frame: int = 0) -> None:
-    """Refuse light that is no number: no threshold is ever crossed by it.
+    """Reject light that is not finite: it never crosses a threshold.
 
-    Inside jit it is not looked at.
+    Inside jit it is not checked.
 
     Args:
         light: Frames of light or of its logarithm, (frame, height, width, ...).
@@ -323,16 +331,17 @@ def check_light(light: ArrayLike, frame: int = 0) -> None:
 
 
 def first_reference(log_light: Float[Array, "..."]) -> Reference:
-    """Return the reference of pixels that see their first frame."""
+    """Return the reference of pixels at their first frame."""
     none = jnp.zeros(log_light.shape, jnp.int32)
     return Reference(log_light, none, none)
 
 
 def rounding(log_light, module=jnp):
-    """Return how far short of a threshold still counts as having reached it.
+    """Return the margin within which a threshold counts as reached.
 
     A rise of exactly k thresholds gives k events, whatever the rounding.
     """
+    # 16 rounding errors: those of a level, a difference and a logarithm add up to less
     eps = float(np.finfo(log_light.dtype).eps)
     return 16.0 * eps * (1.0 + module.abs(log_light))
 
@@ -341,8 +350,8 @@ def crossings(log_light, level, thresholds, module=jnp):
     """Return the thresholds crossed since the last frame: +k up, -k down.
 
     Args:
-        log_light: The logarithm of the light now.
-        level: The reference level.
+        log_light: Current logarithm of the light.
+        level: Reference level.
         thresholds: Positive and negative.
         module: `jax.numpy`, or `numpy` for arrays of the host.
     """
@@ -364,7 +373,7 @@ def count_events(
     Args:
         log_frames: Logarithm of the light.
         thresholds: Positive and negative.
-        reference: As it is at the first of these frames.
+        reference: Reference at the first of these frames.
 
     Returns:
         Events of each interval (+k brighter, -k darker), the reference level at its
@@ -389,8 +398,8 @@ class Held(eqx.Module):
     """State of pixels that are held in reset after an event.
 
     Attributes:
-        level: The reference; without meaning while the pixel is held.
-        until: When it is let go [s]; -inf if it is not held.
+        level: Reference; undefined while the pixel is held.
+        until: End of the reset [s]; -inf if the pixel is not held.
     """
 
     level: Float[Array, "..."]
@@ -398,12 +407,12 @@ class Held(eqx.Module):
 
 
 class Runs(eqx.Module):
-    """Events of each interval between frames, and after it: they are evenly spaced.
+    """Events of each interval and of the resets it starts; they are evenly spaced.
 
     Attributes:
         count: +k brighter, -k darker.
-        first: When the first of them is sent [s].
-        pace: From one to the next [s].
+        first: Time of the first event [s].
+        pace: Time from one event to the next [s].
     """
 
     count: Int[Array, "interval ..."]
@@ -422,10 +431,10 @@ def reset_runs(
 
     Args:
         log_frames: Logarithm of the light, linear between two frames.
-        times: Of the frames [s], rising.
+        times: Times of the frames [s], rising.
         thresholds: Positive and negative.
-        refractory_s: How long a pixel is held [s].
-        held: As it is at the first of these frames.
+        refractory_s: Time for which a pixel is held [s].
+        held: State at the first of these frames.
     """
 
     def step(held: Held, frame):
@@ -440,6 +449,7 @@ def reset_runs(
 def _interval(held: Held, before, after, start, stop, thresholds, refractory_s):
     """Return the state of pixels after an interval, and their events in it."""
     positive, negative = thresholds
+    # still held at the start of the interval, and throughout it
     waits, gone = held.until > start, held.until > stop
     slope = (after - before) / (stop - start)
     begin = jnp.where(waits & ~gone, held.until, start)
@@ -453,25 +463,27 @@ def _interval(held: Held, before, after, start, stop, thresholds, refractory_s):
     steep = jnp.where(sends, slope, 1.0)
     first = start + (level + sign * size - before) / steep
     first = jnp.clip(first, begin, stop)
+    # after each reset the light needs this time to change by a threshold again
     pace = refractory_s + size / jnp.abs(steep)
+    # an event exactly at the end of the interval belongs to it
     late = rounding(jnp.maximum(jnp.abs(start), jnp.abs(stop)))
     more = jnp.floor((stop - first + late) / pace)
     count = sign * (1 + jnp.maximum(more, 0.0).astype(sign.dtype))
     end = first + jnp.maximum(more, 0.0) * pace + refractory_s
     until = jnp.where(sends, end, jnp.where(gone, held.until, -jnp.inf))
-    free = until <= stop  # let go within the interval: the reference is known already
+    free = until <= stop  # released within the interval: the reference is known already
     level = jnp.where(sends & free, before + slope * (end - start), level)
     held = Held(level, jnp.where(free, -jnp.inf, until))
     return held, Runs(count, first, pace)
 
 
 def darkest_of(bits: int | None) -> float:
-    """Return the floor of files with a bit depth, full scale 1; None is floats."""
+    """Return the floor of files with a bit depth, full scale 1; None for floats."""
     return DARKEST if bits is None else 0.5 / ((1 << bits) - 1)
 
 
 EIGHT_BITS = darkest_of(8)
-"""The floor of grey values and colours of 8 bits."""
+"""Floor of grey values and colours of 8 bits."""
 
 
 def log_intensity(
@@ -492,7 +504,7 @@ def grey_table(
     """Return the logarithm of each of the 256 grey values of an 8-bit image.
 
     Args:
-        srgb: Whether the values are sRGB (IEC 61966-2-1) and not linear light.
+        srgb: True if the values are sRGB (IEC 61966-2-1), false for linear light.
         darkest: The floor, as a fraction of full scale.
     """
     return np.log(np.maximum(_grey_light(srgb), darkest))
@@ -504,7 +516,7 @@ def count_below(frames: np.ndarray, darkest: float, *, srgb: bool = False) -> in
     Args:
         frames: Grey values of 8 bits, or linear light, full scale 1.
         darkest: The floor, as a fraction of full scale.
-        srgb: Whether values of 8 bits are sRGB.
+        srgb: True if values of 8 bits are sRGB.
     """
     if frames.dtype == np.uint8:
         return int(np.count_nonzero(frames < (_grey_light(srgb) < darkest).sum()))
@@ -531,7 +543,8 @@ def smooth_counts(
         log_frames: Logarithm of the light.
         thresholds: Positive and negative, as positive numbers.
         temperature: Width of a step, in thresholds: 0.05 to 0.2.
-        most: Events a pixel can send in an interval; steps beyond are not counted.
+        most: Largest number of events of a pixel in an interval; steps beyond are not
+            counted.
     """
     positive, negative = (jnp.asarray(threshold) for threshold in thresholds)
     steps = jnp.arange(1, most + 1, dtype=log_frames.dtype)[:, None, None]
@@ -550,14 +563,15 @@ def smooth_counts(
 def frame_differences(
     frames: Iterable[tuple[float, Grey]], step: int = STEP
 ) -> Iterator[Events]:
-    """Yield the events of each frame but the first; -1 brighter, +1 darker.
+    """Yield the events of each frame except the first; -1 brighter, +1 darker.
 
     Args:
-        frames: Time [s] and grey values of each, in order of time.
-        step: Change past which there is an event, of 255.
+        frames: Time [s] and grey values of each frame, in order of time.
+        step: Change above which there is an event, of 255.
     """
     before: np.ndarray | None = None
     for time, grey in frames:
+        # differences of unsigned bytes would wrap
         light = grey.astype(np.int16)
         if before is not None:
             change = light - before

@@ -1,14 +1,14 @@
 """Events of an event camera with noise: under jit, or as a stream.
 
 The effects are mismatch of thresholds, a low-pass of the light, shot noise, leak
-events, hot pixels and a refractory period. Each can be left out.
+events, hot pixels and a refractory period. Each can be omitted.
 
 References:
     Hu, Liu and Delbruck (2021), v2e: from video frames to realistic DVS events, for
-    the effects, and the defaults of its program; mismatch is 0.03 of a threshold of
-    0.2 there, and leak rates are log-normal over 0.1 decades (`emulator.py`). What it
-    adds to them from frame to frame averages out as frames become shorter, and is left
-    out. Hot pixels are a choice of ours.
+    the effects, and the defaults of its program. Mismatch is 0.03 of a threshold of
+    0.2 there, and leak rates are log-normal over 0.1 decades (`emulator.py`). Its
+    noise per frame averages out as frames become shorter, and is omitted. Hot pixels
+    are a choice of ours.
     Rebecq, Gehrig and Scaramuzza (2018), ESIM: its refractory period, read in the
     programs (`event_simulator.cpp`; `esim.cpp` of vid2e is the same).
 """
@@ -37,24 +37,24 @@ from jblast.types import as_float_arrays
 
 
 class NoiseModel(NamedTuple):
-    """Imperfections of a real event camera; None leaves an effect out.
+    """Imperfections of a real event camera; None omits an effect.
 
     Attributes:
-        mismatch: Standard deviation of the logarithm of thresholds, pixel to pixel.
-        bandwidth_hz: Of the photoreceptor, a first-order low-pass.
-        leak_hz: Brighter events of a pixel in still light, by a drifting reference:
-            the mean of all pixels but hot ones, and but for refractory periods.
-        leak_spread: Standard deviation of the logarithm of leak rates, pixel to pixel,
-            those of hot pixels included.
+        mismatch: Standard deviation of the logarithm of thresholds between pixels.
+        bandwidth_hz: Bandwidth of the photoreceptor, a first-order low-pass.
+        leak_hz: Rate of brighter events of a pixel in constant light, by a drifting
+            reference: the mean of all pixels except hot ones, without refractory
+            periods.
+        leak_spread: Standard deviation of the logarithm of leak rates between pixels,
+            hot pixels included.
         hot_fraction: Share of pixels that leak at `hot_hz`.
-        hot_hz: The mean of their rates.
-        shot_hz: Events of a pixel from noise, of either sign.
-        refractory_s: After an event a pixel sends none for so long.
+        hot_hz: Mean leak rate of hot pixels.
+        shot_hz: Rate of noise events of a pixel, of either sign.
+        refractory_s: Time after an event in which a pixel sends none.
         refractory: Behaviour in that period. "reset": the pixel is held in reset, and
             starts again from the light at the end. "esim": it continues, and its events
-            are left out, as in ESIM and vid2e. An event from noise begins a period by
-            the rule of ESIM in both: others within it are left out, and it resets
-            nothing.
+            are omitted, as in ESIM and vid2e. A noise event begins a period by the rule
+            of ESIM in both: others within it are omitted, and it resets nothing.
     """
 
     mismatch: float | None = 0.15
@@ -77,15 +77,16 @@ def noisy_events(
     *,
     capacity: int,
 ) -> Events:
-    """Return what a camera with noise sends; see `ideal_events`.
+    """Return the events of a camera with noise; see `ideal_events`.
 
     Args:
-        key: Of mismatch, hot pixels and noise.
+        key: Random key of mismatch, hot pixels and noise.
         log_frames: Logarithm of the light.
-        times: Of the frames [s], rising.
+        times: Times of the frames [s], rising.
         thresholds: Positive and negative, as positive numbers.
-        noise: Which effects, and how large.
-        capacity: Room for events, before noise in refractory periods is left out.
+        noise: Effects and their sizes.
+        capacity: Largest number of events, before the omission of noise in refractory
+            periods.
     """
     shape = log_frames.shape[1], log_frames.shape[2]
     pixel, hot, shot = jax.random.split(key, 3)
@@ -99,8 +100,9 @@ def noisy_events(
         leak = leaks(hot, shape, noise)
         positive = jnp.broadcast_to(jnp.asarray(thresholds[0]), shape)
         first = first - leak.phase * positive
+        # a sinking reference equals a rising signal, which the ideal pixel can process
         log_frames = leaked(log_frames, times - times[0], leak.rate, positive)
-    held = _held(noise)
+    held = _reset_period(noise)
     if held is not None:
         events = reset_events(
             log_frames, times, thresholds, held, first, capacity=capacity
@@ -121,8 +123,8 @@ def noisy_events(
     return events
 
 
-def _held(noise: NoiseModel) -> float | None:
-    """Return how long a pixel is held in reset after an event [s], if it is."""
+def _reset_period(noise: NoiseModel) -> float | None:
+    """Return the time for which a pixel is held in reset [s], or None."""
     return noise.refractory_s if noise.refractory == "reset" else None
 
 
@@ -140,16 +142,16 @@ def noisy_stream(
     table: Float[np.ndarray, "256"] | None = None,
     darkest: float = DARKEST,
 ) -> Iterator[Events]:
-    """Return the events of each block of a stream; see `stream_events`.
+    """Yield the events of each block of a stream; see `stream_events`.
 
-    Noise is drawn block by block: it depends on the key and on how the stream is cut.
+    Noise is drawn block by block: it depends on the key and on the blocks.
 
     Args:
-        key: Of mismatch, hot pixels and noise.
+        key: Random key of mismatch, hot pixels and noise.
         blocks: Times [s] and frames of linear light, grey of 8 bits or floats.
         shape: Height and width.
         thresholds: Positive and negative, as positive numbers.
-        noise: Which effects, and how large.
+        noise: Effects and their sizes.
         table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
         darkest: Floor of float frames, as a fraction of full scale.
     """
@@ -162,7 +164,7 @@ def noisy_stream(
     spans: list[tuple[float, float]] = []
     signal = noise.bandwidth_hz is not None or _leaks(noise)
     begun = np.zeros(shape)
-    blocks = _noted(blocks, spans)
+    blocks = _recording_spans(blocks, spans)
     if signal:
         drift = None
         if _leaks(noise):
@@ -170,7 +172,7 @@ def noisy_stream(
             drift = leak.rate, jnp.asarray(positive)
             begun = np.asarray(leak.phase) * positive
         blocks = _signals(blocks, table, darkest, noise.bandwidth_hz, drift)
-    held = _held(noise)
+    held = _reset_period(noise)
     stream = stream_events(
         blocks,
         (positive, negative),
@@ -186,8 +188,9 @@ def noisy_stream(
         extra = None
         if noise.shot_hz is not None:
             mean = noise.shot_hz * shape[0] * shape[1] * (stop - start)
-            # ten standard deviations: none is lost
+            # mean plus ten standard deviations of the Poisson number: none is lost
             room = padded_size(int(mean + 10.0 * np.sqrt(mean) + 10.0))
+            # one key per block, so that noise does not repeat
             here = jax.random.fold_in(shot, i)
             extra = _shot_noise(here, noise.shot_hz, shape, start, stop, capacity=room)
         if extra is None and (held is not None or noise.refractory_s is None):
@@ -210,9 +213,9 @@ def shot_noise(
     *,
     capacity: int,
 ) -> Events:
-    """Return events of noise: Poisson in time, at any pixel, of either sign.
+    """Return noise events: Poisson in time, at any pixel, of either sign.
 
-    They leave the reference where it is.
+    They do not change the reference.
     """
     number, where, when, which = jax.random.split(key, 4)
     start, stop = as_float_arrays(start, stop)
@@ -247,23 +250,24 @@ def rested(
     refractory_s: Float[ArrayLike, ""],
     last: Float[Array, "height width"],
 ) -> tuple[Events, Float[Array, "height width"]]:
-    """Leave out events less than a refractory period after the last one of a pixel.
+    """Return events without those in the refractory period of a pixel's last event.
 
     Args:
-        events: In order of time.
+        events: Ordered by time.
         refractory_s: The period [s].
-        last: When each pixel sent its last event before these [s]; -inf if never.
+        last: Time of each pixel's last event before these [s]; -inf if there is none.
 
     Returns:
-        The events that are left, and when each pixel sent its last one.
+        The remaining events, and the time of each pixel's last event.
     """
-    # pixel by pixel, so that the loop carries two numbers and no image
+    # ordered by pixel, so that the loop carries two numbers instead of an image
     pixel = jnp.maximum(events.y * last.shape[1] + events.x, 0)
     one_by_one = jnp.argsort(pixel, stable=True)
 
     def step(carry, event):
         pixel, time, sign, before = event
         before = jnp.where(pixel == carry[0], carry[1], before)
+        # padding has sign 0 and is never sent
         sent = (time - before >= refractory_s) & (sign != 0)
         return (pixel, jnp.where(sent, time, before)), sent
 
@@ -274,6 +278,7 @@ def rested(
     sent = jnp.zeros_like(sent).at[one_by_one].set(sent)
     when = jnp.where(sent, events.time, -jnp.inf)
     last = last.ravel().at[pixel].max(when).reshape(last.shape)
+    # sent events first, in their order of time
     order = jnp.argsort(~sent, stable=True)
     kept = sent[order]
     x, y = (jnp.where(kept, field[order], -1) for field in (events.x, events.y))
@@ -286,8 +291,8 @@ def rested(
 _rested = jax.jit(rested, donate_argnames="last")
 
 
-def _noted(blocks: Iterable[Block], spans: list) -> Iterator[Block]:
-    """Pass blocks on, and note from when to when each lasts."""
+def _recording_spans(blocks: Iterable[Block], spans: list) -> Iterator[Block]:
+    """Yield the blocks, and append start and end of each to `spans`."""
     begin = None
     for times, frames in blocks:
         if len(times):
@@ -299,7 +304,7 @@ def _noted(blocks: Iterable[Block], spans: list) -> Iterator[Block]:
 def _signals(
     blocks: Iterable[Block], table, darkest, bandwidth_hz, drift
 ) -> Iterator[Block]:
-    """Turn frames of light into the signal of the pixel."""
+    """Yield the pixel's signal for frames of light."""
     before = signal = start = None
     for times, frames in blocks:
         logs = jnp.asarray(
@@ -309,8 +314,9 @@ def _signals(
         )
         if before is None or signal is None or start is None:
             start = times[0]
-            # the first frame before itself: the low-pass is at rest there
+            # one second of the first frame before it: the low-pass starts at rest
             before, signal = (times[0] - 1.0, logs[0]), logs[0]
+        # the last frame of the block before continues the low-pass
         clock = jnp.asarray(np.append(before[0], times))
         held = jnp.concatenate([before[1][None], logs])
         answer, signal = _signal(held, clock, signal, bandwidth_hz, drift, start)
@@ -320,7 +326,7 @@ def _signals(
 
 @jax.jit
 def _signal(logs, times, signal, bandwidth_hz, drift, start):
-    """Return the signal of a block and, before the leak, of its last frame."""
+    """Return the signal of a block and, before the leak, that of its last frame."""
     if bandwidth_hz is not None:
         logs = low_passed(logs, times, bandwidth_hz, signal)
     last = logs[-1]
@@ -330,7 +336,7 @@ def _signal(logs, times, signal, bandwidth_hz, drift, start):
 
 
 def _padded(events: Events) -> Events:
-    """Return events on the device, with empty places at the end."""
+    """Return events on the device, padded with empty entries."""
     room = [(0, padded_size(len(events.time)) - len(events.time))]
     fill = {"x": -1, "y": -1, "time": np.inf, "polarity": 0}
     fields = {
@@ -351,7 +357,7 @@ IDEAL = NoiseModel(
     shot_hz=None,
     refractory_s=None,
 )
-"""None of them."""
+"""Noise model without any effect."""
 
 
 def mismatched(
@@ -360,7 +366,7 @@ def mismatched(
     mismatch: Float[ArrayLike, ""],
     shape: tuple[int, int],
 ) -> Thresholds:
-    """Return thresholds of each pixel, log-normal about those given."""
+    """Return thresholds of each pixel, log-normal about the given ones."""
     positive, negative = (
         jnp.asarray(threshold) * jnp.exp(mismatch * jax.random.normal(one, shape))
         for threshold, one in zip(thresholds, jax.random.split(key), strict=True)
@@ -374,20 +380,21 @@ def low_passed(
     bandwidth_hz: Float[ArrayLike, ""],
     first: Float[Array, "..."],
 ) -> Float[Array, "frame ..."]:
-    """Return the signal behind a first-order low-pass.
+    """Return the signal after a first-order low-pass.
 
     Exact for light whose logarithm is linear between frames, so that the frame rate
     may be below the bandwidth.
 
     Args:
         log_frames: Logarithm of the light.
-        times: Of the frames [s].
-        bandwidth_hz: Where the amplitude falls to 1 / sqrt 2.
-        first: The signal at the first of these frames.
+        times: Times of the frames [s].
+        bandwidth_hz: Frequency at which the amplitude falls to 1 / sqrt 2.
+        first: Signal at the first of these frames.
     """
 
     def step(signal, frame):
         before, after, elapsed = frame
+        # solution of signal' = rate * (light - signal) for light linear in time
         lag = (after - before) / (rate * elapsed)
         signal = after - lag + (signal - before + lag) * jnp.exp(-rate * elapsed)
         return signal, signal
@@ -399,12 +406,13 @@ def low_passed(
 
 
 class Leak(NamedTuple):
-    """Fall of the references of pixels.
+    """Drift of the references of pixels.
 
     Attributes:
-        rate: Leak events of each pixel in still light [Hz].
-        phase: Part of the way to its next one that a pixel has gone at the first
-            frame, 0 to 1: they were not all switched on together. 0 where none leaks.
+        rate: Rate of leak events of each pixel in constant light [Hz].
+        phase: Share of the interval to its next leak event that a pixel has completed
+            at the first frame, 0 to 1, so that pixels leak at different times. 0
+            without leaks.
     """
 
     rate: Float[Array, "height width"]
@@ -412,11 +420,12 @@ class Leak(NamedTuple):
 
 
 def leaks(key: PRNGKeyArray, shape: tuple[int, int], noise: NoiseModel) -> Leak:
-    """Return how each pixel leaks, hot pixels among them."""
+    """Return the leak of each pixel, hot pixels included."""
     hot_key, rate_key, phase_key = jax.random.split(key, 3)
     hot = jax.random.uniform(hot_key, shape) < (noise.hot_fraction or 0.0)
     mean = jnp.where(hot, noise.hot_hz, noise.leak_hz or 0.0)
     spread = noise.leak_spread
+    # a log-normal factor of mean one: its median is exp(-spread^2 / 2)
     own = jnp.exp(spread * jax.random.normal(rate_key, shape) - 0.5 * spread**2)
     phase = jnp.where(mean > 0.0, jax.random.uniform(phase_key, shape), 0.0)
     return Leak(mean * own, phase)
@@ -428,24 +437,24 @@ def leaked(
     rates: Float[Array, "height width"],
     positive: Float[Array, "height width"],
 ) -> Float[Array, "frame height width"]:
-    """Return the signal as seen by a reference that sinks.
+    """Return the signal relative to references that drift downwards.
 
     Args:
         log_frames: Signal.
         since: Time since the first frame of the stream [s].
-        rates: Of leak events [Hz].
-        positive: Threshold.
+        rates: Rates of leak events [Hz].
+        positive: Positive threshold.
     """
     return log_frames + since[:, None, None] * (rates * positive)[None]
 
 
 def in_order(events: Events, valid, capacity: int | None = None) -> Events:
-    """Return events in order, those that are not valid left out.
+    """Return the valid events in order.
 
     Args:
         events: In any order.
-        valid: Which of them count.
-        capacity: Room; by default as it was. What has none is added to `lost`.
+        valid: Mask of the events that count.
+        capacity: Largest number; default: as before. Excess events are added to `lost`.
     """
     time = jnp.where(valid, events.time, jnp.inf)
     order = jnp.lexsort((events.x, events.y, time))[:capacity]

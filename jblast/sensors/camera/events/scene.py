@@ -1,9 +1,9 @@
-"""Events of a scene with a blast: through frames, or at their exact instants.
+"""Events of a scene with a blast: through frames, or at their exact times.
 
-`events` renders frames and takes the light between two of them as linear in the
-logarithm, under jit, vmap and grad. `render_events` evaluates the light of the
-scene's fireballs as a function of time for each pixel, so that an event does not depend
-on a frame rate. It is for a camera at rest and the procedural fireball.
+`events` renders frames, and interpolates the logarithm of the light linearly between
+them, under jit, vmap and grad. `render_events` evaluates the light of the scene's
+fireballs as a function of time for each pixel, so that events do not depend on a frame
+rate. It is for a fixed camera and the procedural fireball.
 """
 
 from dataclasses import replace
@@ -50,30 +50,30 @@ def events(
     appearance: Appearance | None = None,
     views: ViewSet | None = None,
 ) -> Events:
-    """Return what an event camera sends of a scene's fireballs.
+    """Return the events of a camera for a scene's fireballs.
 
-    The scene is rendered at the times, as instants; between two of them the logarithm
-    of the light is linear, so times of events are good to second order in the interval.
+    The scene is rendered at the times, as instants. Between two of them the logarithm
+    of the light is linear, so times of events are of second order in the interval.
     `render_events` solves for them instead, on the host; `stream_events` converts films
     that do not fit in memory.
 
     Args:
         scene: Charges and air.
-        camera: Who looks; its thresholds are the events'.
-        times: Of the frames in between [s], rising.
-        capacity: Room for events. If there are more, `lost` counts the others.
-        key: Of mismatch, hot pixels and noise; needed for those alone.
-        noise: Which effects, and how large; by default none.
+        camera: The camera, with the thresholds of the events.
+        times: Times of the frames [s], rising.
+        capacity: Largest number of events; `lost` counts the others.
+        key: Random key of mismatch, hot pixels and noise; not used without noise.
+        noise: Effects and their sizes; by default none.
         background: As in `render`, with `depth`, `ground`, `supersample`, `views` and
             `appearance`.
         depth: Distance of the background along each pixel's ray [m].
-        ground: Whether the plane up = 0 hides what is below it.
+        ground: True if the plane up = 0 hides what is below it.
         supersample: Rays along each side of a pixel.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
-        views: Pictures of an explosion in place of the procedural fireball.
+        appearance: Exposure, and distribution of the smoke.
+        views: Pictures of an explosion that replace the procedural fireball.
 
     Returns:
-        The events in order of time: when, at which pixel, brighter or darker.
+        Time, pixel and polarity of the events, in order of time.
 
     Raises:
         InputError: As `render` and `ideal_events`.
@@ -83,6 +83,7 @@ def events(
     """
     frames = render(
         scene,
+        # events have no exposure; the photoreceptor's lag is part of the noise model
         replace(camera, exposure_s=jnp.zeros_like(camera.exposure_s)),
         times,
         background=background,
@@ -112,21 +113,21 @@ def render_events(
     appearance: Appearance | None = None,
     tolerance: float = 1e-9,
 ) -> Events:
-    """Return what an ideal event camera sends of a scene's fireballs.
+    """Return the events of an ideal camera for a scene's fireballs.
 
-    The light is that of `render` without exposure and with one ray a pixel; the
+    The light is that of `render` without exposure and with one ray per pixel; the
     thresholds are the camera's.
 
     Args:
-        scene: Charges, each by its position, and air.
-        camera: Who looks.
-        times: The first and the last bound the search; see `frameless_events` [s].
-        background: A grey, a colour, or an image of them (height, width, 3); it stands
-            still.
+        scene: Charges, each with a position, and air.
+        camera: The camera.
+        times: First samples, which bound the search; see `frameless_events` [s].
+        background: A grey, a colour, or an image of them (height, width, 3), constant
+            in time.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
-        ground: Whether the plane up = 0 hides what is below it.
-        appearance: How the fireball is exposed, and how its smoke is distributed.
-        tolerance: Of the times of events [s].
+        ground: True if the plane up = 0 hides what is below it.
+        appearance: Exposure, and distribution of the smoke.
+        tolerance: Tolerance of the times of events [s].
     """
     light = pixel_light(
         scene,
@@ -141,10 +142,11 @@ def render_events(
     light = replace(light, table=table)
     positive, negative = np.asarray(camera.threshold, float)
     both, shape = (positive, negative), (camera.height, camera.width)
-    touched = _reached(scene, light.rays, jnp.asarray(times))
+    touched = _touched_pixels(scene, light.rays, jnp.asarray(times))
     if light.lit is not None:
         step = jnp.min(jnp.asarray(camera.threshold))
-        touched |= _lit(light, light.lit, jnp.asarray(times), step)
+        touched |= _brightened_pixels(light, light.lit, jnp.asarray(times), step)
+    # pixels that the fire can neither cover nor light send no events
     pixels = np.flatnonzero(touched)
     return frameless_events(
         light, shape, times, both, tolerance=tolerance, pixels=pixels
@@ -156,11 +158,11 @@ class PixelLight(eqx.Module):
 
     Attributes:
         scene: Charges and air.
-        rays: One a pixel.
+        rays: One ray per pixel.
         background: Light behind the fireballs, without theirs, full scale 1.
-        appearance: Of the fireballs.
-        lit: The surfaces of the background that they light; None if they light none.
-        table: Of their glow; None to take Planck's law at once.
+        appearance: Exposure, and distribution of the smoke.
+        lit: Surfaces of the background that fireballs light; None if they light none.
+        table: Tabulated glow of the fireballs; None for Planck's law.
     """
 
     scene: Scene
@@ -173,7 +175,7 @@ class PixelLight(eqx.Module):
     def __call__(
         self, time: Float[Array, " at"], x: Float[Array, " at"], y: Float[Array, " at"]
     ) -> Float[Array, " at"]:
-        """Return it for so many times, columns and rows."""
+        """Return the logarithm of light at times, columns and rows."""
         at = y.astype(int), x.astype(int)
 
         def seen(time, direction, farthest, end):
@@ -219,7 +221,7 @@ def pixel_light(
         appearance,
         surfaces_seen(rays, image=depth is not None) if appearance.flash else None,
     )
-    # Python's numbers would be compiled apart from arrays
+    # as arrays without weak types: Python's numbers would compile programs of their own
     return jax.tree.map(
         lambda v: jax.lax.convert_element_type(v, v.dtype) if v.dtype != bool else v,
         light,
@@ -227,24 +229,24 @@ def pixel_light(
 
 
 @eqx.filter_jit
-def _reached(
+def _touched_pixels(
     scene: Scene, rays: Rays, times: Float[Array, " time"]
 ) -> Bool[Array, "height width"]:
-    """Return which pixels a fireball may touch at any time from the first to the last.
+    """Return the mask of pixels that a fireball may touch between the times.
 
-    Radius and rise only grow: between two times the cloud stays within the sphere about
-    the middle of the way that its larger self, moved by half of it, fills.
+    Radius and rise only grow. Between two times the cloud stays within a sphere about
+    the midpoint of its centres: that of the later radius plus half of the distance.
     """
 
     def between(reached, ends):
         for charge in scene.charges:
             low, high = (cloud(scene, charge, time) for time in ends)
             offset = 0.5 * (low.centre + high.centre) - rays.origin
-            moved = 0.5 * (high.centre[2] - low.centre[2])
+            displaced = 0.5 * (high.centre[2] - low.centre[2])
             along = jnp.tensordot(offset, rays.direction, 1)
             square = jnp.sum(jnp.square(offset)) - jnp.square(jnp.maximum(along, 0.0))
-            # a radius that is no number may be anywhere
-            reached |= ~(square > jnp.square(high.radius + moved))
+            # negated: a NaN radius may be anywhere
+            reached |= ~(square > jnp.square(high.radius + displaced))
         return reached, None
 
     none = jnp.zeros(rays.farthest.shape, bool)
@@ -252,16 +254,16 @@ def _reached(
 
 
 @eqx.filter_jit
-def _lit(
+def _brightened_pixels(
     light: PixelLight,
     surfaces: Surfaces,
     times: Float[Array, " time"],
     step: Float[Array, ""],
 ) -> Bool[Array, "height width"]:
-    """Return where the fireballs' light may change that of the background by a step.
+    """Return the mask of pixels whose background the fire may brighten by a step.
 
-    Their light only fades, as long as they hide what is behind; and between two times a
-    cloud stays within a sphere as in `_reached`, which a surface sees more of.
+    The light of a fireball only fades while it is opaque. Between two times a cloud
+    stays within a sphere as in `_touched_pixels`, of which a surface sees more.
     """
     look = light.appearance
 
@@ -269,8 +271,8 @@ def _lit(
         gained = jnp.zeros((), times.dtype)
         for charge in light.scene.charges:
             low, high = (cloud(light.scene, charge, time) for time in ends)
-            moved = 0.5 * jnp.sqrt(jnp.sum(jnp.square(high.centre - low.centre)))
-            centre, reach = 0.5 * (low.centre + high.centre), high.radius + moved
+            displaced = 0.5 * jnp.sqrt(jnp.sum(jnp.square(high.centre - low.centre)))
+            centre, reach = 0.5 * (low.centre + high.centre), high.radius + displaced
             offset = centre[:, None, None] - surfaces.place
             within = jnp.sum(jnp.square(offset), axis=0) < jnp.square(reach)
             factor = jnp.where(within, 1.0, sphere_factor(centre, reach, surfaces))

@@ -51,10 +51,10 @@ def stream_events(
     darkest: float | None = None,
     workers: int | None = None,
 ) -> Iterator[Events]:
-    """Return the events of each block of a stream.
+    """Yield the events of each block of a stream.
 
-    Two blocks are held in memory at a time; sixteen to thirty-two frames a block are
-    the fastest. How a stream is cut into blocks does not change its events.
+    Two blocks are in memory at a time; sixteen to thirty-two frames per block are the
+    fastest. The division of a stream into blocks does not change its events.
 
     Args:
         blocks: Times [s], rising through the stream, and frames of linear light: grey
@@ -64,15 +64,14 @@ def stream_events(
             an array (height, width).
         table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
         background: Grey light behind the frames, full scale 1.
-        in_logarithms: Whether float frames hold the logarithm of the light already.
-        begun: How far the logarithm of the first frame is above a pixel's reference;
-            by default nowhere.
-        refractory_s: So long a pixel is held in reset after an event [s]; see
+        in_logarithms: True if float frames are logarithms of the light.
+        begun: Logarithm of the first frame minus each pixel's reference; default 0.
+        refractory_s: Time for which a pixel is held in reset after an event [s]; see
             `reset_events`. By default it is not.
         darkest: Floor of float frames and of RGBA over a background, as a fraction of
             full scale (`darkest_of`); by default `DARKEST`, and half a
             step of 8 bits for RGBA. The floor of grey values is that of `table`.
-        workers: Threads, each for a strip of rows; by default one a core.
+        workers: Threads, each for a strip of rows; by default one per core.
 
     Raises:
         InputError: Times do not rise, a frame has another size than the first, light is
@@ -91,8 +90,12 @@ def stream_events(
             if not len(times):
                 continue
             shape = shape or frames.shape[1:]
-            if not (np.diff(times, prepend=time) > 0.0).all():
-                raise InputError("frames: expected times that rise from frame to frame")
+            falls = np.flatnonzero(~(np.diff(times, prepend=time) > 0.0))
+            if falls.size:
+                raise InputError(
+                    "frames: expected times that rise from frame to frame, got "
+                    f"{times[falls[0]]:g} s at frame {seen + falls[0]}"
+                )
             if frames.shape[1:] != shape:
                 raise InputError(
                     f"frames: expected {shape[1]} x {shape[0]} pixels as in the "
@@ -108,7 +111,7 @@ def stream_events(
                 pool.submit(strip.advance, times, strip.rows_of(frames))
                 for strip in strips
             ]
-            if found:  # put in order while the next block is being counted
+            if found:  # sorted on this thread while the workers count the next block
                 yield gathered(found, width)
             found = [job.result() for job in jobs]
         if found:
@@ -116,11 +119,11 @@ def stream_events(
 
 
 class Found(NamedTuple):
-    """Events in no order.
+    """Unordered events.
 
     Attributes:
         pixel: Row times width plus column.
-        time: Seconds.
+        time: Time [s].
         sign: +1 brighter, -1 darker.
     """
 
@@ -130,7 +133,7 @@ class Found(NamedTuple):
 
 
 class Strip:
-    """Rows of the image; `advance` takes their next frames."""
+    """Rows of the image; `advance` processes their next frames."""
 
     def __init__(
         self,
@@ -143,7 +146,7 @@ class Strip:
         refractory_s: float | None,
         darkest: float,
     ):
-        """Take what does not change; see `stream_events`."""
+        """Store the constants; see `stream_events`."""
         self.rows, self.table, self.in_logarithms = rows, table, in_logarithms
         self.begun, self.refractory_s = begun.ravel(), refractory_s
         self.darkest = darkest
@@ -152,7 +155,7 @@ class Strip:
         self.last: np.ndarray | None = None
 
     def start(self, time: float, values: np.ndarray) -> None:
-        """See the first frame: it sets the reference and gives no event."""
+        """Set the reference from the first frame, which causes no event."""
         self.time, self.last = time, values
         self.first = self.log(values) - self.begun
         self.until = np.full(values.shape, -np.inf)
@@ -170,9 +173,9 @@ class Strip:
         )
 
     def bounds(self, at: Int[np.ndarray, " pixel"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the least and greatest value at which some pixels surely stay quiet.
+        """Return bounds of the values within which some pixels certainly stay quiet.
 
-        They may be too narrow by rounding: such a pixel is followed for nothing.
+        Rounding may make them too narrow: such a pixel is then followed needlessly.
         """
         assert self.last is not None
         up, down = self.up[at] * self.positive[at], self.down[at] * self.negative[at]
@@ -180,6 +183,8 @@ class Strip:
         above, below = level + self.positive[at], level - self.negative[at]
         dtype = self.last.dtype
         if dtype == np.uint8:
+            # the table's darkest value has the largest logarithm, so its margin serves
+            # all
             slack = rounding(self.table[:1], np)
             highest = np.searchsorted(self.table, above - slack, side="left") - 1
             lowest = np.searchsorted(self.table, below + slack, side="right")
@@ -187,29 +192,31 @@ class Strip:
         close = 16.0 * np.finfo(dtype).eps * (1.0 + np.abs(level))
         highest, lowest = above - close, below + close
         if not self.in_logarithms:
-            # light below the floor is as dark as the floor, and no event
+            # light below the floor counts as the floor, and causes no event
             floor = np.log(self.darkest)
             lowest = np.where(below < floor - close, -np.inf, np.exp(lowest))
             highest = np.exp(highest)
         return lowest.astype(dtype), highest.astype(dtype)
 
     def advance(self, times: Float[np.ndarray, " frame"], block: np.ndarray) -> Found:
-        """Return the events of the next frames, each a row of `block`."""
+        """Return the events of the next frames, one row of `block` per frame."""
         if self.last is None:
             self.start(float(times[0]), self.values(block[0]))
         assert self.last is not None
         at, values, last = self.loud(block)
+        # logarithms of the few loud pixels only
         logs = self.log(np.vstack([self.last[at], values]))
         found = self.follow(at, np.append(self.time, times), logs)
         self.time, self.last = float(times[-1]), last
         self.lowest[at], self.highest[at] = self.bounds(at)
-        held = at[self.until[at] > self.time]  # followed until the reference is known
+        held = at[self.until[at] > self.time]
+        # bounds that no value satisfies: followed until their reference is known
         whole = last.dtype == np.uint8
         self.lowest[held], self.highest[held] = (255, 0) if whole else (np.inf, -np.inf)
         return found
 
     def rows_of(self, frames: np.ndarray) -> np.ndarray:
-        """Return the values of these rows, a row for each frame."""
+        """Return the values of these rows, one row per frame."""
         return frames[:, self.rows].reshape(len(frames), -1)
 
     def values(self, frame: np.ndarray) -> np.ndarray:
@@ -217,12 +224,12 @@ class Strip:
         return frame.copy()
 
     def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the pixels that may send events, their values, the last of all."""
+        """Return the pixels that may send events, their values, and all last values."""
         at = np.flatnonzero(self.leaves_bounds(block, slice(None)))
         return at, block[:, at], block[-1].copy()
 
     def leaves_bounds(self, values: np.ndarray, at) -> np.ndarray:
-        """Return which of some pixels leave the bounds within which they are quiet."""
+        """Return the mask of pixels that leave their quiet bounds."""
         high, low = values.max(axis=0), values.min(axis=0)
         return (high > self.highest[at]) | (low < self.lowest[at])
 
@@ -239,16 +246,17 @@ class Strip:
         nth = np.arange(number.sum()) - np.repeat(ends - number, number)
         time = np.repeat(first, number) + nth * np.repeat(pace, number)
         start, stop = np.repeat(times[interval], number), times[interval + 1]
+        # rounding may place a crossing just outside its interval
         time = np.clip(time, start, np.repeat(stop, number))
         pixel = np.repeat(at[lane] + self.offset, number)
         return Found(pixel, time, np.repeat(np.sign(crossed), number))
 
     def crossed(self, at, times, logs):
-        """Follow pixels that are never held.
+        """Follow pixels without refractory period.
 
         Returns:
-            Intervals and lanes in which there are events, how many of which sign, when
-            the first of them is sent, and the time from one to the next [s].
+            Intervals and lanes with events, their signed number, the time of the first,
+            and the time from one to the next [s].
         """
         state = [widened(v[at]) for v in (self.first, self.up, self.down)]
         steps = [self.positive[at], self.negative[at]]
@@ -266,7 +274,7 @@ class Strip:
         return interval, lane, crossed, first, step * pace
 
     def held(self, at, times, logs):
-        """Follow pixels that are held after an event; returns as `crossed`."""
+        """Follow pixels with refractory period; returns as `crossed`."""
         state = [widened(v[at]) for v in (self.first, self.until)]
         both = [widened(step[at]) for step in (self.positive, self.negative)]
         with jax.enable_x64(True):
@@ -280,9 +288,10 @@ class Strip:
 
 
 def _strips(shape, thresholds, begun, options, background, workers) -> list[Strip]:
-    """Cut the image into strips of rows, one a worker."""
+    """Return strips of rows of the image, one per worker."""
     height, width = shape[:2]
     both = [np.broadcast_to(np.asarray(t, float), (height, width)) for t in thresholds]
+    # NumPy and XLA release the interpreter lock, so threads suffice
     edges = np.linspace(0, height, min(workers, height) + 1).astype(int)
     strips = []
     for a, b in pairwise(edges):
@@ -297,7 +306,7 @@ def _strips(shape, thresholds, begun, options, background, workers) -> list[Stri
 
 
 def gathered(found: Sequence[Found], width: int) -> Events:
-    """Return the events of all strips in order of time, then of pixel."""
+    """Return the events of all strips, ordered by time, then by pixel."""
     pixel, time, sign = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(time)
     # ties by pixel: two sorts of one key each are several times faster than lexsort
@@ -310,13 +319,14 @@ def gathered(found: Sequence[Found], width: int) -> Events:
 
 
 def padded_size(count: int) -> int:
-    """Return the next power of two, 256 at least, so that few programs are compiled."""
+    """Return the next power of two, at least 256, so that few programs are compiled."""
     return max(256, 1 << (count - 1).bit_length())
 
 
 def widened(values: np.ndarray) -> np.ndarray:
-    """Repeat the last lane up to the `padded_size`, in a tenth of `np.pad`'s time."""
+    """Return values with the last lane repeated up to `padded_size`."""
     size = values.shape[-1]
+    # written out: a tenth of the time of `np.pad`
     wide = np.empty((*values.shape[:-1], padded_size(size)), values.dtype)
     wide[..., :size], wide[..., size:] = values, values[..., -1:]
     return wide
@@ -338,18 +348,18 @@ def _reset(logs, times, thresholds, refractory_s, state):
 
 
 class CompositeStrip(Strip):
-    """As `Strip`; a frame is one word of RGBA a pixel.
+    """Strip whose frames have one word of RGBA per pixel.
 
-    Only what has another word than in the frame before the block is composited.
+    Only pixels whose word differs from that before the block are composited.
     """
 
     def __init__(self, *args, background: Float[np.ndarray, "height width"]):
-        """Take what `Strip` takes, and the grey light behind these rows."""
+        """Store the arguments of `Strip`, and the grey light behind these rows."""
         super().__init__(*args)
         self.background = background.ravel()
 
     def rows_of(self, frames: UInt8[np.ndarray, "frame height width 4"]) -> np.ndarray:
-        """Return one word a pixel, a row for each frame; a view where it can be."""
+        """Return one word per pixel, one row per frame; a view if possible."""
         rows = frames[:, self.rows]
         if rows.strides[-1] != 1:
             rows = np.ascontiguousarray(rows)
@@ -361,8 +371,9 @@ class CompositeStrip(Strip):
         return self.composited(frame[None], np.arange(frame.size))[0]
 
     def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the pixels that may send events, their values, the last of all."""
+        """Return the pixels that may send events, their values, and all last values."""
         assert self.last is not None
+        # integer comparison of whole words: far cheaper than compositing
         changed = np.flatnonzero((block != self.words).any(axis=0))
         values = self.composited(block[:, changed], changed)
         last = self.last.copy()

@@ -2,25 +2,25 @@
 
 The events are those of `stream_events`, in the same order. Frames may be NumPy arrays,
 or JAX arrays that are on the GPU already and are not copied. Of a real camera's noise,
-thresholds, leaks and the refractory period are calculated here.
+thresholds, leaks and the refractory period are included here.
 
 Events are sorted on the device by two stable radix sorts, first by pixel, then by time.
-From a GPU they come to the host through pinned memory, which is reused.
+They reach the host through pinned memory, which is reused.
 
 The kernels screen all pixels and follow those that change. As in `events/stream.py`,
 the extremes of a pixel's light over a run of frames are compared with the bounds within
 which it stays quiet. The frames of a run are loaded together, because of the latency of
-GPU memory. Where a bound is passed, the same thread takes the pixel through the run
-once more, frame by frame, with logarithms in float64: the run's values are in a cache
-by then. Frames are grey values of 8 bits, or words of RGBA that are laid over a
-background first, as by `grey_composite`.
+GPU memory. If a bound is exceeded, the same thread processes the run again, frame by
+frame, with logarithms in float64: the run's values are then in a cache. Frames are grey
+values of 8 bits, or words of RGBA that are first composited over a background, as by
+`grey_composite`.
 
 Pixels that leak or are held in reset are screened likewise, as `reset_events` has them.
 A leak is a signal that rises, so the bounds of a quiet pixel fall with time. A pixel
 that is held has no bounds, as its next reference is not known yet. Light, logarithm,
-bounds and extremes are the same functions for both kinds; the kernels differ, as an
-ideal pixel counts steps of its level at each frame, and one that leaks or is held is
-followed along the slope between two frames and may be released anywhere on it.
+bounds and extremes are the same functions for both kinds. The kernels differ: an ideal
+pixel counts steps of its level at each frame, and one that leaks or is held is followed
+along the slope between two frames and may be released anywhere on it.
 """
 
 import typing
@@ -37,28 +37,32 @@ from jblast.sensors.camera.events.noise import Leak
 from jblast.sensors.camera.image import LUMINANCE
 
 ROOM = 1 << 16
-"""Events a block may have before it is done again with more room."""
+"""Initial capacity of a block, in events. A block with more is repeated with a larger
+one, which costs its time once."""
 THREADS = 128
-"""Of a block of threads."""
+"""Threads of a thread block: four warps."""
 FRAMES_PER_LAUNCH = 128
 """Frames followed in one launch. Longer ones are slower: threads drift apart in time,
-and their frames lie in more pages than a GPU can look up at once."""
+and their frames lie in more pages than a GPU can look up simultaneously."""
 SLACK = wp.constant(wp.float64(16.0 * 2.220446049250313e-16))
-"""As in `ideal.rounding`."""
+"""Factor of `ideal.rounding` in float64."""
 FLOOR = wp.constant(wp.float64(0.5 / 255.0))
-"""As `ideal.EIGHT_BITS`: frames have 8 bits."""
+"""`ideal.EIGHT_BITS`: frames have 8 bits."""
 CLOSE = wp.constant(wp.float64(16.0 * 1.1920928955078125e-07))
-"""Bounds are drawn in by this part: rounding of float32, so that none is overlooked."""
+"""Relative margin by which bounds are narrowed for rounding in float32, so that no
+event is missed. A larger one would only follow more quiet pixels."""
 PART = wp.constant(wp.float32(1.0 / 255.0))
+"""One step of 8 bits, full scale 1."""
 RED, GREEN, BLUE = (wp.constant(wp.float32(w / 255.0)) for w in LUMINANCE)
+"""Luminance weights of 8-bit colours."""
 RUN = wp.constant(16)
-"""Frames looked at together."""
+"""Frames of a run, which are loaded together."""
 NEVER = wp.constant(wp.float64(-1e300))
-"""When a pixel is let go that is not held."""
+"""End of the reset of a pixel that is not held [s]."""
 
 
 class EventKernel:
-    """An event camera on one device; `advance` takes its next frames."""
+    """An event camera on one device; `advance` processes its next frames."""
 
     def __init__(
         self,
@@ -71,7 +75,7 @@ class EventKernel:
         refractory_s: float = 0.0,
         device: str | None = None,
     ):
-        """Take what does not change.
+        """Store the constants on the device.
 
         Args:
             shape: Height and width.
@@ -79,12 +83,12 @@ class EventKernel:
                 or an array (height, width).
             background: Grey light behind frames of RGBA, full scale 1.
             table: Logarithm of the light of each 8-bit value; else `grey_table()`.
-            leak: How the pixels leak; by default they do not.
-            refractory_s: So long a pixel is held in reset after an event [s].
-            device: Warp's name of it; by default the first GPU, or the CPU.
+            leak: Leak of the pixels; None for none.
+            refractory_s: Time for which a pixel is held in reset after an event [s].
+            device: Warp's device name; by default the first GPU, or the CPU.
 
         Raises:
-            InputError: There is no such device, or a threshold is not positive.
+            InputError: The device does not exist, or a threshold is not positive.
         """
         check_thresholds(thresholds)
         try:
@@ -106,6 +110,7 @@ class EventKernel:
             flat = np.broadcast_to(np.asarray(value, kind), shape).ravel()
             setattr(self.camera, name, wp.array(flat, device=self.device))
         self.camera.table = wp.array(table, dtype=wp.float64, device=self.device)
+        # screening compares light in float32; logarithms are taken only for loud pixels
         lights = np.exp(table).astype(np.float32)
         self.camera.lights = wp.array(lights, device=self.device)
         self.is_ideal = leak is None and refractory_s == 0.0
@@ -117,7 +122,7 @@ class EventKernel:
         self.room, self.time = ROOM, -np.inf
 
     def _set_reset(self, leak: Leak | None, refractory_s: float) -> None:
-        """Set the leaks of pixels, and the time for which they are held."""
+        """Set the leaks of pixels, and the time of their reset."""
         self.reset, self.reset.period = Reset(), refractory_s
         positive = self.camera.positive.numpy()
         for name, part in (("begun", "phase"), ("drift", "rate")):
@@ -126,10 +131,10 @@ class EventKernel:
             setattr(self.reset, name, wp.array(each, device=self.device))
 
     def advance(self, times: Float[np.ndarray, " frame"], frames: Any) -> int:
-        """Take the next frames and return how many events there are in them.
+        """Process the next frames and return the number of their events.
 
-        They lie on the device, in no order, as `found`; `in_order` fetches them. A
-        block with more events than there is room for is done again with more.
+        The events are on the device, unordered, as `found`; `in_order` returns them. A
+        block that exceeds the capacity is repeated with a larger one.
 
         Raises:
             InputError: Times do not rise, or frames are of another size or type.
@@ -144,6 +149,7 @@ class EventKernel:
             else:
                 known = self.camera, self.reset
                 self._launch(begin_reset, values, *known, self.pixels)
+        # a block that exceeds the capacity is repeated from this state
         self._copy(self.pixels, self.spare)
         while True:
             self.found = self._room_for(Found, self.room)
@@ -151,13 +157,14 @@ class EventKernel:
             count = int(self.found.count.numpy()[0])
             if count <= self.room:
                 break
+            # a power of two: capacities settle after a few blocks
             self.room = 1 << (count - 1).bit_length()
             self._copy(self.spare, self.pixels)
         self.time, self.count = float(times[-1]), count
         return count
 
     def _run(self, values: wp.array, clock: wp.array, times) -> None:
-        """Follow all pixels, part by part."""
+        """Follow all pixels, launch by launch."""
         starts = range(0, len(times), FRAMES_PER_LAUNCH)
         if self.loud is not None:
             self.loud.count = wp.zeros(len(starts), dtype=wp.int32, device=self.device)
@@ -203,7 +210,7 @@ class EventKernel:
             )
 
     def _values(self, frames: Any) -> wp.array:
-        """Return frames as the device sees them: a row each, a word or byte a pixel."""
+        """Return frames on the device: a row per frame, a word or byte per pixel."""
         if isinstance(frames, np.ndarray):
             flat = np.ascontiguousarray(frames).reshape(len(frames), -1)
             flat = flat.view(np.uint32) if self.colour else flat
@@ -219,7 +226,7 @@ class EventKernel:
         )
 
     def _room_for(self, kind: Any, size: int):
-        """Return a struct whose arrays have that much room; counts are one zero."""
+        """Return a struct with arrays of a capacity, and a single zero as its count."""
         struct = kind()
         for name, field in kind.vars.items():
             room = 1 if name == "count" else size
@@ -234,9 +241,9 @@ def kernel_events(
     thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
     **options: Any,
 ) -> Iterator[Events]:
-    """Return the events of each block of a stream, as `stream_events` does.
+    """Yield the events of each block of a stream, as `stream_events` does.
 
-    Some hundred frames a block are the fastest; two blocks must fit on the device.
+    About 100 frames per block are the fastest; two blocks must fit on the device.
 
     Args:
         blocks: Times [s], rising through the stream, and frames of 8 bits: grey values
@@ -257,7 +264,7 @@ def kernel_events(
 
 
 class _Found:
-    """Events in no order, and how many there are; more than room are only counted."""
+    """Unordered events and their number; those beyond the capacity are only counted."""
 
     count: wp.array[wp.int32]
     pixel: wp.array[wp.int32]
@@ -266,7 +273,7 @@ class _Found:
 
 
 class _Loud:
-    """Pixels to be followed through a part, and how many in each part."""
+    """Pixels to be followed through a launch, and their number in each launch."""
 
     count: wp.array[wp.int32]
     pixel: wp.array[wp.int32]
@@ -278,7 +285,7 @@ Loud, Found = wp.struct(_Loud), wp.struct(_Found)
 @wp.kernel(enable_backward=False)
 @typing.no_type_check
 def number(found: Found, pixel: wp.array[wp.int32], order: wp.array[wp.int32]):
-    """Number events, and copy their pixels."""
+    """Number the events, and copy their pixels."""
     i = wp.tid()
     order[i] = i
     pixel[i] = found.pixel[i]
@@ -311,14 +318,14 @@ def places_of(
 
 
 class Ordering:
-    """Room for the ordering of events of one device."""
+    """Buffers for the ordering of events of one device."""
 
     def __init__(self, shape: tuple[int, int], device: Any):
-        """Make room for a few.
+        """Allocate buffers for a few events.
 
         Args:
             shape: Height and width of the image.
-            device: Where events lie.
+            device: Device of the events.
         """
         self.width, self.device = shape[1], device
         self.bits = max(int(shape[0] * shape[1] - 1).bit_length(), 1)
@@ -336,6 +343,7 @@ class Ordering:
     def _sort(self, found: Any, count: int) -> None:
         kept, order = self.kept, self.order
         self._launch(number, count, found, self.pixel, order)
+        # only the bits that pixel numbers have
         wp.utils.radix_sort_pairs(self.pixel, order, count, end_bit=self.bits)
         self._launch(times_of, count, found, order, kept["time"])
         wp.utils.radix_sort_pairs(kept["time"], order, count)
@@ -343,7 +351,7 @@ class Ordering:
         self._launch(places_of, count, found, order, self.width, *places)
 
     def _make(self, room: int) -> None:
-        """Make room for so many events, twice where they are sorted."""
+        """Allocate buffers for a number of events, twice that for sorted fields."""
 
         def empty(size, kind, **where):
             return wp.empty(size, dtype=kind, **(where or {"device": self.device}))
@@ -369,6 +377,7 @@ class Ordering:
         if not self.pinned:
             return self.kept[name].numpy()[:count].copy()
         wp.copy(self.pinned[name], self.kept[name], count=count)
+        # the copy to pinned memory is asynchronous
         wp.synchronize_stream(self.device)
         return self.pinned[name].numpy()[:count].copy()
 
@@ -417,10 +426,10 @@ def log_of(  # noqa: F811 - an overload, by type
 @wp.func
 @typing.no_type_check
 def bounds_of(level: wp.float64, rise: wp.float64, fall: wp.float64):
-    """Return the least and greatest light at which a pixel surely stays quiet."""
+    """Return the smallest and largest light at which a pixel certainly stays quiet."""
     wide = CLOSE * (wp.float64(1.0) + wp.abs(level))
     lowest = wp.exp(level - fall + wide)
-    if lowest < FLOOR:  # light below the floor is as dark as the floor, and no event
+    if lowest < FLOOR:  # light below the floor counts as the floor, and gives no event
         lowest = wp.float64(0.0)
     return wp.vec2f(wp.float32(lowest), wp.float32(wp.exp(level + rise - wide)))
 
@@ -448,7 +457,7 @@ class _Camera:
     table: wp.array[wp.float64]
 
 
-# not by decorators: the type checker of the tests takes what they return for functions
+# not as decorators: the tests' type checker would treat the structs as functions
 Pixels, Camera = wp.struct(_Pixels), wp.struct(_Camera)
 
 
@@ -461,7 +470,7 @@ def span_of(
     stop: wp.int32,
     camera: Camera,
 ):
-    """Return the least and the greatest light of a pixel in some frames."""
+    """Return the smallest and the largest light of a pixel in some frames."""
     behind = camera.behind[p]
     top = wp.float32(0.0)
     low = wp.float32(1e30)
@@ -477,7 +486,7 @@ def span_of(
 @wp.kernel(enable_backward=False)
 @typing.no_type_check
 def begin(frames: wp.array2d[Any], camera: Camera, pixels: Pixels):
-    """See the first frame: it sets the reference and gives no event."""
+    """Set the reference from the first frame, which causes no event."""
     p = wp.tid()
     value = frames[0, p]
     light = light_of(value, camera.behind[p], camera.lights)
@@ -503,10 +512,11 @@ def take(
     pixels: Pixels,
     found: Found,
 ):
-    """Take a pixel through a run; events go where is room. Return its new bounds.
+    """Follow a pixel through a run; return its new bounds.
 
-    The run begins with the frame `run` and ends before `end`. The frame before `start`
-    is known by `pixels.value`; it was at `last_time` [s].
+    The run begins with the frame `run` and ends before `end`. The value of the frame
+    before `start` is `pixels.value`; its time is `last_time` [s]. Events beyond the
+    capacity are only counted.
     """
     rise = camera.positive[p]
     fall = camera.negative[p]
@@ -593,8 +603,8 @@ class _HeldPixels:
 class _Reset:
     """Constants of pixels that leak or are held.
 
-    Way to the first leak at the first frame, leak [1/s], time of the first frame [s],
-    refractory period [s].
+    Signal above the reference at the first frame, leak [1/s], time of the first frame
+    [s], refractory period [s].
     """
 
     begun: wp.array[wp.float64]
@@ -603,7 +613,7 @@ class _Reset:
     period: wp.float64
 
 
-# not by decorators: the type checker of the tests takes what they return for functions
+# not as decorators: the tests' type checker would treat the structs as functions
 HeldPixels, Reset = wp.struct(_HeldPixels), wp.struct(_Reset)
 
 
@@ -612,7 +622,7 @@ HeldPixels, Reset = wp.struct(_HeldPixels), wp.struct(_Reset)
 def begin_reset(
     frames: wp.array2d[Any], camera: Camera, reset: Reset, pixels: HeldPixels
 ):
-    """See the first frame: it sets the reference and gives no event."""
+    """Set the reference from the first frame, which causes no event."""
     p = wp.tid()
     value = frames[0, p]
     light = light_of(value, camera.behind[p], camera.lights)
@@ -664,7 +674,7 @@ def follow_reset(
     loud: Loud,
     found: Found,
 ):
-    """Take one of the pixels listed through some frames; events go where is room."""
+    """Follow a listed pixel through some frames; excess events are only counted."""
     if wp.tid() >= loud.count[part]:
         return
     p = loud.pixel[wp.tid()]

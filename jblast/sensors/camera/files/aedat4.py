@@ -1,10 +1,10 @@
 """AEDAT4, the event files of iniVation's cameras.
 
-A line that names the format; a header (a FlatBuffer) whose text in XML names the
-streams; then packets: stream, length, and a FlatBuffer of events, 16 bytes each.
+A line names the format. A header (a FlatBuffer), whose text in XML names the streams,
+and the packets follow: stream, length, and a FlatBuffer of events, 16 bytes each.
 
-They are read by dv-processing, which decompresses packets. They are written
-here, uncompressed: dv-processing takes events from Python one at a time.
+Files are read by dv-processing, which decompresses packets. They are written here,
+uncompressed: dv-processing takes events from Python one at a time.
 
 References:
     iniVation, AEDAT 4.0 file format; dv-processing, its FlatBuffers schemas.
@@ -27,7 +27,7 @@ from jblast.sensors.camera.files.recorded_events import (
 NAMES = {"x": "x", "y": "y", "t": "timestamp", "p": "polarity"}
 """Names of the columns in dv-processing."""
 MAX_SIDE = 1 << 15
-"""Largest number of columns or rows [px]."""
+"""Largest number of columns or rows [px]: coordinates have 16 bits with a sign."""
 EVENT = np.dtype(
     {
         "names": ["t", "x", "y", "p"],
@@ -37,7 +37,7 @@ EVENT = np.dtype(
 )
 """An event as the schema's struct: the time first, three empty bytes at the end."""
 PACKET = 1 << 16
-"""Events of a packet: a reader holds one at a time."""
+"""Events of a packet, 1 MB: a reader has one in memory at a time."""
 # Number of the one stream in the header below; a file without a table of packets states
 # -1 for its position.
 STREAM = 0
@@ -62,11 +62,11 @@ TREE = """<dv version="2.0">
 
 
 def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
-    """Read the stream of events of such a file.
+    """Read the stream of events of an AEDAT4 file.
 
     Raises:
-        InputError: dv-processing is not installed, or makes nothing of the file; it
-            holds no events, or those of several cameras.
+        InputError: dv-processing is not installed or cannot read the file; it has no
+            events, or those of several cameras.
     """
     dv = needed("dv_processing", "aedat4", path, "AEDAT4 is read")
     with path.open("rb") as begun:
@@ -88,8 +88,8 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
         ) from None
     except RuntimeError as error:
         raise InputError(
-            f"{path}: expected a whole AEDAT4 file, which dv-processing cannot make "
-            f"of it ({_reason(error)})"
+            f"{path}: expected a complete AEDAT4 file, which dv-processing cannot read "
+            f"({_reason(error)})"
         ) from None
     columns = {
         name: np.concatenate(
@@ -101,7 +101,7 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
 
 
 def _stream(path: Path, file: Any) -> str:
-    """Return the name of the one stream of events."""
+    """Return the name of the single stream of events."""
     names = [name for name in file.getStreamNames() if file.isStreamOfEventType(name)]
     if len(names) != 1:
         raise InputError(
@@ -112,7 +112,7 @@ def _stream(path: Path, file: Any) -> str:
 
 
 def _reason(error: RuntimeError) -> str:
-    """Return what went wrong, without where in its source."""
+    """Return the message of an error without its position in the library's source."""
     lines = str(error).splitlines()
     message = lines[1] if len(lines) > 1 else lines[0]
     return message.partition(" - Error info")[0]
@@ -122,11 +122,11 @@ class Packet(NamedTuple):
     """Entry of a packet in the index at the file's end.
 
     Attributes:
-        place: Where its events begin, behind stream and length.
-        length: In bytes.
-        events: How many.
-        first: Time of the first [us].
-        last: Time of the last [us].
+        place: Position of its events in the file, after stream and length.
+        length: Length [bytes].
+        events: Number of events.
+        first: Time of the first event [us].
+        last: Time of the last event [us].
     """
 
     place: int
@@ -154,17 +154,19 @@ def write_aedat4(
         for events in _packets(blocks):
             data = _packet(events)
             file.write(np.array([STREAM, len(data)], "<i4").tobytes())
+            # the index finds packets by their first and last time
             times = [int(t) for t in events["t"][[0, -1]]] if len(events) else [0, 0]
             packets.append(Packet(file.tell(), len(data), len(events), *times))
             file.write(data)
         table = file.tell()
         file.write(_table(packets))
+        # the header is written again, with the position of the table
         file.seek(0)
         file.write(_header(*size, table))
 
 
 def _packets(blocks: Iterable[Columns]) -> Iterator[np.ndarray]:
-    """Return events as the schema's structs, and an empty packet if there are none."""
+    """Yield events as the schema's structs; an empty packet if there are none."""
     some = False
     for block in blocks:
         some = True
@@ -173,14 +175,15 @@ def _packets(blocks: Iterable[Columns]) -> Iterator[np.ndarray]:
             events[name] = block[name]
         for start in range(0, len(events), PACKET):
             yield events[start : start + PACKET]
-    if not some:  # dv-processing takes no file without packets
+    if not some:  # dv-processing rejects a file without packets
         yield np.zeros(0, EVENT)
 
 
 def _header(width: int, height: int, table: int) -> bytes:
-    """Return the first line and the table IOHeader: where the index is, and the tree.
+    """Return the first line and the table IOHeader: index position, and the tree.
 
-    Nothing is compressed. The length is the same for every place of the index.
+    Nothing is compressed. The length does not depend on the position of the index, so
+    the header can be written again once that is known.
     """
     import flatbuffers
 
@@ -200,6 +203,8 @@ def _packet(events: np.ndarray) -> bytes:
 
     data = events.tobytes()
     builder = flatbuffers.Builder(len(data) + 256)
+    # The events are one block of bytes: appending them through the builder's own calls
+    # would go number by number.
     builder.StartVector(EVENT.itemsize, len(events), 8)
     builder.head = builder.head - len(data)
     builder.Bytes[builder.head : builder.head + len(data)] = data
@@ -228,6 +233,7 @@ def _table(packets: Sequence[Packet]) -> bytes:
         builder.PrependInt64Slot(4, packet.last, 0)
         entries.append(builder.EndObject())
     builder.StartVector(4, len(entries), 4)
+    # FlatBuffers are built from the end
     for entry in reversed(entries):
         builder.PrependUOffsetTRelative(entry)
     vector = builder.EndVector()

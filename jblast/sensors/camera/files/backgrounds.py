@@ -21,22 +21,23 @@ Background = float | Float[np.ndarray, "..."] | MovingBackground
 def background_named(
     text: str, camera: Camera, times: Float[np.ndarray, " frame"]
 ) -> Background:
-    """Return the background a word names.
+    """Return the background that a command-line word names.
 
     Args:
         text: A grey of linear light, 0 to 1; red, green and blue with commas between; a
-            PNG file; a directory of them, one for each frame; or a video, whose first
-            frame stands behind the first frame. PNG files are sRGB.
-        camera: Whose image size a file must have.
-        times: Of the frames there are to be [s].
+            PNG file; a directory of them, one per frame; or a video that starts at the
+            first frame. PNG files are sRGB.
+        camera: Camera, whose image size a file must have.
+        times: Times of the frames to render [s].
 
     Raises:
-        InputError: It is none of these, or there are too few pictures.
+        InputError: It is none of these, or there are too few images.
     """
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:
         return _read(text, camera, times - times[0])
+    # numbers are linear light, files are sRGB
     light = np.array(numbers)
     if len(numbers) not in (1, 3) or not ((light >= 0) & (light <= 1)).all():
         raise InputError(
@@ -55,8 +56,8 @@ def _read(
         files = frame_files(path)
         if len(files) < len(times):
             raise InputError(
-                f"{path}: expected at least {len(times):,} frames, one for each that "
-                f"is to be rendered, got {len(files):,}"
+                f"{path}: expected at least {len(times):,} frames, one per rendered "
+                f"frame, got {len(files):,}"
             )
         return background_frames(files[: len(times)], times, camera)
     if not path.is_file():
@@ -67,7 +68,7 @@ def _read(
     if path.suffix.lower() == ".png":
         return background_image(path, camera)
     background = background_video(path, camera)
-    # each frame is shown until the next one would be
+    # the last frame lasts one mean interval, as all others do
     lasts = background.times[-1] * len(background.times) / (len(background.times) - 1)
     if times[-1] > lasts:
         raise InputError(

@@ -1,6 +1,6 @@
-"""Files of events in the format of their suffix: read whole, written block by block.
+"""Event files in the format of their suffix: read whole, written block by block.
 
-A file is written whole or not at all. Only npz is assembled in memory.
+A file is written completely or not at all. Only npz is assembled in memory.
 """
 
 import math
@@ -29,14 +29,14 @@ from jblast.sensors.camera.files.recorded_events import (
 
 
 class EventFormat(NamedTuple):
-    """A format of files of camera events.
+    """A format of event files.
 
     Attributes:
         name: Suffix of its files.
-        read: From a path and a size, which files without one need, to events.
-        write: From an empty file, columns, width and height, and the last millisecond
-            of an index.
-        largest: Columns or rows that have a number in it [px].
+        read: Reader: path, and size for files that do not state it, to events.
+        write: Writer: empty file, columns, width and height, last millisecond of an
+            index.
+        largest: Largest number of columns or rows [px].
     """
 
     name: str
@@ -53,31 +53,31 @@ EVENT_FORMATS = Registry[EventFormat](
     EventFormat(".raw", evt3.read_evt3, evt3.write_evt3, evt3.MAX_SIDE),
     EventFormat(".aedat4", aedat4.read_aedat4, aedat4.write_aedat4, aedat4.MAX_SIDE),
 )
-"""By the suffix of its files; `register` adds one from any module."""
+"""Formats by the suffix of their files; `register` adds one from any module."""
 register = EVENT_FORMATS.register
 
 
 def read_events(
     path: str | Path, *, size: tuple[int, int] | None = None
 ) -> RecordedEvents:
-    """Read a file of events whole.
+    """Read an event file whole.
 
     Args:
-        path: Its suffix is one that `write_events` writes.
+        path: The file; its suffix is one of `EVENT_FORMATS`.
         size: Width and height, for a file that does not contain them.
 
     Raises:
-        InputError: There is no such file, its suffix is another one, what reads its
-            format is not installed, it is empty or not whole, has no size, or holds
-            what cannot be: times that fall, places outside the image.
+        InputError: There is no such file, its suffix is unknown, the reader of its
+            format is not installed, it is empty or incomplete, has no size, or contains
+            falling times or pixels outside the image.
     """
     path = Path(path)
     suffix = check_suffix(path)
     if not path.is_file():
         what = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; expected a file of events")
+        raise InputError(f"{path}: {what}; expected an event file")
     if not path.stat().st_size:
-        raise InputError(f"{path}: is empty; expected a file of events")
+        raise InputError(f"{path}: is empty; expected an event file")
     return EVENT_FORMATS[suffix].read(path, size)
 
 
@@ -85,7 +85,7 @@ class Written(NamedTuple):
     """Numbers of events written to a file, by sign.
 
     Attributes:
-        events: How many there are.
+        events: Number of all events.
         brighter: Number of events of increasing light.
         darker: Number of events of decreasing light.
     """
@@ -103,27 +103,27 @@ def write_events(
     *,
     duration_s: float = 0.0,
 ) -> Written:
-    """Write a stream of events whole or not at all, in the format of the suffix.
+    """Write a stream of events completely or not at all, in the format of the suffix.
 
-    All take them block by block but npz, which is put together in memory.
+    All formats are written block by block except npz, which is assembled in memory.
 
     Args:
         path: Ends in one of `EVENT_FORMATS`; an existing file is replaced.
-        blocks: In order of time, which begins at frame 0.
+        blocks: Events in order of time, which begins at frame 0.
         width: Pixels of a row.
-        height: Rows.
-        duration_s: Until when `ms_to_idx` goes at least: the time of the last frame.
+        height: Number of rows.
+        duration_s: Minimum end of `ms_to_idx`: the time of the last frame.
 
     Raises:
-        InputError: The suffix is another one, the image is too large for the format,
-            or an event is outside it, before the one that precedes it, or before 0.
+        InputError: The suffix is unknown, the image is too large for the format, or an
+            event is outside it, before the one that precedes it, or before 0.
     """
     suffix = check_suffix(path)
     form = EVENT_FORMATS[suffix]
     if max(width, height) > form.largest:
         raise InputError(
-            f"{path}: expected images of at most {form.largest:,} pixels a side, "
-            f"which this format can hold; got {width} x {height}"
+            f"{path}: expected images of at most {form.largest:,} pixels per side, the "
+            f"limit of this format; got {width} x {height}"
         )
     last_ms = math.ceil(1e3 * duration_s - 1e-6)  # 8 ms, not 8.0000000001
     counts = {"events": 0, "brighter": 0}
@@ -135,16 +135,17 @@ def write_events(
 
 
 def check_suffix(path: str | Path) -> str:
-    """Return the suffix of a file of events.
+    """Return the suffix of an event file.
 
     Raises:
-        InputError: It is none that we write.
+        InputError: It is not a known one.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in EVENT_FORMATS:
         *some, last = EVENT_FORMATS
         raise InputError(
-            f"{path}: expected a name that ends in {', '.join(some)} or {last}"
+            f"{path}: expected a name ending in {', '.join(some)} or {last}, got "
+            f"{suffix or 'no suffix'}"
         )
     return suffix
 
@@ -155,7 +156,7 @@ def _counted(
     size: tuple[int, int],
     counts: dict[str, int],
 ) -> Iterator[Columns]:
-    """Return the columns of each block that holds some, looked at and counted."""
+    """Yield the columns of each non-empty block, checked and counted."""
     last = 0
     for block in blocks:
         columns = _columns(block)
@@ -171,11 +172,12 @@ def _counted(
 
 
 def _columns(events: Events) -> Columns:
-    """Return the events of a block as columns, not yet of a file's types."""
+    """Return the events of a block as columns, before conversion to a file's types."""
     count = int(events.count)
     x, y, time, sign = (
         np.asarray(field)[:count]
         for field in (events.x, events.y, events.time, events.polarity)
     )
+    # all formats have whole microseconds
     t = np.rint(1e6 * time).astype(np.int64)
     return {"x": x, "y": y, "t": t, "p": sign > 0}

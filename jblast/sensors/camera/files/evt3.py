@@ -1,12 +1,12 @@
 """EVT 3.0, the raw files of Prophesee's event cameras.
 
-A text header, line by line "% keyword value", then words of 16 bits, little-endian:
-four bits are the kind of a word, twelve its value. A word changes the state of the
-decoder (the time's upper and lower 12 bits, the row, the column that vectors begin at),
-or gives events.
+A text header with lines "% keyword value" is followed by words of 16 bits,
+little-endian: four bits are the kind of a word, twelve its value. A word changes the
+state of the decoder (the time's upper and lower 12 bits, the row, the column at which
+vectors begin), or contains events.
 
-Encoder and decoder are our own: expelliarmus 1.1.12 loses the time of events where
-4,096 us or more pass without one, and handles neither an empty file nor its size.
+Encoder and decoder are our own: expelliarmus 1.1.12 loses the time of events after
+4,096 us or more without one, and handles neither an empty file nor its size.
 
 References:
     Prophesee, Metavision documentation: EVT 3.0 format; RAW file format.
@@ -30,11 +30,12 @@ from jblast.sensors.camera.files.recorded_events import (
 )
 
 BLOCK = 1 << 20
-"""Words that are decoded together."""
+"""Words that are decoded together: some 100 MB with the decoder's temporary arrays."""
 NOWHERE = -1 << 40
-"""Column of vectors before any word sets it: no number of columns leads there."""
+"""Column of vectors before any word sets it: adding columns never makes it valid."""
 LONGEST_US = 24 * 3600 * 10**6
-"""Without an event [us]: the time is counted up in steps of 4,096 us, as cameras do."""
+"""Longest time without an event [us]. The time is counted up in steps of 4,096 us, as
+cameras do: a day is 21 million words."""
 MAX_HEADER = 1 << 16
 """Largest size of a header; real ones are far shorter [bytes]."""
 ADDR_Y = 0x0
@@ -44,25 +45,25 @@ ADDR_X = 0x2
 VECT_BASE_X = 0x3
 """Column and sign of the vectors that follow, in the same bits."""
 VECT_12, VECT_8 = 0x4, 0x5
-"""Which of the next 12 or 8 columns have an event; the next vector goes on there."""
+"""Mask of the events in the next 12 or 8 columns; the next vector continues there."""
 # EVT 3.0 sends time in two halves of 12 bits, each in a word of its own.
 TIME_LOW = 0x6
 TIME_HIGH = 0x8
-"""Lower and upper 12 bits of 24 bits of microseconds; beyond, they begin again."""
+"""Lower and upper 12 bits of 24 bits of microseconds, which then begin again at 0."""
 WITHOUT_EVENTS = (0x7, 0xA, 0xE, 0xF)
-"""Triggers of other devices, and what vendors add."""
+"""Triggers of other devices, and extensions of vendors."""
 KNOWN = (ADDR_Y, ADDR_X, VECT_BASE_X, VECT_12, VECT_8, TIME_LOW, TIME_HIGH)
 MAX_SIDE = 1 << 11
-"""Largest number of columns or rows [px]."""
+"""Largest number of columns or rows [px]: they have 11 bits."""
 PERIOD = 1 << 12
-"""Microseconds of one step of `TIME_HIGH`, and steps until it begins again."""
+"""Microseconds per step of `TIME_HIGH`, and number of steps until it begins again."""
 
 
 class DecoderState(NamedTuple):
-    """State set by the words so far; -1 where none has set it.
+    """State set by the words so far; -1 for values that no word has set.
 
     Attributes:
-        high: Steps of 4,096 us, counted on where 12 bits began again.
+        high: Steps of 4,096 us, continued where their 12 bits begin again.
         low: Microseconds after that.
         y: Row.
         base: Column and sign of the next vector, as in its word.
@@ -75,10 +76,10 @@ class DecoderState(NamedTuple):
 
 
 class Decoder:
-    """Decodes words, block by block.
+    """Decoder of words, block by block.
 
     Attributes:
-        state: As set by the words so far.
+        state: State set by the words so far.
     """
 
     def __init__(self):
@@ -87,15 +88,15 @@ class Decoder:
     def columns(self, words: UInt16[np.ndarray, " word"]) -> Columns:
         """Return the events of a block of words.
 
-        What comes before the first time and row is left out, as by the maker's own
-        reader: when or where it happened is not known.
+        Events before the first time and row are omitted, as by the manufacturer's own
+        reader, because their time or row is unknown.
         """
         kind, value = words >> 12, (words & 0xFFF).astype(np.int64)
         high, low = self._times(kind, value)
         y = _last(kind == ADDR_Y, value & 0x7FF, self.state.y)
         base = self._bases(kind, value)
         self.state = DecoderState(*(int(v[-1]) for v in (high, low, y, base)))
-        # where a word's events begin, and which of the next columns have one
+        # first column of a word's events, and mask of the columns that have one
         mask = np.zeros(len(words), np.int64)
         mask[kind == ADDR_X] = 1
         for vector, bits in ((VECT_12, 0xFFF), (VECT_8, 0xFF)):
@@ -103,6 +104,7 @@ class Decoder:
         before = np.where(kind == ADDR_X, value, base - _lengths(kind))
         mask[(high < 0) | (y < 0) | (before < 0)] = 0
         at = np.flatnonzero(mask)
+        # one row of twelve flags per word with events
         bits = (mask[at, None] >> np.arange(12)) & 1
         row, column = np.nonzero(bits)
         word = at[row]
@@ -118,18 +120,18 @@ class Decoder:
         at = np.flatnonzero(kind == TIME_HIGH)
         before = self.state.high
         steps = np.diff(value[at], prepend=max(before, 0) % PERIOD)
-        # they began again where they fall by more than half of their range
+        # a fall by more than half of their range: the 12 bits began again
         wraps = np.cumsum(steps < -PERIOD // 2) + max(before, 0) // PERIOD
         counted = value[at] + PERIOD * wraps
         high = _last_at(at, counted, before, len(kind))
         is_low = kind == TIME_LOW
-        # a new step begins at 0; the same one, sent again, changes nothing
-        anew = np.diff(high, prepend=before) != 0
-        low = _last(is_low | anew, np.where(is_low, value, 0), self.state.low)
+        # a new step begins at 0; the same step, sent again, changes nothing
+        is_new = np.diff(high, prepend=before) != 0
+        low = _last(is_low | is_new, np.where(is_low, value, 0), self.state.low)
         return high, low
 
     def _bases(self, kind, value) -> Int64[np.ndarray, " word"]:
-        """Return column and sign where the next vector begins, after each word."""
+        """Return column and sign at which the next vector begins, after each word."""
         lengths = np.cumsum(_lengths(kind))
         at = np.flatnonzero(kind == VECT_BASE_X)
         before = self.state.base if self.state.base >= 0 else NOWHERE
@@ -138,7 +140,7 @@ class Decoder:
 
 
 def _lengths(kind: UInt16[np.ndarray, " word"]) -> Int64[np.ndarray, " word"]:
-    """Return how many columns each word goes on by."""
+    """Return the number of columns that each word advances."""
     return np.where(kind == VECT_12, 12, np.where(kind == VECT_8, 8, 0))
 
 
@@ -151,33 +153,34 @@ def _last(
 
 
 def _last_at(at, values, before: int, count: int) -> Int64[np.ndarray, " word"]:
-    """Return the last of values that stand at some words, up to each word."""
+    """Return, for each word, the value at the last of some words up to it."""
     found = np.append(np.int64(before), values)
     return np.repeat(found, np.diff(at, prepend=0, append=count))
 
 
 def read_evt3(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
-    """Read such a file.
+    """Read an EVT 3.0 file.
 
     Raises:
-        InputError: It has no header of EVT 3.0, breaks off, or holds words that are
-            none.
+        InputError: It has no header of EVT 3.0, is incomplete, or contains words of an
+            unknown kind.
     """
     with path.open("rb") as file:
         header = read_header(path, file)
+        # a truncated file would otherwise lose its last events without a message
         octets = os.fstat(file.fileno()).st_size - file.tell()
         if octets % 2 or (header.words is not None and octets != 2 * header.words):
             amount = (
                 "whole words" if header.words is None else f"{2 * header.words:,} bytes"
             )
             raise InputError(
-                f"{path}: expected a whole EVT 3.0 file, {amount} after its header, "
+                f"{path}: expected a complete EVT 3.0 file, {amount} after its header, "
                 f"got {octets:,} bytes"
             )
         decoder = Decoder()
         parts = [
             {name: part[name].astype(kind) for name, kind in TYPES.items()}
-            for part in map(decoder.columns, _blocks(path, file))
+            for part in map(decoder.columns, _word_blocks(path, file))
         ]
     columns = {
         name: np.concatenate([np.zeros(0, kind), *(part[name] for part in parts)])
@@ -186,8 +189,8 @@ def read_evt3(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
     return recorded(path, columns, header.size or size)
 
 
-def _blocks(path: Path, file) -> Iterator[UInt16[np.ndarray, " word"]]:
-    """Return words, block by block."""
+def _word_blocks(path: Path, file) -> Iterator[UInt16[np.ndarray, " word"]]:
+    """Yield words, block by block."""
     while data := file.read(2 * BLOCK):
         words = np.frombuffer(data, "<u2").astype(np.uint16)
         kinds = np.bincount(words >> 12, minlength=16)
@@ -206,7 +209,7 @@ class Encoder:
 
     Attributes:
         high: Steps of `TIME_HIGH`.
-        low: Microseconds after that; -1 before the first.
+        low: Microseconds after that; -1 before the first event.
         y: Row.
     """
 
@@ -215,14 +218,17 @@ class Encoder:
     y: int = -1
 
     def words(self, events: Columns) -> UInt16[np.ndarray, " word"]:
-        """Return the words of a block that is not empty: single events, no vectors.
+        """Return the words of a non-empty block: single events, no vectors.
 
-        Each step of the time's upper bits is written, so that a reader who counts
-        how often they began again is never wrong, however long nothing happens.
+        Each step of the time's upper bits is written. A reader that counts how often
+        they begin again is then right, however long there is no event.
         """
         high, low = np.divmod(events["t"], PERIOD)
+        # Words of an event in order: time steps, low time, row, column. `ends` is the
+        # position after the last; the others are counted back from it.
         y = events["y"].astype(np.int64)
         steps = np.diff(high, prepend=self.high)
+        # unchanged parts of the state are not repeated
         is_low = (np.diff(low, prepend=self.low) != 0) | (steps > 0)
         is_row = np.diff(y, prepend=self.y) != 0
         ends = np.cumsum(steps + is_low + is_row + 1)
@@ -251,7 +257,7 @@ def write_evt3(
         last_ms: Not used by this format.
 
     Raises:
-        InputError: Longer than `LONGEST_US` nothing happens.
+        InputError: There is no event for longer than `LONGEST_US`.
     """
     del last_ms
     encoder, count, last = Encoder(), 0, 0
@@ -273,11 +279,11 @@ def write_evt3(
 
 
 class Header(NamedTuple):
-    """Content of a header.
+    """Header of a file.
 
     Attributes:
-        size: Width and height; None if they are not stated.
-        words: How many words follow; None if it is not stated.
+        size: Width and height, or None.
+        words: Number of words that follow, or None.
     """
 
     size: tuple[int, int] | None
@@ -285,9 +291,9 @@ class Header(NamedTuple):
 
 
 def header_of(width: int, height: int, words: int) -> bytes:
-    """Return the header of our files, always of one length for an image.
+    """Return the header of our files; its length does not depend on `words`.
 
-    Prophesee's software finds by it which of its plug-ins reads the file.
+    Prophesee's software finds the plug-in for the file by it.
     """
     lines = (
         "evt 3.0",
@@ -303,12 +309,12 @@ def header_of(width: int, height: int, words: int) -> bytes:
 
 
 def read_header(path: Path, file: BinaryIO) -> Header:
-    """Read a header; the file then stands at its first word.
+    """Read a header; the file is then at its first word.
 
     Raises:
         InputError: There is none, or it is of another encoding.
     """
-    said: dict[str, str] = {}
+    stated: dict[str, str] = {}
     start = file.tell()
     while file.tell() < MAX_HEADER:
         line = file.readline(MAX_HEADER)
@@ -318,20 +324,21 @@ def read_header(path: Path, file: BinaryIO) -> Header:
         key, _, value = line[2:].decode("ascii", "replace").strip().partition(" ")
         if key == "end":
             break
-        said[key] = value
+        stated[key] = value
     file.seek(start)
-    encoding, _, options = said.get("format", "").partition(";")
-    encoding = encoding or {"3.0": "EVT3"}.get(said.get("evt", ""), said.get("evt", ""))
+    encoding, _, options = stated.get("format", "").partition(";")
+    version = stated.get("evt", "")
+    encoding = encoding or {"3.0": "EVT3"}.get(version, version)
     if encoding != "EVT3":
         got = f"one of {encoding}" if encoding else "none"
         raise InputError(f"{path}: expected the header of an EVT 3.0 file, got {got}")
-    if said.get("endianness", "little") != "little":
+    if stated.get("endianness", "little") != "little":
         raise InputError(f"{path}: expected little-endian words, got big-endian ones")
-    width, _, height = said.get("geometry", "").partition("x")
+    width, _, height = stated.get("geometry", "").partition("x")
     fields = {"width": width, "height": height}
     for option in options.split(";"):
         key, _, value = option.partition("=")
         fields[key] = value
     across, down = whole_number(fields["width"]), whole_number(fields["height"])
     size = None if across is None or down is None else (across, down)
-    return Header(size, whole_number(said.get("words", "")))
+    return Header(size, whole_number(stated.get("words", "")))

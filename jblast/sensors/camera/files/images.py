@@ -1,8 +1,8 @@
 """Images as files: PNG, WebP, depth images and folders of frames.
 
-Linear light is written as sRGB of 8 bits. Frames of a folder are in the order of the
-numbers in their names; numbers at unequal steps are an error. PNG with several channels
-of 16 bits is decoded here, without interlacing, and all other PNG by Pillow.
+Linear light is written as sRGB of 8 bits. Frames of a folder are ordered by the numbers
+in their names; unequal steps are an error. PNG with several channels of 16 bits is
+decoded here, without interlacing, and all other PNG by Pillow.
 """
 
 import io
@@ -24,25 +24,25 @@ from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linea
 
 NUMBER = re.compile(r"(\d+)")
 ARRAYS = ".npy"
-"""Suffix of frames of linear light as NumPy writes them: floats, full scale 1."""
+"""Suffix of frames of linear light as NumPy arrays: floats, full scale 1."""
 COMPRESSION = 1
-"""Of zlib: a third of the time of the usual 6, a tenth more bytes."""
+"""Level of zlib: a third of the time of the default 6, a tenth more bytes."""
 CHANNELS = {2: 3, 4: 2, 6: 4}
-"""Of colour types with more than one: RGB, grey with alpha, RGBA."""
-# Depth images hold whole millimetres, as is usual for 16-bit PNG depth.
+"""Channels of PNG colour types with more than one: RGB, grey with alpha, RGBA."""
+# Depth images have whole millimetres, as is usual for 16-bit PNG depth.
 MILLIMETRE = 1e-3
 EXPECTED = "a PNG of 16 bits, grey, in millimetres, or an .npy file in metres"
 
 
 def frame_files(directory: str | Path, *, arrays: bool = False) -> list[Path]:
-    """Return the PNG files of a directory in order; numbers in names count as numbers.
+    """Return the PNG files of a directory, ordered by the numbers in their names.
 
     Args:
-        directory: Where they are.
-        arrays: Whether `.npy` files are taken where there are no PNG files.
+        directory: The directory.
+        arrays: True to accept `.npy` files if there are no PNG files.
 
     Raises:
-        InputError: There is no such directory, it holds fewer than two frames, or the
+        InputError: There is no such directory, it has fewer than two frames, or the
             numbers of its frames have a gap.
     """
     directory = Path(directory)
@@ -53,6 +53,7 @@ def frame_files(directory: str | Path, *, arrays: bool = False) -> list[Path]:
     names = [path for path in every if path.suffix.lower() == ".png"]
     if arrays and not names:
         names = [path for path in every if path.suffix.lower() == ARRAYS]
+    # frame 10 after frame 9, with or without leading zeros
     files = sorted(names, key=lambda path: (_parts(path), path.name))
     if len(files) < 2:
         raise InputError(
@@ -63,14 +64,15 @@ def frame_files(directory: str | Path, *, arrays: bool = False) -> list[Path]:
 
 
 def _parts(path: Path) -> list[tuple[str, int]]:
-    """Cut a name into text and numbers."""
+    """Return text and numbers of a name, alternating."""
     words = NUMBER.split(path.stem)
     return [(w, -1) if i % 2 == 0 else ("", int(w)) for i, w in enumerate(words)]
 
 
 def _check_gaps(files: list[Path]) -> None:
-    """Refuse frames whose names differ in one number alone, and not by equal steps."""
+    """Reject frames whose names differ in a single number with unequal steps."""
     rows = [_parts(path) for path in files]
+    # names of different patterns: gaps cannot be recognised
     if len({len(row) for row in rows}) > 1:
         return
     changing = [
@@ -82,7 +84,7 @@ def _check_gaps(files: list[Path]) -> None:
     steps = np.diff(numbers)
     if steps.min() == 0:
         again = files[int(np.argmin(steps)) + 1]
-        raise InputError(f"{again}: expected one frame of each number, got two")
+        raise InputError(f"{again}: expected one frame per number, got two")
     if steps.max() != steps.min():
         at = int(np.argmax(steps))
         missing = int(numbers[at] + steps.min())
@@ -95,14 +97,14 @@ def _check_gaps(files: list[Path]) -> None:
 def read_frames(
     files: list[Path], *, srgb: bool = False, block: int = 16
 ) -> Iterator[np.ndarray]:
-    """Return the frames as blocks (frame, height, width) of linear light.
+    """Yield the frames as blocks (frame, height, width) of linear light.
 
-    8-bit grey stays as it is, for a table of its own to decode; all else becomes
-    floats with full scale 1, colours by their luminance.
+    8-bit grey is unchanged, for a table that decodes it; all else becomes floats with
+    full scale 1, colours by their luminance.
 
     Args:
         files: PNG or `.npy` files of one size and bit depth.
-        srgb: Whether colours and 16-bit values are sRGB, and not linear light. Floats
+        srgb: True if colours and 16-bit values are sRGB, false for linear light. Floats
             are linear light.
         block: Frames of a block.
 
@@ -125,8 +127,8 @@ def read_frames(
                 )
             if frame.dtype != first.dtype:
                 raise InputError(
-                    f"{path}: expected grey of 8 bits in all frames or in none; "
-                    f"{files[0].name} is of another kind"
+                    f"{path}: expected grey of 8 bits in all frames or in none, got "
+                    f"another kind than {files[0].name}"
                 )
             if depth != bits:
                 raise InputError(
@@ -151,7 +153,7 @@ def read_frame(path: Path, *, srgb: bool = False) -> np.ndarray:
 
 
 def frame_and_bits(path: Path, *, srgb: bool = False) -> tuple[np.ndarray, int | None]:
-    """Return one frame as `read_frames` does, and its bit depth; None of floats."""
+    """Return one frame as `read_frames` does, and its bit depth; None for floats."""
     if path.suffix.lower() == ARRAYS:
         return _read_array(path), None
     pixels = read_png(path)
@@ -176,15 +178,15 @@ def _read_array(path: Path) -> Float[np.ndarray, "height width"]:
 
 
 def _loaded(path: Path, expected: str) -> Any:
-    """Return the content of an .npy file, or of another that NumPy reads.
+    """Return the content of an .npy file, or of another file that NumPy reads.
 
     Raises:
-        InputError: It cannot be read, or is no array of numbers.
+        InputError: It cannot be read, or is not an array of numbers.
     """
     try:
         return np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or "it is no array of numbers"
+        reason = getattr(error, "strerror", None) or "it is not an array of numbers"
         raise InputError(f"{path}: expected {expected}, but {reason}") from None
 
 
@@ -195,7 +197,7 @@ def read_colours(
 
     Args:
         path: The file.
-        srgb: Whether its values are sRGB, or linear light.
+        srgb: True if its values are sRGB, false for linear light.
 
     Raises:
         InputError: It cannot be read, or is transparent.
@@ -205,14 +207,15 @@ def read_colours(
 
 
 def read_pictures(files: Sequence[Path]) -> UInt8[np.ndarray, "frame height width 4"]:
-    """Read frames with alpha, of one size and 8 bits.
+    """Return frames with alpha, of one size, in 8 bits.
 
     Raises:
-        InputError: One is not so; the message names the file.
+        InputError: A frame has no alpha or another size; the message names the file.
     """
     pictures: list[np.ndarray] = []
     for path in files:
         picture = read_png(path)
+        # the upper byte of 16 bits: an 8-bit display needs no more
         if picture.dtype != np.uint8:
             picture = (picture >> 8).astype(np.uint8)
         if picture.ndim == 3 and picture.shape[2] == 2:  # grey and alpha
@@ -235,10 +238,11 @@ def _light(path: Path, pixels: np.ndarray, srgb: bool) -> np.ndarray:
     """Return linear light without alpha: (height, width) or with three channels."""
     value = pixels / (255.0 if pixels.dtype == np.uint8 else 65535.0)
     if value.ndim == 3 and value.shape[2] in (2, 4):
+        # opaque alpha is harmless and frequent; any transparency has no defined light
         if value[..., -1].min() < 1.0:
             raise InputError(
-                f"{path}: expected an opaque frame, got a transparent one; lay it over "
-                "its background first"
+                f"{path}: expected an opaque frame, got a transparent one; composite "
+                "it over its background first"
             )
         value = value[..., :-1]
     light = srgb_to_linear(value) if srgb else value
@@ -250,8 +254,8 @@ def write_png(
 ) -> None:
     """Write an image as sRGB of 8 bits, rounded to the nearest.
 
-    Light above 1 keeps its hue and tends to white (`image.toned`). Frames do not wait
-    for the disk: they come by the hundred, and can be made again.
+    Light above 1 keeps its hue and tends to white (`image.toned`). Files are not
+    flushed to disk: frames are many, and can be made again.
 
     Args:
         path: An existing file is replaced.
@@ -263,8 +267,8 @@ def write_png(
 def write_values(
     path: str | Path, values: UInt8[np.ndarray, "height width channel"]
 ) -> None:
-    """Write values as they are; as `write_png` otherwise."""
-    # Pillow comes with Matplotlib
+    """Write 8-bit values unchanged; otherwise as `write_png`."""
+    # Pillow is installed with Matplotlib
     from PIL import Image
 
     pixels = Image.fromarray(values[..., 0] if values.shape[2] == 1 else values)
@@ -284,41 +288,37 @@ def srgb_bytes(image: Float[np.ndarray, "height width channel"]) -> np.ndarray:
 
 
 def read_png(path: str | Path) -> np.ndarray:
-    """Return the values of a PNG file as they stand: of 8 or of 16 bits.
+    """Return the values of a PNG file, 8 or 16 bits.
 
-    A palette is looked up; there are one to four channels, the last of two or four
-    being alpha. Pillow drops the lower half of colours of 16 bits, so these are
-    decoded here.
+    A palette is resolved. There are one to four channels, the last of two or four being
+    alpha. Pillow drops the lower half of colours of 16 bits, so these are decoded here.
 
     Raises:
-        InputError: It is no PNG file, or not a whole one.
+        InputError: It is not a PNG file, or incomplete.
     """
     from PIL import Image, UnidentifiedImageError
 
     try:
         data = Path(path).read_bytes()
-        if _has_deep_channels(data):
+        is_png = data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR"
+        # 16 bits in each of several channels
+        if is_png and len(data) > 28 and data[24] == 16 and data[25] in CHANNELS:
             return _deep_channels(data)
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+            # palettes and bits have no direct values
             if image.mode in ("1", "P", "PA"):
                 image = image.convert("RGBA" if image.has_transparency_data else "RGB")
             pixels = np.asarray(image)
-        if b"IEND" not in data:  # some cuts the decoder lets pass
+        if b"IEND" not in data:  # Pillow accepts some files that are cut short
             raise EOFError("cut short")
     except UnidentifiedImageError:
         raise InputError(f"{path}: expected a PNG image, got something else") from None
     except (OSError, SyntaxError, ValueError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(
-            f"{path}: expected a whole PNG image, but it cannot be read ({reason})"
+            f"{path}: expected a complete PNG image, but it cannot be read ({reason})"
         ) from None
     return pixels
-
-
-def _has_deep_channels(data: bytes) -> bool:
-    """Return whether a file has 16 bits in each of several channels."""
-    is_png = data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR"
-    return is_png and len(data) > 28 and data[24] == 16 and data[25] in CHANNELS
 
 
 def _deep_channels(data: bytes) -> UInt16[np.ndarray, "height width channel"]:
@@ -330,7 +330,7 @@ def _deep_channels(data: bytes) -> UInt16[np.ndarray, "height width channel"]:
     """
     width, height, _, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29])
     if interlaced:
-        raise ValueError("colours of 16 bits are read without interlacing only")
+        raise ValueError("colours of 16 bits are supported without interlacing only")
     packed, place, chunk = [], 8, b""
     while chunk != b"IEND":
         if place + 12 > len(data):
@@ -339,6 +339,7 @@ def _deep_channels(data: bytes) -> UInt16[np.ndarray, "height width channel"]:
         if chunk == b"IDAT":
             packed.append(data[place + 8 : place + 8 + size])
         place += 12 + size
+    # two bytes per channel: the filters' distance to the left neighbour
     step = 2 * CHANNELS[kind]
     raw = np.frombuffer(zlib.decompress(b"".join(packed)), np.uint8)
     if raw.size != height * (1 + width * step):
@@ -351,21 +352,22 @@ def _deep_channels(data: bytes) -> UInt16[np.ndarray, "height width channel"]:
 def _unfiltered(
     filters: UInt8[np.ndarray, " height"], coded: UInt8[np.ndarray, "height width step"]
 ) -> UInt8[np.ndarray, "height width step"]:
-    """Return the bytes of pixels from those that the filters of their rows left.
+    """Return the bytes of pixels from the filtered bytes of their rows.
 
     A pixel needs its neighbours to the left, above, and above to the left. Pixels of
-    one antidiagonal need none of each other: all of them are computed together.
+    one antidiagonal do not depend on each other, so they are computed together.
     """
     if filters.max(initial=0) > 4:
         raise ValueError(f"unknown filter {filters.max()}")
     height, width, step = coded.shape
-    out = np.zeros((height + 1, width + 1, step), np.int16)  # nothing left and above
+    out = np.zeros((height + 1, width + 1, step), np.int16)  # zeros left and above
     kinds = filters[:, None]
     for diagonal in range(height + width - 1):
         rows = np.arange(max(diagonal - width + 1, 0), min(diagonal, height - 1) + 1)
         columns = diagonal - rows
         left, above = out[rows + 1, columns], out[rows, columns + 1]
         corner, kind = out[rows, columns], kinds[rows]
+        # Paeth's predictor, for filter 4
         guess = left + above - corner
         to_left, to_above, to_corner = (
             np.abs(guess - near) for near in (left, above, corner)
@@ -385,10 +387,10 @@ def _unfiltered(
 
 
 def check_whole_webp(path: Path) -> None:
-    """Refuse a file that is missing, cut short or no WebP, by its first bytes.
+    """Reject a file that is missing, cut short or no WebP image, by its first bytes.
 
     Raises:
-        InputError: It is; the message names it.
+        InputError: With the name of the file.
     """
     try:
         with path.open("rb") as file:
@@ -400,11 +402,11 @@ def check_whole_webp(path: Path) -> None:
         ) from None
     if len(head) < 12 or head[:4] != b"RIFF" or head[8:] != b"WEBP":
         raise InputError(f"{path}: expected a WebP image, got something else")
-    wanted = 8 + int.from_bytes(head[4:8], "little")
-    if size < wanted:
+    expected = 8 + int.from_bytes(head[4:8], "little")
+    if size < expected:
         raise InputError(
-            f"{path}: expected a whole WebP image of {wanted:,} bytes, got {size:,}; "
-            "it is cut short"
+            f"{path}: expected a complete WebP image of {expected:,} bytes, got "
+            f"{size:,}; it is cut short"
         )
 
 
@@ -423,7 +425,7 @@ def read_webp(path: Path) -> UInt8[np.ndarray, "height width 4"]:
     except (OSError, SyntaxError, ValueError, EOFError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(
-            f"{path}: expected a whole WebP image, but it cannot be read ({reason})"
+            f"{path}: expected a complete WebP image, but it cannot be read ({reason})"
         ) from None
     if mode != "RGBA":
         raise InputError(f"{path}: expected an image with alpha, got none")
@@ -431,18 +433,18 @@ def read_webp(path: Path) -> UInt8[np.ndarray, "height width 4"]:
 
 
 def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height width"]:
-    """Return how far away along each pixel's ray the background is [m].
+    """Return the distance of the background along each pixel's ray [m].
 
     Files contain the distance along the camera's axis, as depth cameras do (ROS REP
-    118). A PNG's 0 means that nothing is known there, and is taken for infinitely far;
-    so is an infinite number of an .npy file.
+    118). A PNG's 0 means unknown, and becomes infinite; an .npy file may contain
+    infinite distances.
 
     Args:
         path: A grey PNG of 16 bits in millimetres, or an .npy file of floats in metres.
-        camera: Whose image size it must have; its lens and pose give the rays.
+        camera: Camera, whose image size it must have; its lens and pose give the rays.
 
     Raises:
-        InputError: It is none of these, has another size, or a distance that is none.
+        InputError: It is none of these, has another size, or a distance of 0 or less.
     """
     path = Path(path)
     along = _array(path) if path.suffix.lower() == ARRAYS else _millimetres(path)
@@ -458,16 +460,19 @@ def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height wi
             f"{path}: expected distances above 0 m, got {along[row, column]:g} at row "
             f"{row}, column {column}"
         )
+    # camera axis in the world: its component along a ray converts depth to distance
     axis = np.asarray(quaternion_matrix(camera.quaternion))[:, 2]
     ahead = np.tensordot(
         axis, np.asarray(pixel_rays(camera, ground=False).direction), 1
     )
-    return along / np.where(ahead > 0.0, ahead, 1.0)  # of a pixel without direction
+    # pixels beyond the lens's fold have no direction: any finite divisor will do
+    return along / np.where(ahead > 0.0, ahead, 1.0)
 
 
 def _millimetres(path: Path) -> np.ndarray:
     values = read_png(path)
-    # Pillow gives 16 bits as 32 where it has no type of its own for them
+    # Pillow returns 16 bits as 32 in modes without a type of their own
+
     if values.ndim != 2 or values.dtype == np.uint8:
         bits = "8 bits" if values.dtype == np.uint8 else "colours"
         raise InputError(f"{path}: expected {EXPECTED}, got a PNG with {bits}")

@@ -1,10 +1,10 @@
-"""Columns of events as a file has them, and files in npz and HDF5.
+"""Columns of recorded events, and their files in npz and HDF5.
 
 HDF5 has the layout of DSEC. `events/{x, y, t, p}`: column, row, whole microseconds from
 frame 0, 1 for brighter and 0 for darker. `t_offset` is 0. `ms_to_idx[i]` is the first
 event at or after millisecond i, to the end of the film: DSEC's slicer looks up the
-millisecond in which a window begins and the one by which it ends, and returns None
-where there is no entry. An npz file has the same columns as NumPy arrays.
+milliseconds in which a window begins and by which it ends, and returns None where there
+is no entry. An npz file has the same columns as NumPy arrays.
 
 References:
     Gehrig, Aarents, Gehrig and Scaramuzza (2021), DSEC: a stereo event camera dataset
@@ -23,9 +23,10 @@ from jaxtyping import Int64, UInt8, UInt16
 from jblast.errors import InputError, argument
 
 TYPES = {"x": np.uint16, "y": np.uint16, "t": np.int64, "p": np.uint8}
-"""Columns of a file."""
+"""Columns of a file, with their types."""
 Columns = dict[str, np.ndarray]
 _PACKED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+"""Fastest level of gzip, after `shuffle` has grouped bytes of equal significance."""
 
 
 class RecordedEvents(NamedTuple):
@@ -34,10 +35,10 @@ class RecordedEvents(NamedTuple):
     Attributes:
         x: Column.
         y: Row, downwards.
-        t: Whole microseconds, on the file's clock.
+        t: Whole microseconds on the file's clock.
         p: 1 brighter, 0 darker.
         width: Pixels of a row.
-        height: Rows.
+        height: Number of rows.
         t_offset: Offset to be added to the times, as stated in the file [us].
     """
 
@@ -56,22 +57,22 @@ def recorded(
     size: tuple[int, int] | None,
     t_offset: int = 0,
 ) -> RecordedEvents:
-    """Return the events of a file's columns, if they can be events.
+    """Return the events of a file's columns after checks.
 
     Args:
         path: The file, for messages.
-        columns: x, y, t and p, of whole numbers; p may be 1 and -1, too.
-        size: Width and height; None if the file states neither.
-        t_offset: As in the answer.
+        columns: x, y, t and p, whole numbers; p may also be 1 and -1.
+        size: Width and height; None if the file does not state them.
+        t_offset: Offset of the result [us].
 
     Raises:
-        InputError: The columns differ in length, a place is outside the image, times
+        InputError: The columns differ in length, a pixel is outside the image, times
             fall, or the size is unknown.
     """
     if size is None:
         raise InputError(
             f"{path}: expected the width and height of the image, which this file does "
-            f"not tell; say them ({argument('size')})"
+            f"not contain; add {argument('size')}"
         )
     lengths = {name: len(columns[name]) for name in TYPES}
     if len({*lengths.values()}) > 1:
@@ -86,21 +87,24 @@ def recorded(
         check_place(path, name, columns[name], limit)
     check_rising(path, columns["t"])
     p = columns["p"]
+    # some writers code darker as -1
     if p.dtype.kind == "i":
         p = np.where(p == -1, 0, p)
     if len(p) and not ((p == 0) | (p == 1)).all():
         other = p[(p != 0) & (p != 1)][0]
-        raise InputError(f"{path}: p: expected 1 for brighter and 0, got {other}")
+        raise InputError(
+            f"{path}: p: expected 1 for brighter, 0 for darker, got {other}"
+        )
     values = {**columns, "p": p}
     arrays = {name: values[name].astype(kind) for name, kind in TYPES.items()}
     return RecordedEvents(**arrays, width=size[0], height=size[1], t_offset=t_offset)
 
 
 def check_place(path: str | Path, name: str, values: np.ndarray, limit: int) -> None:
-    """Refuse columns or rows outside the image.
+    """Reject columns or rows outside the image.
 
     Raises:
-        InputError: There is one.
+        InputError: The first such event, with its value.
     """
     if len(values) and not 0 <= values.min() <= values.max() < limit:
         wrong = int(np.flatnonzero((values < 0) | (values >= limit))[0])
@@ -111,15 +115,15 @@ def check_place(path: str | Path, name: str, values: np.ndarray, limit: int) -> 
 
 
 def check_rising(path: str | Path, t: np.ndarray, before: int | None = None) -> None:
-    """Refuse times that fall; those of several events may be the same.
+    """Reject times that fall; several events may have the same time.
 
     Args:
         path: The file, for the message.
         t: Times [us].
-        before: That of the event before these.
+        before: Time of the event before these [us].
 
     Raises:
-        InputError: One is before the one that precedes it.
+        InputError: A time is before the one that precedes it.
     """
     if before is not None and len(t):
         t = np.append(np.int64(before), t)
@@ -135,7 +139,7 @@ def check_rising(path: str | Path, t: np.ndarray, before: int | None = None) -> 
 def write_arrays(
     path: Path, blocks: Iterable[Columns], size: tuple[int, int], last_ms: int
 ) -> None:
-    """Write columns of events, put together in memory.
+    """Write columns of events, assembled in memory.
 
     Args:
         path: An empty file.
@@ -151,19 +155,19 @@ def write_arrays(
     }
     width, height = size
     values |= {"width": np.asarray(width), "height": np.asarray(height)}
-    with path.open("wb") as file:  # a name would be made to end in .npz
+    with path.open("wb") as file:  # NumPy would append .npz to a name
         values["t_offset"] = np.asarray(0)
         np.savez_compressed(file, allow_pickle=False, **values)
 
 
 def read_arrays(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
-    """Read such a file.
+    """Read an npz file of events.
 
     Raises:
-        InputError: It is no npz, or not of these columns.
+        InputError: It is no npz file, or has other columns.
     """
     try:
-        # a path that breaks off would be left open
+        # opened here: NumPy leaves a path open if reading fails
         with path.open("rb") as held, np.load(held, allow_pickle=False) as file:
             if not isinstance(file, np.lib.npyio.NpzFile) or not {*TYPES} <= {*file}:
                 got = ", ".join(file) if hasattr(file, "files") else "one array"
@@ -183,7 +187,7 @@ def read_arrays(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
 
 def _broken(path: Path, why: str) -> InputError:
     return InputError(
-        f"{path}: expected a whole npz of events, which cannot be read ({why})"
+        f"{path}: expected a complete npz file of events, which cannot be read ({why})"
     )
 
 
@@ -196,7 +200,7 @@ def write_dsec(
         path: An empty file.
         blocks: Columns of events.
         size: Width and height.
-        last_ms: Until when `ms_to_idx` goes at least.
+        last_ms: Minimum last millisecond of `ms_to_idx`.
     """
     import h5py
 
@@ -204,6 +208,7 @@ def write_dsec(
     each_ms = np.zeros(last_ms, np.int64)
     with h5py.File(path, "w") as file:
         group = file.create_group("events")
+        # DSEC's readers ignore these attributes; ours need the size
         group.attrs.update(dict(zip(("width", "height"), size, strict=True)))
         columns = {
             name: group.create_dataset(
@@ -217,6 +222,7 @@ def write_dsec(
                 column.resize((count + new,))
                 column[count:] = block[name]
             count += new
+            # events per millisecond; their running sum is the index
             here = np.bincount(block["t"] // 1000, minlength=len(each_ms))
             here[: len(each_ms)] += each_ms
             each_ms = here
@@ -225,10 +231,10 @@ def write_dsec(
 
 
 def read_dsec(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
-    """Read such a file; DSEC's own do not contain their size.
+    """Read an HDF5 file of events; DSEC's own do not contain their size.
 
     Raises:
-        InputError: It is no HDF5, or not of this layout.
+        InputError: It is no HDF5 file, or has another layout.
     """
     import h5py
 
@@ -246,7 +252,7 @@ def read_dsec(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
                 size = _whole(held.attrs["width"]), _whole(held.attrs["height"])
     except (OSError, RuntimeError) as error:
         raise InputError(
-            f"{path}: expected a whole HDF5 file of events, which cannot be read "
+            f"{path}: expected a complete HDF5 file of events, which cannot be read "
             f"({error})"
         ) from None
     return recorded(path, columns, size, offset)

@@ -1,8 +1,8 @@
 """Camera recordings, moving backgrounds and camera paths as files.
 
 A recording is a folder of frames or a video, read block by block. A background is an
-image, or the pictures of a folder or video, linear in time between two of them. The
-path of a camera's carrier is the table of a flight.
+image, or the frames of a folder or video, linear in time between two of them. The path
+of a camera's carrier is the table of a flight.
 """
 
 import csv
@@ -30,13 +30,13 @@ from jblast.sensors.camera.image import srgb_to_linear
 
 Block = tuple[Float[np.ndarray, " _"], np.ndarray]
 CACHE_BYTES = 1 << 27
-"""Decoded frames of a video that are kept in memory, because events read a time
-again [bytes].
-"""
+"""Memory for decoded frames of a video, because the refinement for events reads a time
+again [bytes]: 20 frames of 1080p."""
 AHEAD = 64
-"""Frames that are rather decoded on the way than leapt over."""
+"""Frames up to which decoding continues to a later frame; a seek beyond that decodes
+from the last key frame, which is often as far."""
 ROUNDING = 1e-9
-"""So near to a picture, it is that one [intervals]."""
+"""Distance from a frame, in intervals, up to which it is not interpolated."""
 Image = Float[np.ndarray, "height width 3"]
 PLACE = ("east_m", "north_m", "up_m")
 TURN = ("quaternion_i", "quaternion_j", "quaternion_k", "quaternion_w")
@@ -45,16 +45,16 @@ COLUMNS = ("time_s", *PLACE, *TURN)
 
 @dataclass(frozen=True)
 class ImageSequence:
-    """Frames and their times; the frames are read when they are asked for.
+    """Frames and their times; the frames are read on demand.
 
     Attributes:
         path: The folder or the video.
         width: Pixels of a row.
-        height: Rows.
-        times: Of the frames, from the first [s].
-        source: The frames' files, or the video.
-        srgb: Whether values of PNG frames are sRGB, and not linear light.
-        bits: Bit depth of values; None of floats.
+        height: Number of rows.
+        times: Times of the frames, from the first [s].
+        source: Files of the frames, or the video.
+        srgb: True if values of PNG frames are sRGB, false for linear light.
+        bits: Bit depth of values; None for floats.
     """
 
     path: Path
@@ -70,7 +70,7 @@ class ImageSequence:
 
     @property
     def is_video(self) -> bool:
-        """Whether it is one file, with a clock and a curve of its own."""
+        """True for one file, with a clock and a transfer curve of its own."""
         return isinstance(self.source, Video)
 
     @property
@@ -80,21 +80,21 @@ class ImageSequence:
 
     @property
     def frames_hz(self) -> float:
-        """Frames a second, on average."""
+        """Frames per second, on average."""
         # 500 Hz, not 500.00000000000006
         return float(f"{(len(self) - 1) / self.times[-1]:.12g}")
 
     def blocks(self, length: int = 16, *, decoded: bool = True) -> Iterator[Block]:
-        """Return times [s] and grey frames (frame, height, width) of linear light.
+        """Yield times [s] and grey frames (frame, height, width) of linear light.
 
         Args:
             length: Frames of a block.
-            decoded: Whether all are floats of single precision with full scale 1; else
-                grey PNG frames of 8 bits keep their values, for a table that decodes
-                them faster.
+            decoded: True for floats of single precision with full scale 1; false leaves
+                grey PNG frames of 8 bits as they are, for a table that decodes them
+                faster.
 
         Raises:
-            InputError: A frame cannot be read, or is of another size or kind than the
+            InputError: A frame cannot be read, or has another size or kind than the
                 first; the message names the file.
         """
         done = 0
@@ -128,25 +128,25 @@ class ImageSequence:
 def open_recording(
     path: str | Path, fps: float | None = None, *, srgb: bool = False
 ) -> ImageSequence:
-    """Look at a folder of frames, or at a video.
+    """Open a folder of frames, or a video.
 
     Args:
         path: PNG frames in the order of their names, or `.npy` files of floats; or a
             file that FFmpeg reads.
-        fps: Frames a second: frame k stands at k / fps. A video without it goes by its
-            own clock, which for slow motion is not that of what was filmed.
-        srgb: Whether grey values of PNG frames are sRGB; by default they are linear
-            light. A video names its own curve.
+        fps: Frames per second: frame k is at k / fps. By default a video's own clock is
+            used, which for slow motion is not that of the scene.
+        srgb: True if grey values of PNG frames are sRGB; by default they are linear
+            light. A video states its own curve.
 
     Raises:
-        InputError: There is no such recording, or it is not whole: as in `frame_files`
-            and `open_video`. PNG frames need `fps`.
+        InputError: There is no such recording, or it is incomplete: as in `frame_files`
+            and `open_video`. PNG frames require `fps`.
     """
     path = Path(path)
     if path.is_file():
         video = open_video(path, even=False)
         if fps is None:
-            check_even(path, video.times, f", or say its rate ({argument('fps')})")
+            check_even(path, video.times, f", or state its rate ({argument('fps')})")
         times = video.times if fps is None else np.arange(len(video)) / fps
         size = video.width, video.height
         return ImageSequence(path, *size, times, video, srgb, video.bits)
@@ -158,8 +158,8 @@ def open_recording(
     files = frame_files(path, arrays=True)
     if fps is None:
         raise InputError(
-            f"{path}: expected to be told how many PNG frames a second there are "
-            f"({argument('fps')})"
+            f"{path}: expected the rate of the PNG frames, in frames per second; add "
+            f"{argument('fps')}"
         )
     first, bits = frame_and_bits(files[0])
     height, width = first.shape
@@ -169,11 +169,11 @@ def open_recording(
 
 @dataclass(frozen=True)
 class MovingBackground:
-    """Pictures behind a scene, linear in time between two of them.
+    """Images behind a scene, linear in time between two of them.
 
     Attributes:
-        times: Of the pictures, from the film's first frame on, rising [s].
-        picture: Returns the linear light of one by its number, full scale 1.
+        times: Times of the images, from the film's first frame on, rising [s].
+        picture: Returns the linear light of an image by its number, full scale 1.
     """
 
     times: Float[np.ndarray, " picture"]
@@ -182,13 +182,15 @@ class MovingBackground:
     def at(self, times: Float[np.ndarray, " _"]) -> Float[np.ndarray, "_ _ _ 3"]:
         """Return the background at some times from the film's first frame on [s].
 
-        The last picture stays as long as it is asked for.
+        The last image is repeated after its time.
         """
+        # fractional number of the frame
         place = np.interp(times, self.times, np.arange(len(self.times)))
         whole = np.rint(place)
         place = np.where(np.abs(place - whole) < ROUNDING, whole, place)
         before = np.floor(place).astype(int)
         share = place - before
+        # each frame is decoded once per call; the next one only if it has a share
         needed = np.union1d(before, before[share > 0] + 1)
         images = {int(k): self.picture(int(k)) for k in needed}
         return np.stack(
@@ -205,19 +207,19 @@ def background_frames(
     """Return sRGB files as a background.
 
     Args:
-        files: PNG, one for each time; read when they are needed.
-        times: From the film's first frame on [s].
-        camera: Whose image size they must have.
+        files: PNG files, one per time; read on demand.
+        times: Times from the film's first frame on [s].
+        camera: Camera, whose image size they must have.
     """
     return MovingBackground(times, lambda k: background_image(files[k], camera))
 
 
 def background_video(path: str | Path, camera: Camera) -> MovingBackground:
-    """Return a video as a background; its first frame stands behind the film's first.
+    """Return a video as a background; it starts at the film's first frame.
 
     Args:
-        path: Whatever FFmpeg reads.
-        camera: Whose image size it must have.
+        path: Any file that FFmpeg reads.
+        camera: Camera, whose image size it must have.
 
     Raises:
         InputError: It has another size; and as in `open_video`.
@@ -229,11 +231,11 @@ def background_video(path: str | Path, camera: Camera) -> MovingBackground:
 
 
 def background_image(path: Path, camera: Camera) -> Image:
-    """Return the linear light of an sRGB file that is to stand behind a scene.
+    """Return the linear light of an sRGB file as a background.
 
     Args:
         path: A PNG file.
-        camera: Whose image size it must have.
+        camera: Camera, whose image size it must have.
 
     Raises:
         InputError: It cannot be read, or has another size.
@@ -244,10 +246,10 @@ def background_image(path: Path, camera: Camera) -> Image:
 
 
 def check_size(path: Path, width: int, height: int, camera: Camera) -> None:
-    """Refuse pictures of another size than a camera's.
+    """Reject images of another size than a camera's.
 
     Raises:
-        InputError: They are.
+        InputError: The sizes differ.
     """
     if (width, height) != (camera.width, camera.height):
         raise InputError(
@@ -257,11 +259,11 @@ def check_size(path: Path, width: int, height: int, camera: Camera) -> None:
 
 
 class _FramesInAnyOrder:
-    """Frames of a video by their numbers; quick if asked for nearly in turn.
+    """Frames of a video by their numbers; fast for nearly consecutive numbers.
 
     Attributes:
         video: The video.
-        held: Values of the last frames decoded, by number.
+        held: Values of the last decoded frames, by number.
     """
 
     def __init__(self, video: Video):
@@ -272,12 +274,14 @@ class _FramesInAnyOrder:
 
     def values(self, number: int) -> np.ndarray:
         """Return the values of a frame, as `Video.frames` does."""
+        # a seek for jumps; small steps forward continue decoding
         if number not in self.held and not 0 <= number - self._next <= AHEAD:
             self._frames, self._next = self.video.frames(number), number
         while number not in self.held:
             frame = next(self._frames)
             self.held[self._next] = frame
             self._next += 1
+            # at least two frames, between which a time is interpolated
             if len(self.held) > max(2, CACHE_BYTES // frame.nbytes):
                 self.held.popitem(last=False)
         self.held.move_to_end(number)
@@ -287,14 +291,14 @@ class _FramesInAnyOrder:
 def read_camera_path(path: str | Path) -> CameraPath:
     """Read a path: CSV with time_s, east_m, north_m, up_m and quaternion_i, j, k, w.
 
-    Other columns, and lines that begin with #, are passed over.
+    Other columns, and lines that begin with #, are ignored.
 
     Args:
         path: The file; the quaternion is that from body to world, k before w.
 
     Raises:
-        InputError: A column is missing, a value no finite number, the times do not
-            rise, a quaternion is zero, or there are fewer than two rows.
+        InputError: A column is missing, a value is not a finite number, the times do
+            not rise, a quaternion is zero, or there are fewer than two rows.
     """
     lines = [
         (number, line)
@@ -308,18 +312,18 @@ def read_camera_path(path: str | Path) -> CameraPath:
     for name in COLUMNS:
         if name not in header:
             raise InputError(
-                f"{path}: expected a column {name}, as of the flight.csv of a flight, "
+                f"{path}: expected a column {name}, as in the flight.csv of a flight, "
                 f"got {shown(', '.join(header))}"
             )
     if len(table) < 3:
         raise InputError(
-            f"{path}: expected two rows or more after the header, got {len(table) - 1}"
+            f"{path}: expected two or more rows after the header, got {len(table) - 1}"
         )
-    places = [header.index(name) for name in COLUMNS]
+    indices = [header.index(name) for name in COLUMNS]
     rows = []
     for (number, _), cells in zip(lines[1:], table[1:], strict=True):
         try:
-            row = [float(cells[place]) for place in places]
+            row = [float(cells[index]) for index in indices]
         except (ValueError, IndexError):
             row = [np.nan]
         if not np.isfinite(row).all():
@@ -335,6 +339,7 @@ def read_camera_path(path: str | Path) -> CameraPath:
             f"{path}: line {lines[late[0] + 2][0]}: expected times that rise, got "
             f"{values[late[0] + 1, 0]:g} s after {values[late[0], 0]:g} s"
         )
+    # decimals of a file leave quaternions slightly off unit length
     length = np.linalg.norm(values[:, 4:], axis=1, keepdims=True)
     if not length.all():
         number = lines[1 + int(np.argmin(length))][0]

@@ -1,13 +1,13 @@
 r"""Videos as files: read as linear light with times, and written, by PyAV (FFmpeg).
 
-A video's values become linear light by the curve that its file names.
+A video's values become linear light by the curve that its file states.
 
 $$L = \begin{cases} V / 4.5 & V < 0.081 \\
 ((V + 0.099) / 1.099)^{1/0.45} & \text{else}\end{cases}$$
 
-is BT.709's, which BT.601 and BT.2020 share. It is also assumed for files that do not
-specify a curve, as those of many cameras. A file may name sRGB, as ours do, a power of
-2.2 or 2.8, or linear light.
+is BT.709's, which BT.601 and BT.2020 share. It is also assumed for files that state no
+curve, as those of many cameras. A file may state sRGB, as ours do, a power of 2.2 or
+2.8, or linear light.
 
 Each frame has the time at which it is shown.
 
@@ -35,39 +35,40 @@ if TYPE_CHECKING:
     from av.error import FFmpegError
 
 HIGH_DEFINITION = 720
-"""Rows from which on a video without a stated matrix is taken as BT.709, not BT.601."""
+"""Rows from which on a video without a stated matrix is decoded as BT.709, below as
+BT.601: the formats of high and of standard definition."""
 ROUNDED = 0x2 | 0x2000 | 0x40000
 """SWS_BILINEAR, SWS_FULL_CHR_H_INT and SWS_ACCURATE_RND of libswscale: without them its
 colours are one or two values of 255 too dark."""
 CONTAINERS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
-"""FFmpeg's names of them, by the file's suffix."""
+"""FFmpeg's names of containers, by the file's suffix."""
 ENCODERS = "libx264", "libopenh264"
-"""Of H.264, the first there is."""
+"""Encoders of H.264 in order of preference."""
 QUALITY = {"crf": "16", "preset": "fast"}
-"""Of x264: no difference to be seen."""
+"""Options of x264: visually lossless."""
 BT709, STUDIO = 1, 1
 """Matrix and primaries, and range of values, in ITU-T H.273."""
 AddFrame = Callable[[UInt8[np.ndarray, "height width 3"]], None]
 UNEVEN = 0.5
-"""Share of the usual interval that one may be off: clocks of telephones waver by less,
-and a frame that is missing is off by one."""
+"""Accepted deviation of an interval, as a share of the usual one: clocks of telephones
+vary by less, and a missing frame is a deviation of one."""
 UNSPECIFIED, SRGB = 2, 13
-"""Their numbers in H.273."""
+"""Numbers of transfer curves in H.273."""
 LOCAL = {"protocol_whitelist": "file"}
-"""A playlist must not send us to other machines."""
+"""Only local files: a playlist must not open connections to other machines."""
 
 
 @dataclass(frozen=True)
 class Video:
-    """A video that was looked through, frame stamps and header.
+    """An indexed video: time stamps of its frames, and its header.
 
     Attributes:
         path: The file.
-        width: As shown, after turning.
-        height: As shown.
-        stamps: Of its frames, in order, in the file's own ticks.
-        times: Of its frames, from the first [s].
-        turns: Quarter turns counterclockwise from how it is stored to how it is shown.
+        width: Width as shown, after rotation [px].
+        height: Height as shown [px].
+        stamps: Time stamps of its frames, in order, in the file's own ticks.
+        times: Times of its frames, from the first [s].
+        turns: Quarter turns counterclockwise from the stored to the shown image.
         table: Linear light of each value, 256 or 65,536 of them, full scale 1.
         bits: Bit depth of the file; values of more than 8 bits are scaled to 16.
     """
@@ -85,20 +86,21 @@ class Video:
         return len(self.stamps)
 
     def frames(self, first: int = 0) -> Iterator[np.ndarray]:
-        """Return values of red, green and blue, (height, width, 3), from a frame on.
+        """Yield values of red, green and blue, (height, width, 3), from a frame on.
 
         Raises:
             InputError: A frame cannot be decoded, or has another size.
         """
         with opened(self.path) as (container, stream):
             number = 0
+            # AVI cannot be sought by stamps: it is decoded from the start
             if first and not has_no_stamps(container):
                 container.seek(self.stamps[first], stream=stream, backward=True)
                 number = None
             try:
                 for frame in container.decode(stream):
                     _check_frame(self.path, frame)
-                    if number is None:  # at a frame from which decoding can begin
+                    if number is None:  # a seek ends at the key frame before
                         number = bisect_left(self.stamps, frame.pts)
                     if number >= first:
                         yield self._values(frame)
@@ -106,6 +108,7 @@ class Video:
             except ffmpeg_error() as error:
                 why = f"frame {number}: {error.strerror}"
                 raise cut_short(self.path, why) from None
+        # frames may be missing without an error of the decoder
         if number != len(self):
             raise cut_short(self.path, f"{number:,} of {len(self):,} frames")
 
@@ -117,6 +120,7 @@ class Video:
 
     def luminance(self, values: np.ndarray) -> Float[np.ndarray, "height width"]:
         """Return the grey linear light of values, full scale 1, in single precision."""
+        # weights folded into the table: one look-up per channel, no product per pixel
         red, green, blue = (
             np.take(np.float32(weight) * self.table, values[..., channel])
             for channel, weight in enumerate(LUMINANCE)
@@ -125,6 +129,7 @@ class Video:
 
     def _values(self, frame: Any) -> np.ndarray:
         values = _rgb(frame, deep=len(self.table) > 256)
+        # cameras held upright store their frames lying, with a rotation
         values = np.rot90(values, self.turns)
         if values.shape[:2] != (self.height, self.width):
             raise InputError(
@@ -135,21 +140,21 @@ class Video:
 
 
 def open_video(path: str | Path, *, even: bool = True) -> Video:
-    """Look through a video; its frames are decoded when they are asked for.
+    """Return an indexed video; its frames are decoded on demand.
 
-    Colours are turned into red, green and blue by the matrix the file names (else
-    BT.709's from 720 rows on, BT.601's below), and into linear light by its curve (else
-    BT.709's, or sRGB's where it holds red, green and blue). A video that is to be shown
-    turned is turned.
+    Colours are converted to red, green and blue by the matrix that the file states
+    (else BT.709's from 720 rows on, BT.601's below), and to linear light by its curve
+    (else BT.709's, or sRGB's for a file in red, green and blue). A stated rotation is
+    applied.
 
     Args:
-        path: Whatever FFmpeg reads.
-        even: Whether frames must follow each other at one rate.
+        path: Any file that FFmpeg reads.
+        even: True to require a constant frame rate.
 
     Raises:
-        InputError: As in `opened`; or it is not whole, its frame rate varies, its
-            pixels are not square, its frames interlaced, turned by other than quarters,
-            or HDR.
+        InputError: As in `opened`; or it is incomplete, its frame rate varies, its
+            pixels are not square, its frames are interlaced, rotated by other than
+            quarter turns, or HDR.
     """
     path = Path(path)
     with opened(path) as (container, stream):
@@ -158,7 +163,7 @@ def open_video(path: str | Path, *, even: bool = True) -> Video:
         ratio = stream.codec_context.sample_aspect_ratio
     if ratio not in (None, 0, 1):
         raise InputError(
-            f"{path}: expected square pixels, got some {ratio} as wide as high; scale "
+            f"{path}: expected square pixels, got width over height {ratio}; scale "
             "it first"
         )
     times = seconds(stamps, base)
@@ -174,13 +179,14 @@ def open_video(path: str | Path, *, even: bool = True) -> Video:
         _check_frame(path, frame)
         if frame.rotation % 90:
             raise InputError(
-                f"{path}: expected a video to be shown turned by a multiple of 90 "
-                f"degrees, got {frame.rotation}"
+                f"{path}: expected a stated rotation by a multiple of 90 degrees, got "
+                f"{frame.rotation}"
             )
         turns = frame.rotation // 90 % 4
         bits = max(part.bits for part in frame.format.components)
         size = frame.width, frame.height
         width, height = size if turns % 2 == 0 else size[::-1]
+        # a video without a stated curve in RGB comes from a screen: sRGB
         curve = int(frame.color_trc)
         if curve == UNSPECIFIED and frame.format.is_rgb:
             curve = SRGB
@@ -189,40 +195,40 @@ def open_video(path: str | Path, *, even: bool = True) -> Video:
 
 
 def _check_frame(path: Path, frame: Any) -> None:
-    """Refuse a frame that is damaged or interlaced."""
+    """Reject a frame that is damaged or interlaced."""
     if frame.is_corrupt:
         raise cut_short(path, f"a damaged frame at {float(frame.time or 0.0):.6g} s")
     if frame.interlaced_frame:
         raise InputError(
-            f"{path}: expected whole frames, got interlaced ones, whose rows are of "
-            "two times; convert it (ffmpeg -i IN -vf yadif OUT)"
+            f"{path}: expected progressive frames, got interlaced ones, whose rows "
+            "have two times; convert it (ffmpeg -i IN -vf yadif OUT)"
         )
 
 
 def _rgb(frame: Any, *, deep: bool) -> np.ndarray:
-    """Return the red, green and blue of a frame as it is stored, full range."""
+    """Return red, green and blue of a frame as stored, full range."""
     from av.video.reformatter import Colorspace
 
-    matrix = None  # the frame's own
+    matrix = None  # that of the frame
     if int(frame.colorspace) == 2 and not frame.format.is_rgb:
         high = frame.height >= HIGH_DEFINITION
         matrix = Colorspace.ITU709 if high else Colorspace.ITU601
-    kind = "gbrp16le" if deep else "rgb24"  # rgb48le comes out green, so rounded
+    kind = "gbrp16le" if deep else "rgb24"  # with ROUNDED, rgb48le comes out green
     return frame.reformat(
         format=kind, src_colorspace=matrix, interpolation=ROUNDED
     ).to_ndarray()
 
 
 def check_video(path: str | Path) -> None:
-    """Refuse a video that cannot be written, before anything is computed.
+    """Reject a video that cannot be written, before anything is computed.
 
     Raises:
         InputError: Its name ends in none of `CONTAINERS`, PyAV is not installed, or it
-            has no encoder of H.264.
+            has no H.264 encoder.
     """
     if Path(path).suffix.lower() not in CONTAINERS:
         raise InputError(
-            f"{path}: expected a name of a video that ends in {', '.join(CONTAINERS)}"
+            f"{path}: expected a name of a video ending in {', '.join(CONTAINERS)}"
         )
     _encoder(path)
 
@@ -231,16 +237,16 @@ def check_video(path: str | Path) -> None:
 def video_writer(
     path: str | Path, width: int, height: int, frames_hz: float
 ) -> Iterator[AddFrame]:
-    """Give what adds a frame, values of sRGB, to a video of H.264.
+    """Yield a function that adds a frame of sRGB values to an H.264 video.
 
-    Its pixels are 4:2:0, as all players take them: a last column or row is repeated
-    where there is an odd number of them. The curve is named, sRGB.
+    Its pixels are 4:2:0, which all players support; an odd last column or row is
+    repeated. The stated curve is sRGB.
 
     Args:
-        path: An existing file is replaced when all frames are there.
-        width: Of a frame.
-        height: Of a frame.
-        frames_hz: How many are shown a second.
+        path: An existing file is replaced once all frames are written.
+        width: Width of a frame [px].
+        height: Height of a frame [px].
+        frames_hz: Frames per second.
 
     Raises:
         InputError: As in `check_video`.
@@ -249,7 +255,9 @@ def video_writer(
     from av.video.reformatter import ColorRange, Colorspace
 
     container = CONTAINERS[Path(path).suffix.lower()]
+    # 4:2:0 has one colour for 2 x 2 pixels
     even = height % 2, width % 2
+    # containers store the rate as a fraction of small integers
     rate = Fraction(frames_hz).limit_denominator(1000)
     with (
         replacing(path) as temporary,
@@ -278,26 +286,27 @@ def video_writer(
             file.mux(stream.encode(shown))
 
         yield add
+        # frames that the encoder still delays
         file.mux(stream.encode())
 
 
 def _encoder(path: str | Path) -> str:
-    """Return the name of the encoder."""
+    """Return the name of the first available encoder."""
     av = needed("av", "video", path, "a video is written")
     there = [name for name in ENCODERS if name in av.codecs_available]
     if not there:
         raise InputError(
-            f"{path}: expected a PyAV with an encoder of H.264, "
-            f"{' or '.join(ENCODERS)}, got one without"
+            f"{path}: expected a PyAV with an H.264 encoder, {' or '.join(ENCODERS)}, "
+            "got one without"
         )
     return there[0]
 
 
 def frame_stamps(path: Path, container: Any, stream: Any) -> list[int]:
-    """Return the time stamps of all frames in order, without decoding one.
+    """Return the time stamps of all frames in order, without decoding.
 
     Raises:
-        InputError: The file breaks off, or holds fewer than two frames.
+        InputError: The file is incomplete, or has fewer than two frames.
     """
     decoding = has_no_stamps(container)
     stamps = []
@@ -316,6 +325,7 @@ def frame_stamps(path: Path, container: Any, stream: Any) -> list[int]:
         raise InputError(
             f"{path}: expected a video of at least two frames, got {len(stamps)}"
         )
+    # packets are in order of decoding, which for B-frames is not that of showing
     stamps.sort()
     if len(stamps) < stream.frames and not _is_spaced(container, stream, stamps):
         raise cut_short(path, f"{len(stamps):,} of {stream.frames:,} frames")
@@ -324,7 +334,7 @@ def frame_stamps(path: Path, container: Any, stream: Any) -> list[int]:
 
 
 def has_no_stamps(container: Any) -> bool:
-    """Return whether frames have only the order in which they are decoded: AVI's."""
+    """Return True if frames have no time stamps but only their order, as in AVI."""
     return container.format.name == "avi"
 
 
@@ -335,17 +345,19 @@ def seconds(stamps: Sequence[int], base: Fraction) -> Float[np.ndarray, " frame"
 
 
 def check_even(path: Path, times: Float[np.ndarray, " frame"], other: str = "") -> None:
-    """Refuse frames that do not follow each other at one rate.
+    """Reject a varying frame rate.
 
     Args:
         path: The video, for the message.
-        times: Of its frames [s].
-        other: What else can be done about it.
+        times: Times of its frames [s].
+        other: Other remedy, appended to the message.
 
     Raises:
-        InputError: An interval is `UNEVEN` off the usual one, or is nothing.
+        InputError: An interval deviates by `UNEVEN` or more from the usual one, or is
+            zero.
     """
     steps = np.diff(times)
+    # the median is not affected by a gap
     usual = float(np.median(steps))
     off = np.abs(steps - usual)
     if (steps > 0).all() and off.max() < UNEVEN * usual:
@@ -353,27 +365,27 @@ def check_even(path: Path, times: Float[np.ndarray, " frame"], other: str = "") 
     at = int(np.argmin(steps)) if steps.min() <= 0 else int(np.argmax(off))
     raise InputError(
         f"{path}: expected a constant frame rate, got frames {at} and {at + 1} "
-        f"{1e3 * steps[at]:.4g} ms apart where {1e3 * usual:.4g} ms are usual; convert "
+        f"{1e3 * steps[at]:.4g} ms apart, usually {1e3 * usual:.4g} ms; convert "
         f"it (ffmpeg -i IN -fps_mode cfr OUT){other}"
     )
 
 
 def cut_short(path: Path, why: str) -> InputError:
-    """Return the error for a video that is not whole."""
+    """Return the error for an incomplete video."""
     return InputError(
-        f"{path}: expected a whole video, but it is cut short or damaged ({why})"
+        f"{path}: expected a complete video, but it is cut short or damaged ({why})"
     )
 
 
 def _is_spaced(container: Any, stream: Any, stamps: list[int]) -> bool:
-    """Return whether an AVI has so many frames with the empty ones between them."""
+    """Return True if an AVI has its stated number of frames, empty ones included."""
     if not has_no_stamps(container):  # there, one tick is one frame
         return False
     return stamps[-1] + max(b - a for a, b in pairwise(stamps)) >= stream.frames
 
 
 def _check_end(path: Path, container: Any, stream: Any, stamps: list[int]) -> None:
-    """Compare the last frame with how long a file without a count says it lasts."""
+    """Raise if the last frame ends before the stated duration of a file."""
     if stream.frames:
         return
     stated = _stated_duration(container, stream)
@@ -387,7 +399,7 @@ def _check_end(path: Path, container: Any, stream: Any, stamps: list[int]) -> No
 
 
 def _stated_duration(container: Any, stream: Any) -> float | None:
-    """Return how long the stream is to last [s]; None if it is not specified."""
+    """Return the stated duration of the stream [s], or None."""
     if text := stream.metadata.get("DURATION"):  # Matroska's, "00:01:02.500000000"
         try:
             hours, minutes, rest = (float(part) for part in text.split(":"))
@@ -402,7 +414,7 @@ def _stated_duration(container: Any, stream: Any) -> float | None:
 
 
 def bt709_to_linear(value: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Return the light in front of a camera whose values are BT.709's, 1 full scale."""
+    """Return the scene light of BT.709 values, full scale 1."""
     above = ((value + 0.099) / 1.099) ** (1 / 0.45)
     return np.where(value < 0.081, value / 4.5, above)
 
@@ -414,22 +426,23 @@ CURVES = {
     8: lambda value: value,
     SRGB: srgb_to_linear,
 }
+"""Transfer curves by their number in H.273, table 3."""
 
 
 def light_table(number: int, bits: int, path: Path) -> Float[np.ndarray, " value"]:
-    """Return the linear light of each value that `bits` bits can hold.
+    """Return the linear light of each value of a bit depth.
 
     Args:
-        number: Of the curve, as in H.273.
-        bits: 8 or 16; all of them full scale.
+        number: Number of the curve in H.273.
+        bits: 8 or 16; the largest value is full scale.
         path: The video, for the message.
 
     Raises:
-        InputError: It is another curve, such as those of HDR.
+        InputError: The curve is not supported, such as those of HDR.
     """
     if number not in CURVES:
         raise InputError(
-            f"{path}: expected a video of standard dynamic range, got one of the "
+            f"{path}: expected a video of standard dynamic range, got one with "
             f"transfer curve {number} of ITU-T H.273 (HDR, if 16 or 18); convert it "
             "to BT.709"
         )
@@ -439,11 +452,11 @@ def light_table(number: int, bits: int, path: Path) -> Float[np.ndarray, " value
 
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Open a video, and find the stream of its pictures.
+    """Open a video, and yield it with its video stream.
 
     Raises:
-        InputError: There is no such file; PyAV is not installed; FFmpeg makes nothing
-            of it; or it holds no video.
+        InputError: There is no such file, PyAV is not installed, FFmpeg cannot read it,
+            or it has no video stream.
     """
     if not path.is_file():
         what = "is a directory" if path.is_dir() else "no such file"
@@ -453,26 +466,21 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
         container = av.open(str(path), options=LOCAL)
     except ffmpeg_error() as error:
         raise InputError(
-            f"{path}: expected a whole video, which FFmpeg cannot make of it "
+            f"{path}: expected a complete video, which FFmpeg cannot read "
             f"({error.strerror})"
         ) from None
     with container:
-        streams = [s for s in container.streams.video if not _is_cover(s)]
+        cover = av.stream.Disposition.attached_pic  # an image that stands for the file
+        streams = [s for s in container.streams.video if not s.disposition & cover]
         if not streams:
-            raise InputError(f"{path}: expected a video, got a file without pictures")
+            raise InputError(f"{path}: expected a video, got a file without one")
+        # decoding by frames and slices in parallel
         streams[0].thread_type = "AUTO"
         yield container, streams[0]
 
 
-def _is_cover(stream: Any) -> bool:
-    """Return whether a stream is one picture that stands for the file."""
-    from av.stream import Disposition
-
-    return bool(stream.disposition & Disposition.attached_pic)
-
-
 def ffmpeg_error() -> "type[FFmpegError]":
-    """Return what PyAV raises; it is imported where it is used."""
+    """Return PyAV's error type, imported on use."""
     from av.error import FFmpegError
 
     return FFmpegError

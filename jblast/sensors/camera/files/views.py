@@ -1,7 +1,7 @@
 """Sets of views and explosion sets as files: an index and the pictures it names.
 
-A set of views is folders of PNG frames and `views.toml`; what all views share may stand
-at its top:
+A set of views is folders of PNG frames and `views.toml`; keys that all views share may
+be at its top:
 
     frames_hz = 30.0
     charge_mass_kg = 5.0          # TNT equivalent of what exploded in the pictures
@@ -20,8 +20,8 @@ at its top:
     up = [0.0, 0.0, 1.0]          # up in the pictures, if the camera was not level
     metres_per_pixel = 0.04
 
-Up in the pictures of a camera straight above is north, if only its `direction` is
-given; with an azimuth it is that of a camera that looks down from there.
+Without `up`, a `direction` straight from above implies that up in the pictures is
+north. An azimuth implies the up of a camera that looks down from there.
 
 An explosion set has one sheet of all frames for each view, and this `views.toml`:
 
@@ -79,8 +79,9 @@ KEYS = {
 }
 """Keys of the index, and of each view."""
 SHIPPED = Path(__file__).parents[1] / "explosion"
+"""Explosion set that is part of the package."""
 FAINTEST = 2
-"""Opacity up to which a texel shows nothing, of 255: what compression leaves."""
+"""Opacity up to which a texel is invisible, of 255: artefacts of compression."""
 KIND = "explosion"
 EXPLOSION_KEYS = (
     *("kind", "size_px", "phases", "anchor_px", "columns", "made", "view"),
@@ -98,17 +99,17 @@ INDEX = "views.toml"
 
 
 def read_views(directory: str | Path) -> Views:
-    """Read a set of views; all their frames are of one size and number.
+    """Read a set of views; all their frames have one size and number.
 
     Raises:
-        InputError: There is no index, or it is not as above; a frame is missing, of
-            another size, not whole, or has no alpha. The message names the file.
+        InputError: There is no index, or it is not as above; a frame is missing, has
+            another size, is incomplete, or has no alpha. The message names the file.
     """
     directory = Path(directory)
     source, index = read_index(directory)
     if "kind" in index:
         raise InputError(
-            f"{source}: kind: expected pictures of one's own, which say none, got "
+            f"{source}: kind: expected no such key in a set of user's pictures, got "
             f"{shown(index['kind'])}; an explosion set is read by `explosion_views`"
         )
     known_keys(index, KEYS[""], f"{source}: ")
@@ -125,6 +126,7 @@ def read_views(directory: str | Path) -> Views:
         if not isinstance(entry, dict):
             raise InputError(f"{where}: expected a table, got {shown(entry)}")
         known_keys(entry, KEYS["[[view]] "], where)
+        # keys of a view override those at the top
         entry = {key: index[key] for key in SHARED if key in index} | entry
         files = _files(directory, entry.get("frames"), f"{where}frames")
         pictures.append(read_pictures(files))
@@ -160,15 +162,15 @@ def single_view(
     anchor: tuple[float, float] | None = None,
     srgb: bool = True,
 ) -> Views:
-    """Read a folder of frames without an index as the one view there is.
+    """Read a folder of frames without an index as a single view.
 
     Args:
-        directory: PNG frames with alpha, their names in order.
+        directory: PNG frames with alpha, in the order of their names.
         frames_hz: Frame k shows the blast k / frames_hz after the burst [1/s].
-        metres_per_pixel: At the burst [m/px].
-        charge_mass_kg: TNT equivalent of what exploded in the pictures [kg].
+        metres_per_pixel: Scale at the burst [m/px].
+        charge_mass_kg: TNT equivalent of the charge in the pictures [kg].
         anchor: (x, y) of the burst [px]; by default the middle of the picture.
-        srgb: Whether colours are sRGB, or linear light.
+        srgb: True if colours are sRGB, false for linear light.
 
     Raises:
         InputError: As in `read_views`; or a number is not positive.
@@ -178,7 +180,7 @@ def single_view(
     middle = ((width - 1) / 2, (height - 1) / 2)
     return Views(
         frames=jnp.asarray(frames[None]),
-        direction=np.array([[0.0, -1.0, 0.0]]),  # one is nearest from anywhere
+        direction=np.array([[0.0, -1.0, 0.0]]),  # a single view is always the nearest
         up=np.array([[0.0, 0.0, 1.0]]),
         metres_per_pixel=np.array([positive(metres_per_pixel, "metres_per_pixel")]),
         anchor=np.array([middle if anchor is None else anchor], float),
@@ -189,7 +191,7 @@ def single_view(
 
 
 def _files(directory: Path, frames: Any, where: str) -> list[Path]:
-    """Return the files of a view: those of a folder, or those listed."""
+    """Return the files of a view: those of a folder, or those in a list."""
     if isinstance(frames, str) and frames:
         return frame_files(directory / frames)
     named = isinstance(frames, list) and all(isinstance(f, str) and f for f in frames)
@@ -206,13 +208,15 @@ def _up(
     level: Float[np.ndarray, "3"],
     where: str,
 ) -> Float[np.ndarray, "3"]:
-    """Return what is up in a view's pictures, across its direction."""
+    """Return up in a view's pictures, a unit vector across its direction."""
     if "up" not in entry:
         return level
     at = f"{where}up"
     vector = fixed_list(entry["up"], at, "[east, north, up]")
+    # only the part across the direction is visible as up
     across = vector - (vector @ direction) * direction
     length = np.linalg.norm(across)
+    # nearly parallel vectors leave only rounding errors across
     if not length > 1e-3 * np.linalg.norm(vector):
         raise InputError(
             f"{at}: expected a vector across the view's direction, not zero, got "
@@ -222,12 +226,12 @@ def _up(
 
 
 def _mass(index: dict[str, Any], source: Path) -> float:
-    """Return the mass of the charge in the pictures."""
+    """Return the TNT equivalent of the charge in the pictures [kg]."""
     where = f"{source}: charge_mass_kg"
     if "charge_mass_kg" not in index:
         raise InputError(
-            f"{where}: expected the TNT equivalent [kg] of what exploded in the "
-            "pictures, by which they are scaled to the scene's charge; write "
+            f"{where}: expected the TNT equivalent [kg] of the charge in the pictures, "
+            "by which they are scaled to the scene's charge; write "
             "charge_mass_kg = 5.0 above the first [[view]], if that was 5 kg"
         )
     return positive(index["charge_mass_kg"], where)
@@ -253,18 +257,18 @@ def explosion_views(
     towards: ArrayLike | Sequence[ArrayLike] | None = None,
     sides: Literal[1, 3] = 1,
 ) -> ExplosionViews:
-    """Read an explosion set, or those views of it that some cameras see.
+    """Read an explosion set, or those of its views that some cameras need.
 
     Args:
-        directory: Of the set; None for the one that comes with jblast.
+        directory: Directory of the set; None for the one that comes with jblast.
         towards: Directions from blasts to cameras, east, north, up, one or rows of
-            them; None for all views. Where a camera goes elsewhere, the nearest of the
-            views that were read is shown.
-        sides: How many views a picture is mixed of.
+            them; None for all views. From other directions the nearest of the views
+            that were read is shown.
+        sides: Number of views that are mixed.
 
     Raises:
-        InputError: There is no index, or it is not as above; a file is missing, not
-            whole, of another size, or has no alpha. The message names the file.
+        InputError: There is no index, or it is not as above; a file is missing,
+            incomplete, of another size, or has no alpha. The message names the file.
 
     Example:
         `jblast.render(scene, camera, times, views=explosion_views())`
@@ -275,7 +279,9 @@ def explosion_views(
     chosen = np.arange(len(index.files))
     if towards is not None:
         rows = np.reshape(np.asarray(towards, float), (-1, 3))
+        # a set is large: views that no camera needs are not decoded
         chosen = shown_towards(index.directions, rows, sides)
+    # WebP decoding releases the interpreter lock
     with ThreadPoolExecutor() as pool:
         frames = list(pool.map(lambda v: _frames(index, v), chosen.tolist()))
     texels = np.stack(frames)
@@ -284,13 +290,14 @@ def explosion_views(
         for part in (index.anchors, index.directions, index.ups, index.radii)
     )
     corners, inverses = triangles(index.directions)
-    # those of the whole set that are read whole: fewer views have other triangles
+    # triangles whose three views are read; a convex hull of these would have others
     kept = np.flatnonzero(np.all(np.isin(corners, chosen), axis=1))
     kept = kept if len(kept) else np.zeros(1, int)
+    # renumbered for the views that were read
     corners = np.minimum(np.searchsorted(chosen, corners[kept]), len(chosen) - 1)
     inverses = inverses[kept]
     boxes, heights = _extents(texels, anchors[:, 1])
-    # least squares over the views, with the cosines of their elevations
+    # least squares over the views: height = h cos(elevation), for one h per frame
     level = ups[:, 2]
     return ExplosionViews(
         frames=jnp.asarray(texels),
@@ -309,7 +316,7 @@ def explosion_views(
 
 
 def is_explosion_set(directory: str | Path) -> bool:
-    """Return whether a folder of views is an explosion set, by its index.
+    """Return True if a folder of views is an explosion set, by its index.
 
     Raises:
         InputError: It has no index that can be read.
@@ -321,13 +328,13 @@ class ExplosionIndex(NamedTuple):
     """Content of the index of a set.
 
     Attributes:
-        size: Of a frame [px].
-        phases: Of the frames.
-        columns: Of frames on a sheet; 0 for as many as fit.
-        files: Of the views.
-        anchors: Of the burst in each view's frames [px].
-        directions: Towards their viewers.
-        ups: What is up in their pictures.
+        size: Side of a frame [px].
+        phases: Phases of the frames.
+        columns: Frames in a row of a sheet; 0 for as many as fit.
+        files: Sheets of the views.
+        anchors: Position of the burst in each view's frames [px].
+        directions: Directions towards their viewers.
+        ups: Up in their pictures.
         radii: Visible radius of each frame [px].
     """
 
@@ -354,12 +361,15 @@ def _frames(index: ExplosionIndex, view: int) -> UInt8[np.ndarray, "frame size s
             f"{size} x {size} twice in {columns} columns, got {sheet.shape[1]} x "
             f"{sheet.shape[0]}"
         )
+    # half, row, column, then the tile's pixels
     cut = sheet.reshape(2, rows, size, columns, size, 4).transpose(0, 1, 3, 2, 4, 5)
     heat, cover = cut.reshape(2, rows * columns, size, size, 4)[:, :count]
     texels = np.concatenate([heat[..., :1], cover], axis=-1)
+    # a transparent margin: interpolation at the edge must not repeat its texels
     edge = np.ones((size, size), bool)
     edge[1:-1, 1:-1] = False
     texels[:, edge, 4] = 0
+    # faint artefacts would enlarge the box that is rendered
     texels[..., 4] *= texels[..., 4] > FAINTEST
     return texels
 
@@ -368,7 +378,7 @@ def _extents(
     texels: UInt8[np.ndarray, "view frame size size 5"],
     foot: Float[np.ndarray, " view"],
 ) -> tuple[Float[np.ndarray, "view frame 4"], Float[np.ndarray, "view frame"]]:
-    """Return the box that shows anything, and how high its middle is [px]."""
+    """Return the box of visible texels, and the height of their middle [px]."""
     alpha = texels[..., 4]
     size = alpha.shape[-1]
     boxes = []
@@ -377,7 +387,7 @@ def _extents(
         first = np.argmax(some, axis=-1)
         last = size - 1 - np.argmax(some[..., ::-1], axis=-1)
         boxes += [first, np.where(np.max(some, axis=-1), last, first)]
-    rows = np.sum(alpha > 127, axis=-1)
+    rows = np.sum(alpha > 127, axis=-1)  # the silhouette: more than half opaque
     mass = np.maximum(np.sum(rows, axis=-1), 1)
     middle = np.where(
         rows.any(axis=-1), rows @ np.arange(float(size)) / mass, foot[:, None]
@@ -388,18 +398,19 @@ def _extents(
 def _spread(
     texels: UInt8[np.ndarray, "view frame size size 5"],
 ) -> Float[np.ndarray, "view frame 2"]:
-    """Return how a silhouette spreads otherwise than along its columns [-].
+    """Return the shape of silhouettes relative to the variance of their columns [-].
 
     Returns:
-        Covariance of columns and rows, and variance of rows, over that of columns; of
-        what is nowhere opaque those of a disc.
+        Covariance of columns and rows, and variance of rows, over that of columns;
+        those of a disc for a picture that is nowhere opaque.
     """
+    # the silhouette, as for `coding.visible_radius`
     opaque = (texels[..., 4] > 127).astype(np.float32)
     number = np.maximum(opaque.sum((-2, -1)), 1.0)
     place = np.arange(opaque.shape[-1]) - 0.5 * (opaque.shape[-1] - 1)
     columns, rows = opaque.sum(-2), opaque.sum(-1)
     x, y = columns @ place / number, rows @ place / number
-    # pixels are as wide as they are: 1/12
+    # the variance within a pixel, 1/12, is added to that of the pixels' centres
     wide = columns @ place**2 / number - x**2 + 1.0 / 12.0
     tall = rows @ place**2 / number - y**2 + 1.0 / 12.0
     mixed = (opaque @ place) @ place / number - x * y
@@ -445,7 +456,7 @@ def explosion_index(directory: Path) -> ExplosionIndex:
     if not any(above):
         raise InputError(
             f"{source}: elevation_deg: expected views from above the ground, got "
-            f"{len(above)} from below it alone"
+            f"{len(above)} from below it only"
         )
     rows = (np.stack(part) for part in (anchors, directions, ups, radii))
     return ExplosionIndex(size, phases, columns, files, *rows)
@@ -454,7 +465,7 @@ def explosion_index(directory: Path) -> ExplosionIndex:
 def _whole(value: Any, where: str, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise InputError(
-            f"{where}: expected a whole number from {least} on, got {shown(value)}"
+            f"{where}: expected a whole number of {least} or more, got {shown(value)}"
         )
     return value
 
@@ -480,16 +491,16 @@ def _radii(value: Any, count: int, where: str) -> Float[np.ndarray, " frame"]:
     radii = _numbers(value, where, "a list with the visible radius of each frame [px]")
     if len(radii) != count:
         raise InputError(
-            f"{where}: expected {count} numbers, one for each phase, got {len(radii)}"
+            f"{where}: expected {count} numbers, one per phase, got {len(radii)}"
         )
     return radii
 
 
 def read_index(directory: Path) -> tuple[Path, dict[str, Any]]:
-    """Return the path of a set's index and what stands in it.
+    """Return the path and the content of a set's index.
 
     Raises:
-        InputError: There is no such directory or index, or it is broken.
+        InputError: There is no such directory or index, or it is not valid TOML.
     """
     source = directory / INDEX
     if not source.is_file():
@@ -505,7 +516,7 @@ def read_index(directory: Path) -> tuple[Path, dict[str, Any]]:
 
 
 def view_entries(index: dict[str, Any], source: Path) -> list[Any]:
-    """Return the views of an index, one at least."""
+    """Return the views of an index, at least one."""
     entries = index.get("view")
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{source}: expected views written [[view]], got none")
@@ -527,7 +538,7 @@ def direction_of(
         if "elevation_deg" in entry or not vector.any():
             got = "elevation_deg too" if vector.any() else shown(entry["direction"])
             raise InputError(
-                f"{at}: expected [east, north, up] alone, not zero, got {got}"
+                f"{at}: expected only [east, north, up], not zero, got {got}"
             )
         direction = vector / np.linalg.norm(vector)
         return direction, upright(direction)
@@ -554,7 +565,7 @@ def positive(value: Any, where: str) -> float:
 
 
 def known_keys(entry: dict[str, Any], known: Sequence[str], where: str) -> None:
-    """Refuse keys that an index does not have."""
+    """Reject keys that an index does not have."""
     for key in entry:
         if key not in known:
             raise InputError(

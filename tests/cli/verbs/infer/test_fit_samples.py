@@ -55,4 +55,4 @@ def test_a_law_of_what_is_read_off_samples_may_be_named(jblast):
     said = jblast.refused(*words, "kingery_bulmash")
     assert "none.csv" in said
     said = jblast.refused(*words, "ground_motion")
-    assert "expected a law for something the log holds" in said
+    assert "expected a law for a quantity of the log" in said

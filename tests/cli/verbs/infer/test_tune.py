@@ -44,8 +44,8 @@ def test_the_list_needs_no_scene(jblast):
     ("name", "content", "options", "words"),
     [
         ("none.wav", None, GROWTH, "none.wav: no such file or directory"),
-        ("film.mp4", "junk", GROWTH, "film.mp4: expected a whole video"),
-        ("events.h5", "junk", GROWTH, "events.h5: expected a whole HDF5 file"),
+        ("film.mp4", "junk", GROWTH, "film.mp4: expected a complete video"),
+        ("events.h5", "junk", GROWTH, "events.h5: expected a complete HDF5 file"),
         ("film.mp4", "junk", ("--sensor", "mic"), "--sensor"),
         ("events.h5", "junk", (*GROWTH, "--fps", "100"), "--fps"),
         ("mic.wav", "junk", (*GROWTH, "--start", "1"), "--start"),

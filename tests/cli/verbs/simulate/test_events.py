@@ -135,21 +135,22 @@ def test_a_video_whose_rate_varies_needs_the_rate(jblast):
     code, _, err = video(jblast, stamps=stamps)
     assert code == 2
     assert "a.mp4: expected a constant frame rate, got frames 2 and 3 100 ms" in err
-    assert "say its rate (--fps)" in err
+    assert "state its rate (--fps)" in err
     assert video(jblast, "--fps", "30", stamps=stamps)[0] == 0
 
 
 def test_a_video_names_its_own_curve(jblast):
     code, _, err = video(jblast, "--srgb")
     assert code == 2
-    assert "--srgb: is said of PNG frames" in err
+    assert "--srgb: expected PNG frames" in err
 
 
 def test_png_frames_need_their_rate(jblast):
     words = ["--out", jblast.path("events.h5")]
     message = jblast.refused("events", jblast.path("frames"), *words)
     assert (
-        "expected to be told how many PNG frames a second there are (--fps)" in message
+        "expected the rate of the PNG frames, in frames per second; add --fps"
+        in message
     )
 
 
@@ -230,7 +231,7 @@ def test_numbers_without_zeros_before_them_are_put_in_order(jblast):
 
 
 def test_no_directory_no_frames_and_other_suffixes_are_refused(jblast):
-    assert ".png: expected a name that ends in" in refused(jblast, out="events.png")
+    assert ".png: expected a name ending in" in refused(jblast, out="events.png")
     for path in (jblast.directory / "frames").iterdir():
         path.unlink()
     assert "expected at least two PNG frames, got 0" in refused(jblast)

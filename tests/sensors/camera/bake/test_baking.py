@@ -129,7 +129,7 @@ def test_a_picture_cut_short_is_named_and_rendered_again(blender, tmp_path):
     path = out / WORK / "frames/000/0001.glow.exr"
     path.parent.mkdir(parents=True)
     path.write_bytes(exr_bytes(ball(32, 1, "glow"))[:500])
-    with pytest.raises(InputError, match=r"000/0001\.glow\.exr: expected a whole"):
+    with pytest.raises(InputError, match=r"000/0001\.glow\.exr: expected a complete"):
         baking.make(blender, "3.4.1")
     made(blender, out)
     assert (out / "views.toml").exists()
@@ -235,15 +235,15 @@ def test_progress_is_told_in_steps_and_pictures(blender, tmp_path):
 
 def test_blender_that_is_not_there_is_one_message(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(InputError, match="on the PATH, found none"):
+    with pytest.raises(InputError, match="on the PATH, got none"):
         baking.blender_found(None)
-    with pytest.raises(InputError, match="at /nowhere/blender, found none"):
+    with pytest.raises(InputError, match="at /nowhere/blender, got none"):
         baking.blender_found("/nowhere/blender")
 
 
 @pytest.mark.parametrize(
     ("says", "words"),
-    [("Blender 2.79", "expected Blender 3.4 or later"), ("tea", "say its version")],
+    [("Blender 2.79", "expected Blender 3.4 or later"), ("tea", "print its version")],
 )
 def test_another_program_or_an_old_one_is_refused(blender, monkeypatch, says, words):
     monkeypatch.setenv("FAKE_VERSION", says)

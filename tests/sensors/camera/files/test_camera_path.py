@@ -25,7 +25,7 @@ def test_columns_are_found_by_name_and_turns_have_length_one(tmp_path):
 BAD = {
     "no column": (HEAD.replace("up_m", "height_m") + "\n" + ROWS, "a column up_m"),
     "nothing": ("", "a column time_s"),
-    "one row": (HEAD + "\n0,1,2,3,0,0,0,1\n", "two rows or more .* got 1"),
+    "one row": (HEAD + "\n0,1,2,3,0,0,0,1\n", "two or more rows .* got 1"),
     "a word": (HEAD + "\n" + ROWS.replace("0.5,2", "0.5,x"), "line 3: .*finite"),
     "not finite": (HEAD + "\n" + ROWS.replace("0.5,2", "0.5,nan"), "line 3: .*finite"),
     "a short row": (HEAD + "\n" + ROWS + "0.7,1\n", "line 4: .*finite numbers"),

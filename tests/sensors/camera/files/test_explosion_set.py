@@ -111,7 +111,7 @@ BROKEN = {
     ),
     "cut short": (
         lambda c: (c / "03.webp").write_bytes((c / "03.webp").read_bytes()[:2000]),
-        r"03\.webp: expected a whole WebP image of .* cut short",
+        r"03\.webp: expected a complete WebP image of .* cut short",
     ),
     "empty": (
         lambda c: (c / "03.webp").write_bytes(b""),
@@ -144,7 +144,7 @@ BROKEN = {
     "no radius": (lambda c: text(c, "radius_px", "#"), "1 radius_px: expected a list"),
     "too few radii": (
         lambda c: text(c, "radius_px = [", "radius_px = [1.0, "),
-        "radius_px: expected 7 numbers, one for each phase, got 8",
+        "radius_px: expected 7 numbers, one per phase, got 8",
     ),
     "a radius of zero": (
         lambda c: text(c, "radius_px = [", "radius_px = [0.0, "),

@@ -88,7 +88,7 @@ def test_colours_of_16_bits_keep_all_of_them(tmp_path, filters, kind):
     path.write_bytes(encoded(values, f"{kind}be", filters))
     np.testing.assert_array_equal(read_png(path), values)
     path.write_bytes(path.read_bytes()[:90])
-    with pytest.raises(InputError, match=r"a\.png: expected a whole PNG image"):
+    with pytest.raises(InputError, match=r"a\.png: expected a complete PNG image"):
         read_png(path)
 
 

@@ -38,7 +38,7 @@ def test_png_frames_are_linear_if_nothing_is_said(folder):
 
 
 def test_png_frames_need_their_rate(folder):
-    with pytest.raises(InputError, match=r"frames: expected to be told how many PNG"):
+    with pytest.raises(InputError, match=r"frames: expected the rate of the PNG"):
         open_recording(folder)
 
 

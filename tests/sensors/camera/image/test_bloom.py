@@ -44,5 +44,5 @@ def test_a_point_spreads_by_the_variance_of_its_gaussians():
 
 @pytest.mark.parametrize("part", [-0.1, 1.1, np.nan])
 def test_a_part_is_one(part):
-    with pytest.raises(InputError, match="bloom: expected a part"):
+    with pytest.raises(InputError, match="bloom: expected a share"):
         bloom(np.zeros((2, 2, 3)), part)

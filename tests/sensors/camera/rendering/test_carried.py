@@ -126,7 +126,7 @@ def test_times_off_the_path_are_refused_and_so_is_the_wrong_function():
         render_carried(NEVER, eye, path, np.array([0.5, 1.5]))
     with pytest.raises(InputError, match=r"camera mount: .* stands still"):
         render(NEVER, eye, np.array([0.5]))
-    with pytest.raises(InputError, match="camera mount: expected one on a vehicle"):
+    with pytest.raises(InputError, match="camera mount: expected a mount on a vehicle"):
         render_carried(NEVER, small_camera(), path, np.array([0.5]))
 
 

@@ -74,7 +74,7 @@ BAKED = {
     ),
     "cut short": (
         lambda d: cut(d / "00.webp"),
-        "set/00.webp: expected a whole WebP image of",
+        "set/00.webp: expected a complete WebP image of",
     ),
     "no index": (lambda d: (d / "views.toml").unlink(), "set: has no index"),
 }
@@ -115,7 +115,7 @@ def test_a_video_that_breaks_off_or_varies_is_refused_by_name(jblast, verb):
         jblast.directory / "varies.mp4", flat(*range(20, 28)), stamps=stamps
     )
     for path, said in (
-        (short, "short.mp4: expected a whole video"),
+        (short, "short.mp4: expected a complete video"),
         (varies, "varies.mp4: expected a constant frame rate"),
     ):
         if verb == "render":

@@ -58,7 +58,7 @@ BAD_SCENES = {
     ),
     "below the ground": (
         CHARGE + CAMERA.replace("[0, -40, 2]", "[0, -40, -2]"),
-        "expected a place not below the ground, up = 0, got up = -2 m",
+        "expected a position on or above the ground, up = 0, got up = -2 m",
     ),
 }
 

@@ -51,7 +51,7 @@ def test_how_fast_a_video_runs_is_said(jblast, options, hz, said):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--video", "a.gif"), "a.gif: expected a name of a video that ends in .mp4"),
+        (("--video", "a.gif"), "a.gif: expected a name of a video ending in .mp4"),
         (("--video", "a.mp4", "--mode", "events"), "--video: expected --mode rgb"),
         (("--video-fps", "30"), "--video-fps: expected --video with it"),
     ],

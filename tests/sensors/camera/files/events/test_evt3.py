@@ -158,7 +158,7 @@ def test_a_size_in_other_digits_is_no_size(tmp_path):
 def test_half_a_word_is_refused(tmp_path):
     path = tmp_path / "a.raw"
     path.write_bytes(HEADER + b"\x00\x80\x00")
-    with pytest.raises(InputError, match=r"a\.raw: expected a whole EVT 3\.0 file"):
+    with pytest.raises(InputError, match=r"a\.raw: expected a complete EVT 3\.0 file"):
         read_events(path)
 
 

@@ -104,7 +104,7 @@ def test_a_file_that_breaks_off_is_refused(tmp_path, suffix, share):
     write_events(path, [events_of(*columns)], 8, 6)
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(InputError, match=rf"a{suffix}: expected a whole"):
+    with pytest.raises(InputError, match=rf"a{suffix}: expected a complete"):
         read_events(path)
 
 
@@ -128,7 +128,7 @@ def test_columns_that_cannot_be_are_named(tmp_path, suffix):
         ({"t": [0, 999, 40]}, r"t: expected events in order of time, got 40 us after"),
         ({"x": [0, 1, 9]}, r"x of event 2: expected 0 to 3, .*got 9"),
         ({"y": [0, 1]}, r"as many of each column, got 3 of x, 2 of y"),
-        ({"p": [0, 1, 2]}, r"p: expected 1 for brighter and 0, got 2"),
+        ({"p": [0, 1, 2]}, r"p: expected 1 for brighter, 0 for darker, got 2"),
         ({"t": [0.0, 0.1, 0.2]}, r"t: expected whole numbers, got float64"),
     ):
         saved(path, COLUMNS | change, width=4, height=3)
@@ -150,5 +150,5 @@ def test_other_arrays_and_other_suffixes_are_refused(tmp_path):
     path = saved(tmp_path / "a.npz", {"light": [1.0]})
     with pytest.raises(InputError, match=r"expected arrays x, y, t and p, got light"):
         read_events(path)
-    with pytest.raises(InputError, match=r"a\.txt: expected a name that ends in"):
+    with pytest.raises(InputError, match=r"a\.txt: expected a name ending in"):
         read_events(tmp_path / "a.txt")

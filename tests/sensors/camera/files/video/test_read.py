@@ -156,7 +156,7 @@ def test_a_video_that_breaks_off_is_refused(tmp_path, suffix, share):
     path = make_video(tmp_path / f"a.{suffix}", list(noise), options={"bf": "0"})
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(InputError, match=rf"a\.{suffix}: expected a whole video"):
+    with pytest.raises(InputError, match=rf"a\.{suffix}: expected a complete video"):
         read(path)
 
 
@@ -175,15 +175,15 @@ def test_a_fast_start_that_breaks_off_is_refused(tmp_path):
                 new.mux(packet)
     assert len(read(path)) == 12
     path.write_bytes(path.read_bytes()[:-2000])
-    with pytest.raises(InputError, match=r"a\.mp4: expected a whole.*cut short"):
+    with pytest.raises(InputError, match=r"a\.mp4: expected a complete.*cut short"):
         read(path)
 
 
 def test_what_is_no_video_is_refused(tmp_path):
     for name, held, said in (
         ("none.mp4", None, "no such file"),
-        ("empty.mp4", b"", "FFmpeg cannot make of it"),
-        ("text.mp4", b"time_s,p_pa\n0,1\n" * 99, "FFmpeg cannot make of it"),
+        ("empty.mp4", b"", "FFmpeg cannot read"),
+        ("text.mp4", b"time_s,p_pa\n0,1\n" * 99, "FFmpeg cannot read"),
     ):
         path = tmp_path / name
         if held is not None:
@@ -211,7 +211,9 @@ def test_pixels_that_are_not_square_and_interlaced_rows_are_refused(tmp_path):
         open_video(path)
     rows = {"x264-params": "tff=1"}
     path = make_video(tmp_path / "b.mp4", flat(50, 60, height=32), options=rows)
-    with pytest.raises(InputError, match=r"b\.mp4: expected whole frames, got inter"):
+    with pytest.raises(
+        InputError, match=r"b\.mp4: expected progressive frames, got inter"
+    ):
         open_video(path)
 
 
