@@ -20,11 +20,11 @@ from jblast.inference.posterior.record_likelihood import SampledRecords, evidenc
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.records.recording import PressureRecord
+from jblast.observations.table import RECORD_QUANTITIES
 from jblast.signals.picks.forms import with_forms
-from jblast.signals.picks.hypotheses import unstated_high_pass, with_what_shows
+from jblast.signals.picks.hypotheses import unstated_high_pass, with_further_effects
 from jblast.signals.picks.model import larger_misfit_ratio, misfit
 from jblast.signals.picks.pick import filled_length
-from jblast.signals.picks.pick_log import TOLD
 from jblast.signals.picks.preparation import (
     Case,
     bank_of,
@@ -32,9 +32,15 @@ from jblast.signals.picks.preparation import (
     clipped_samples,
     prepared,
 )
-from jblast.signals.picks.record_picks import LONGEST, RecordPick, stretch_begin
+from jblast.signals.picks.record_picks import LONGEST_STRETCH, RecordPick, stretch_begin
 from jblast.signals.picks.searches import first_optimum
-from jblast.signals.picks.unknowns import CENTRE, NARROW, SPREAD, WIDE, natural_of
+from jblast.signals.picks.unknowns import (
+    CENTRE,
+    RESOLVED_RISE_SAMPLES,
+    SPREAD,
+    UNRESOLVED_RISE_SAMPLES,
+    natural_of,
+)
 from jblast.waves.pulse import LEVEL
 from jblast.waves.waveform import decay_of_fraction
 
@@ -80,7 +86,12 @@ def sampled_records(
     nuisance = case.unknowns[:, PRIMARY:]
     rows = _rows(observations, [name for name, _ in picks])
     natural = jax.vmap(natural_of)(case.unknowns)
-    unresolved = jnp.clip((WIDE - natural.rise) / (WIDE - NARROW), 0.0, 1.0)
+    unresolved = jnp.clip(
+        (RESOLVED_RISE_SAMPLES - natural.rise)
+        / (RESOLVED_RISE_SAMPLES - UNRESOLVED_RISE_SAMPLES),
+        0.0,
+        1.0,
+    )
     # a front within one sample interval is uniform there: its variance is 1/12
     between = jnp.sqrt(unresolved / 12.0) / case.rate
     return SampledRecords(
@@ -156,12 +167,12 @@ def _evidence(terms: PulseTerms, nuisance, case: SampledCase):
 
 def _stretch(record: PressureRecord) -> PressureRecord:
     """Return the interval of a record that its pick uses."""
-    if record.samples.size <= LONGEST:
+    if record.samples.size <= LONGEST_STRETCH:
         return record
-    begin = stretch_begin(record, LONGEST)
+    begin = stretch_begin(record, LONGEST_STRETCH)
     return PressureRecord(
         record.name,
-        record.samples[begin : begin + LONGEST],
+        record.samples[begin : begin + LONGEST_STRETCH],
         record.rate_hz,
         start_s=record.start_s + begin / record.rate_hz,
         full_scale=record.full_scale,
@@ -215,12 +226,12 @@ def _picked(samples, count, full_scale, corner, *, more: bool):
     best, _ = first_optimum(bins, ready)
     if more:
         formed = with_forms(bins, best, ready.continued, case)
-        shown = with_what_shows(bins, best, formed, ready.start, case)
+        shown = with_further_effects(bins, best, formed, ready.start, case)
         best, case = unstated_high_pass(bins, ready, formed, shown).chosen(shown)
     y = best.y
     ratio = larger_misfit_ratio(bins, y, case)
     widened = jnp.sqrt(jnp.maximum(ratio, 1.0))
-    resolved = natural_of(y).rise >= WIDE
+    resolved = natural_of(y).rise >= RESOLVED_RISE_SAMPLES
     rise = jnp.where(
         resolved,
         jnp.array([CENTRE[PRIMARY], SPREAD[PRIMARY]]),
@@ -236,7 +247,8 @@ def _rows(
     """Return the rows of a log that were picked from each record."""
     pairs = list(zip(observations.records(), observations.quantity, strict=True))
     return tuple(
-        tuple(pairs.index((name, quantity)) for quantity in TOLD) for name in names
+        tuple(pairs.index((name, quantity)) for quantity in RECORD_QUANTITIES)
+        for name in names
     )
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.observations.grouping import some_rows
-from jblast.observations.table import OF_SAMPLES, SAMPLES, Observations
+from jblast.observations.table import RECORD_QUANTITIES, SAMPLES, Observations
 from jblast.parameters import ALTITUDES, CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import (
     ADDITIVE,
@@ -292,12 +292,12 @@ def _readings(observations: Observations) -> Observations:
     if not sampled.any():
         return observations
     rows = np.repeat(
-        np.arange(len(observations)), np.where(sampled, len(OF_SAMPLES), 1)
+        np.arange(len(observations)), np.where(sampled, len(RECORD_QUANTITIES), 1)
     )
     quantities = [
         name
         for quantity in observations.quantity
-        for name in (OF_SAMPLES if quantity == SAMPLES else (quantity,))
+        for name in (RECORD_QUANTITIES if quantity == SAMPLES else (quantity,))
     ]
     return replace(some_rows(observations, rows), quantity=tuple(quantities))
 
@@ -325,7 +325,7 @@ def _sensor(log: _Log, *, sampled: bool) -> str:
             lines.append(f"times_s = {log.times}  # of radii, by its clock")
     if sampled:
         lines.append("# it recorded samples, from which its errors are told, too")
-    read_off = OF_SAMPLES if sampled else ()
+    read_off = RECORD_QUANTITIES if sampled else ()
     silent = [q for q, s in log.sigmas.items() if not s > 0 and q not in read_off]
     if silent:
         lines.append(f"# the log gives no sigma for {', '.join(silent)}")

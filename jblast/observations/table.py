@@ -35,7 +35,7 @@ NUMBERS = ("value", "sigma", *POSITION, *DEGREES, "range_m", "time_s")
 """Columns that hold numbers."""
 SAMPLES = "overpressure_record"
 """In column quantity: the row is a record of samples, a file that `record` names."""
-OF_SAMPLES = (
+RECORD_QUANTITIES = (
     *("air_arrival_s", "peak_overpressure_pa"),
     *("positive_duration_s", "positive_impulse_pa_s"),
 )

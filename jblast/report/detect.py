@@ -7,7 +7,12 @@ from typing import Any
 
 from jblast.report.words import aligned, joined
 from jblast.results import plain
-from jblast.signals.arrival_log import CONTRADICTED, WIDEST, ArrayFinding, Log
+from jblast.signals.arrival_log import (
+    LEAST_PLANE_PROBABILITY,
+    MAX_ARRAY_WIDTH,
+    ArrayFinding,
+    Log,
+)
 from jblast.signals.matched_filter import Detection
 from jblast.signals.pulse_fit import PulseFit
 from jblast.signals.search import Searched
@@ -146,13 +151,15 @@ def _of_array(finding: ArrayFinding) -> list[str]:
     lost = [ANGLES[key] for key in came.undetermined]
     if lost:
         said += f"; {joined(lost)} is not told by them"
-    if not finding.used and finding.probability <= CONTRADICTED:
+    if not finding.used and finding.probability <= LEAST_PLANE_PROBABILITY:
         said += (
             f"; the times contradict a plane wave (p = {finding.probability:.1g}), so "
             "each microphone has its own row"
         )
     elif finding.used:
-        said += f"; within {WIDEST:g} m of each other, so one row of time for all"
+        said += (
+            f"; within {MAX_ARRAY_WIDTH:g} m of each other, so one row of time for all"
+        )
     return [said]
 
 

@@ -36,7 +36,8 @@ $$Q(n, \ln c) = (n/c - p)^T K\,(n/c - p) + (\ln c - \ln c_0)^2/\sigma_{\ln c}^2.
 
 The rank of the information $K$ is the number of dimensions that the microphones span.
 Two microphones, or several in a line, identify only the angle from that line; those in
-a plane do not distinguish its two sides. The answer names what is not identified.
+a plane do not distinguish its two sides. The result lists the angles that are not
+identified.
 
 The air between source and array scatters travel times, and so turns and ruffles the
 front: microphones a distance $D$ apart at the range $R$ differ by a standard deviation
@@ -69,51 +70,63 @@ from jblast.errors import InputError
 from jblast.sensors.path_scatter import KERNELS, TYPICAL, decorrelation
 from jblast.signals.matched_filter import Detection
 
-FEWEST, MOST = 2, 8
-"""Microphones of an array."""
-NEIGHBOURS = 16
-"""Bins at either side over which powers are averaged."""
-CERTAIN = 6.0
-"""Sound in a bin exceeds the noise by so many standard deviations of the average."""
-QUIETEST = 1e-12
-"""Least noise, as a share of the loudest bin: silence between bangs is no knowledge."""
-TAPERED = 0.05
-"""Share of a window that fades in, and out."""
+MIN_MICROPHONES, MAX_MICROPHONES = 2, 8
+"""Number of microphones of an array. One has no delays; eight have 28 pairs, each at
+the cost of a transform of the window."""
+AVERAGED_BINS = 16
+"""Bins on either side over which powers are averaged: 33 in all give the power of the
+sound to 17 % at the resolution that a blast's smooth spectrum needs."""
+SOUND_SIGNIFICANCE = 6.0
+"""Excess of the average power over the noise at which a bin contains sound [standard
+deviations of the average]: noise alone does not reach it in thousands of bins."""
+LEAST_NOISE_SHARE = 1e-12
+"""Smallest noise, over the loudest bin, of digital silence: its weights would be
+infinite, as if delays were exact."""
+TAPERED_SHARE = 0.05
+"""Share of a window over which it fades in, and out: samples cut off at the ends would
+correlate at zero delay. The blast is well inside."""
 Weighting = Literal["ml", "phat"]
-SIGNIFICANT = 10.0
-"""A peak of fewer standard deviations of the correlation of noise alone is none."""
-FINER = 8
-"""Lags a sample among which the greatest is looked for, before it is refined."""
-FLAT = 1e-6
-"""Microphones span no dimension in which they are nearer than this share of the
-farthest."""
-TOLD = 0.5
-"""An angle with a larger standard deviation is not identified [rad]."""
-AS_GOOD = 6.0
-"""Another direction whose chi-squared is greater by less than this is as good."""
+PEAK_SIGNIFICANCE = 10.0
+"""Smallest height of a correlation peak [standard deviations of noise alone]. Noise
+reaches five or six among the lags of a window; a wrong peak would be a wrong bearing
+with a small error, so the limit is far above."""
+LAGS_PER_SAMPLE = 8
+"""Lags per sample among which the maximum is searched: at half the sampling rate an
+eighth is a 16th of a period, from which Newton's method converges."""
+FLAT_SHARE = 1e-6
+"""Smallest extent of an array in a dimension that it spans, over its largest. A smaller
+one is rounding, far below the error of any survey."""
+IDENTIFIED_SD_RAD = 0.5
+"""Largest standard deviation of an identified angle [rad]. Beyond it the linearized
+covariance means little, and the 90 % interval covers a quarter of the circle."""
+MIRROR_CHI2 = 6.0
+"""Difference of chi-squared below which another direction is equally possible: 95 % of
+a chi-squared of two angles."""
 ANGLES = ("bearing_rad", "elevation_rad")
 SAME_DIRECTION_SD = 2.0
-"""Directions closer than this many standard deviations are one."""
-STEPS = 100
-"""Steps of the search for a plane wave; near the plane of the microphones it converges
-slowly."""
+"""Largest distance of two directions that count as one [standard deviations]: their
+intervals overlap."""
+MAX_STEPS = 100
+"""Largest number of steps of the search for a plane wave, which converges slowly near
+the plane of the microphones, where the slope along its normal vanishes."""
 CONVERGED_RAD = 1e-13
-"""Step at which the search ends [rad]."""
+"""Step at which the search ends [rad], a few hundred units of rounding."""
 PATH_SCATTER = 0.01
-"""Of a travel time, as declared for the laws of arrivals in air."""
+"""Standard deviation of ln of a travel time, as for the laws of arrivals in air."""
 SOURCE_RANGE = 2000.0
-"""Range at which the scatter of neighbouring paths is taken [m], rather too far than
-too near. At 50 m standard deviations of angles are 1.8 times too large, at 5 km 1.2
-times too small."""
-DISTANT = np.eye(len(KERNELS))[1:]
-"""Weights of the correlation functions of arrays that are small beside the range. The
-first, rough at small separations, is left out: at D/R = 0.001 it gives bearings a
-standard deviation of 80 degrees, and those of eight infrasound arrays are 3.6 degrees
-off (`path_scatter`). Three microphones have no times to spare that could exclude it."""
-SLOWEST = 300.0
-"""A front is never slower [m/s]: sound at -50 degrees Celsius."""
-UNSURE = 0.01
-"""Added to what it takes from one microphone to another [s]."""
+"""Range at which the scatter of neighbouring paths is evaluated [m]. It is rather too
+large than too small: at 50 m standard deviations of angles are 1.8 times too large, at
+5 km 1.2 times too small."""
+SMALL_APERTURE_WEIGHTS = np.eye(len(KERNELS))[1:]
+"""Weights of the correlation functions for arrays that are small compared with the
+range. The first function, rough at small separations, is left out: at D/R = 0.001 it
+gives bearings a standard deviation of 80 degrees, while those of eight infrasound
+arrays are off by 3.6 degrees (`path_scatter`). Three microphones have no redundant
+times that could exclude it."""
+SLOWEST_FRONT = 300.0
+"""Slowest speed of a front [m/s]: sound at -50 degrees Celsius."""
+TRAVEL_MARGIN_S = 0.01
+"""Margin on the travel time between microphones [s]: 3 m of position errors."""
 
 
 class PairDelay(NamedTuple):
@@ -122,10 +135,10 @@ class PairDelay(NamedTuple):
     Attributes:
         delay: Of the second record [s]; NaN if none is found.
         sigma: Its standard deviation [s]; infinite if none is found.
-        share: Of its variance: what the first record's noise brings, what the second's
-            brings, and what only their product does.
-        significance: Height of the peak in standard deviations of noise alone. Below
-            `SIGNIFICANT` no delay is given.
+        share: Shares of its variance by the noise of the first record, by that of the
+            second, and by their product.
+        significance: Height of the peak [standard deviations of noise alone]. Below
+            `PEAK_SIGNIFICANCE` there is no delay.
     """
 
     delay: float
@@ -135,11 +148,11 @@ class PairDelay(NamedTuple):
 
 
 class RelativeTimes(NamedTuple):
-    """Times at which a front passed each microphone, counted from their mean.
+    """Times at which a front passed each microphone, relative to their mean.
 
     Attributes:
-        time: Since the mean of all [s].
-        covariance: Of these times [s^2]; singular, since their sum is zero.
+        time: Times relative to the mean of all [s].
+        covariance: Covariance of these times [s^2]; singular, since their sum is zero.
         pairs: Delay of each pair, `(first, second)` counted from zero.
         lost: Pairs without a delay.
     """
@@ -151,7 +164,7 @@ class RelativeTimes(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether the delays found connect all microphones."""
+        """True if the delays found connect all microphones."""
         return bool(np.isfinite(self.time).all())
 
 
@@ -163,41 +176,49 @@ def relative_times(
     *,
     weighting: Weighting = "ml",
 ) -> RelativeTimes:
-    """Return when a front passed each microphone.
+    """Return the times at which a front passed each microphone.
 
     Args:
-        samples: Two to eight records of one window, all on one clock; an even number of
-            samples, the bang well inside.
-        rate_hz: Samples a second.
-        noise_variance: Of the noise in each bin of the window's unitary transform
-            (`noise.bin_variances`) [unit of the samples, squared].
-        largest_s: Greatest delay of any pair, or of each [s]: the distance between the
-            microphones over the speed of sound, and some.
+        samples: Two to eight records of one window on one clock; an even number of
+            samples, with the blast well inside.
+        rate_hz: Sampling rate [Hz].
+        noise_variance: Variance of the noise in each bin of the window's unitary
+            transform (`noise.bin_variances`) [unit of the samples, squared].
+        largest_s: Largest delay of all pairs, or of each [s]: the distance between the
+            microphones over the speed of sound, with a margin.
         weighting: As in `pair_delay`.
 
     Raises:
-        InputError: Too few or too many records, an odd window, or samples that are no
-            numbers.
+        InputError: Too few or too many records, an odd window, or samples that are not
+            finite.
     """
     samples = np.asarray(samples, float)
     count, length = samples.shape
-    if not FEWEST <= count <= MOST:
+    if not MIN_MICROPHONES <= count <= MAX_MICROPHONES:
         raise InputError(
-            f"samples: expected {FEWEST} to {MOST} microphones, got {count}"
+            f"samples: expected {MIN_MICROPHONES} to {MAX_MICROPHONES} microphones, "
+            f"got {count}"
         )
-    if length % 2 or length < 4 * NEIGHBOURS:
+    if length % 2 or length < 4 * AVERAGED_BINS:
         raise InputError(
-            f"samples: expected an even number, {4 * NEIGHBOURS} or more, got {length}"
+            f"samples: expected an even number, {4 * AVERAGED_BINS} or more, "
+            f"got {length}"
         )
-    if not np.isfinite(samples).all():
-        raise InputError("samples: expected finite numbers, got NaN or infinity")
+    if not (finite := np.isfinite(samples)).all():
+        channel, at = np.argwhere(~finite)[0]
+        raise InputError(
+            f"samples: expected finite numbers, got {samples[channel, at]} at sample "
+            f"{at} of channel {channel + 1}"
+        )
     fade = _fade(length)
     spectra = np.fft.rfft((samples - samples.mean(axis=1, keepdims=True)) * fade)
     noise = np.asarray(noise_variance, float) * np.sum(fade**2)
     loudest = np.max(np.abs(spectra) ** 2, axis=1, keepdims=True)
-    # a simulated record may have no noise at all, and no weight is infinite
-    noise = np.maximum(noise, QUIETEST * loudest)
+    # simulated records may have no noise, and weights must be finite
+    noise = np.maximum(noise, LEAST_NOISE_SHARE * loudest)
     gain, sound = _gain_and_sound(np.abs(spectra) ** 2, noise)
+    # microphones of unlike gain record one sound: equal signals are what the weights
+    # of pairs assume
     spectra, noise = spectra / np.sqrt(gain)[:, None], noise / gain[:, None]
     reach = np.broadcast_to(np.asarray(largest_s, float), (count, count))
     pairs = {
@@ -215,8 +236,8 @@ def relative_times(
 
 
 def _fade(length: int) -> Float[np.ndarray, " n"]:
-    """Return a window that is one but for its ends (Tukey's)."""
-    ends = max(int(TAPERED * length), 1)
+    """Return a window that fades only at its ends (Tukey's)."""
+    ends = max(int(TAPERED_SHARE * length), 1)
     rise = 0.5 * (1 - np.cos(np.pi * (np.arange(ends) + 0.5) / ends))
     return np.concatenate([rise, np.ones(length - 2 * ends), rise[::-1]])
 
@@ -224,25 +245,27 @@ def _fade(length: int) -> Float[np.ndarray, " n"]:
 def _gain_and_sound(
     power: Float[np.ndarray, "channel bin"], noise: Float[np.ndarray, "channel bin"]
 ) -> tuple[Float[np.ndarray, " channel"], Float[np.ndarray, " bin"]]:
-    """Return by how much each record is louder, and the power that they share.
+    """Return the relative power gain of each record, and the common power of the sound.
 
-    Bins in which the sound cannot be distinguished from the noise hold none.
+    The power is zero in bins where the sound is not distinguished from the noise.
     """
-    width = 2 * NEIGHBOURS + 1
+    width = 2 * AVERAGED_BINS + 1
     kernel = np.full(width, 1 / width)
     above = np.array([np.convolve(p, kernel, "same") for p in power - noise])
     over = np.divide(above, noise, out=np.zeros_like(above), where=noise > 0)
-    heard = over.sum(axis=0) > CERTAIN * np.sqrt(len(power) / width)
-    heard &= (above > 0).all(axis=0)
-    if not heard.any():
+    # power of noise has a relative error of 1; of all records and bins averaged, the
+    # sum of the relative excess has a variance of records / width
+    audible = over.sum(axis=0) > SOUND_SIGNIFICANCE * np.sqrt(len(power) / width)
+    audible &= (above > 0).all(axis=0)
+    if not audible.any():
         return np.ones(len(power)), np.zeros(power.shape[1])
-    gain = above[:, heard].sum(axis=1)
+    gain = above[:, audible].sum(axis=1)
     gain = gain / gain.mean()
-    return gain, np.where(heard, (above / gain[:, None]).mean(axis=0), 0.0)
+    return gain, np.where(audible, (above / gain[:, None]).mean(axis=0), 0.0)
 
 
 def _combined(pairs: dict[tuple[int, int], PairDelay], count: int) -> RelativeTimes:
-    """Return the times that fit all delays best, by least squares."""
+    """Return the least-squares times by the delays of all pairs."""
     lost = tuple(pair for pair, delay in pairs.items() if np.isnan(delay.delay))
     known = {pair: delay for pair, delay in pairs.items() if pair not in lost}
     design = np.zeros((len(known), count))
@@ -253,10 +276,11 @@ def _combined(pairs: dict[tuple[int, int], PairDelay], count: int) -> RelativeTi
         return RelativeTimes(nothing[0], nothing, pairs, lost)
     variance = np.array([delay.sigma**2 for delay in known.values()])
     share = np.array([delay.share for delay in known.values()])
-    weighed = design.T / variance
-    # delays leave the mean time open: the pseudo-inverse sets it to zero
-    gives = np.linalg.pinv(weighed @ design) @ weighed
-    # an error of one record moves all its pairs; that of a product moves its own alone
+    weighted = design.T / variance
+    # delays do not constrain the mean time: the pseudo-inverse sets it to zero
+    gives = np.linalg.pinv(weighted @ design) @ weighted
+    # an error of one record is common to all its pairs; an error by the product of two
+    # records' noise is independent
     own = np.zeros(count)
     seen = np.abs(design).sum(axis=0)
     for (i, j), v, (first, second, _) in zip(known, variance, share, strict=True):
@@ -280,13 +304,13 @@ def pair_delay(
 
     Args:
         spectra: Their transforms (`rfft`), of an even number of samples.
-        sound: Power of the sound that both hold, in each bin.
+        sound: Power of the sound in both, in each bin.
         noise: Power of the noise in each.
-        rate_hz: Samples a second.
-        largest_s: Greatest delay that the place of the microphones allows [s]; the
-            record has to hold the sound with as much to spare at either end.
-        weighting: `ml` is the most precise; `phat` weighs all bins that hold sound
-            alike, so that a tone, or an echo, weighs no more than its bandwidth.
+        rate_hz: Sampling rate [Hz].
+        largest_s: Largest delay that the positions of the microphones allow [s]; the
+            sound must be at least as far from either end of the window.
+        weighting: `ml` is the most precise; `phat` gives all bins with sound the same
+            weight, so that a tone, or an echo, counts only by its bandwidth.
     """
     cross = np.conj(spectra[0]) * spectra[1]
     bins = np.arange(len(cross))
@@ -297,21 +321,26 @@ def pair_delay(
         expected = psi
     else:
         size = np.abs(cross)
-        holds = (size > 0) & (sound > 0)
-        psi = np.divide(1.0, size, out=np.zeros_like(size), where=holds)
+        used = (size > 0) & (sound > 0)
+        psi = np.divide(1.0, size, out=np.zeros_like(size), where=used)
         power = np.sqrt((sound + noise[0]) * (sound + noise[1]))
         expected = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0)
-    psi[[0, -1]] = 0.0  # no phase is defined there
+    # spectra are real at zero and at half the rate: no phase is defined there
+    psi[[0, -1]] = 0.0
     expected = np.where(psi > 0, expected, 0.0)
-    # first the maximum, then the sum in phase there: its height is compared with what
-    # noise alone sums to
+    # the height at the maximum is compared with the standard deviation of the same sum
+    # for noise alone, whose phases are random
     lag = _greatest_lag(psi * cross, rate_hz, largest_s)
     spectrum = psi * cross * np.exp(1j * omega * lag)
     by_chance = np.sqrt(0.5 * np.sum(expected**2 * noise[0] * noise[1]))
     height = float(np.sum(spectrum.real))
     significance = height / by_chance if by_chance > 0 else 0.0
     curvature = np.sum(expected * omega**2 * sound)
-    if not significance > SIGNIFICANT or not curvature > 0 or abs(lag) > largest_s:
+    if (
+        not significance > PEAK_SIGNIFICANCE
+        or not curvature > 0
+        or abs(lag) > largest_s
+    ):
         return PairDelay(np.nan, np.inf, (0.0, 0.0, 0.0), float(significance))
     parts = [
         float(np.sum(expected**2 * omega**2 * part) / 2 / curvature**2)
@@ -324,23 +353,24 @@ def pair_delay(
 
 
 def _greatest_lag(
-    weighed: Complex[np.ndarray, " bin"], rate_hz: float, largest_s: float
+    weighted: Complex[np.ndarray, " bin"], rate_hz: float, largest_s: float
 ) -> float:
-    """Return where the correlation of a weighed cross spectrum is greatest [s].
+    """Return the lag of the largest correlation of a weighted cross spectrum [s].
 
-    Looked for among `FINER` lags a sample, then refined by Newton's steps on the sum of
-    cosines that it is, so that its place is no matter of the samples'.
+    The maximum of `LAGS_PER_SAMPLE` lags per sample is refined by Newton's method on
+    the sum of cosines, so that the result does not depend on the sampling.
     """
-    samples = 2 * (len(weighed) - 1)
-    fine = np.fft.irfft(weighed, samples * FINER)
-    reach = min(int(np.ceil(largest_s * rate_hz * FINER)), len(fine) // 2 - 1)
+    samples = 2 * (len(weighted) - 1)
+    fine = np.fft.irfft(weighted, samples * LAGS_PER_SAMPLE)
+    reach = min(int(np.ceil(largest_s * rate_hz * LAGS_PER_SAMPLE)), len(fine) // 2 - 1)
     lags = np.arange(-reach, reach + 1)
-    step = 1.0 / (rate_hz * FINER)
+    step = 1.0 / (rate_hz * LAGS_PER_SAMPLE)
     start = float(lags[np.argmax(fine[lags])]) * step
-    omega = 2 * np.pi * np.arange(len(weighed)) * rate_hz / samples
+    omega = 2 * np.pi * np.arange(len(weighted)) * rate_hz / samples
     lag = start
+    # quadratic convergence: six steps from a 16th of a period reach rounding
     for _ in range(6):
-        turned = weighed * np.exp(1j * omega * lag)
+        turned = weighted * np.exp(1j * omega * lag)
         slope = -np.sum(omega * np.imag(turned))
         bend = -np.sum(omega**2 * np.real(turned))
         if not bend < 0:
@@ -350,19 +380,20 @@ def _greatest_lag(
 
 
 class Direction(NamedTuple):
-    """From where a front came.
+    """Direction of the source of a front.
 
     Attributes:
-        bearing: Of the source, clockwise from north [rad]; NaN if not identified.
-        elevation: Of the source, above the horizon [rad]; NaN if not identified.
-        covariance: Of bearing and elevation [rad^2]; NaN if not identified.
-        mirror: Bearing and elevation of the other direction from which it may have come
-            as well: the other side of the plane of the microphones.
+        bearing: Bearing of the source, clockwise from north [rad]; NaN if not
+            identified.
+        elevation: Its elevation above the horizon [rad]; NaN if not identified.
+        covariance: Covariance of bearing and elevation [rad^2]; NaN if not identified.
+        mirror: Bearing and elevation of an equally possible direction, on the other
+            side of the plane of the microphones; None without one.
         undetermined: Angles that these microphones do not identify: `bearing_rad`,
             `elevation_rad`.
-        layout: How they stand: `two`, `collinear`, `coplanar` or `spatial`.
-        chi2: Of the times about the plane wave.
-        dof: Its degrees of freedom: zero where nothing is left to contradict it.
+        layout: Layout of the microphones: `two`, `collinear`, `coplanar` or `spatial`.
+        chi2: Chi-squared of the times about the plane wave.
+        dof: Its degrees of freedom; zero without redundant times.
     """
 
     bearing: float
@@ -384,19 +415,20 @@ def direction(
     path_scatter: float = PATH_SCATTER,
     source_range: float = SOURCE_RANGE,
 ) -> Direction:
-    """Return from where a front came.
+    """Return the direction of the source of a front.
 
     Args:
         positions: East, north, up of the microphones [m].
-        times: When it passed each of them.
-        sound_speed: Speed of the front over the ground [m/s]: that of sound, if weak.
-        sound_speed_sigma: Its standard deviation [m/s]; wind counts, too.
-        path_scatter: Standard deviation of ln of a travel time; neighbouring paths
-            share most of it. 0 takes the air as uniform.
-        source_range: Range at which it is taken [m].
+        times: Times at which the front passed each of them.
+        sound_speed: Speed of the front over the ground [m/s]; that of sound for a weak
+            one.
+        sound_speed_sigma: Its standard deviation [m/s], including the wind's.
+        path_scatter: Standard deviation of ln of a travel time, most of which is common
+            to neighbouring paths. 0 assumes uniform air.
+        source_range: Range for the scatter of neighbouring paths [m].
 
     Raises:
-        InputError: Microphones that stand at one place, or a time of one is missing.
+        InputError: All microphones have one position, or one has no time.
     """
     positions = np.asarray(positions, float)
     if positions.shape != (len(times.time), 3):
@@ -405,18 +437,24 @@ def direction(
             f"shape {positions.shape}"
         )
     if not times.complete:
-        raise InputError("times: expected one of each microphone, got NaN")
+        missing = int(np.argmin(np.isfinite(times.time))) + 1
+        raise InputError(
+            f"times: expected a time for each microphone, got NaN for {missing}"
+        )
     apart = positions - positions.mean(axis=0)
     _, sizes, axes = np.linalg.svd(apart, full_matrices=False)
-    span = int((sizes > FLAT * sizes[0]).sum()) if sizes[0] > 0 else 0
+    span = int((sizes > FLAT_SHARE * sizes[0]).sum()) if sizes[0] > 0 else 0
     if span == 0:
-        raise InputError("positions: expected microphones apart, got one place")
+        raise InputError(
+            "positions: expected different positions, got one for all microphones"
+        )
     basis, center = axes[:span].T, np.eye(len(positions)) - 1 / len(positions)
     between = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     travel_sd = path_scatter * source_range / sound_speed
     fits = []
-    for weights in DISTANT if path_scatter > 0 else [TYPICAL]:
+    for weights in SMALL_APERTURE_WEIGHTS if path_scatter > 0 else [TYPICAL]:
         lacking = decorrelation(between / source_range, weights)
+        # covariance relative to the mean time; the common part of the scatter cancels
         of_air = -(travel_sd**2) * center @ lacking @ center
         fits.append(
             _plane_wave_fit(
@@ -429,7 +467,11 @@ def direction(
             )
         )
     best = fits[int(np.argmax([fit.log_evidence for fit in fits]))]
-    typical = fits[int(np.argmax(DISTANT @ TYPICAL))] if len(fits) > 1 else best
+    typical = (
+        fits[int(np.argmax(SMALL_APERTURE_WEIGHTS @ TYPICAL))]
+        if len(fits) > 1
+        else best
+    )
     resolved, covariance, mirror = _resolved_angles(best, _averaged(fits, best), span)
     hidden = ~resolved
     values = np.where(resolved, angles_of(best.found.toward), np.nan)
@@ -453,7 +495,7 @@ class PlaneWaveFit(NamedTuple):
         wave: Measurements of the front.
         found: The most probable front.
         other: The one on the other side of the plane of the microphones.
-        chi2: Of the times about the first.
+        chi2: Chi-squared of the times about the first.
         log_evidence: ln of the probability of the times, up to a constant.
     """
 
@@ -475,14 +517,15 @@ def _plane_wave_fit(
     """Fit a plane wave to times relative to their mean.
 
     Args:
-        apart: Positions of the microphones from their mean [m].
+        apart: Positions of the microphones relative to their mean [m].
         basis: Directions that they span.
         time: Times [s].
-        covariance: Of the times [s^2].
+        covariance: Covariance of the times [s^2].
         sound_speed: Expected speed [m/s].
         log_speed_sd: Standard deviation of its ln.
     """
     design = -apart @ basis
+    # pseudo-inverse: the covariance of times relative to their mean is singular
     weight = np.linalg.pinv(covariance, rcond=1e-9, hermitian=True)
     inside = design.T @ weight @ design
     slowness = basis @ np.linalg.solve(inside, design.T @ weight @ time)
@@ -493,7 +536,7 @@ def _plane_wave_fit(
     if wave.misfit(other) < wave.misfit(found):
         found, other = other, found
     chi2 = float(left @ weight @ left) + wave.misfit(found)
-    # all but the mean, which is zero; the prior of the slowness is flat
+    # determinant without the zero eigenvalue of the mean; flat prior of the slowness
     sizes = np.linalg.eigvalsh(covariance)[1:]
     size = np.sum(np.log(sizes)) + np.linalg.slogdet(inside)[1]
     return PlaneWaveFit(wave, found, other, chi2, float(-0.5 * (chi2 + size)))
@@ -504,7 +547,7 @@ def _averaged(
 ) -> Float[np.ndarray, "2 2"]:
     """Return the covariance of angles about the best fit, averaged over fits."""
     evidence = np.array([fit.log_evidence for fit in fits])
-    # relative to the largest: the exponentials of a long record underflow
+    # relative to the largest, as exponentials of a precise array's evidence underflow
     weights = np.exp(evidence - evidence.max())
     total = np.zeros((2, 2))
     for fit, weight in zip(fits, weights / weights.sum(), strict=True):
@@ -532,9 +575,9 @@ class PlaneWave(NamedTuple):
     """Measurements of a plane wave by an array.
 
     Attributes:
-        information: Of the slowness, in the directions that the microphones span
-            [m^2/s^2].
-        slowness: Toward the source, in these directions [s/m].
+        information: Information on the slowness in the directions that the microphones
+            span [m^2/s^2].
+        slowness: Slowness toward the source in these directions [s/m].
         sound_speed: Expected speed [m/s].
         log_sd: Standard deviation of its ln.
     """
@@ -545,23 +588,23 @@ class PlaneWave(NamedTuple):
     log_sd: float
 
     def axis(self) -> Float[np.ndarray, "3"]:
-        """Return the direction in which most is known of the slowness."""
+        """Return the direction in which the slowness is best constrained."""
         return np.linalg.eigh(self.information)[1][:, -1]
 
     def normal(self) -> Float[np.ndarray, "3"]:
-        """Return the direction in which least is known of it."""
+        """Return the direction in which the slowness is least constrained."""
         return np.linalg.eigh(self.information)[1][:, 0]
 
     def start(self) -> Front:
-        """Return the slowness as measured, and what a speed leaves for the rest."""
+        """Return the measured slowness, completed along the normal by the speed."""
         inside = self.slowness * self.sound_speed
         normal = self.normal()
         inside = inside - (inside @ normal) * normal
-        rest = 1.0 - inside @ inside
+        across = 1.0 - inside @ inside
         side = -1.0 if self.slowness @ normal < 0 else 1.0
-        # a front seen along the plane may be measured as slower than sound: the root
-        # stays real, and the slope along the normal finite
-        toward = inside + side * np.sqrt(max(rest, 1e-4)) * normal
+        # errors may make a front along the plane slower than sound: the root must be
+        # real, and the slope along the normal finite
+        toward = inside + side * np.sqrt(max(across, 1e-4)) * normal
         return Front(toward / np.linalg.norm(toward), 0.0)
 
     def mirrored(self, front: Front) -> Front:
@@ -579,8 +622,8 @@ class PlaneWave(NamedTuple):
     def nearest(self, front: Front) -> Front:
         """Return the front of least chi-squared near one, by damped Gauss-Newton."""
         damping, misfit = 1e-3, self.misfit(front)
-        for _ in range(STEPS):
-            # on the tangent plane: angles have a pole overhead
+        for _ in range(MAX_STEPS):
+            # steps on the tangent plane: bearing and elevation are singular overhead
             tangent = _tangent(front.toward)
             slope = self._slope(front, tangent)
             hessian = slope.T @ self.information @ slope
@@ -605,7 +648,10 @@ class PlaneWave(NamedTuple):
         return front
 
     def covariance(self, front: Front) -> Float[np.ndarray, "2 2"]:
-        """Return that of bearing and elevation [rad^2]; huge where nothing is known."""
+        """Return the covariance of bearing and elevation [rad^2].
+
+        The variance of a direction without information is very large.
+        """
         bearing, elevation = angles_of(front.toward)
         east, north = np.sin(bearing), np.cos(bearing)
         level, up = np.cos(elevation), np.sin(elevation)
@@ -617,13 +663,13 @@ class PlaneWave(NamedTuple):
             hessian = hessian[:2, :2]
         else:
             hessian[2, 2] += self.log_sd**-2
-        # of a line or a plane of microphones one direction has no information: a huge
-        # variance, not a singular matrix
+        # a line or a plane of microphones has no information in one direction: a very
+        # large variance there instead of a singular matrix
         least = 1e-12 * np.trace(hessian) * np.eye(len(hessian))
         return np.linalg.inv(hessian + least)[:2, :2]
 
     def _left(self, front: Front) -> np.ndarray:
-        """Return by how much a front's slowness is off."""
+        """Return the difference of a front's slowness to the measured one."""
         speed = self.sound_speed * np.exp(front.log_speed)
         return front.toward / speed - self.slowness
 
@@ -636,23 +682,26 @@ class PlaneWave(NamedTuple):
 def _resolved_angles(
     fit: PlaneWaveFit, covariance: Float[np.ndarray, "2 2"], span: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float] | None]:
-    """Return which angles are identified, their covariance, and the other direction."""
+    """Return the identified angles (True), their covariance, the mirror direction."""
     wave, found, other = fit.wave, fit.found, fit.other
-    if span == 1:  # a cone about the line of the microphones
-        upright = abs(float(wave.axis()[2])) > 1 - FLAT
+    # a line of microphones identifies a cone about it: an elevation if it is vertical
+    if span == 1:
+        upright = abs(float(wave.axis()[2])) > 1 - FLAT_SHARE
         covariance = np.diag([np.inf, covariance[1, 1]])
-        resolved = np.array([False, upright and covariance[1, 1] < TOLD**2])
+        resolved = np.array(
+            [False, upright and covariance[1, 1] < IDENTIFIED_SD_RAD**2]
+        )
         return resolved, covariance, None
     sd = np.sqrt(np.diag(covariance))
     mirrored = angles_of(other.toward)
     turned = (mirrored - angles_of(found.toward) + np.pi) % (2 * np.pi) - np.pi
-    as_good = wave.misfit(other) - wave.misfit(found) < AS_GOOD
-    # the two sides of a plane are never distinguished, however near to it
+    as_good = wave.misfit(other) - wave.misfit(found) < MIRROR_CHI2
+    # coplanar microphones never distinguish the two sides, however close they are
     differ = as_good & (
-        np.abs(turned) > (FLAT if span == 2 else SAME_DIRECTION_SD * sd)
+        np.abs(turned) > (FLAT_SHARE if span == 2 else SAME_DIRECTION_SD * sd)
     )
     mirror = (float(mirrored[0]), float(mirrored[1])) if differ.any() else None
-    return (sd < TOLD) & ~differ, covariance, mirror
+    return (sd < IDENTIFIED_SD_RAD) & ~differ, covariance, mirror
 
 
 def angles_of(toward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
@@ -664,7 +713,7 @@ def angles_of(toward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
 
 def _tangent(toward: np.ndarray) -> np.ndarray:
     """Return two unit vectors across a direction and across each other."""
-    # the axis that is farthest from it: the product cannot vanish
+    # the axis farthest from it, so that the product does not vanish
     least = np.eye(3)[np.argmin(np.abs(toward))]
     first = np.cross(toward, least)
     first /= np.linalg.norm(first)
@@ -672,12 +721,12 @@ def _tangent(toward: np.ndarray) -> np.ndarray:
 
 
 class Bangs(NamedTuple):
-    """Arrivals by bang.
+    """Arrivals by event.
 
     Attributes:
-        heard: For each bang, in order of time, the arrival at each sensor.
-        left_out: Weaker arrivals at a sensor, within one bang: echoes, or another bang
-            before the first had come everywhere.
+        heard: For each event, in order of time, the arrival at each sensor.
+        left_out: Weaker arrivals at a sensor within one event: echoes, or another event
+            before the first had reached all sensors.
     """
 
     heard: tuple[dict[str, Detection], ...]
@@ -690,19 +739,20 @@ def bangs(
     *,
     one: bool = False,
 ) -> Bangs:
-    """Return which arrivals are of one bang.
+    """Return arrivals grouped by event.
 
-    A front takes no longer from the first microphone to the last than sound does;
-    arrivals within that time are of one bang. Of several at one sensor the loudest is.
+    A front needs at most the travel time of sound from the first microphone to the
+    last, so arrivals within that time belong to one event. Of several at one sensor the
+    loudest does.
 
     Args:
-        detections: By sensor.
+        detections: Arrivals by sensor.
         positions: East, north, up of each [m].
-        one: Whether all are of one bang: recorders' clocks do not agree.
+        one: True if all belong to one event, as for recorders with different clocks.
     """
     where = np.array([positions[name] for name in detections]).reshape(-1, 3)
     apart = np.linalg.norm(where[:, None] - where[None], axis=-1).max(initial=0.0)
-    longest = np.inf if one else apart / SLOWEST + UNSURE
+    longest = np.inf if one else apart / SLOWEST_FRONT + TRAVEL_MARGIN_S
     every = [(name, found) for name, of in detections.items() for found in of]
     every.sort(key=lambda heard: heard[1].time_s)
     heard: list[dict[str, Detection]] = []

@@ -1,13 +1,13 @@
 """Detected arrivals as rows of a log.
 
 Separate microphones have one row `air_arrival_s` each. An array, three to eight
-channels of one recorder within `WIDEST` of each other, has one such row at its centre
-and the direction, `bearing_rad` and `elevation_rad`, as far as its layout identifies
-them. Most of the scatter of a travel time is common to its microphones; their
-differences have what neighbouring paths do not share (`arrays.direction`), and the row
-of the time has the scatter of its law. The mean and the differences of times share no
-error of the instruments: nothing is counted twice. If the times contradict a plane
-wave, the microphones have separate rows.
+channels of one recorder within `MAX_ARRAY_WIDTH` of each other, has one such row at its
+centre, and the angles `bearing_rad` and `elevation_rad` that its layout identifies.
+Most of the scatter of a travel time is common to its microphones. Their differences
+have the part that neighbouring paths do not share (`arrays.direction`), and the row of
+the time has the scatter of its law. The mean and the differences of times have
+independent instrument errors, so nothing is counted twice. If the times contradict a
+plane wave, the microphones have separate rows.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +20,8 @@ from scipy.special import chdtrc
 from jblast.observations import Observations, observed
 from jblast.observations.records.stations import Station
 from jblast.signals.arrays import (
-    FEWEST,
-    MOST,
+    MAX_MICROPHONES,
+    MIN_MICROPHONES,
     Direction,
     bangs,
     direction,
@@ -31,23 +31,25 @@ from jblast.signals.matched_filter import Detection
 from jblast.signals.noise import bin_variances
 from jblast.signals.search import Searched
 
-WIDEST = 5.0
-"""Microphones of an array are no farther apart [m]."""
-CONTRADICTED = 1e-3
-"""Times less likely than this of a plane wave are of none."""
+MAX_ARRAY_WIDTH = 5.0
+"""Largest distance between the microphones of an array [m]. Within it a front is plane
+and delays are at most 15 ms, so that one window contains the blast at all of them."""
+LEAST_PLANE_PROBABILITY = 1e-3
+"""Smallest probability of the chi-squared of a plane wave: one array in a thousand is
+reported as separate microphones without need, with a wider error."""
 SPEED, SPEED_SD = 340.29, 10.0
-"""Of sound near an array [m/s], and what 15 K or 10 m/s of wind change it by."""
+"""Speed of sound near an array [m/s], and its change by 15 K or 10 m/s of wind."""
 
 
 class ArrayFinding(NamedTuple):
-    """Measurements of one bang by an array.
+    """Measurements of one event by an array.
 
     Attributes:
-        array: Its recorder.
-        bang: Which bang, from 0.
-        direction: Of the source; None where some delays are missing.
-        probability: Of times as unlike a plane wave's, or more.
-        used: Whether its rows stand in the log.
+        array: Name of its recorder.
+        bang: Number of the event, from 0.
+        direction: Direction of the source; None if delays are missing.
+        probability: Probability of a larger chi-squared for a plane wave.
+        used: True if its rows are in the log.
     """
 
     array: str
@@ -63,7 +65,7 @@ class Log(NamedTuple):
     Attributes:
         observations: The rows.
         arrays: Measurements by arrays.
-        left_out: Sensor and arrival of what stands in no row (`bangs`).
+        left_out: Sensor and arrival of arrivals without a row (`bangs`).
     """
 
     observations: Observations
@@ -90,7 +92,7 @@ def log_of(
 
     Args:
         searched: Channels, each of a sensor that has a station.
-        stations: Where they stood.
+        stations: Stations by name of the sensor.
         comments: Provenance.
     """
     of = {one.channel.sensor: one for one in searched}
@@ -100,13 +102,13 @@ def log_of(
     grouped = bangs(found, positions, one=len(clocks) > 1)
     rows: list[_Row] = []
     arrays: list[ArrayFinding] = []
-    for number, heard in enumerate(grouped.heard):
+    for number, arrivals in enumerate(grouped.heard):
         shot = str(number + 1) if len(grouped.heard) > 1 else ""
-        alone = dict(heard)
+        alone = dict(arrivals)
         for name, members in _arrays(searched, stations).items():
-            if not all(member.channel.sensor in heard for member in members):
+            if not all(member.channel.sensor in arrivals for member in members):
                 continue
-            finding, made = _array_rows(name, members, stations, heard, number, shot)
+            finding, made = _array_rows(name, members, stations, arrivals, number, shot)
             arrays.append(finding)
             rows += made
             for member in members if finding.used else ():
@@ -124,7 +126,7 @@ def log_of(
 def _arrays(
     searched: Sequence[Searched], stations: Mapping[str, Station]
 ) -> dict[str, list[Searched]]:
-    """Return the channels of each recorder whose microphones stand together."""
+    """Return the channels of each recorder whose microphones form an array."""
     records: dict[str, list[Searched]] = {}
     for one in searched:
         records.setdefault(one.channel.record, []).append(one)
@@ -134,7 +136,11 @@ def _arrays(
         where = np.array([stations[name].position for name in names])
         apart = np.linalg.norm(where[:, None] - where[None], axis=-1)
         clocks = {stations[name].clock for name in names}
-        if FEWEST < len(members) <= MOST and apart.max() <= WIDEST and len(clocks) == 1:
+        if (
+            MIN_MICROPHONES < len(members) <= MAX_MICROPHONES
+            and apart.max() <= MAX_ARRAY_WIDTH
+            and len(clocks) == 1
+        ):
             arrays[names[0].rpartition(".")[0]] = members
     return arrays
 
@@ -143,34 +149,36 @@ def _array_rows(
     name: str,
     members: Sequence[Searched],
     stations: Mapping[str, Station],
-    heard: Mapping[str, Detection],
+    arrival_at: Mapping[str, Detection],
     bang: int,
     shot: str,
 ) -> tuple[ArrayFinding, list[_Row]]:
-    """Return the measurements of a bang by an array, and its rows."""
+    """Return the measurements of an event by an array, and its rows."""
     names = [member.channel.sensor for member in members]
     where = np.array([stations[sensor].position for sensor in names])
     apart = np.linalg.norm(where[:, None] - where[None], axis=-1)
-    arrivals = [heard[sensor] for sensor in names]
+    arrivals = [arrival_at[sensor] for sensor in names]
+    # the travel time of sound, a fifth for slower air, and two samples
     largest = 1.2 * apart / SPEED + 2 / members[0].channel.rate_hz
     window, variances = _window(members, arrivals, float(largest.max()))
     rate = members[0].channel.rate_hz
     times = relative_times(window, rate, variances, largest)
     if not times.complete or not np.ptp(where, axis=0).any():
         return ArrayFinding(name, bang, None, np.nan, used=False), []
-    came = direction(where, times, SPEED, SPEED_SD)
-    fits = float(chdtrc(came.dof, came.chi2)) if came.dof else 1.0
-    used = fits > CONTRADICTED and len(came.undetermined) < 2
-    finding = ArrayFinding(name, bang, came, fits, used=used)
+    found = direction(where, times, SPEED, SPEED_SD)
+    probability = float(chdtrc(found.dof, found.chi2)) if found.dof else 1.0
+    used = probability > LEAST_PLANE_PROBABILITY and len(found.undetermined) < 2
+    finding = ArrayFinding(name, bang, found, probability, used=used)
     if not used:
         return finding, []
+    # instrument errors of the microphones are independent: the mean has 1/n of them
     mean = float(np.mean([arrival.time_s for arrival in arrivals]))
     variance = np.mean([arrival.sigma_s**2 for arrival in arrivals]) / len(arrivals)
-    sd = np.sqrt(np.diag(came.covariance))
+    sd = np.sqrt(np.diag(found.covariance))
     values = {
         "air_arrival_s": (mean, float(np.sqrt(variance))),
-        "bearing_rad": (came.bearing, float(sd[0])),
-        "elevation_rad": (came.elevation, float(sd[1])),
+        "bearing_rad": (found.bearing, float(sd[0])),
+        "elevation_rad": (found.elevation, float(sd[1])),
     }
     middle, clock = where.mean(axis=0), stations[names[0]].clock
     return finding, [
@@ -183,7 +191,7 @@ def _array_rows(
 def _window(
     members: Sequence[Searched], arrivals: Sequence[Detection], largest_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return samples about a bang, and the variance of each bin of their noise."""
+    """Return samples about an event, and the variance of each bin of their noise."""
     rate = members[0].channel.rate_hz
     times = [arrival.time_s for arrival in arrivals]
     length_s = members[0].kernel.template_samples / rate
@@ -191,6 +199,7 @@ def _window(
     start = max(int((min(times) - margin) * rate), 0)
     stop = int((max(times) + length_s + margin) * rate)
     stop = min(stop, *(member.channel.samples.size for member in members))
+    # an even number, as `arrays.relative_times` needs
     stop -= (stop - start) % 2
     window = np.array([member.channel.samples[start:stop] for member in members])
     variances = [bin_variances(m.noise, stop - start, rate) for m in members]

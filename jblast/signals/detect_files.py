@@ -46,15 +46,16 @@ VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".og
 EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
 """Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
 USUAL_STEPS = (0.2, 0.2)
-"""Thresholds of an event camera without a scene, as those of `jblast events`."""
+"""Thresholds of an event camera without a scene [ln of the light], those of `jblast
+events`. A wrong value scales the changes of light, not the times of flashes."""
 
 
 class Method(NamedTuple):
     """Search target of sound.
 
     Attributes:
-        words: As a message names it.
-        keys: As keys of a document.
+        words: Its name in messages.
+        keys: Its keys in a document.
     """
 
     words: str
@@ -66,7 +67,7 @@ class SoundDetections(NamedTuple):
 
     Attributes:
         searched: Channels with their arrivals.
-        dead: Names of channels that hold one value throughout, and were skipped.
+        dead: Names of constant channels, which were skipped.
         method: Search target.
         log: Rows of the arrivals; None without positions.
     """
@@ -78,7 +79,7 @@ class SoundDetections(NamedTuple):
 
     @property
     def detected(self) -> bool:
-        """Whether any channel has an arrival."""
+        """True if any channel has an arrival."""
         return any(one.detections for one in self.searched)
 
 
@@ -89,14 +90,14 @@ class FilmDetections(NamedTuple):
         flashes: The flashes, and alarms that were rejected.
         path: The recording.
         kind: Its kind.
-        width: Of the image [px].
-        height: Of the image [px].
-        frames: Number of frames; of events of steps of `flash.search.STEP_S`.
-        frames_hz: Frames, or steps, a second.
-        seconds: Length.
-        false_alarms_per_hour: The threshold's.
+        width: Width of the image [px].
+        height: Height of the image [px].
+        frames: Number of frames; for events, number of steps of `flash.search.STEP_S`.
+        frames_hz: Rate of frames, or steps [Hz].
+        seconds: Length [s].
+        false_alarms_per_hour: Rate of false alarms of the threshold.
         directions: Direction of each flash; empty without a scene.
-        log: Rows; None without a scene.
+        log: Rows of the flashes; None without a scene.
     """
 
     flashes: "FlashDetections"
@@ -113,7 +114,7 @@ class FilmDetections(NamedTuple):
 
     @property
     def detected(self) -> bool:
-        """Whether there is a flash."""
+        """True if there is a flash."""
         return bool(self.flashes.flashes)
 
 
@@ -139,20 +140,20 @@ def detect(
             first sample.
         mass_kg: TNT mass of a charge on the ground whose pulse is searched for.
         range_m: Its distance.
-        false_alarms_per_hour: Accepted false alarms, in each channel; of films those by
-            scenes that look like a blast.
+        false_alarms_per_hour: Accepted false alarms per channel; for films, by scenes
+            that resemble a blast.
         blast_form: Accept only sounds with the form of a blast pulse.
         stream: Filter block by block, with the noise of the first ten seconds.
         positions: Table of stations of the microphones.
-        fps: Frames a second; a folder needs it.
+        fps: Frame rate [Hz], required for a folder.
         scene: Scene, or its file, whose camera recorded the film.
 
     Returns:
         Arrivals of sound, or flashes.
 
     Raises:
-        InputError: A recording cannot be read, an argument has no use for its kind, or
-            arguments exclude each other.
+        InputError: A recording cannot be read, an argument does not apply to its kind,
+            or arguments exclude each other.
 
     Example:
         `jblast.detect(["a.wav", "b.wav"], positions="stations.csv").log.observations`
@@ -181,23 +182,23 @@ def recording_kind(
     of_sound: Mapping[str, Any] = MappingProxyType({}),
     of_film: Mapping[str, Any] = MappingProxyType({}),
 ) -> Kind:
-    """Return the kind of recordings: folders are frames, files go by their suffix.
+    """Return the kind of recordings: frames for a folder, else by suffix.
 
     Args:
         recordings: Files, or one folder.
-        of_sound: Arguments that only sound has a use for, by name.
-        of_film: Arguments that only frames, videos and events have a use for.
+        of_sound: Arguments that apply to sound only, by name.
+        of_film: Arguments that apply to frames, videos and events only.
 
     Raises:
-        InputError: Sound and pictures together, several films, or an argument without
-            use for the kind.
+        InputError: Sound and pictures are combined, there are several films, or an
+            argument does not apply to the kind.
     """
     kinds: list[Kind] = [_kind(Path(file)) for file in recordings]
     seen = [f for f, kind in zip(recordings, kinds, strict=True) if kind != "sound"]
     if seen and len(kinds) > 1:
         raise InputError(
-            f"{seen[0]}: expected one folder of frames, video or file of events at a "
-            f"time, and no sound beside it; got {len(kinds)} recordings"
+            f"{seen[0]}: expected one folder of frames, video or file of events, "
+            f"without sound; got {len(kinds)} recordings"
         )
     first = recordings[0]
     only = "sound" if seen else "frames, a video or events"
@@ -259,7 +260,7 @@ def detect_sound(
         search_as_stream if stream else search,
         front_samples=OTHER_FRONT if template is None else SAME_FRONT,
     )
-    shapes_at = cache(shapes)  # channels mostly have one rate
+    shapes_at = cache(shapes)  # templates cost more than a search; most rates are equal
     searched = []
     for channel in each(channels, "channels"):
         templates = shapes_at(channel.rate_hz)
@@ -286,11 +287,11 @@ def check_target(
     *,
     blast_form: bool,
 ) -> None:
-    """Refuse search targets that exclude each other.
+    """Raise an error for search targets that exclude each other.
 
     Raises:
-        InputError: A template beside a charge, a mass without a range or a range
-            without a mass, or `blast_form` beside a template or a charge.
+        InputError: A template with a charge, a mass without a range or a range without
+            a mass, or `blast_form` with a template or a charge.
     """
     mass, distance = argument("mass_kg"), argument("range_m")
     if template and (mass_kg or range_m):
@@ -298,11 +299,11 @@ def check_target(
         raise InputError(f"{argument('template')}: expected it or {other}, got both")
     if (mass_kg is None) != (range_m is None):
         one, other = (mass, distance)[:: 1 if mass_kg else -1]
-        raise InputError(f"{one}: expected {other} beside it, got none")
+        raise InputError(f"{one}: expected {other} with it, got none")
     if blast_form and (template or mass_kg):
         other = argument("template") if template else mass
         raise InputError(
-            f"{argument('blast_form')}: expected no {other} beside it, got both"
+            f"{argument('blast_form')}: expected no {other} with it, got both"
         )
 
 
@@ -321,7 +322,7 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
     for file, stem in zip(each(files, "recordings"), stems, strict=True):
         if stems.count(stem) > 1:
             raise InputError(
-                f"{file}: expected recordings of names that differ, got {stem} twice"
+                f"{file}: expected recordings with different names, got {stem} twice"
             )
         sound = read_sound(file)
         for number, samples in enumerate(sound.samples, start=1):
@@ -346,8 +347,8 @@ def _stations(file: str, channels: Sequence[Channel]) -> dict[str, Station]:
     stations = read_stations(file)
     if any(station.start is not None for station in stations.values()):
         raise InputError(
-            f"{file}: column {START}: expected nothing, as detect counts from the "
-            "first sample of each file; jblast pick takes it"
+            f"{file}: column {START}: expected no values, as times of detect count "
+            "from the first sample of each file; use jblast pick for start times"
         )
     for channel in channels:
         if channel.sensor not in stations:
@@ -398,13 +399,13 @@ def _read_template(file: str) -> SoundRecord:
         )
     if not np.ptp(sound.samples) > 0:
         raise InputError(
-            f"{file}: expected a template that can be heard, got one value throughout"
+            f"{file}: expected a template with a sound, got one value throughout"
         )
     return sound
 
 
 def _check_length(channel: Channel, samples: int, what: str) -> None:
-    """Refuse a template that is longer than a recording."""
+    """Raise an error for a template that is longer than a recording."""
     if samples > channel.samples.size:
         raise InputError(
             f"{channel.record}: expected a recording at least as long as {what}, "
@@ -495,7 +496,7 @@ def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
     camera = uncertain.scene.camera
     if camera is None:
         raise InputError(
-            f"{_source(scene)}: expected a [camera] that filmed this, got none"
+            f"{_source(scene)}: expected the [camera] of the film, got none"
         )
     return camera
 
@@ -510,8 +511,8 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
 
     if fps is None and Path(path).is_dir():
         raise InputError(
-            f"{path}: expected {argument('fps')} HZ, as PNG frames do not tell how "
-            "many of them a second has; got none"
+            f"{path}: expected {argument('fps')} HZ, as PNG frames have no frame rate; "
+            "got none"
         )
     film = open_recording(path, fps, srgb=True)
     if len(film) < 2:
@@ -543,6 +544,7 @@ def _events(path: str, fps: float | None, camera: "Camera | None") -> _Opened:
     events = read_events(path, size=size)
     if not len(events.t):
         raise InputError(f"{path}: expected events, got none")
+    # times of a recorder may begin below zero, and steps are counted from zero
     first = int(events.t[0]) if events.t[0] < 0 else 0
     events = events._replace(t=events.t - first)
     threshold = USUAL_STEPS

@@ -1,6 +1,7 @@
 """Pulses by the laws, many at a time, for templates.
 
-Apart from the other templates because it needs JAX, which the matched filter does not.
+The module is separate from the other templates since it imports JAX, which the matched
+filter does not need.
 """
 
 import jax
@@ -22,13 +23,13 @@ def pulses_by_law(
     sound_speed: Float[ArrayLike, ""],
     burst: str,
 ) -> Pulse:
-    """Return blasts whose fronts land at time zero.
+    """Return blasts whose fronts arrive at time zero.
 
     Args:
         mass: TNT-equivalent mass [kg], positive.
         distance: Slant range [m], positive.
-        ambient_pressure: Of the air [Pa].
-        sound_speed: Of the air [m/s].
+        ambient_pressure: Ambient pressure [Pa].
+        sound_speed: Speed of sound [m/s].
         burst: "surface" or "free-air".
     """
     mass, distance, ambient, speed = as_float_arrays(
@@ -51,12 +52,12 @@ def pulses_by_law(
 
 @kept
 def sampled(pulses: Pulse, rate_hz: float, count: int) -> Float[Array, "pulse sample"]:
-    """Return the mean of each pulse over each of some samples from its front on [Pa].
+    """Return the mean of each pulse over each sample from its front on [Pa].
 
     Args:
-        pulses: One or more, whose fronts land at time zero.
-        rate_hz: Samples a second.
-        count: How many samples.
+        pulses: Pulses whose fronts arrive at time zero.
+        rate_hz: Sampling rate [Hz].
+        count: Number of samples.
     """
     start = jnp.zeros((), pulses.peak.dtype)
     return jax.vmap(lambda pulse: pulse_samples(pulse, start, rate_hz, count))(pulses)

@@ -37,7 +37,7 @@ because crossings between two samples are not seen. The rate holds for steady no
 only; `unsteadiness` measures how steady it is.
 
 A maximum above the threshold is a blast if no higher one is within `dead` samples
-before it or `wait` samples after it; the filter responds to a blast from `reach`
+before it or `wait` samples after it. The filter responds to a blast from `reach`
 samples before the arrival to its own length after it. Between samples the output is
 interpolated, $y(t) = \sum_k y_k\,\mathrm{sinc}(t-k)$, with a window of sixteen samples
 on either side. Its maximum is the arrival, with the Cramér-Rao bound
@@ -70,37 +70,45 @@ from jblast.signals.noise import (
 )
 from jblast.signals.samples import checked_positive, checked_samples, checked_template
 
-RESIDUAL = 1e-8
-"""Of a solution, relative: a share of 1e-16 of the signal-to-noise ratio."""
-MOST_ROUNDS = 2000
-"""Most rounds of conjugate gradients; declared. Noise whose spectrum spans too many
-decades needs more, and is refused."""
+RELATIVE_RESIDUAL = 1e-8
+"""Relative residual of a solution. Its error changes the signal-to-noise ratio by the
+square, 1e-16: the filter is the optimum, where the ratio has no slope."""
+MAX_ITERATIONS = 2000
+"""Largest number of iterations of conjugate gradients, a convention. Noise whose
+spectrum spans too many decades needs more, and raises an error."""
 HOUR_S = 3600.0
-"""Seconds of an hour."""
+"""Seconds per hour."""
 FALSE_ALARMS_PER_HOUR = 1.0
-"""Default of each channel; declared."""
-ACCURACY = 1e-9
-"""Of a threshold, in standard deviations: far below what moves the rate of alarms."""
+"""Default rate of false alarms of each channel, a convention."""
+THRESHOLD_ACCURACY = 1e-9
+"""Accuracy of a threshold [standard deviations]: at 6 it changes the rate of false
+alarms by 6e-9 of itself."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
-"""Of the mean over the phase in Rice's formula; its integrand is smooth."""
+"""Gauss-Legendre nodes for the mean over the phase in Rice's formula, whose integrand
+is smooth."""
 HALF_WIDTH = 16
-"""Samples either side that a value between samples is made of."""
-FINE = 32
-"""Parts of a sample in which the maximum is looked for before a parabola is laid."""
-# band-limited interpolation, tabulated once: an arrival is needed to parts of a sample
-_OFFSETS = np.arange(-FINE, FINE + 1) / FINE
+"""Samples on either side from which a value between samples is interpolated. From 20 dB
+on, errors of arrivals are the Cramer-Rao bound within 2 %
+(`calibration/results/detector_limits.txt`)."""
+PARTS_OF_SAMPLE = 32
+"""Parts of a sample among which the maximum is searched before a parabola through three
+of them: its error is then below a thousandth of a sample."""
+# band-limited interpolation, tabulated once: arrivals are needed to parts of a sample
+_OFFSETS = np.arange(-PARTS_OF_SAMPLE, PARTS_OF_SAMPLE + 1) / PARTS_OF_SAMPLE
 _AWAY = _OFFSETS[:, None] - np.arange(-HALF_WIDTH, HALF_WIDTH + 1)
 _WINDOWED = np.sinc(_AWAY) * np.cos(0.5 * np.pi * _AWAY / (HALF_WIDTH + 1)).clip(0) ** 3
 _INTERPOLATION = _WINDOWED / _WINDOWED.sum(axis=1, keepdims=True)
-"""From samples to parts of a sample. A window less smooth than the cube of a cosine has
-ripples that move the flat maximum of a slow pulse by a tenth of a sample."""
+"""Matrix from samples to parts of a sample. A window less smooth than the cube of a
+cosine has ripples that move the flat maximum of a slow pulse by a tenth of a sample."""
 BLOCK_S = 0.1
-"""Default of a stream, and so its delay [s]; declared."""
+"""Default block of a stream [s], a part of its delay. A second of sound costs 1.1 ms of
+a core at 0.1 s and 9 ms at 5 ms (`calibration/results/detector_limits.txt`)."""
 LEARN_S = 10.0
-"""Default for the part of a stream that its noise is measured in [s]; declared."""
-ODD = (1, 3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135)
-"""Factors of fast lengths: without prime factors above 5 the transform has no slow
-pass."""
+"""Default initial part of a stream in which the noise is measured [s], a convention:
+its spectrum is an average over more than 200 windows."""
+FAST_FACTORS = (1, 3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135)
+"""Odd factors of fast lengths. Without prime factors above 5 all passes of a transform
+are fast."""
 
 
 class MatchedKernel(NamedTuple):
@@ -109,14 +117,15 @@ class MatchedKernel(NamedTuple):
     The output at sample k is the sum of `taps[j]` times sample `k - before + j`.
 
     Attributes:
-        taps: Scaled so that noise alone comes out with variance 1.
-        before: So many taps stand before the template's first sample.
-        offset: Mean of the noise, taken from the samples first.
+        taps: Taps scaled to an output of variance 1 for noise alone.
+        before: Number of taps before the template's first sample.
+        offset: Mean of the noise, subtracted from the samples.
         rate_hz: Sampling rate [Hz].
-        response: Output for the template as given: $\sqrt{2E/N_0}$.
+        response: Output for the template as given, $\sqrt{2E/N_0}$.
         phase_step_rad: Angle whose cosine is the correlation of two neighbouring
-            outputs for noise: 2 pi times the upcrossings of zero a sample.
-        timing_rad_s: $\beta$: an arrival heard at s sigmas is known to $1/(\beta s)$.
+            outputs for noise: 2 pi times the upcrossings of zero per sample.
+        timing_rad_s: $\beta$: the standard deviation of an arrival with statistic $s$
+            is $1/(\beta s)$.
         template_samples: Length of the template.
     """
 
@@ -131,7 +140,7 @@ class MatchedKernel(NamedTuple):
 
     @property
     def reach(self) -> int:
-        """Samples after the arrival that the statistic needs."""
+        """Number of samples after the arrival that the statistic needs."""
         return self.taps.size - 1 - self.before
 
 
@@ -139,12 +148,12 @@ class Filtered(NamedTuple):
     """Output of a matched filter.
 
     Attributes:
-        statistic: One for each sample of the recording: how strongly it speaks for the
-            template's first sample landing there, in standard deviations of the noise.
+        statistic: Statistic for an arrival at each sample of the recording [standard
+            deviations of the noise].
         kernel: The filter.
-        start: First sample whose statistic saw the recording alone.
-        stop: Sample after the last such one. Outside of these the noise is not known
-            to have variance 1, and nothing is searched for.
+        start: First sample whose statistic depends on the recording alone.
+        stop: Sample after the last one. Outside of these the variance of the noise is
+            not 1, and no arrivals are searched.
     """
 
     statistic: Float[np.ndarray, " sample"]
@@ -167,10 +176,10 @@ def matched_filter(
 
     Args:
         recording: Samples of one channel, in any unit.
-        template: Samples of what is looked for, of any scale, at the same rate.
+        template: Samples of the template, of any scale, at the same rate.
         rate_hz: Sampling rate of both [Hz].
-        noise_spectrum: Of the noise, in the recording's unit; none to measure it in the
-            recording itself, after which no gain changes the statistic.
+        noise_spectrum: Spectrum of the noise in the recording's unit. None to measure
+            it in the recording itself; the statistic is then independent of the gain.
 
     Raises:
         InputError: Template or recording are empty, silent or not finite, or the
@@ -186,7 +195,9 @@ def matched_filter(
     if noise_spectrum is None:
         noise_spectrum = measured_spectrum(samples, rate_hz)
     kernel = matched_kernel(shape, rate_hz, noise_spectrum)
-    if kernel.taps.size > samples.size:  # no room for all the noise that foretells
+    # a short recording has no room for all taps before the template, which predict the
+    # noise under it
+    if kernel.taps.size > samples.size:
         room_s = (samples.size - shape.size) / rate_hz
         kernel = matched_kernel(shape, rate_hz, noise_spectrum, before_s=room_s)
     return filtered_by(samples, kernel)
@@ -195,23 +206,23 @@ def matched_filter(
 def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:
     """Return the deviation of a statistic in its loudest tenth over that of the rest.
 
-    Near 1 for noise that is steady; thresholds hold for such. From 1.4 on gusts, birds
-    or loud blasts are in the recording, and false alarms are at least twice as
+    It is near 1 for steady noise, for which thresholds hold. From 1.4 on the recording
+    contains gusts, birds or loud blasts, and false alarms are at least twice as
     frequent as requested.
 
     Args:
-        filtered: What came out of a filter.
-        stretch_s: How long the stretches are that are compared [s].
+        filtered: Output of a filter.
+        stretch_s: Length of the intervals that are compared [s].
 
     Raises:
-        InputError: There are fewer than ten.
+        InputError: There are fewer than ten intervals.
     """
     inside = filtered.statistic[filtered.start : filtered.stop]
     size = max(round(stretch_s * filtered.kernel.rate_hz), 1)
     count = inside.size // size
     if count < 10:
         raise InputError(
-            f"{argument('stretch_s')}: expected ten stretches within "
+            f"{argument('stretch_s')}: expected ten intervals within "
             f"{inside.size / filtered.kernel.rate_hz:.3g} s, got {stretch_s:g} s"
         )
     rows = inside[: count * size].reshape(count, size)
@@ -221,7 +232,7 @@ def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:
 
 
 def filtered_by(recording: ArrayLike, kernel: MatchedKernel) -> Filtered:
-    """Filter a recording with a filter made before.
+    """Filter a recording with an existing filter.
 
     Args:
         recording: Samples of one channel, at the filter's rate and in its unit.
@@ -248,17 +259,17 @@ def matched_kernel(
     """Return the best filter for a template in noise.
 
     Args:
-        template: Its samples, in the recording's unit or any other.
+        template: Samples of the template, in any unit.
         rate_hz: Sampling rate [Hz].
-        noise: Its spectrum, in the recording's unit.
-        before_s: So much of the noise before the template is made use of [s]; none for
-            as long as the noise remembers: a quarter of a period of its finest step in
-            frequency, mostly 0.02 s; twice as much gains 0.01 dB.
-        after_s: And after it [s], which a stream waits for.
+        noise: Spectrum of the noise, in the recording's unit.
+        before_s: Time before the template that is used to predict the noise [s]. None
+            for a quarter of the period of the finest step in frequency, mostly 0.02 s;
+            twice as much gains 0.01 dB.
+        after_s: Time after the template that is used [s]; a stream waits for it.
 
     Raises:
-        InputError: The template is empty, silent or not finite, or the spectrum is not
-            one.
+        InputError: The template is empty, silent or not finite, or the spectrum is
+            invalid.
     """
     shape = checked_template(template)
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
@@ -272,7 +283,8 @@ def matched_kernel(
             f"[s], got {before_s} and {after_s}"
         )
     signal = np.pad(shape / np.abs(shape).max(), (before, after))
-    # long enough for the matrix, and fine enough for the lines of the spectrum
+    # a Toeplitz matrix is a corner of a circulant of twice its size; and the transform
+    # must be fine enough for the lines of the spectrum
     lines = int(np.ceil(4 * rate_hz / float(noise.frequency_hz[1])))
     least = 2 * signal.size if white else max(2 * signal.size, lines)
     size = fast_length(least)
@@ -296,21 +308,21 @@ def solve_toeplitz(
     """Return the solution of R x = right by conjugate gradients.
 
     Args:
-        variances: Eigenvalues of the circulant that R is a corner of.
-        near: Of the circulant of R's own size, the preconditioner.
+        variances: Eigenvalues of the circulant of which R is a corner.
+        near: Eigenvalues of the circulant of R's own size, the preconditioner.
         right: The right-hand side.
         size: Samples of the larger circulant, at least twice those of R.
 
     Raises:
-        RuntimeError: It does not converge.
+        RuntimeError: The iterations do not converge.
     """
     n = right.size
 
     def covariance(x: np.ndarray) -> np.ndarray:
         return np.fft.irfft(np.fft.rfft(x, size) * variances, size)[:n]
 
-    # the circulant of the same noise: close to the matrix but for its corners, and its
-    # inverse is two transforms
+    # the circulant of the same noise differs from the matrix in its corners only, and
+    # its inverse costs two transforms (Chan and Ng 1996)
     def precondition(x: np.ndarray) -> np.ndarray:
         return np.fft.irfft(np.fft.rfft(x) / near, n)
 
@@ -318,8 +330,8 @@ def solve_toeplitz(
     left = right.copy()
     step = z = precondition(left)
     product = left @ z
-    target = RESIDUAL**2 * product
-    for _ in range(MOST_ROUNDS):
+    target = RELATIVE_RESIDUAL**2 * product
+    for _ in range(MAX_ITERATIONS):
         if product <= target:
             return x
         image = covariance(step)
@@ -330,8 +342,9 @@ def solve_toeplitz(
         product, before = left @ z, product
         step = z + product / before * step
     raise RuntimeError(
-        f"the filter for {n} samples has not converged in {MOST_ROUNDS} rounds: "
-        f"{np.sqrt(product / target) * RESIDUAL:.1g} left, {RESIDUAL:g} wanted"
+        f"the filter for {n} samples has not converged in {MAX_ITERATIONS} iterations: "
+        f"expected a relative residual of {RELATIVE_RESIDUAL:g}, got "
+        f"{np.sqrt(product / target) * RELATIVE_RESIDUAL:.1g}"
     )
 
 
@@ -345,19 +358,19 @@ def scaled_kernel(
 ) -> MatchedKernel:
     r"""Return a filter scaled to unit variance, with the rates of its output.
 
-    The arrival's error is that of the maximum of signal and noise: the slope of the
-    noise over the curvature of the signal, which for the best filter is the bound of
-    Cramér and Rao.
+    The error of an arrival is that of the maximum of signal plus noise: the slope of
+    the noise over the curvature of the signal. For the best filter it is the
+    Cramér-Rao bound.
 
     Args:
         taps: The filter, of any scale.
         signal: The template in the filter's window, of any scale.
-        scale: What the signal is to be multiplied by for the template as given.
-        variances: Of the noise's bins.
+        scale: Factor from the signal to the template as given.
+        variances: Variances of the noise's bins.
         size: Samples of their transform.
         rate_hz: Sampling rate [Hz].
     """
-    # by the spectrum (Parseval): no second filter for the slopes
+    # by Parseval's theorem, without a second filter for the slopes
     omega = 2 * np.pi * np.fft.rfftfreq(size, 1 / rate_hz)
     twice = np.full(omega.size, 2.0 / size)
     twice[0] /= 2
@@ -388,8 +401,8 @@ def threshold_for(
     """Return the threshold of a statistic, in standard deviations.
 
     Args:
-        kernel: The filter it comes from.
-        false_alarms_per_hour: How many of them on average [1/h].
+        kernel: The filter.
+        false_alarms_per_hour: Mean rate of false alarms [1/h].
 
     Raises:
         InputError: The rate is not positive, or as high as that of the noise itself.
@@ -398,11 +411,12 @@ def threshold_for(
     most = false_alarms_at(kernel, 0.0)
     if rate >= most:
         raise InputError(
-            f"{argument('false_alarms_per_hour')}: expected less than the noise rises "
-            f"through 0, {most:.3g} an hour, got {rate:g}"
+            f"{argument('false_alarms_per_hour')}: expected less than the zero "
+            f"upcrossings of the noise, {most:.3g} per hour, got {rate:g}"
         )
-    low, high = 0.0, math.sqrt(2 * math.log(most / rate))  # Rice's is never below
-    while high - low > ACCURACY:
+    # Rice's threshold is an upper bound: crossings between samples are not seen
+    low, high = 0.0, math.sqrt(2 * math.log(most / rate))
+    while high - low > THRESHOLD_ACCURACY:
         middle = 0.5 * (low + high)
         if false_alarms_at(kernel, middle) > rate:
             low = middle
@@ -412,13 +426,14 @@ def threshold_for(
 
 
 def false_alarms_at(kernel: MatchedKernel, threshold: float) -> float:
-    """Return how often noise alone rises through a threshold [1/h].
+    """Return the rate at which noise alone crosses a threshold upwards [1/h].
 
     Args:
         kernel: The filter.
-        threshold: In standard deviations, from 0 up.
+        threshold: Threshold [standard deviations], not negative.
     """
-    # exp(-u^2 / (1 + cos p)) without its value at 0, which may underflow
+    # exp(-u^2 / (1 + cos p)) over its value at p = 0, so that high thresholds do not
+    # underflow inside the mean
     phase = 0.5 * kernel.phase_step_rad * (1 + _NODES)
     fall = np.exp(-0.5 * threshold**2 * np.tan(phase / 2) ** 2)
     mean = 0.5 * float(_WEIGHTS @ fall)
@@ -432,12 +447,12 @@ def in_decibels(statistic: float) -> float:
 
 
 class Detection(NamedTuple):
-    """One blast that was heard.
+    """One detected blast.
 
     Attributes:
-        time_s: When the template's first sample lands, from the first sample on [s].
+        time_s: Arrival of the template's first sample, from the first sample on [s].
         sigma_s: Standard deviation of that time [s].
-        snr_db: 2E/N0 as estimated [dB].
+        snr_db: Estimate of 2E/N0 [dB].
         statistic: The same, in standard deviations of the noise.
     """
 
@@ -458,10 +473,10 @@ def detections(
 
     Args:
         filtered: The output.
-        threshold: In standard deviations, positive.
-        dead_s: A blast silences lower peaks so long after it [s]; none for the length
-            of the filter.
-        wait_s: And so long before it [s]; none for the length of the template.
+        threshold: Threshold [standard deviations], positive.
+        dead_s: Time after a blast in which lower peaks are ignored [s]; None for the
+            length of the filter.
+        wait_s: Time before it likewise [s]; None for the length of the template.
     """
     picker = PeakPicker(filtered.kernel, threshold, dead_s=dead_s, wait_s=wait_s)
     inside = filtered.statistic[filtered.start : filtered.stop]
@@ -470,11 +485,11 @@ def detections(
 
 
 class PeakPicker:
-    """Picks blasts from a filter's output as it comes, in constant memory.
+    """Detector of peaks in a filter's output, block by block in constant memory.
 
     Attributes:
-        settles: Outputs after a peak that have to be known before it counts.
-        threshold: In standard deviations.
+        settles: Number of outputs after a peak that are needed to accept it.
+        threshold: Threshold [standard deviations].
         kernel: The filter.
     """
 
@@ -486,7 +501,7 @@ class PeakPicker:
         dead_s: float | None = None,
         wait_s: float | None = None,
     ):
-        """Get ready; arguments as in `detections`."""
+        """Create the detector; arguments as in `detections`."""
         self.threshold = checked_positive("threshold", threshold, "standard deviations")
         rate = kernel.rate_hz
         self.kernel = kernel
@@ -499,51 +514,54 @@ class PeakPicker:
         self._wait = kernel.reach if wait_s is None else round(wait_s * rate)
         self.settles = max(self._wait, HALF_WIDTH)
         self._back = max(self._dead, HALF_WIDTH) + 1
-        self._held = np.zeros(0)
-        self._first = 0  # where the held outputs begin
-        self._judged = 0  # peaks before this one have been settled
+        self._buffer = np.zeros(0)
+        self._first = 0  # number of the first buffered output
+        self._decided = 0  # peaks before this output are accepted or rejected
 
     def skip(self, outputs: int) -> None:
-        """Pass over outputs that are not to be searched, before any other."""
+        """Skip outputs that are not searched, before any other."""
         self._first += outputs
-        self._judged = self._first
+        self._decided = self._first
 
     def push(self, outputs: Float[np.ndarray, " new"]) -> tuple[Detection, ...]:
-        """Take in outputs; return the blasts that are now settled."""
-        held = np.concatenate([self._held, outputs])
-        until = self._first + held.size - self.settles
-        found = self._settled(held, until)
+        """Add outputs; return the blasts that are accepted by now."""
+        buffer = np.concatenate([self._buffer, outputs])
+        until = self._first + buffer.size - self.settles
+        found = self._accepted(buffer, until)
         keep = max(until - self._back - self._first, 0)
-        self._held, self._first = held[keep:].copy(), self._first + keep
+        # a copy, so that the buffer does not keep the whole block in memory
+        self._buffer, self._first = buffer[keep:].copy(), self._first + keep
         return found
 
     def finish(self) -> tuple[Detection, ...]:
-        """Return the blasts that the end left unsettled."""
-        return self._settled(self._held, self._first + self._held.size)
+        """Return the remaining blasts at the end of the output."""
+        return self._accepted(self._buffer, self._first + self._buffer.size)
 
-    def _settled(self, held: np.ndarray, until: int) -> tuple[Detection, ...]:
-        """Return blasts whose peak lies from the last one judged to before `until`."""
-        judged, self._judged = self._judged, max(until, self._judged)
-        over = held > self.threshold
+    def _accepted(self, buffer: np.ndarray, until: int) -> tuple[Detection, ...]:
+        """Return blasts whose peak is undecided and lies before `until`."""
+        decided, self._decided = self._decided, max(until, self._decided)
+        over = buffer > self.threshold
         if not over.any():
             return ()
-        inner = held[1:-1]
-        rising = (inner > held[:-2]) & (inner >= held[2:]) & over[1:-1]
+        inner = buffer[1:-1]
+        rising = (inner > buffer[:-2]) & (inner >= buffer[2:]) & over[1:-1]
         peaks = 1 + np.flatnonzero(rising)
-        heights = np.append(held[peaks], -np.inf)
+        # reduceat needs an index behind the last peak, at a height that never counts
+        heights = np.append(buffer[peaks], -np.inf)
         lo = np.searchsorted(peaks, peaks - self._dead)
         hi = np.searchsorted(peaks, peaks + self._wait, side="right")
         bounds = np.stack([lo, hi], axis=1).ravel()
         highest = np.maximum.reduceat(heights, bounds)[::2] if peaks.size else heights
-        # of equals the first; none higher, and none as high before
+        # a peak is accepted if none in its window is higher
         stands = heights[:-1] >= highest[: peaks.size]
-        mine = (peaks + self._first >= judged) & (peaks + self._first < until)
-        return tuple(self._detection(held, int(peak)) for peak in peaks[stands & mine])
+        pending = (peaks + self._first >= decided) & (peaks + self._first < until)
+        accepted = peaks[stands & pending]
+        return tuple(self._detection(buffer, int(peak)) for peak in accepted)
 
-    def _detection(self, held: np.ndarray, peak: int) -> Detection:
+    def _detection(self, buffer: np.ndarray, peak: int) -> Detection:
         around = np.arange(peak - HALF_WIDTH, peak + HALF_WIDTH + 1)
-        known = (around >= 0) & (around < held.size)
-        near = np.where(known, held[np.clip(around, 0, held.size - 1)], 0.0)
+        known = (around >= 0) & (around < buffer.size)
+        near = np.where(known, buffer[np.clip(around, 0, buffer.size - 1)], 0.0)
         shift, height = between_samples(near)
         kernel = self.kernel
         return Detection(
@@ -555,10 +573,10 @@ class PeakPicker:
 
 
 def between_samples(near: Float[np.ndarray, " sample"]) -> tuple[float, float]:
-    """Return where a maximum lies from the middle sample on [samples], and its height.
+    """Return the offset of a maximum from the middle sample [samples], and its height.
 
     Args:
-        near: The samples around the highest, `HALF_WIDTH` either side of it.
+        near: The samples around the highest, `HALF_WIDTH` on either side.
     """
     fine = _INTERPOLATION @ near
     top = int(np.clip(np.argmax(fine), 1, fine.size - 2))
@@ -566,17 +584,17 @@ def between_samples(near: Float[np.ndarray, " sample"]) -> tuple[float, float]:
     bend = 2 * mid - low - high
     part = 0.5 * (high - low) / bend if bend > 0 else 0.0
     height = mid + 0.25 * (high - low) * part
-    return float(_OFFSETS[top] + part / FINE), float(height)
+    return float(_OFFSETS[top] + part / PARTS_OF_SAMPLE), float(height)
 
 
 class Stream:
-    """A detector that listens for ever; `stream` makes it.
+    """A detector for an unlimited stream of samples; see `stream`.
 
     Attributes:
         rate_hz: Sampling rate [Hz].
-        kernel: Its filter; none while it learns what the noise is.
-        threshold: In standard deviations; none while it learns.
-        statistic: Outputs of the filter that the last push made known.
+        kernel: The filter; None while the noise is measured.
+        threshold: Threshold [standard deviations]; None while the noise is measured.
+        statistic: Outputs of the filter by the last push.
     """
 
     kernel: MatchedKernel | None = None
@@ -590,14 +608,14 @@ class Stream:
         begin: Callable[[NoiseSpectrum], PeakPicker],
         noise: NoiseSpectrum | None,
     ):
-        """Get ready.
+        """Create the detector.
 
         Args:
             rate_hz: Sampling rate [Hz].
-            block: Samples that are filtered at a time.
-            learn: Samples that the noise is measured in.
-            begin: Makes filter and threshold for a noise.
-            noise: Spectrum of the noise, or none to measure it.
+            block: Number of samples that are filtered together.
+            learn: Number of samples in which the noise is measured.
+            begin: Function that makes filter and threshold for a noise.
+            noise: Spectrum of the noise, or None to measure it.
         """
         self.rate_hz, self._block, self._learn = rate_hz, block, learn
         self._make = begin
@@ -609,19 +627,20 @@ class Stream:
 
     @property
     def latency_s(self) -> float | None:
-        """From the first sample of a blast to its report, at most [s]."""
+        """Largest delay from the first sample of a blast to its report [s]."""
         if self.kernel is None:
             return None
         later = self.kernel.reach + self._picker.settles + self._block
         return later / self.rate_hz
 
     def push(self, samples: ArrayLike) -> tuple[Detection, ...]:
-        """Take in samples, however many; return the blasts that are now settled.
+        """Add any number of samples; return the blasts that are accepted by now.
 
         Raises:
-            InputError: Samples are not finite. The stream is as it was before them.
+            InputError: Samples are not finite. The stream is left unchanged.
         """
         new = checked_samples("samples", samples, least=0)
+        # a copy, since callers reuse their buffers
         self._waiting.append(new.copy())
         self._count += new.size
         self.statistic = np.zeros(0)
@@ -632,19 +651,19 @@ class Stream:
         whole = new if len(self._waiting) == 1 else np.concatenate(self._waiting)
         cut = whole.size - whole.size % self._block
         self._waiting, self._count = [whole[cut:]], whole.size - cut
-        return self._heard(whole[:cut])
+        return self._filtered(whole[:cut])
 
     def finish(self) -> tuple[Detection, ...]:
-        """Return the blasts that were still unsettled: the stream is over.
+        """Return the remaining blasts at the end of the stream.
 
         Raises:
-            InputError: It ended before there was enough of it to know the noise.
+            InputError: The stream is too short to measure the noise.
         """
         rest = np.concatenate([np.zeros(0), *self._waiting])
         self._waiting, self._count = [], 0
         if self.kernel is None:
             self._begin(measured_spectrum(rest, self.rate_hz))
-        return (*self._heard(rest), *self._picker.finish())
+        return (*self._filtered(rest), *self._picker.finish())
 
     def _begin(self, noise: NoiseSpectrum) -> None:
         self._picker = self._make(noise)
@@ -653,11 +672,12 @@ class Stream:
         self._picker.skip(kernel.before)
         self.kernel = kernel
 
-    def _heard(self, samples: Float[np.ndarray, " new"]) -> tuple[Detection, ...]:
+    def _filtered(self, samples: Float[np.ndarray, " new"]) -> tuple[Detection, ...]:
         assert self.kernel is not None
         known = self._filter.out
         self.statistic = self._filter.push(samples - self.kernel.offset)
-        # outputs before the first whole one are not searched
+        # the first outputs lack samples before the recording: their noise has less
+        # than unit variance, and they are not searched
         early = max(self.kernel.before - known, 0)
         return self._picker.push(self.statistic[early:])
 
@@ -674,17 +694,18 @@ def stream(
     dead_s: float | None = None,
     wait_s: float | None = None,
 ) -> Stream:
-    """Return a detector to which samples are pushed as they come.
+    """Return a detector to which samples are pushed in blocks.
 
     Args:
-        template: Samples of what is listened for, of any scale.
+        template: Samples of the template, of any scale.
         rate_hz: Sampling rate of it and of the stream [Hz].
-        block_s: So much sound is filtered at a time [s].
-        threshold: In standard deviations; none to set it by the next.
-        false_alarms_per_hour: How many on average [1/h].
-        noise_spectrum: Of the noise, in the stream's unit; none to measure it in the
-            first of the stream, in which blasts are found, too, but later.
-        learn_s: So much of it [s].
+        block_s: Length of sound that is filtered together [s].
+        threshold: Threshold [standard deviations]; None to set it by
+            `false_alarms_per_hour`.
+        false_alarms_per_hour: Mean rate of false alarms [1/h].
+        noise_spectrum: Spectrum of the noise, in the stream's unit. None to measure it
+            at the beginning of the stream; blasts in that part are reported later.
+        learn_s: Length of that part [s].
         dead_s: As in `detections` [s].
         wait_s: As in `detections` [s].
 
@@ -711,58 +732,61 @@ def stream(
 
 
 def fast_length(least: int) -> int:
-    """Return a length from `least` up whose Fourier transform is quick.
+    """Return a length of at least `least` whose Fourier transform is fast.
 
-    A power of two times one of `ODD`: mostly at most a tenth longer than requested.
+    It is a power of two times one of `FAST_FACTORS`, mostly at most a tenth longer.
     """
-    return min(n << max(-(-least // n) - 1, 0).bit_length() for n in ODD)
+    return min(n << max(-(-least // n) - 1, 0).bit_length() for n in FAST_FACTORS)
 
 
 class OverlapSave:
-    """Correlates samples with a row of taps as they come.
+    """Correlation of a stream of samples with taps.
 
     Output k is the sum of `taps[j]` times sample `k - before + j`; samples outside the
     sound count as 0.
 
     Attributes:
-        out: Outputs handed back so far.
+        out: Number of outputs returned so far.
     """
 
     def __init__(
         self, taps: Float[np.ndarray, " tap"], before: int, block: int | None = None
     ):
-        """Get ready.
+        """Create the filter.
 
         Args:
             taps: The filter.
-            before: So many of its taps stand before the sample that an output is for.
-            block: Outputs of one transform; none for a number that is cheap.
+            before: Number of taps before the sample of an output.
+            block: Outputs of one transform; None for a number of low cost.
         """
+        # a transform yields its length minus the overlap: with four times the taps,
+        # three quarters of its outputs are used
         if block is None:
             block = max(3 * taps.size, 2**15)
         self._overlap = taps.size - 1
         self._size = fast_length(self._overlap + block)
         self._block = self._size - self._overlap
         self._gain = np.conj(np.fft.rfft(taps, self._size)) / self._size
-        self._held = np.zeros(before)
+        self._buffer = np.zeros(before)
         self._reach = taps.size - 1 - before
         self.out = 0
 
     def push(self, samples: Float[np.ndarray, " new"]) -> Float[np.ndarray, " output"]:
-        """Take in samples; return the outputs that are now known, in order."""
-        held = np.concatenate([self._held, samples])
-        ready = max(held.size - self._overlap, 0)
+        """Add samples; return the outputs that they complete, in order."""
+        buffer = np.concatenate([self._buffer, samples])
+        ready = max(buffer.size - self._overlap, 0)
         parts = []
         for start in range(0, ready, self._block):
             stop = min(start + self._block, ready)
-            spectrum = np.fft.rfft(held[start : stop + self._overlap], self._size)
+            spectrum = np.fft.rfft(buffer[start : stop + self._overlap], self._size)
+            # the gain contains 1 / size: one product in place, not two passes
             spectrum *= self._gain
             around = np.fft.irfft(spectrum, self._size, norm="forward")
             parts.append(around[: stop - start])
-        self._held = held[ready:].copy()
+        self._buffer = buffer[ready:].copy()
         self.out += ready
         return parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0), *parts])
 
     def finish(self) -> Float[np.ndarray, " output"]:
-        """Return the last outputs: with them there are as many as samples came."""
+        """Return the last outputs, so that there are as many as samples."""
         return self.push(np.zeros(self._reach))

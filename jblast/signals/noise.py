@@ -34,19 +34,24 @@ from jblast.errors import InputError, argument
 from jblast.signals.samples import checked_positive, checked_samples
 
 SEGMENT_S = 0.1
-"""Of a window, to the next power of two: the resolution is 12 Hz."""
+"""Length of a window, rounded down to a power of two [s]: about 12 Hz between lines,
+fine enough for the slope of wind and traffic noise, with ten windows in half a
+second."""
 LEAST_SEGMENTS = 7
-"""With fewer, a median is of little use."""
-FLOOR = 1e-10
-"""Of the mean density: 100 dB below it a recorder has no signal."""
+"""Smallest number of windows: the error of a median or mean over them is about 40 %
+(2 dB), and fewer would not exclude a blast in one or two of them."""
+DENSITY_FLOOR = 1e-10
+"""Smallest density, over the mean: no recorder resolves a signal 100 dB below it."""
 
 
 class NoiseSpectrum(NamedTuple):
     """Stationary noise.
 
     Attributes:
-        frequency_hz: From 0 in even steps to at least half of the sampling rate.
-        density: One-sided power, in the samples' unit squared a hertz, positive.
+        frequency_hz: Frequencies in even steps from 0 to half the sampling rate or
+            more.
+        density: One-sided power density [unit of the samples, squared, per Hz],
+            positive.
         offset: Mean of the samples.
     """
 
@@ -59,7 +64,7 @@ def white_noise(sigma: float, rate_hz: float) -> NoiseSpectrum:
     """Return the spectrum of independent samples.
 
     Args:
-        sigma: Their standard deviation, in the samples' unit, positive.
+        sigma: Their standard deviation [unit of the samples], positive.
         rate_hz: Sampling rate [Hz].
     """
     sigma = checked_positive("sigma", sigma, "the samples' unit")
@@ -79,9 +84,9 @@ def noise_spectrum(
     Args:
         recording: Samples of one channel.
         rate_hz: Sampling rate [Hz].
-        segment_s: Length of a window [s]; none for 0.1 s, or less in a recording too
-            short for seven such.
-        average: Of the windows.
+        segment_s: Length of a window [s]; None for 0.1 s, or less in a recording too
+            short for seven windows.
+        average: Average over the windows.
 
     Raises:
         InputError: The recording is too short, silent, or not finite.
@@ -89,8 +94,8 @@ def noise_spectrum(
     samples = checked_samples("recording", recording, least=8 * (LEAST_SEGMENTS + 1))
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
     if segment_s is None:
-        wanted = min(SEGMENT_S * rate_hz, 2 * samples.size / (LEAST_SEGMENTS + 1))
-        size = 2 ** int(np.log2(wanted))
+        longest = min(SEGMENT_S * rate_hz, 2 * samples.size / (LEAST_SEGMENTS + 1))
+        size = 2 ** int(np.log2(longest))
     else:
         size = round(checked_positive("segment_s", segment_s, "s") * rate_hz)
         least = size * (LEAST_SEGMENTS + 1) // 2
@@ -100,7 +105,7 @@ def noise_spectrum(
                 f"seven of them half overlapping in {samples.size} samples, got {size}"
             )
     windows = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
-    # a recorder that was off has no noise, and would lower the density of the rest
+    # digital silence, as of a recorder that was off, would lower the density
     alive = np.ptp(windows, axis=1) > 0
     if alive.sum() < LEAST_SEGMENTS:
         raise InputError(
@@ -110,7 +115,7 @@ def noise_spectrum(
         )
     offset = float(np.median(windows[alive].mean(axis=1)))
     taper = np.hanning(size + 1)[:size]
-    # the square of a window's spectrum is exponential about its density
+    # window by window, as one transform of all would need several times the memory
     power = np.stack(
         [
             np.abs(np.fft.rfft((window - offset) * taper)) ** 2
@@ -118,13 +123,14 @@ def noise_spectrum(
         ]
     )
     if average == "median":
+        # the formula of the bias holds for odd numbers, where one value is the median
         odd = power[: power.shape[0] - 1 + power.shape[0] % 2]
         density = np.median(odd, axis=0) / median_bias(odd.shape[0])
     else:
         density = np.mean(power, axis=0)
     density *= 2 / (rate_hz * np.sum(taper**2))
-    # at both ends a spectrum is real: its square is twice as wide, of one degree of
-    # freedom; and next to them the window mixes both
+    # the lines at zero and at half the rate are real: their squares have one degree of
+    # freedom, not two, and the removed mean leaks out of the first
     density[0], density[-1] = density[1], density[-2]
     return NoiseSpectrum(np.fft.rfftfreq(size, 1 / rate_hz), density, offset)
 
@@ -133,7 +139,7 @@ def median_bias(count: int) -> float:
     """Return the mean of the median of exponential variables of mean 1.
 
     Args:
-        count: How many variables, odd.
+        count: Number of variables, odd.
     """
     k = np.arange(1, count + 1)
     return float(np.sum((-1.0) ** (k + 1) / k))
@@ -144,52 +150,57 @@ def bin_variances(
 ) -> Float[np.ndarray, " bin"]:
     """Return the variance of each bin of a unitary Fourier transform of the noise.
 
-    These are the eigenvalues of its circulant covariance. Linear between the
-    frequencies of the spectrum; not below a floor 100 dB under the mean, so that a
-    band without sound is not taken for one in which all is heard.
+    These are the eigenvalues of its circulant covariance. They are linear between the
+    frequencies of the spectrum, and at least `DENSITY_FLOOR` times their mean, so that
+    a band without any noise has no infinite weight.
 
     Args:
-        noise: Its spectrum.
+        noise: Spectrum of the noise.
         size: Samples of the transform.
         rate_hz: Sampling rate [Hz].
 
     Raises:
         InputError: A density is negative or not finite, all are 0, or the spectrum
-            ends below half of the rate.
+            ends below half the sampling rate.
     """
     frequency, density = (np.asarray(part, float) for part in noise[:2])
     if not (np.isfinite(density).all() and (density >= 0).all() and density.any()):
+        bad = ~(np.isfinite(density) & (density >= 0))
+        got = f"{density[bad][0]:g} at line {np.argmax(bad)}" if bad.any() else "only 0"
         raise InputError(
             f"{argument('noise_spectrum')}: expected finite densities from 0 up, not "
-            f"all 0, got {np.sum(~(density >= 0))} others of {density.size}"
+            f"all 0, got {got}"
         )
     if frequency[-1] < rate_hz / 2 * (1 - 1e-9):
         raise InputError(
             f"{argument('noise_spectrum')}: expected densities up to half of the "
-            f"rate, {rate_hz / 2:g} Hz, got them up to {frequency[-1]:g} Hz"
+            f"rate, {rate_hz / 2:g} Hz, got densities up to {frequency[-1]:g} Hz"
         )
     at = np.fft.rfftfreq(size, 1 / rate_hz)
     fine = np.interp(at, frequency, density) * (rate_hz / 2)
-    return np.maximum(fine, FLOOR * fine.mean())
+    return np.maximum(fine, DENSITY_FLOOR * fine.mean())
 
 
 def whitening_taps(noise: NoiseSpectrum, rate_hz: float) -> Float[np.ndarray, " tap"]:
     r"""Return a causal filter after which the noise is white, with variance 1.
 
-    The minimum-phase filter of gain $1/\sqrt S$, by the cepstrum of the gain (Oppenheim
-    and Schafer, Discrete-Time Signal Processing, section 13.5). Nothing after a sample
-    changes it, so that the quiet before an arrival remains quiet.
+    It is the minimum-phase filter of gain $1/\sqrt S$, computed by the cepstrum of the
+    gain (Oppenheim and Schafer, Discrete-Time Signal Processing, section 13.5). The
+    output does not depend on later samples, so the quiet before an arrival stays quiet.
 
     Args:
-        noise: Its spectrum.
+        noise: Spectrum of the noise.
         rate_hz: Sampling rate [Hz].
     """
     # eight times finer than the spectrum: the cepstrum of a coarse one is aliased
     lines = int(np.ceil(8 * rate_hz / float(noise.frequency_hz[1])))
     size = 2 ** int(np.ceil(np.log2(max(lines, 64))))
     cepstrum = np.fft.irfft(-0.5 * np.log(bin_variances(noise, size, rate_hz)), size)
-    # folded onto positive times: what is causal is of minimum phase
+    # folding the cepstrum onto positive times makes the filter causal and of minimum
+    # phase, with the same gain
     cepstrum[1 : size // 2] *= 2
     cepstrum[size // 2 + 1 :] = 0.0
     taps = np.fft.irfft(np.exp(np.fft.rfft(cepstrum)), size)
+    # a quarter of the circle is twice the window of the spectrum, longer than the
+    # response lasts; the rest is aliasing
     return taps[: size // 4]

@@ -1,9 +1,10 @@
 """Onsets in a recording of any length: intervals that may contain a blast.
 
-The power of a few milliseconds over that of the half second before them, as `sta_lta`,
-but about the mean of that half second, in bins and block by block: a recording of an
-hour takes constant memory. The result is an interval of equal length about each onset.
-Whether it contains a blast is decided by the fit of a pulse (`picks`).
+An onset is a large ratio of the power of a few milliseconds to that of the half second
+before them, as in `sta_lta`, but about the mean of that half second, in bins and block
+by block: a recording of any length takes constant memory. The result is an interval of
+equal length about each onset. The fit of a pulse decides if it contains a blast
+(`picks`).
 """
 
 from typing import NamedTuple
@@ -17,27 +18,31 @@ from jblast.signals.sta_lta import ON
 SHORT_BINS, LONG_BINS = 5, 500
 """Windows after and before an onset: the defaults of `sta_lta`, 5 ms and 0.5 s."""
 BIN_S, BIN_SAMPLES = 0.001, 4
-"""A bin is a millisecond, or so many samples where these take longer."""
+"""Length of a bin [s], and the smallest number of samples of one: the power of fewer
+scatters by more than its mean, so slow recorders have longer bins."""
 BEFORE_S, AFTER_S = 0.5, 1.5
-"""Of a stretch about an onset; where samples are few, `MIN_SAMPLES` of them."""
+"""Interval before and after an onset [s], with at least `MIN_SAMPLES` samples: quiet
+enough to measure the noise, and a tail many times the duration of a blast."""
 MIN_SAMPLES = 4096
-"""Smallest number of samples of a stretch; declared. A quarter lies before the
-onset."""
-QUIETER = 0.1
-"""Onsets whose peak is below this share of the loudest one's (20 dB) are left out."""
-SILENT = 1e-12
-"""Share of a block's power below which sums of squares are rounding."""
+"""Smallest number of samples of an interval, a quarter of them before the onset: enough
+for a pulse and its noise at the low rates of barographs."""
+LEAST_PEAK_SHARE = 0.1
+"""Smallest peak of an onset, over that of the loudest (20 dB down): weaker ones are
+mostly echoes and rattle, each at the cost of a pick."""
+ROUNDING_SHARE = 1e-12
+"""Share of a block's power below which differences of running sums are rounding."""
 MAX_ONSETS = 16
-"""Largest number of onsets of a channel; the loudest are used."""
+"""Largest number of onsets of a channel, of which the loudest are kept: bounds the time
+spent on a channel of continuous impulsive noise."""
 
 
 class Onset(NamedTuple):
     """A sudden rise of the power of a channel.
 
     Attributes:
-        sample: Where it begins, to a bin.
-        ratio: Of powers, after over before.
-        peak: Largest size of a sample about the mean before, in the stretch after it.
+        sample: First sample, to the precision of a bin.
+        ratio: Power after over power before.
+        peak: Largest deviation of a sample from the mean before, in the interval after.
     """
 
     sample: int
@@ -49,8 +54,8 @@ class Stretches(NamedTuple):
     """Intervals of a channel that may contain a blast.
 
     Attributes:
-        records: Stretches of equal length, in order of time.
-        quieter: How many onsets were left out: 20 dB below the loudest, or beyond the
+        records: Intervals of equal length, in order of time.
+        quieter: Number of onsets left out: 20 dB below the loudest, or beyond the
             `MAX_ONSETS` loudest.
     """
 
@@ -59,13 +64,13 @@ class Stretches(NamedTuple):
 
 
 def stretches(recording: Recording) -> tuple[Stretches, ...]:
-    """Return the stretches of each channel; of a short recording, all of it.
+    """Return the intervals of each channel; of a short recording, all of it.
 
     The loudest sample of a channel is always within one: a record that begins with the
-    bang has nothing quiet before it, and no onset.
+    blast has nothing quiet before it, and no onset.
 
     Raises:
-        InputError: A sample is no finite number.
+        InputError: A sample is not finite.
     """
     before, after = _lengths(recording.rate_hz)
     if recording.length <= before + after:
@@ -84,14 +89,15 @@ def stretches(recording: Recording) -> tuple[Stretches, ...]:
 def _stretches(
     recording: Recording, channel: int, onsets: list[Onset], loudest: int
 ) -> Stretches:
-    """Return the stretches about the loud ones of a channel's onsets."""
+    """Return the intervals about the loudest of a channel's onsets."""
     before, after = _lengths(recording.rate_hz)
     peak = max((onset.peak for onset in onsets), default=0.0)
-    loud = [onset for onset in onsets if onset.peak >= QUIETER * peak]
+    loud = [onset for onset in onsets if onset.peak >= LEAST_PEAK_SHARE * peak]
     loud = sorted(sorted(loud, key=lambda onset: -onset.peak)[:MAX_ONSETS])
     begins = [onset.sample for onset in loud]
+    # a blast at the beginning of a recording has no onset: nothing is quiet before it
     if not any(0 <= loudest - begin < after for begin in begins):
-        begins = sorted([*begins, loudest])  # nothing quiet before it
+        begins = sorted([*begins, loudest])
     records = []
     for at in begins:
         start = min(max(at - before, 0), recording.length - before - after)
@@ -100,13 +106,13 @@ def _stretches(
 
 
 def _lengths(rate_hz: float) -> tuple[int, int]:
-    """Return how many samples of a stretch come before its onset, and after it."""
+    """Return the number of samples of an interval before its onset, and after it."""
     least = MIN_SAMPLES / (BEFORE_S + AFTER_S)
     return round(BEFORE_S * max(rate_hz, least)), round(AFTER_S * max(rate_hz, least))
 
 
 class _Channel:
-    """State of one channel from block to block."""
+    """State of one channel between blocks."""
 
     def __init__(self):
         self.onsets: list[Onset] = []
@@ -115,11 +121,11 @@ class _Channel:
 
 
 def _onsets(recording: Recording, after: int) -> tuple[list[list[Onset]], list[int]]:
-    """Return each channel's onsets, a stretch apart, and where it is loudest."""
+    """Return each channel's onsets, at least `after` apart, and its loudest sample."""
     size = max(BIN_SAMPLES, round(BIN_S * recording.rate_hz))
     carry = np.zeros((len(recording.names), 0))
     channels = [_Channel() for _ in recording.names]
-    first = 0  # sample that the carried ones begin at
+    first = 0  # number of the first carried sample
     for start, block in recording.blocks():
         samples = np.concatenate([carry, block], axis=1)
         bins = samples.shape[1] // size
@@ -129,6 +135,7 @@ def _onsets(recording: Recording, after: int) -> tuple[list[list[Onset]], list[i
             at = int(np.argmax(size_of))
             if size_of[at] > channel.largest:
                 channel.largest, channel.loudest = float(size_of[at]), first + at
+        # the last windows of a block need samples of the next one, and are carried
         keep = (LONG_BINS + SHORT_BINS - 1) * size + samples.shape[1] - bins * size
         carry = samples[:, max(samples.shape[1] - keep, 0) :]
         first = start + block.shape[1] - carry.shape[1]
@@ -142,7 +149,7 @@ def _take_in(
     size: int,
     after: int,
 ) -> None:
-    """Enter a block's onsets, the first of each stretch."""
+    """Add the onsets of a block, the first of each interval."""
     ratio, means = _ratios(samples.reshape(-1, size))
     for nth in np.flatnonzero(ratio > ON):
         at = first + (LONG_BINS + int(nth)) * size
@@ -157,7 +164,7 @@ def _take_in(
 def _follow(
     channel: _Channel, samples: Float[np.ndarray, " sample"], first: int, after: int
 ) -> None:
-    """Enter how loud it was after a channel's last onset, as far as a block goes."""
+    """Update the peak of a channel's last onset by the samples of a block."""
     if not channel.onsets:
         return
     last = channel.onsets[-1]
@@ -172,7 +179,8 @@ def _ratios(
     """Return the power after each bin over that before it, and the mean before it."""
     if len(bins) < LONG_BINS + SHORT_BINS:
         return np.zeros(0), np.zeros(0)
-    middle = float(bins.mean())  # or squares of an offset would hide all else
+    # relative to the mean: the squares of a large offset would cost the digits
+    middle = float(bins.mean())
     sums = np.cumsum(bins.sum(axis=1) - bins.shape[1] * middle)
     squares = np.cumsum(((bins - middle) ** 2).sum(axis=1))
     sums, squares = (np.concatenate([[0.0], total]) for total in (sums, squares))
@@ -183,9 +191,9 @@ def _ratios(
     before = (squares[ends] - squares[ends - LONG_BINS]) / n_before - mean**2
     power = (squares[ends + SHORT_BINS] - squares[ends]) / n_after
     shift = (sums[ends + SHORT_BINS] - sums[ends]) / n_after
-    # about the mean before: a step of the baseline is loud, too
+    # about the mean before, so that a step of the baseline counts as power
     now = power - 2.0 * mean * shift + mean**2
-    # after silence what is heard is loud, but what rounding leaves of it is not
-    floor = SILENT * squares[-1] / bins.size
+    # after digital silence any sound is an onset, but not the rounding of the sums
+    floor = ROUNDING_SHARE * squares[-1] / bins.size
     ratio = now / np.maximum(before, floor) if floor > 0 else np.zeros_like(now)
     return ratio, mean + middle

@@ -1,6 +1,6 @@
-r"""Goodness of fit: is an arrival a blast pulse, or another impulsive sound?
+r"""Goodness of fit of a blast pulse to an arrival, against other impulsive sounds.
 
-A matched filter answers to anything loud. The test here compares an arrival with a
+A matched filter responds to any loud sound. The test here compares an arrival with a
 blast pulse sample by sample, after a causal whitening filter that leaves the noise
 independent with variance 1. In the window $w$ of $n$ samples around the arrival the
 model is a pulse of the bank through a low-pass, and one reflection of it,
@@ -13,10 +13,10 @@ $E = |m|^2$ and $\chi^2 = |w - m|^2$:
 
 - *Misfit* $(\chi^2 - \nu)/E$ with $\nu = n - 6$ degrees of freedom: energy that the
   pulse leaves unexplained, per energy that it explains. In Gaussian noise a perfect
-  pulse has $\chi^2 \sim \chi^2_\nu$ and a misfit of 0. Real pulses are no exact members
-  of any family, so that $\chi^2$ grows with loudness; a misfit up to `MOST_MISFIT` is
+  pulse has $\chi^2 \sim \chi^2_\nu$ and a misfit of 0. Real pulses are not exactly of
+  any family, so $\chi^2$ grows with loudness; a misfit up to `MAX_MISFIT` is
   accepted, as the noncentral distribution $\chi^2_\nu(\lambda)$ with
-  $\lambda =$ `MOST_MISFIT` $E$ (as Allen 2005, Phys. Rev. D 71, 062001).
+  $\lambda =$ `MAX_MISFIT` $E$ (as Allen 2005, Phys. Rev. D 71, 062001).
   `p` is the probability of a larger $\chi^2$ under it.
 - *Likelihood ratio* against ringing: the best decaying oscillation
   $e^{-\pi f t / Q}\,(c \cos 2\pi f t + s \sin 2\pi f t)$ explains an energy
@@ -45,13 +45,15 @@ BEFORE_S, AFTER_S = 0.05, 0.1
 """Window before the arrival and after the pulse [s]: a cycle of 20 Hz, and the next
 peal, drop or syllable. A longer end counts the reverberation of blasts as misfit."""
 LEVEL_S = 1.0
-"""The noise level is that of this time before the window [s]: a gust's, a bird's or a
-voice's, which the mean of the whole recording is not."""
+"""Time before the window in which the noise level is measured [s]: the level of a gust,
+a bird or a voice, which may be far above the mean of the recording."""
 LEAST_LEVEL_S = 0.1
-"""Of it, at the beginning of a recording; with less the level is taken as average."""
-STEPS = 1
-"""Durations of the bank either side of the one that found the arrival. With three, 2 of
-104 struck plates and drums in white noise pass as longer pulses, with one none."""
+"""Smallest part of it, at the beginning of a recording [s]; with less the level is the
+mean of the recording."""
+NEIGHBOUR_TEMPLATES = 1
+"""Durations of the bank that are fitted on either side of the one that found the
+arrival. With three, 2 of 104 struck plates and drums in white noise are accepted as
+longer pulses, with one none."""
 BANDS_HZ = (np.inf, 3000.0, 1200.0, 600.0)
 """Gaussian low-pass of the pulses, 4.3 dB down at these frequencies [Hz]: no absorption
 to some kilometres of air. About an octave apart: a band between two loses under 0.1
@@ -60,27 +62,30 @@ REFLECTION_S = 0.05
 """Longest delay of the second pulse [s]: from the ground below the microphone, walls up
 to 8 m behind it, or the recompression at the end of the suction."""
 SHIFT_S = 0.005
-"""Shift of a pulse or an oscillation from the arrival [s], either side."""
+"""Largest shift of a pulse or an oscillation from the arrival, to either side [s]. A
+template of a neighbouring duration and a low-pass move the arrival by less."""
 FREQUENCIES_HZ = (30.0, 6000.0)
-"""Of the oscillations that are tried in place of a pulse; declared."""
+"""Lowest and highest frequency of the oscillations that compete with a pulse [Hz], a
+convention: from large doors to small metal parts."""
 PER_OCTAVE = 2.5
-"""Oscillations that are tried in an octave: a third of the frequency apart, the width
-of a resonance of the lowest quality."""
+"""Oscillations per octave: a third of the frequency apart, the width of a resonance of
+the lowest quality."""
 QUALITIES = (3.0, 6.0, 15.0)
-"""Of the oscillations. From a quality of 3 on the second cycle has a third of the first
-one's amplitude; less is nearly a blast's pulse and suction."""
+"""Qualities of the oscillations. At a quality of 3 the second cycle has a third of the
+first one's amplitude; one of lower quality is nearly a blast's pulse and suction."""
 LEAD_S = 0.002
-"""A Gaussian low-pass of 600 Hz begins so long before the front [s]: 7 sd."""
-FITTED = 6
-"""Parameters of a fit: template, band, arrival and size of the pulse, delay and size of
-the second one."""
-MOST_MISFIT = 1.25
-"""Accepts 98 of 104 simulated blasts after absorption, reflection, reverberation,
-high-pass and clipping, and 8 of 585 other arrivals; 1.0 accepts 94 and 8, 0.8 accepts
-87 and 6, 1.5 accepts 100 and 8 (sounds of `calibration/everyday_sounds.py`)."""
+"""Time before the front at which a Gaussian low-pass of 600 Hz begins [s]: 7 sd."""
+FITTED_NUMBERS = 6
+"""Number of fitted parameters: template, band, arrival and size of the pulse, delay and
+size of the second one."""
+MAX_MISFIT = 1.25
+"""Largest misfit of a blast. It accepts 98 of 104 simulated blasts after absorption,
+reflection, reverberation, high-pass and clipping, and 8 of 585 other arrivals; 1.0
+accepts 94 and 8, 0.8 accepts 87 and 6, 1.5 accepts 100 and 8 (sounds of
+`calibration/everyday_sounds.py`)."""
 LEAST_LOG_LIKELIHOOD_RATIO = float(np.log(100.0))
-"""Everyday impulsive sounds are taken as a hundred times as frequent as blasts: the
-posterior odds of a blast are then even."""
+"""Smallest log likelihood ratio of a blast. Everyday impulsive sounds are assumed to be
+a hundred times as frequent as blasts; the posterior odds are then even."""
 
 
 class PulseFit(NamedTuple):
@@ -93,9 +98,9 @@ class PulseFit(NamedTuple):
         p: Probability of a larger chi-squared for a pulse of the largest accepted
             misfit.
         dof: Degrees of freedom of chi-squared.
-        level: Noise in the pulse's band before the arrival over that of the whole
-            recording, rms.
-        loud: Whether the arrival exceeds the threshold in that noise, too.
+        level: Rms noise in the pulse's band before the arrival, over that of the whole
+            recording.
+        loud: True if the arrival exceeds the threshold in that noise, too.
     """
 
     misfit: float
@@ -107,14 +112,14 @@ class PulseFit(NamedTuple):
 
     @property
     def blast_form(self) -> bool:
-        """Whether the arrival counts as a blast: by its form, and over the noise."""
+        """True if the arrival is a blast by form and by level over the noise."""
         return self.accepted and self.loud
 
     @property
     def accepted(self) -> bool:
-        """Whether the form is that of a blast."""
+        """True if the form is that of a blast."""
         return (
-            self.misfit <= MOST_MISFIT
+            self.misfit <= MAX_MISFIT
             and self.log_likelihood_ratio >= LEAST_LOG_LIKELIHOOD_RATIO
         )
 
@@ -123,12 +128,13 @@ class _Window(NamedTuple):
     """Models for the arrivals of one pulse of the bank.
 
     Attributes:
-        length: Samples of the window.
-        before: Samples of it before the arrival.
-        size: Of the Fourier transforms.
-        pulses: Whitened pulses, unit energy, each from `lead` samples before its front.
-        transforms: Of the pulses.
-        rings: Transforms of pairs of whitened oscillations, orthonormal.
+        length: Number of samples of the window.
+        before: Number of samples before the arrival.
+        size: Length of the Fourier transforms.
+        pulses: Whitened pulses of unit energy, each from `lead` samples before its
+            front.
+        transforms: Transforms of the pulses.
+        rings: Transforms of orthonormal pairs of whitened oscillations.
     """
 
     length: int
@@ -166,9 +172,9 @@ class PulseTest:
         """Fit an arrival.
 
         Args:
-            samples: Of the channel.
+            samples: Samples of the channel.
             time_s: Arrival [s].
-            nth: Template that found it.
+            nth: Number of the template that found it.
         """
         if nth not in self._windows:
             self._windows[nth] = self._window(nth)
@@ -187,11 +193,12 @@ class PulseTest:
         rings = np.fft.irfft(spectrum * np.conj(window.rings), window.size)[..., lags]
         ringing = float(np.sum(rings**2, axis=1).max())
         begin = at - window.before
-        dof = min(begin + window.length, samples.size) - max(begin, 0) - FITTED
-        # louder noise before excuses no misfit: it may be over, or the same sound
+        dof = min(begin + window.length, samples.size) - max(begin, 0) - FITTED_NUMBERS
+        # louder noise before the window does not excuse a misfit: it may have ended, or
+        # belong to the same sound
         least = min(power, 1.0)
-        accepted = MOST_MISFIT * energy
-        # normal limit of the noncentral chi-squared: there are hundreds of degrees
+        accepted = MAX_MISFIT * energy
+        # normal limit of the noncentral chi-squared, at hundreds of degrees of freedom
         spread = np.sqrt(2 * least * (dof * least + 2 * accepted))
         z = (chi2 - dof * least - accepted) / spread
         return PulseFit(
@@ -207,7 +214,7 @@ class PulseTest:
     ) -> tuple[Float[np.ndarray, " earlier"], Float[np.ndarray, " sample"]]:
         """Return the whitened samples before an arrival's window, and the window.
 
-        Outside the recording there is 0; the former are those inside it.
+        The first result has only samples of the recording; the window is zero outside.
         """
         begin = at - window.before
         memory = self._taps.size - 1
@@ -221,14 +228,15 @@ class PulseTest:
         white = np.fft.irfft(product, size)[: stop - start]
         known = memory + max(-start, 0)
         w = white[begin - start :]
-        w[: max(-begin, 0)] = 0.0  # answers of the filter to the recording's first
+        # the filter responds to the edges of the recording, which are no sound
+        w[: max(-begin, 0)] = 0.0
         w[inside.size + max(-start, 0) - (begin - start) :] = 0.0
         return white[known : begin - start], w
 
     def _pulse(
         self, w: np.ndarray, spectrum: np.ndarray, window: _Window, lags: np.ndarray
     ) -> tuple[Float[np.ndarray, " tap"], Float[np.ndarray, " sample"]]:
-        """Return the best pulse, and the window's samples of it and its reflection."""
+        """Return the best pulse, and the window of it and its reflection."""
         starts = lags - self._lead
         around = np.fft.irfft(spectrum * np.conj(window.transforms), window.size)
         nth, lag = np.unravel_index(
@@ -240,9 +248,10 @@ class PulseTest:
         power = np.abs(window.transforms[nth]) ** 2
         likeness = np.fft.irfft(power, window.size)[later]
         one, two = around[nth, start], around[nth, start + later]
-        # least squares of two pulses of unit energy
+        # least squares for two pulses of unit energy at every delay, in closed form
         first = (one - likeness * two) / (1 - likeness**2)
         second = (two - likeness * one) / (1 - likeness**2)
+        # a reflection has the sign of the pulse and is no stronger
         allowed = (second > 0) & (second <= first)
         gain = np.where(allowed, one * first + two * second, 0.0)
         best = int(np.argmax(gain))
@@ -264,7 +273,9 @@ class PulseTest:
         wide = fast_length(taps + self._taps.size)
         gain = np.fft.rfft(self._taps, wide)
         f = np.fft.rfftfreq(wide, 1 / rate)
-        near = self._templates[max(nth - STEPS, 0) : nth + STEPS + 1]
+        near = self._templates[
+            max(nth - NEIGHBOUR_TEMPLATES, 0) : nth + NEIGHBOUR_TEMPLATES + 1
+        ]
         shapes = np.zeros((len(near), wide))
         for row, template in zip(shapes, near, strict=True):
             part = template[:room] / np.abs(template).max()
@@ -304,14 +315,14 @@ class PulseTest:
 
 
 def _correlated(earlier: np.ndarray, pulse: np.ndarray) -> Float[np.ndarray, " output"]:
-    """Return the outputs of a pulse's filter that see samples of one time alone."""
+    """Return the outputs of a pulse's filter that depend on the given samples alone."""
     size = fast_length(earlier.size)
     product = np.fft.rfft(earlier, size) * np.conj(np.fft.rfft(pulse, size))
     return np.fft.irfft(product, size)[: earlier.size - pulse.size + 1]
 
 
 def _placed(pulse: np.ndarray, start: int, count: int) -> Float[np.ndarray, " sample"]:
-    """Return a pulse from a sample of a window on."""
+    """Return a window of zeros with a pulse from a sample on."""
     row = np.zeros(count)
     part = pulse[: count - start]
     row[start : start + part.size] = part

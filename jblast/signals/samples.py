@@ -10,15 +10,15 @@ from jblast.errors import InputError, argument, shown
 def checked_samples(
     name: str, samples: ArrayLike, least: int = 1
 ) -> Float[np.ndarray, " sample"]:
-    """Return samples as a row of numbers in double precision.
+    """Return samples as an array of numbers in double precision.
 
     Args:
-        name: What the argument is called, for messages.
-        samples: Of one channel, in any unit.
-        least: How many are needed.
+        name: Name of the argument, for messages.
+        samples: Samples of one channel, in any unit.
+        least: Smallest number of samples.
 
     Raises:
-        InputError: They are no row of numbers, too few, or not finite.
+        InputError: They are not one row of numbers, too few, or not finite.
     """
     try:
         row = np.asarray(samples).astype(float, copy=False)
@@ -40,16 +40,16 @@ def checked_samples(
         at = int(np.argmin(finite))
         raise InputError(
             f"{argument(name)}: expected finite samples, got {row[at]} at sample {at} "
-            f"({row.size - int(finite.sum())} such in all)"
+            f"({row.size - int(finite.sum())} in total)"
         )
     return row
 
 
 def checked_template(template: ArrayLike) -> Float[np.ndarray, " tap"]:
-    """Return the samples of a template, which is to have something in it.
+    """Return the samples of a template.
 
     Raises:
-        InputError: It has no samples, is silent, or not finite.
+        InputError: It has no samples, only zeros, or is not finite.
     """
     row = checked_samples("template", template)
     if not np.any(row):
@@ -60,15 +60,15 @@ def checked_template(template: ArrayLike) -> Float[np.ndarray, " tap"]:
 
 
 def checked_positive(name: str, value: float, unit: str) -> float:
-    """Return a number that has to be positive and finite.
+    """Return a positive finite number.
 
     Args:
-        name: What the argument is called, for messages.
+        name: Name of the argument, for messages.
         value: The number.
         unit: Its unit, for messages.
 
     Raises:
-        InputError: It is not.
+        InputError: The number is not positive or not finite.
     """
     if not (np.isfinite(value) and value > 0):
         raise InputError(

@@ -45,35 +45,38 @@ from jblast.signals.pulse_fit import PulseFit, PulseTest
 from jblast.signals.templates import blast_templates
 from jblast.waves.waveform import blast_pulse
 
-BEFORE_S, LENGTHS = 0.01, 3
-"""Taken out about a bang: so much before it, and so many lengths of the template."""
+BEFORE_S, MASKED_LENGTHS = 0.01, 3
+"""Parts of a recording that are left out of its noise at a blast: time before it [s],
+and lengths of the template after it, for reverberation."""
 SAME_FRONT = 0.1
-"""Error of an arrival of the template's very form, in samples: where its front stands
-between two of them. Measured: 5 kg at 100 m, 48 kHz, 40 dB and more."""
+"""Error of an arrival of exactly the template's form, by the position of the front
+between samples [samples]. Measured for 5 kg at 100 m, 48 kHz, 40 dB and more."""
 OTHER_FRONT = 0.5
-"""The same of a template by the laws, whose front is that of no one blast. Measured
-there: 0.68 by a template for a quarter of the distance, 0.55 by clipping at two fifths
-of the peak."""
+"""The same for a template by the laws, whose front differs from a real one's [samples].
+Measured there: 0.68 with a template for a quarter of the distance, 0.55 with clipping
+at two fifths of the peak."""
 LEAST_QUIET = 0.5
-"""Share of a recording that has to be left to measure the noise."""
-STEP = 2**0.5
-"""From one duration of the bank to the next. Half a step away, in white noise, 0.93 of
-the signal is left, 0.6 dB."""
-DURATIONS = tuple(0.001 * STEP**nth for nth in range(14))
-"""Of the bank's positive phases, 1 to 91 ms [s]: from 2 g to 2 t at Z = 50."""
+"""Smallest share of a recording in which the noise is measured without its blasts; with
+less left, the spectrum of the whole recording is the better estimate."""
+DURATION_RATIO = 2**0.5
+"""Ratio of neighbouring durations of the bank. Half a step away, in white noise, 0.93
+of the signal remains, a loss of 0.6 dB."""
+DURATIONS = tuple(0.001 * DURATION_RATIO**nth for nth in range(14))
+"""Positive phases of the bank, 1 to 91 ms [s]: from 2 g to 2 t at Z = 50."""
 BANK_SCALED_DISTANCE = 50.0
-"""Scaled distance of the bank's pulses [m/kg^(1/3)]."""
+"""Scaled distance of the bank's pulses [m/kg^(1/3)]: there the form hardly depends on
+it, as all pulses of one duration beyond Z = 5 (`templates`)."""
 
 
 class Channel(NamedTuple):
     """One microphone's recording.
 
     Attributes:
-        sensor: What it is called: the stem of its file, or stem.channel.
+        sensor: Name: the stem of its file, or stem.channel.
         record: Its file.
-        number: Which channel of it, from 1.
-        samples: In any unit.
-        rate_hz: Samples a second.
+        number: Number of the channel in the file, from 1.
+        samples: Samples in any unit.
+        rate_hz: Sampling rate [Hz].
     """
 
     sensor: str
@@ -87,13 +90,13 @@ class Searched(NamedTuple):
     """Result of the search of a channel.
 
     Attributes:
-        channel: Where it was searched.
-        noise: What it was searched in.
+        channel: The channel.
+        noise: Spectrum of its noise.
         kernel: The filter.
-        threshold: In standard deviations of the noise.
-        statistic: The filter's output at each sample where it is known.
+        threshold: Threshold [standard deviations of the noise].
+        statistic: Output of the filter at each sample.
         detections: Blasts, in order of time.
-        latency_s: From the first sample of a blast to its report, as a stream [s].
+        latency_s: Delay of a stream's report from the first sample of a blast [s].
         fits: Goodness of fit of each detection, in a search without a template.
         rejected: Arrivals above the threshold whose form is not that of a blast.
     """
@@ -124,9 +127,9 @@ def search(
     """Search a whole recording.
 
     Args:
-        channel: Where.
-        template: What for, at the channel's rate.
-        false_alarms_per_hour: How many on average [1/h].
+        channel: The channel.
+        template: Template at the channel's rate.
+        false_alarms_per_hour: Mean rate of false alarms [1/h].
         front_samples: Error of an arrival by its front, in samples: `SAME_FRONT`, or
             `OTHER_FRONT`.
 
@@ -162,10 +165,10 @@ def _quieted(
     rate_hz: float,
     false_alarms_per_hour: float,
 ) -> tuple[NoiseSpectrum, Filtered | None]:
-    """Return the noise of a recording without the bangs in it.
+    """Return the noise of a recording without its blasts.
 
-    Where bangs take up more than half of it, it is the noise of all of it, and the
-    filter's output by that is returned, too.
+    If blasts take up more than half of the recording, the result is the spectrum of all
+    of it, with the filter's output by that.
     """
     noise = noise_spectrum(samples, rate_hz)
     filtered = matched_filter(samples, template, rate_hz, noise_spectrum=noise)
@@ -173,7 +176,7 @@ def _quieted(
     quiet = np.ones(samples.size, bool)
     for found in detections(filtered, threshold):
         start = max(int((found.time_s - BEFORE_S) * rate_hz), 0)
-        stop = int(found.time_s * rate_hz) + LENGTHS * template.size
+        stop = int(found.time_s * rate_hz) + MASKED_LENGTHS * template.size
         quiet[start:stop] = False
     if quiet.all() or quiet.mean() < LEAST_QUIET:
         return noise, filtered
@@ -189,23 +192,24 @@ def search_as_stream(
     block_s: float = BLOCK_S,
     pushed: Callable[[int], None] = lambda samples: None,
 ) -> Searched:
-    """Search a recording block by block, as a stream would be; arguments as `search`.
+    """Search a recording block by block, like a stream; arguments as for `search`.
 
-    The noise is that of the first ten seconds, or of all where it is shorter.
+    The noise is that of the first ten seconds, or of all of a shorter recording.
 
     Args:
-        channel: Where.
-        template: What for, at the channel's rate.
-        false_alarms_per_hour: How many on average [1/h].
-        front_samples: Error of an arrival by its front, in samples.
-        block_s: So much sound is filtered at a time [s].
-        pushed: Called with how many samples have been taken in.
+        channel: The channel.
+        template: Template at the channel's rate.
+        false_alarms_per_hour: Mean rate of false alarms [1/h].
+        front_samples: Error of an arrival by its front [samples].
+        block_s: Length of sound that is filtered together [s].
+        pushed: Called with the number of samples pushed so far.
 
     Raises:
         InputError: Template or recording cannot be used.
     """
     learnt = channel.samples[: max(round(LEARN_S * channel.rate_hz), template.size)]
-    # bangs in it are left out, so that they do not raise the threshold
+    # without its blasts, which would raise the estimated noise and so lower their
+    # statistic
     noise, _ = _quieted(learnt, template, channel.rate_hz, false_alarms_per_hour)
     listening = stream(
         template,
@@ -230,7 +234,7 @@ def search_as_stream(
 
 
 def _with_front(found: tuple[Detection, ...], front_s: float) -> tuple[Detection, ...]:
-    """Return arrivals with what their fronts add to the bound of their errors."""
+    """Return arrivals with the errors by their fronts added to the bound."""
     return tuple(
         one._replace(sigma_s=float(np.hypot(one.sigma_s, front_s))) for one in found
     )
@@ -239,7 +243,7 @@ def _with_front(found: tuple[Detection, ...], front_s: float) -> tuple[Detection
 def _listened(
     listening: Stream, channel: Channel, block_s: float, pushed: Callable[[int], None]
 ) -> tuple[tuple[Detection, ...], np.ndarray]:
-    """Return what a stream finds, and all its outputs."""
+    """Return the detections of a stream, and all its outputs."""
     found: list[Detection] = []
     outputs: list[np.ndarray] = []
     block = max(round(block_s * channel.rate_hz), 1)
@@ -256,11 +260,12 @@ def bank_of_pulses(rate_hz: float) -> list[np.ndarray]:
     """Return templates of all `DURATIONS`.
 
     Args:
-        rate_hz: Samples a second.
+        rate_hz: Sampling rate [Hz].
     """
     air = (STANDARD_PRESSURE, STANDARD_SOUND_SPEED)
     unit = float(blast_pulse(BANK_SCALED_DISTANCE, 1.0, *air, "surface").duration)
-    sizes = [duration / unit for duration in DURATIONS]  # lengths scale as W^(1/3)
+    # at one scaled distance, durations and distances scale as W^(1/3)
+    sizes = [duration / unit for duration in DURATIONS]
     masses, ranges = (
         [size**3 for size in sizes],
         [BANK_SCALED_DISTANCE * size for size in sizes],
@@ -279,16 +284,16 @@ def search_bank(
     """Search a channel for several templates.
 
     The output is the largest of all at each sample, the threshold the highest. Of
-    arrivals nearer to each other than the longest pulse the loudest is tested: those
-    of other forms (`pulse_fit`), and those no louder than the threshold
-    in the noise just before them, are rejected.
+    arrivals closer to each other than the longest pulse the loudest is tested. It is
+    rejected if its form is not that of a blast (`pulse_fit`), or if it is below the
+    threshold in the noise just before it.
 
     Args:
-        channel: Where.
-        templates: What for, at the channel's rate.
-        false_alarms_per_hour: Of all together [1/h].
+        channel: The channel.
+        templates: Templates at the channel's rate.
+        false_alarms_per_hour: Mean rate of false alarms of all together [1/h].
         look: `search`, or `search_as_stream`.
-        any_form: Whether arrivals of any form are accepted.
+        any_form: True to accept arrivals of any form.
 
     Raises:
         InputError: Templates or recording cannot be used.
@@ -297,7 +302,8 @@ def search_bank(
     every = [look(channel, template, share) for template in templates]
     longest = max(template.size for template in templates) / channel.rate_hz
     found = [(one, nth) for nth, of in enumerate(every) for one in of.detections]
-    found.sort(key=lambda heard: -heard[0].statistic)
+    # the loudest first, so that its neighbours are skipped
+    found.sort(key=lambda arrival: -arrival[0].statistic)
     tested: list[tuple[Detection, PulseFit]] = []
     accepted: set[Detection] = set()
     quiet = _noise_beside(channel, [one.time_s for one, _ in found], longest)
@@ -309,7 +315,7 @@ def search_bank(
             noise = every[nth].noise if quiet is None else quiet
             tests[nth] = PulseTest(templates, channel.rate_hz, noise)
         fit = tests[nth](channel.samples, one.time_s, nth)
-        # where the noise is louder than on average, so is the threshold
+        # the threshold is proportional to the noise just before the arrival
         loud = one.statistic > every[nth].threshold * fit.level
         fit = fit._replace(loud=bool(loud))
         tested.append((one, fit))
@@ -332,13 +338,13 @@ def search_bank(
 def _noise_beside(
     channel: Channel, times_s: Sequence[float], longest_s: float
 ) -> NoiseSpectrum | None:
-    """Return the noise away from all arrivals; None where too little is left.
+    """Return the noise away from all arrivals; None if too little remains.
 
-    The search leaves out only as much as its own template needs, and so keeps most of
-    a long sound in the noise, which then seems to have no tail.
+    The search with one template leaves out only its own length. Most of a long sound
+    would stay in the noise, whose spectrum would then hide the tail of the sound.
 
     Args:
-        channel: Where.
+        channel: The channel.
         times_s: Arrivals of all templates [s].
         longest_s: Length of the longest template [s].
     """
@@ -348,7 +354,7 @@ def _noise_beside(
     quiet = np.ones(channel.samples.size, bool)
     for time in times_s:
         start = max(int((time - BEFORE_S) * rate), 0)
-        quiet[start : int((time + LENGTHS * longest_s) * rate) + 1] = False
+        quiet[start : int((time + MASKED_LENGTHS * longest_s) * rate) + 1] = False
     if quiet.all() or quiet.mean() < LEAST_QUIET:
         return None
     return noise_spectrum(channel.samples[quiet], rate)

@@ -1,10 +1,10 @@
 """Short-term over long-term average: a detector without a template.
 
-The power of the samples after an instant over the power of those before it, as in
-seismology (Allen 1978, Bull. Seism. Soc. Am. 68, 1521). It detects any sudden increase
-of power, a door as well as a blast, and the time of a rise rather than of a form. Its
-false-alarm rate in coloured noise or wind follows from no formula: the threshold has to
-be measured at the site (`verification/sampling_cases.py`).
+The statistic is the power of the samples after an instant over the power of those
+before it, as in seismology (Allen 1978, Bull. Seism. Soc. Am. 68, 1521). It detects any
+sudden increase of power, by a door as well as by a blast, without regard to its form.
+There is no formula for its false-alarm rate in coloured noise or wind: the threshold
+has to be measured at the site (`verification/sampling_cases.py`).
 """
 
 from typing import NamedTuple
@@ -17,22 +17,24 @@ from jblast.errors import InputError, argument
 from jblast.signals.samples import checked_positive, checked_samples
 
 SHORT_S = 0.005
-"""Default, declared: of the order of the positive phase of 1 kg."""
+"""Default of the short window [s], a convention: the order of the positive phase of
+1 kg. A longer one dilutes short blasts, a shorter one has more scatter."""
 LONG_S = 0.5
-"""Default, declared: a hundred short windows, so that its own scatter is small beside
-theirs."""
+"""Default of the long window [s], a convention: a hundred short ones, so that its
+scatter is a tenth of theirs."""
 ON, OFF = 10.0, 2.0
-"""Power ratios at which a trigger goes on, and off."""
+"""Power ratios at which a trigger begins and ends, conventions. Stationary noise rarely
+reaches 10 dB; the lower end makes one trigger of a blast with several maxima."""
 
 
 class Trigger(NamedTuple):
-    """A stretch that was louder than what came before.
+    """An interval that is louder than the time before it.
 
     Attributes:
-        time_s: When the ratio rose through the threshold: start of the short stretch,
-            after which the rise begins within its length [s].
-        end_s: When it was quiet again, or the recording over [s].
-        ratio: Largest ratio of powers within it.
+        time_s: Time at which the ratio exceeds the threshold: start of the short window
+            in which the rise begins [s].
+        end_s: Time at which it is quiet again, or end of the recording [s].
+        ratio: Largest ratio of powers in the interval.
     """
 
     time_s: float
@@ -49,14 +51,14 @@ def sta_lta(
 ) -> Float[np.ndarray, " sample"]:
     """Return the power just after each sample over the power before it.
 
-    Zero where either stretch does not lie within the recording, or nothing but silence
-    went before: of silence there is no ratio.
+    The ratio is zero if a window is not within the recording, or if the time before is
+    digital silence.
 
     Args:
         recording: Samples of one channel.
         rate_hz: Sampling rate [Hz].
-        short_s: How much after each sample is averaged [s].
-        long_s: How much before it [s].
+        short_s: Window after each sample [s].
+        long_s: Window before it [s].
 
     Raises:
         InputError: The recording is shorter than both, or not finite.
@@ -66,16 +68,19 @@ def sta_lta(
     long = round(checked_positive("long_s", long_s, "s") * rate_hz)
     if not 1 <= short <= long:
         raise InputError(
-            f"{argument('short_s')}, {argument('long_s')}: expected a sample at least, "
-            f"and the long time to be the longer, got {short_s:g} and {long_s:g} s"
+            f"{argument('short_s')}, {argument('long_s')}: expected at least one "
+            "sample and a short window no longer than the long one, got "
+            f"{short_s:g} and {long_s:g} s"
         )
     samples = checked_samples("recording", recording, least=short + long)
-    # running sums: the cost does not depend on the windows
+    # running sums, so that the cost does not depend on the windows; about the median,
+    # which a loud blast hardly moves
     sums = np.concatenate([[0.0], np.cumsum((samples - np.median(samples)) ** 2)])
     after = (sums[long + short :] - sums[long:-short]) / short
     before = (sums[long:-short] - sums[: -long - short]) / long
-    heard = before > 1e-15 * sums[-1]  # rounding of the sums
-    ratio = np.where(heard, after / np.where(heard, before, 1.0), 0.0)
+    # below the rounding error of the sums there is only silence
+    audible = before > 1e-15 * sums[-1]
+    ratio = np.where(audible, after / np.where(audible, before, 1.0), 0.0)
     return np.concatenate([np.zeros(long), ratio, np.zeros(short - 1)])
 
 
@@ -86,12 +91,12 @@ def triggers(
     on: float = ON,
     off: float = OFF,
 ) -> tuple[Trigger, ...]:
-    """Return the stretches between rising through `on` and falling below `off`.
+    """Return the intervals between rising above `on` and falling below `off`.
 
     Args:
-        ratio: Of powers, as `sta_lta` returns it.
+        ratio: Ratio of powers as from `sta_lta`.
         rate_hz: Sampling rate [Hz].
-        on: Ratio at which one begins.
+        on: Ratio at which an interval begins.
         off: Ratio at which it ends, at most as large.
     """
     if not 0 < off <= on:
@@ -102,7 +107,7 @@ def triggers(
     low = np.flatnonzero(ratio < off)
     found, at = [], 0
     above = np.flatnonzero(ratio > on)
-    # from trigger to trigger, not from sample to sample: an hour has few of them
+    # the loop is over triggers, not samples: an hour has few of them
     while (nth := np.searchsorted(above, at)) < above.size:
         start = int(above[nth])
         after = np.searchsorted(low, start)

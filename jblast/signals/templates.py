@@ -1,7 +1,7 @@
 r"""Templates: recorded blasts, blasts by the laws, and banks of these.
 
-A template begins with the sample at which the front arrives. Its scale does not matter
-to the filter. By the laws it is the mean of the pressure over each sample, as an
+A template begins with the sample at which the front arrives. The filter does not depend
+on its scale. By the laws it is the mean of the pressure over each sample, as an
 instrument records it, from the front to the end of the suction, without ground effects
 and echoes.
 
@@ -39,29 +39,31 @@ from jblast.signals.noise import NoiseSpectrum, noise_spectrum as measured_spect
 from jblast.signals.samples import checked_positive, checked_samples, checked_template
 
 LONGEST_S = 60.0
-"""A longer blast is no template [s]."""
+"""Longest duration of a template [s]: that of a nuclear blast; its samples and the
+equations of its filter stay within memory."""
 FADE = 0.2
-"""Share of a recorded template over which it fades: a cut would be a front."""
-NEARLY = 3.0
-"""Of the logarithm of the likelihood: what is 20 times less likely is not kept."""
+"""Share of a recorded template over which its end fades; a cut would be another
+front."""
+LN_LIKELIHOOD_RANGE = 3.0
+"""Largest difference in ln likelihood to the best member of a match: others are more
+than 20 times less likely."""
 
 
 def recorded_template(
     recording: ArrayLike, rate_hz: float, start_s: float, duration_s: float
 ) -> Float[np.ndarray, " tap"]:
-    """Return a stretch of a recording as a template.
+    """Return an interval of a recording as a template.
 
-    What the recording does before the stretch on average is taken off, and its end
-    fades.
+    The mean of the recording before the interval is subtracted, and its end fades.
 
     Args:
         recording: Samples of one channel.
         rate_hz: Sampling rate [Hz].
-        start_s: Where the front lands [s].
-        duration_s: How much is taken [s].
+        start_s: Arrival of the front [s].
+        duration_s: Length of the interval [s].
 
     Raises:
-        InputError: The stretch is not within the recording, or silent.
+        InputError: The interval is not within the recording, or silent.
     """
     samples = checked_samples("recording", recording)
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
@@ -69,7 +71,7 @@ def recorded_template(
     start = round(start_s * rate_hz)
     if not 0 <= start < start + count <= samples.size:
         raise InputError(
-            f"{argument('start_s')}, {argument('duration_s')}: expected a stretch "
+            f"{argument('start_s')}, {argument('duration_s')}: expected an interval "
             f"within the {samples.size / rate_hz:.6g} s of the recording, got "
             f"{start_s:g} to {start_s + duration_s:g} s"
         )
@@ -97,8 +99,8 @@ def blast_template(
         mass_kg: TNT-equivalent mass [kg].
         range_m: Slant range [m].
         rate_hz: Sampling rate [Hz].
-        ambient_pressure_pa: Of the air [Pa].
-        sound_speed_m_s: Of the air [m/s].
+        ambient_pressure_pa: Ambient pressure [Pa].
+        sound_speed_m_s: Speed of sound [m/s].
         burst: "surface" or "free-air".
 
     Raises:
@@ -122,10 +124,10 @@ def blast_templates(
 
     Args:
         masses_kg: TNT-equivalent masses [kg].
-        ranges_m: As many slant ranges [m].
+        ranges_m: Slant ranges [m], of the same number.
         rate_hz: Sampling rate [Hz].
-        ambient_pressure_pa: Of the air [Pa].
-        sound_speed_m_s: Of the air [m/s].
+        ambient_pressure_pa: Ambient pressure [Pa].
+        sound_speed_m_s: Speed of sound [m/s].
         burst: "surface" or "free-air".
     """
     from jblast.signals.law_pulses import pulses_by_law, sampled
@@ -150,7 +152,7 @@ def blast_templates(
             f"{distance[nth]:g} m"
         )
     counts = np.ceil(whole_s * rate_hz).astype(int)
-    # a program for each power of two, not for each length
+    # one compiled program for each power of two, not for each length
     longest = 2 ** int(counts.max() - 1).bit_length()
     rows = np.asarray(sampled(pulses, rate_hz, longest), float)
     return [checked_template(row[:n]) for row, n in zip(rows, counts, strict=True)]
@@ -162,7 +164,7 @@ class Member(NamedTuple):
     Attributes:
         cube_root_kg: W^(1/3) [kg^(1/3)].
         range_m: Slant range [m].
-        template: Samples from the front on [Pa].
+        template: Samples from the front onwards [Pa].
     """
 
     cube_root_kg: float
@@ -174,11 +176,11 @@ class Match(NamedTuple):
     """The loudest blast in a recording, by a bank of templates.
 
     Attributes:
-        detection: Of the best member.
-        best: The member of the greatest likelihood.
-        members: All that are nearly as likely, the best first.
-        calibrated: Whether amplitudes counted; if not, only forms did, and what the
-            members share is a duration, rather than a charge or a range.
+        detection: Detection by the best member.
+        best: Member of the largest likelihood.
+        members: All members that are nearly as likely, the best first.
+        calibrated: True if amplitudes counted; if only forms did, the members have a
+            duration in common rather than a charge or a range.
     """
 
     detection: Detection
@@ -213,44 +215,43 @@ def best_match(
     calibrated: bool = False,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
 ) -> Match | None:
-    """Return what a bank makes of the most likely blast in a recording; None if none.
-
-    The false alarms are those of the whole bank: each member gets its share.
+    """Return the best match of a bank to a recording; None without a detection.
 
     Args:
         recording: Samples of one channel, in pascals if calibrated.
         bank: The blasts.
         rate_hz: Sampling rate of both [Hz].
-        noise_spectrum: Of the noise; none to measure it in the recording.
-        calibrated: Whether the recording is in pascals.
-        false_alarms_per_hour: Of all members together [1/h].
+        noise_spectrum: Spectrum of the noise; None to measure it in the recording.
+        calibrated: True for a recording in pascals.
+        false_alarms_per_hour: Mean rate of false alarms of all members together [1/h].
 
     Raises:
-        InputError: The bank is empty, or recording or rate are no good.
+        InputError: The bank is empty, or recording or rate are invalid.
     """
     samples = checked_samples("recording", recording)
     members = tuple(bank)
     if not members:
-        raise InputError(f"{argument('bank')}: expected one blast at least, got none")
+        raise InputError(f"{argument('bank')}: expected at least one blast, got none")
     each = checked_positive("false_alarms_per_hour", false_alarms_per_hour, "1/h")
     each /= len(members)
     if noise_spectrum is None:
         noise_spectrum = measured_spectrum(samples, rate_hz)
-    heard: list[tuple[float, Member, Detection]] = []
+    matches: list[tuple[float, Member, Detection]] = []
     for member in members:
         kernel = matched_kernel(member.template, rate_hz, noise_spectrum)
         found = detections(filtered_by(samples, kernel), threshold_for(kernel, each))
         for one in found:
             free, size = one.statistic, kernel.response
-            likely = free * size - size**2 / 2 if calibrated else free**2 / 2
-            heard.append((likely, member, one))
-    if not heard:
+            # Kay II, eq. 4.4, at the member's amplitude or maximized over it
+            log_likelihood = free * size - size**2 / 2 if calibrated else free**2 / 2
+            matches.append((log_likelihood, member, one))
+    if not matches:
         return None
-    best = max(heard, key=lambda entry: entry[0])
+    best = max(matches, key=lambda entry: entry[0])
     near = [
         entry
-        for entry in sorted(heard, key=lambda entry: -entry[0])
-        if best[0] - entry[0] < NEARLY
+        for entry in sorted(matches, key=lambda entry: -entry[0])
+        if best[0] - entry[0] < LN_LIKELIHOOD_RANGE
         and abs(entry[2].time_s - best[2].time_s) * rate_hz < best[1].template.size
     ]
     return Match(best[2], best[1], tuple(entry[1] for entry in near), calibrated)

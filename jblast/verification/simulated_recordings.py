@@ -29,6 +29,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.observations import Observations, observed
 from jblast.observations.records.recording import PressureRecord
+from jblast.observations.table import RECORD_QUANTITIES
 from jblast.scene import (
     Camera,
     Charge,
@@ -49,7 +50,7 @@ from jblast.sensors.camera import (
 from jblast.sensors.camera.fireball import Appearance
 from jblast.signals import NoiseSpectrum
 from jblast.signals.picks import RecordPick, pick_records
-from jblast.signals.picks.pick_log import TOLD, covariance_of, log_value
+from jblast.signals.picks.pick_log import covariance_of, log_value
 from jblast.waves.fireball import fireball, fireball_duration
 from jblast.waves.pulse import pulse_mean, pulse_of
 
@@ -80,7 +81,7 @@ LOGS, SEED = 5, 3
 OUTLIER_SD = 4.0
 """A normal error is beyond this once in 16,000 [sd]."""
 RANGES = (8.0, 11.0, 15.0, 20.0, 28.0, 40.0)
-LAWS = dict.fromkeys(TOLD, "kingery_bulmash")
+LAWS = dict.fromkeys(RECORD_QUANTITIES, "kingery_bulmash")
 BEFORE, BEHIND = 1.0, 6.0
 """A record begins so many durations before its front, and ends behind it."""
 SETTLES = 64
@@ -434,11 +435,11 @@ def layout() -> Layout:
     """Return the rows that picks of all gauges fill, gauge by gauge."""
     count = len(RANGES)
     return Layout(
-        quantity=TOLD * count,
+        quantity=RECORD_QUANTITIES * count,
         position=jnp.zeros((4 * count, 3)),
         slant_range=jnp.repeat(jnp.asarray(RANGES), 4),
         time=jnp.full(4 * count, jnp.nan),
-        group=tuple(gauge for gauge in range(count) for _ in TOLD),
+        group=tuple(gauge for gauge in range(count) for _ in RECORD_QUANTITIES),
         shot=(0,) * (4 * count),
         clock=("",) * (4 * count),
     )
@@ -519,14 +520,18 @@ def _noise(rng: np.random.Generator, recorder: Recorder):
 
 def log_of_picks(picks: Sequence[RecordPick]) -> Observations:
     """Return the rows of picks of all gauges, with what they share."""
-    values = [log_value(one, quantity) for one in picks for quantity in TOLD]
-    names = tuple(one.record.name for one in picks for _ in TOLD)
+    values = [
+        log_value(one, quantity) for one in picks for quantity in RECORD_QUANTITIES
+    ]
+    names = tuple(one.record.name for one in picks for _ in RECORD_QUANTITIES)
     return observed(
         names,
-        TOLD * len(picks),
+        RECORD_QUANTITIES * len(picks),
         [value for value, _ in values],
         [sigma for _, sigma in values],
-        slant_range=np.repeat(np.array(RANGES), len(TOLD)),
+        slant_range=np.repeat(np.array(RANGES), len(RECORD_QUANTITIES)),
         record=names,
-        covariances=tuple(covariance_of(one, one.record.name, TOLD) for one in picks),
+        covariances=tuple(
+            covariance_of(one, one.record.name, RECORD_QUANTITIES) for one in picks
+        ),
     )

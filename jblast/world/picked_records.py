@@ -26,7 +26,7 @@ from jblast.scene import Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.signals.picks import RecordPick, pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES
-from jblast.signals.picks.pick_log import log_value, untold
+from jblast.signals.picks.pick_log import log_value, omitted_quantities
 from jblast.world.drawn import DrawnWorld
 from jblast.world.perceived import Arrivals, stretch_about
 
@@ -72,7 +72,7 @@ def picked_readings(
     places: list[np.ndarray] = []
     missed = 0
     for (sensor, shot), one in zip(of, pick_records(records), strict=True):
-        lost = [quantity for _, gone in untold(one) for quantity in gone]
+        lost = [quantity for _, gone in omitted_quantities(one) for quantity in gone]
         kept = [q for q in TAKEN if one.pick.found and q not in lost]
         missed += not kept
         for quantity in kept:

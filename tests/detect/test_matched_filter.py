@@ -142,7 +142,7 @@ def test_gusts_are_marked_and_steady_noise_is_not():
     assert calm < 1.15
     sound[60_000:70_000] *= 5
     assert unsteadiness(filtered_by(sound, kernel)) > 2
-    with pytest.raises(InputError, match="ten stretches within"):
+    with pytest.raises(InputError, match="ten intervals within"):
         unsteadiness(filtered_by(sound, kernel), stretch_s=1.0)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.signals import noise_spectrum, white_noise
-from jblast.signals.pulse_fit import MOST_MISFIT, PulseTest
+from jblast.signals.pulse_fit import MAX_MISFIT, PulseTest
 from jblast.signals.search import (
     Channel,
     bank_of_pulses,
@@ -84,7 +84,7 @@ def test_pulses_of_other_forms_are_accepted(bank, name):
     found = search_bank(channel(BLASTS[name]), bank, 1.0, search)
     assert [round(one.time_s, 2) for one in found.detections] == [3.0]
     (fit,) = found.fits
-    assert fit.misfit < MOST_MISFIT
+    assert fit.misfit < MAX_MISFIT
     assert fit.log_likelihood_ratio > np.log(100)
 
 

@@ -55,5 +55,5 @@ def test_noise_has_no_match():
 
 
 def test_an_empty_bank_is_refused():
-    with pytest.raises(InputError, match="bank: expected one blast at least"):
+    with pytest.raises(InputError, match="bank: expected at least one blast"):
         best_match(np.ones(9000), (), RATE)

@@ -51,7 +51,7 @@ def test_a_recorded_template_starts_at_the_front_and_fades():
 
 @pytest.mark.parametrize(("start", "length"), [(-0.1, 0.2), (0.9, 0.2), (2.0, 0.1)])
 def test_stretches_outside_the_recording_are_refused(start, length):
-    with pytest.raises(InputError, match="expected a stretch within the 1 s"):
+    with pytest.raises(InputError, match="expected an interval within the 1 s"):
         recorded_template(np.ones(1000), 1000.0, start, length)
 
 

@@ -59,7 +59,7 @@ def test_one_an_hour_is_the_default():
         (0.0, "expected a positive number"),
         (-1.0, "expected a positive number"),
         (np.inf, "expected a positive number"),
-        (1e9, "expected less than the noise rises through 0"),
+        (1e9, "expected less than the zero upcrossings of the noise"),
     ],
 )
 def test_rates_that_no_threshold_has_are_refused(rate, said):

@@ -16,7 +16,7 @@ from jblast.observations import Observations, read
 from jblast.observations.grouping import by_shot, one_event as combined
 from jblast.observations.records.formats import Scaling
 from jblast.observations.scenes import scene_of_records
-from jblast.observations.table import OF_SAMPLES, SAMPLES
+from jblast.observations.table import RECORD_QUANTITIES, SAMPLES
 from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.scene import (
@@ -140,7 +140,7 @@ def fit_input(
     readable = [one for one in logs.values() if isinstance(one, Observations)]
     if laws and readable:
         read_off = {quantity for one in readable for quantity in one.quantity}
-        read_off |= set(OF_SAMPLES) if SAMPLES in read_off else set()
+        read_off |= set(RECORD_QUANTITIES) if SAMPLES in read_off else set()
         uncertain = with_laws(uncertain, laws_named(_words(laws), read_off))
     return FitInput(logs, uncertain)
 

@@ -35,48 +35,53 @@ from jaxtyping import Bool, Float
 from jblast.scene import Camera
 from jblast.sensors.camera.geometry import unproject
 
-SHRUNK = 0.93
-"""Of the largest radius so far: below it is no growth any more. Soot has come before
-the fire, or what it lit has fallen dark."""
-LEAP = 0.25
-"""Share of a radius, and a pixel, by which it does not grow in a frame once it is
-known: another spot has been joined."""
-SLOW = 0.3
-"""Time constant over the time between frames below which no growth is seen."""
-PLACE = 0.3
-"""Least error of a place in the image [px]."""
-LEANS = 0.02
-"""And, as a share of the largest radius: a fire is not even, and what is hidden of it
-by soot or by its own light on the ground is not on both sides alike. (With it the
-interval of 90 % held the row of 93 % of 60 blasts, without it that of 83 %.)"""
+SHRUNK_SHARE = 0.93
+"""Ratio to the largest radius so far below which growth has ended: soot hides the fire,
+or ground that it lit has become dark."""
+LEAP_SHARE = 0.25
+"""Largest growth in one frame, over the largest radius so far, plus one pixel: a larger
+one means that another spot has merged with it."""
+LEAST_GROWTH_FRAMES = 0.3
+"""Smallest time constant of an identified growth, over the frame interval: a fireball
+has reached 96 % of its radius after one interval then."""
+POSITION_ERROR_PX = 0.3
+"""Smallest error of a position in the image [px]: about 1/sqrt(12), an edge anywhere in
+a pixel."""
+ASYMMETRY = 0.02
+"""Error of a position due to asymmetry, over the largest radius: a fire is uneven, and
+soot or light on the ground hides its sides unequally. With it 90 % intervals covered
+the row of 93 % of 60 blasts, without it 83 %."""
 MIN_SILHOUETTES = 4
 """Smallest number of silhouettes for a fit of three parameters."""
 Image = Float[np.ndarray, "height width"]
-LOW = 0.3
-"""Columns lower than this share of the highest are left out, $q$."""
-OTHERS = (0.15, 0.5)
-"""Shares beside it. Half of what the radius differs between them is an error of it."""
-SHINES = 0.5
-"""Share of the light of a fireball from which on a pixel is a part of it."""
-FAINTER, BRIGHTER = 0.3, 0.7
-"""Likewise, beside it."""
-GLOW = 3.0
-"""Times what the radius differs between those is an error, too: light on the ground,
-which falls as the distance's cube, is a third wider where it is so much fainter, and
-is no part of the fireball."""
-PIXEL = 0.3
-"""Error of a radius: of where an edge stands in a pixel, and of a glare [px]."""
+COLUMN_SHARE = 0.3
+"""Smallest height of a column, over the highest, $q$; ground lit by fire is lower."""
+OTHER_COLUMN_SHARES = (0.15, 0.5)
+"""Other values of $q$. Half the difference of the radius between them is an error."""
+PIXEL_SHARE = 0.5
+"""Share of the fireball's light from which on a pixel belongs to it: the middle of a
+blurred edge."""
+FAINTER_SHARE, BRIGHTER_SHARE = 0.3, 0.7
+"""Other shares, between which the radius of a sharp edge hardly differs."""
+GLOW_FACTOR = 3.0
+"""Factor on the difference of the radius between those, as an error. Light on the
+ground falls as the cube of the distance, so it is a third wider at 0.3 than at 0.7, and
+all of it lies outside the fireball."""
+RADIUS_ERROR_PX = 0.3
+"""Error of a radius by the position of the edge in a pixel and by glare [px]."""
 RELATIVE_ERROR = 0.02
-"""Relative error of a silhouette's radius, because a fireball is rough."""
-UNSURE = 0.25
-"""Error, as a share of the radius, from which on a radius is not used: ground that the
-fire lights as brightly as itself makes all radii of a film too large, and a fit would
-take them for so many independent ones."""
+"""Relative error of a silhouette's radius by the roughness of a fireball."""
+MAX_RELATIVE_ERROR = 0.25
+"""Largest relative error of a radius that is used. Ground that is lit as brightly as
+the fire makes all radii of a film too large, while a fit would take their errors as
+independent."""
 Frames = Float[np.ndarray, "frame height width"]
-BEFORE = 8
-"""Most frames from which the scene without it is taken."""
-BRIGHT = 0.5
-"""Quantile of the light of what became bright that is the fireball's own."""
+BACKGROUND_FRAMES = 8
+"""Largest number of frames for the scene without the fireball: their median excludes
+flicker, and the camera moves little in that time."""
+LIGHT_QUANTILE = 0.5
+"""Quantile of the light of the lit pixels that is taken as the fireball's own: pixels
+at its edge are darker, glare is brighter."""
 
 
 class Growth(NamedTuple):
@@ -85,11 +90,11 @@ class Growth(NamedTuple):
     Attributes:
         time_s: First light [s].
         sigma_s: Its standard deviation [s].
-        x_px: The burst in the image.
+        x_px: Column of the burst in the image [px].
         x_sigma_px: Its standard deviation [px].
-        y_px: Likewise, down from the top.
+        y_px: Row of the burst, down from the top [px].
         y_sigma_px: Its standard deviation [px].
-        radius_px: Of the fireball when it has grown; null where not identified [px].
+        radius_px: Final radius of the fireball; null where not identified [px].
         radius_sigma_px: Its standard deviation [px].
         growth_s: Time constant; null where not identified [s].
         growth_sigma_s: Its standard deviation [s].
@@ -113,12 +118,12 @@ class Silhouette(NamedTuple):
     """A fireball at an instant, in the image.
 
     Attributes:
-        time_s: When [s].
-        radius_px: Of the disc or half disc whose columns spread as much [px].
+        time_s: Time [s].
+        radius_px: Radius of the disc or half disc with the same spread of columns [px].
         x_px: Mean column [px].
         y_px: Mean row [px].
-        area_px: Pixels that shine.
-        cut: Whether an edge of the image cuts it left or right.
+        area_px: Number of its pixels.
+        cut: True if the left or right edge of the image cuts it.
         sigma_px: Standard deviation of the radius [px].
     """
 
@@ -128,15 +133,15 @@ class Silhouette(NamedTuple):
     y_px: float
     area_px: float
     cut: bool
-    sigma_px: float = PIXEL
+    sigma_px: float = RADIUS_ERROR_PX
 
 
 def growth(seen: Sequence[Silhouette], earliest_s: float) -> Growth:
-    """Return how a fireball grew.
+    """Return the growth of a fireball.
 
     Args:
         seen: Its silhouettes, in order of time, at least one.
-        earliest_s: The last instant that does not show it [s].
+        earliest_s: Time of the last frame without it [s].
     """
     whole = growing(seen) or list(seen[:1])
     time, radius, error, x, y = (
@@ -147,33 +152,35 @@ def growth(seen: Sequence[Silhouette], earliest_s: float) -> Growth:
     start, even = 0.5 * (earliest_s + latest), (latest - earliest_s) / np.sqrt(12.0)
     fit = None
     if len(whole) >= MIN_SILHOUETTES:
-        # of less than a pixel nothing may be seen, so it may be a frame earlier still
+        # a fireball smaller than a pixel may be invisible, so the burst may be another
+        # frame interval earlier
         fit = _fitted(time, radius, error, 2.0 * earliest_s - latest, latest)
     if fit is not None:
         (start, last, tau), (sigma, last_sd, tau_sd), spread = fit
-        # all that is certain is that it lies between two frames
+        # at most that of a uniform density between two frames, which is certain
         sigma = min(max(sigma, 0.03 * (latest - earliest_s)), even)
         grown = (float(last), float(last_sd), float(tau), float(tau_sd))
     else:
-        sigma, spread, grown = even, PIXEL, (None, None, None, None)
+        sigma, spread, grown = even, RADIUS_ERROR_PX, (None, None, None, None)
     since = time - start
     (x0, x_sd), (y0, y_sd) = (_at_zero(v, radius, since) for v in (x, y))
     return Growth(float(start), float(sigma), x0, x_sd, y0, y_sd, *grown, float(spread))
 
 
 def growing(seen: Sequence[Silhouette]) -> list[Silhouette]:
-    """Return the silhouettes up to where an edge cuts it or it does not grow on.
+    """Return the silhouettes before an edge cuts one or growth ends.
 
     Args:
-        seen: Of a fireball, in order of time.
+        seen: Silhouettes of a fireball, in order of time.
     """
     out: list[Silhouette] = []
     most = 0.0
     for one in seen:
         leapt = (
-            len(out) >= MIN_SILHOUETTES and one.radius_px > (1.0 + LEAP) * most + 1.0
+            len(out) >= MIN_SILHOUETTES
+            and one.radius_px > (1.0 + LEAP_SHARE) * most + 1.0
         )
-        if one.cut or one.radius_px < SHRUNK * most - 1.0 or leapt:
+        if one.cut or one.radius_px < SHRUNK_SHARE * most - 1.0 or leapt:
             break
         out.append(one)
         most = max(most, one.radius_px)
@@ -187,8 +194,8 @@ def _fitted(
     earliest: float,
     latest: float,
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Return first light, last radius and time constant, their sigmas, the scatter."""
-    # imported here, as are images below: films without a flash do without
+    """Return first light, final radius and time constant, their sigmas, the scatter."""
+    # imported here, like scipy.ndimage below: films without a flash need neither
     from scipy.optimize import least_squares
 
     def misfit(p: np.ndarray) -> np.ndarray:
@@ -204,8 +211,9 @@ def _fitted(
     square = found.jac.T @ found.jac
     if not found.success or np.linalg.cond(square) > 1e18:
         return None
-    if np.exp(found.x[2]) < SLOW * step:
-        return None  # it had grown before the first frame that shows it
+    # the fireball had its final radius in the first frame that shows it
+    if np.exp(found.x[2]) < LEAST_GROWTH_FRAMES * step:
+        return None
     dof = max(len(time) - 3, 1)
     inflation = max(1.0, 2.0 * found.cost / dof)
     sd = np.sqrt(np.diag(np.linalg.inv(square)) * inflation)
@@ -223,47 +231,58 @@ def _at_zero(
     radius: Float[np.ndarray, " n"],
     since: Float[np.ndarray, " n"],
 ) -> tuple[float, float]:
-    """Return where the middle is at radius 0, and its standard deviation [px]."""
-    if len(middle) == 1:  # of a half disc it is up to 0.42 R off
-        return float(middle[0]), float(np.hypot(0.42 * radius[0], PLACE))
+    """Return the middle extrapolated to radius 0, and its standard deviation [px]."""
+    # the centre of a half disc is 4/(3 pi) = 0.42 R above the burst
+    if len(middle) == 1:
+        return float(middle[0]), float(np.hypot(0.42 * radius[0], POSITION_ERROR_PX))
     columns = [np.ones_like(radius)]
     if len(middle) > 3 and np.ptp(radius) > 1.0:
         columns.append(radius)
     if len(middle) > 6:
         columns.append(since)
     design = np.stack(columns, axis=1)
-    weight = 1.0 / (PIXEL + 0.05 * radius)
+    weight = 1.0 / (RADIUS_ERROR_PX + 0.05 * radius)
     found, *_ = np.linalg.lstsq(design * weight[:, None], middle * weight, rcond=None)
     left = (middle - design @ found) * weight
     square = (design * weight[:, None]).T @ (design * weight[:, None])
     inflation = float(left @ left) / max(len(middle) - len(columns), 1)
-    sd = np.sqrt(np.linalg.pinv(square)[0, 0] * max(inflation, PIXEL**2))
-    errors = sd, PLACE, LEANS * radius.max()
+    sd = np.sqrt(np.linalg.pinv(square)[0, 0] * max(inflation, RADIUS_ERROR_PX**2))
+    errors = sd, POSITION_ERROR_PX, ASYMMETRY * radius.max()
     return float(found[0]), float(np.linalg.norm(errors))
 
 
 def silhouette(
     time_s: float, share: Image, seed: Bool[np.ndarray, "height width"]
 ) -> Silhouette | None:
-    """Return the bright spot about a seed; None if there is none.
+    """Return the silhouette about a seed; None without one.
 
     Args:
-        time_s: When [s].
-        share: How much of each pixel shines, 0 to 1.
-        seed: Where it is to be: of the connected spots that touch it the largest.
+        time_s: Time [s].
+        share: Share of the fireball's light in each pixel, 0 to 1.
+        seed: Pixels of which the silhouette must contain one; the largest connected
+            spot of that kind is used.
     """
-    spot = _spot(share, SHINES, seed)
+    spot = _spot(share, PIXEL_SHARE, seed)
     if spot is None:
         return None
     weight = _within(spot, share)
     columns, rows = weight.sum(axis=0), weight.sum(axis=1)
-    middle, radius = _spread(columns, LOW)
-    low, high = (_spread(columns, share)[1] for share in OTHERS)
+    middle, radius = _spread(columns, COLUMN_SHARE)
+    low, high = (_spread(columns, share)[1] for share in OTHER_COLUMN_SHARES)
     faint, bright = (
-        radius if other is None else _spread(_within(other, share).sum(axis=0), LOW)[1]
-        for other in (_spot(share, level, seed) for level in (FAINTER, BRIGHTER))
+        radius
+        if other is None
+        else _spread(_within(other, share).sum(axis=0), COLUMN_SHARE)[1]
+        for other in (
+            _spot(share, level, seed) for level in (FAINTER_SHARE, BRIGHTER_SHARE)
+        )
     )
-    errors = PIXEL, RELATIVE_ERROR * radius, 0.5 * (high - low), GLOW * (faint - bright)
+    errors = (
+        RADIUS_ERROR_PX,
+        RELATIVE_ERROR * radius,
+        0.5 * (high - low),
+        GLOW_FACTOR * (faint - bright),
+    )
     sigma = float(np.linalg.norm(errors))
     cut = bool(spot[:, 0].any() or spot[:, -1].any())
     row = float(rows @ np.arange(len(rows))) / float(weight.sum())
@@ -274,7 +293,7 @@ def silhouette(
 def _spot(
     share: Image, level: float, seed: Bool[np.ndarray, "height width"]
 ) -> Bool[np.ndarray, "height width"] | None:
-    """Return the largest spot brighter than a level that touches a seed, if any."""
+    """Return the largest spot brighter than a level that touches a seed, or None."""
     from scipy import ndimage
 
     names = np.zeros(share.shape, np.int32)
@@ -288,14 +307,15 @@ def _spot(
 
 
 def _within(spot: Bool[np.ndarray, "height width"], share: Image) -> Image:
-    """Return how much shines of a spot and of the pixels at its edge."""
+    """Return the shares in a spot and in the pixels at its edge, else zero."""
     from scipy import ndimage
 
+    # the pixels around a spot contain the rest of its edge, to a fraction of a pixel
     return np.where(ndimage.binary_dilation(spot), share, 0.0)
 
 
 def _spread(columns: Float[np.ndarray, " width"], low: float) -> tuple[float, float]:
-    """Return the middle of what is higher than a share, and the radius [px]."""
+    """Return middle and radius by the columns above a share of the highest [px]."""
     weight = np.maximum(columns - low * columns.max(), 0.0)
     x = np.arange(len(columns))
     middle = float(weight @ x) / float(weight.sum())
@@ -317,18 +337,23 @@ def silhouettes(
     begun: int,
     seed: Bool[np.ndarray, "height width"],
 ) -> tuple[list[Silhouette], float]:
-    """Return the silhouettes of a fireball, and the last instant without it [s].
+    """Return the silhouettes of a fireball, and the last time without it [s].
 
     Args:
-        times: Of the frames [s].
+        times: Times of the frames [s].
         light: Linear light, full scale 1.
         begun: Number of the frame that shows it first, or one nearby.
-        seed: Where pixels were lit.
+        seed: Pixels that were lit.
     """
+    # two frames before the evidence, as a faint start lights no pixel
     quiet = max(begun - 2, 1)
-    behind = np.median(light[max(quiet - BEFORE, 0) : quiet], axis=0)
+    behind = np.median(light[max(quiet - BACKGROUND_FRAMES, 0) : quiet], axis=0)
     rise = light[quiet:] - behind
-    peak = float(np.quantile(rise.max(axis=0)[seed], BRIGHT)) if seed.any() else 0.0
+    peak = (
+        float(np.quantile(rise.max(axis=0)[seed], LIGHT_QUANTILE))
+        if seed.any()
+        else 0.0
+    )
     if peak <= 0.0:
         return [], float(times[quiet - 1])
     full = behind + peak
@@ -342,20 +367,21 @@ def joined(
     seed: Bool[np.ndarray, "height width"],
     before: float,
 ) -> tuple[list[Silhouette], float]:
-    """Return the silhouettes from the first frame that has one, without a gap.
+    """Return consecutive silhouettes from the first frame that has one.
 
     Args:
-        times: Of the frames [s].
-        shares: How much of each pixel shines.
-        seed: Where it is.
-        before: The instant before the first of them [s].
+        times: Times of the frames [s].
+        shares: Share of the fireball's light in each pixel.
+        seed: Pixels of the fireball.
+        before: Time of the frame before the first of them [s].
     """
     seen: list[Silhouette] = []
     for time, share in zip(times, shares, strict=True):
         one = silhouette(float(time), share, seed)
         if one is None:
+            # after three silhouettes it is over or hidden; before, it was noise
             if len(seen) >= 3:
-                break  # it is over, or hidden
+                break
             seen, before = [], float(time)
         else:
             seen.append(one)
@@ -365,10 +391,10 @@ def joined(
 def seed_of(
     lit: Sequence[Bool[np.ndarray, "height width"]], box: tuple[int, int, int, int]
 ) -> Bool[np.ndarray, "height width"]:
-    """Return where pixels were lit in a tile.
+    """Return the pixels that were lit in a tile.
 
     Args:
-        lit: Of each frame since the evidence began.
+        lit: Lit pixels of each frame since the evidence began.
         box: The tile: left, top, right, bottom [px].
     """
     left, top, right, bottom = box
@@ -379,12 +405,12 @@ def seed_of(
 
 
 class Direction(NamedTuple):
-    """From the camera to the burst.
+    """Direction from the camera to the burst.
 
     Attributes:
-        bearing_rad: Clockwise from north [rad].
-        bearing_sd_rad: Its standard deviation, of the place in the image alone [rad].
-        elevation_rad: Above the horizon [rad].
+        bearing_rad: Bearing, clockwise from north [rad].
+        bearing_sd_rad: Its standard deviation by the position in the image alone [rad].
+        elevation_rad: Elevation above the horizon [rad].
         elevation_sd_rad: Its standard deviation, likewise [rad].
     """
 
@@ -398,13 +424,14 @@ def direction_of(camera: Camera, grown: Growth) -> Direction:
     """Return the direction of a burst.
 
     Args:
-        camera: Who looked.
-        grown: Where it is in the image.
+        camera: The camera.
+        grown: Growth with the position in the image.
     """
     x, y = grown.x_px, grown.y_px
     pixels = np.array([[x, y], [x + 1.0, y], [x, y + 1.0]])
     east, north, up = np.asarray(unproject(camera, pixels)).T
     bearing, elevation = np.arctan2(east, north), np.arctan2(up, np.hypot(east, north))
+    # differences modulo a turn: a burst may lie due north
     by_pixel = np.angle(np.exp(1j * (bearing[1:] - bearing[0])))
     sigma = np.array([grown.x_sigma_px, grown.y_sigma_px])
     return Direction(
@@ -418,12 +445,12 @@ def direction_of(camera: Camera, grown: Growth) -> Direction:
 def radius_in_middle(camera: Camera, seen: Silhouette) -> float:
     """Return the radius that the sphere would have in the middle of the image [px].
 
-    Elsewhere, and through a lens that distorts, it is another; `fireball_radius_px` is
-    f tan(a) with a the half-angle that it spans.
+    The quantity `fireball_radius_px` is f tan(a) with a the half-angle of the sphere;
+    off the middle and with lens distortion a silhouette has another radius.
 
     Args:
-        camera: Who looked.
-        seen: Its silhouette.
+        camera: The camera.
+        seen: A silhouette.
     """
     x, y, radius = seen.x_px, seen.y_px, seen.radius_px
     left, right = np.asarray(

@@ -1,14 +1,14 @@
 r"""Flashes in a film or in camera events: search, checks, threshold, rows of a log.
 
-The sequential test of `watch` was set for 1,000 frames a second and images up to
-`WIDEST` pixels wide. Faster frames are averaged to about that rate, larger images to at
-most that width. Events are summed to a change of the logarithm of light in each
+The sequential test of `watch` is tuned for 1,000 frames a second and images up to
+`MAX_WIDTH` pixels wide. Faster frames are averaged to about that rate, larger images to
+at most that width. Events are summed to a change of the logarithm of light in each
 millisecond.
 
-The test raises an alarm within milliseconds. The frames that follow reject two causes
-that are no blast. The first is sparkle, as of the sun on waves: pixels that light up as
-often after an alarm as before it are no onset. The second is growth that does not slow
-down. A radius that grows by a power law of time, as that of a balloon, has a constant
+The test raises an alarm within milliseconds. The frames that follow reject two other
+causes. The first is sparkle, as of the sun on waves: pixels that light up as often
+after an alarm as before it are no onset. The second is growth that does not slow down.
+A radius that grows by a power law of time, as that of a balloon, has a constant
 logarithmic slope $d\ln R / d\ln t = p$: 1/3 for a constant flow, 1 for a constant
 speed. A fireball, $R = R_\infty (1 - e^{-t/\tau})$, has
 
@@ -16,17 +16,16 @@ $$\frac{d\ln R}{d\ln t} = \frac{t/\tau}{e^{t/\tau} - 1}.$$
 
 The slope of the later half of the radii is compared with that of the slowest fireball.
 
-The threshold follows from the greatest value of the statistic in each of many sequences
-without a blast. Above a level $u$ the rate per hour is taken to fall exponentially,
-as for a sum of evidence over many frames (a generalised Pareto tail of shape 0;
-Pickands 1975),
+The threshold follows from the largest statistic of each of many sequences without a
+blast. Above a level $u$ the rate per hour is assumed to fall exponentially, as for a
+sum of evidence over many frames (a generalised Pareto tail of shape 0; Pickands 1975),
 
 $$\nu(h) = \nu_u\, e^{-(h - u)/\sigma}$$
 
 with $\sigma$ the mean excess. If the fitted shape is above 0 the tail is heavier, and
-its own quantile is used. Rare scenes may have tails of their own: the greatest observed
-value is therefore taken to be exceeded once in all of the film, with the same scale
-beyond it. The larger of both thresholds is used.
+its quantile is used. Rare scenes may have other tails: the largest observed value is
+therefore assumed to be exceeded once in the whole film, with the same scale beyond it.
+The larger of both thresholds is used.
 """
 
 import math
@@ -41,7 +40,7 @@ from jblast.observations import Observations, observed
 from jblast.scene import Camera
 from jblast.sensors.camera.files.recorded_events import RecordedEvents
 from jblast.signals.flash.fireball import (
-    UNSURE,
+    MAX_RELATIVE_ERROR,
     Growth,
     Silhouette,
     direction_of,
@@ -53,8 +52,8 @@ from jblast.signals.flash.fireball import (
     silhouettes,
 )
 from jblast.signals.flash.watch import (
-    BRIGHTER,
-    FAINT,
+    LIGHT_OFFSET,
+    LIT_LOG_CHANGE,
     MIN_PIXELS,
     PIXEL_NOISES,
     REMEMBERED,
@@ -65,61 +64,66 @@ from jblast.signals.flash.watch import (
 from jblast.signals.matched_filter import HOUR_S
 from jblast.signals.samples import checked_positive
 
-RATE_HZ = 1000.0
-"""Frames a second that the test was set for [Hz]."""
+TUNED_RATE_HZ = 1000.0
+"""Frame rate for which the test is tuned [Hz]."""
 SLOW_HZ = 500.0
-"""Below this a fireball has grown between two frames; the test was not set for it."""
-WIDEST = 320
-"""Columns or rows that are looked at [px]."""
-LEAD, AFTER = 60, 40
-"""Frames that are kept before an alarm, and measured after it."""
-DECIDED = 60
-"""Frames after an alarm with which it is checked: by then growth by the cube root of
-time has 1.5 times the slope of the slowest fireball."""
+"""Frame rate below which a warning is given [Hz]: a fireball may grow fully between two
+frames, and the test is not tuned for that."""
+MAX_WIDTH = 320
+"""Largest number of columns or rows of the tested image [px]: the tuned sizes of tiles
+then cover fireballs of up to a third of it, and larger images cost no more time."""
+FRAMES_BEFORE, FRAMES_AFTER = 60, 40
+"""Frames before an alarm that are stored, for the background and the start of growth,
+and frames after it that are measured: four time constants of 1 t at 1,000 frames a
+second."""
+DECISION_FRAMES = 60
+"""Frames after an alarm by which it is checked: at their end, growth by the cube root
+of time has 1.5 times the slope of the slowest fireball."""
 LAG_S = 0.5e-3
-"""Delay by the low-pass of an event pixel, that of 300 Hz [s]."""
-LIT = 0.3
-"""Sum of the changes of the logarithm, by events, from which on a pixel shines."""
+"""Delay by the low-pass of an event pixel of 300 Hz [s], added to the error."""
+LIT_SUM = 0.3
+"""Sum of the changes of the logarithm by events from which on a pixel belongs to a
+fireball: one or two events of the usual threshold, 0.2."""
 Image = Float[np.ndarray, "height width"]
-SETTLED = 20
+SETTLED_FRAMES = 20
 """Frames after an alarm from which on a fireball lights few more pixels: two time
 constants of 1 t at 1,000 frames a second."""
-ENOUGH = 10
-"""Frames or radii that a rate or a slope is taken from, at least."""
-CONTINUES = 0.5
-"""Pixels lit a frame after an alarm over those before it from which on it is sparkle.
-Half way: stationary sparkle has 1, a growth that has ended 0."""
+MIN_FITTED = 10
+"""Smallest number of frames for a rate, or of radii for a slope."""
+SPARKLE_RATIO = 0.5
+"""Rate of lit pixels after an alarm, over that before it, from which on it is sparkle:
+half way between stationary sparkle, 1, and a growth that has ended, 0."""
 NORMAL = 1.4826
-"""Standard deviation of normal noise over its median size."""
+"""Standard deviation of normal noise over the median of its absolute value."""
 SLOWEST_S = 0.02
-"""Time constant of the slowest fireball: twice that of 1 t by the law, which is known
-to a factor of two (`waves.fireball`). The test was set for up to 1 t [s]."""
+"""Time constant of the slowest fireball [s]: twice that of 1 t by the law, which is
+known to a factor of two (`waves.fireball`). The test is tuned for up to 1 t."""
 SPARKLE = "pixels went on lighting up as before it, as on glittering water"
 GROWS_ON = "its growth did not slow down as a fireball's of up to 1 t does"
 SAME_AS_REJECTED = "it belongs to what had been rejected there before"
 STEP_S = 1e-3
-"""Events of so long are one change [s]."""
-BLOCK = 32
+"""Time over which events are summed to one change [s]: the tuned frame interval."""
+BLOCK_STEPS = 32
 """Steps whose images are in memory together: 80 MB at 640 x 480 pixels."""
 Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 SENSOR = "camera"
-RADII = 8
-"""Most rows of a flash with its radius."""
+MAX_RADII = 8
+"""Largest number of rows with a radius of one flash: errors of neighbouring radii are
+shared, and more rows would not add information."""
 MIN_RADIUS = 3.0
-"""Smallest reported radius [px]."""
+"""Smallest reported radius [px]: the error of a third of a pixel is a tenth of it."""
 
 
 class Flash(NamedTuple):
-    """A blast that was seen.
+    """A detected blast.
 
     Attributes:
-        statistic: Of the test, at the alarm.
+        statistic: Statistic of the test at the alarm.
         told_s: Time of the alarm [s].
-        frame: Number of the first frame that shows it, or for events of the
-            millisecond.
-        growth: First light, place and growth.
-        silhouettes: Of each frame, from the first on.
-        picture: A frame that shows it grown; None of events.
+        frame: Number of the first frame that shows it; of the millisecond for events.
+        growth: First light, position and growth.
+        silhouettes: Silhouette in each frame, from the first on.
+        picture: A frame that shows it grown; None for events.
     """
 
     statistic: float
@@ -131,11 +135,11 @@ class Flash(NamedTuple):
 
 
 class Rejected(NamedTuple):
-    """An alarm that was no blast by the frames that follow it.
+    """An alarm that the frames after it do not confirm as a blast.
 
     Attributes:
         time_s: Time of the alarm [s].
-        reason: Of the rejection, `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`.
+        reason: Reason of the rejection: `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`.
     """
 
     time_s: float
@@ -147,12 +151,12 @@ class FlashDetections(NamedTuple):
 
     Attributes:
         flashes: Blasts in order of time.
-        times: Of the frames that the test saw [s].
-        statistic: Of the test, after each.
-        threshold: From which on it is a blast.
-        latency_s: From first light to the alarm, at least [s].
-        binned: Pixels a side that were averaged.
-        rejected: Alarms that were no blasts, in order of time.
+        times: Times of the tested frames [s].
+        statistic: Statistic of the test after each.
+        threshold: Threshold of the statistic.
+        latency_s: Smallest delay from first light to the alarm [s].
+        binned: Side of the squares of pixels that were averaged [px].
+        rejected: Rejected alarms, in order of time.
     """
 
     flashes: tuple[Flash, ...]
@@ -165,7 +169,7 @@ class FlashDetections(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """A frame as the test saw it."""
+    """A frame as tested."""
 
     number: int
     time: float
@@ -185,14 +189,14 @@ def detect_flashes(
     Args:
         blocks: Times [s] and linear light, full scale 1; or with `changes` the changes
             of its logarithm by events.
-        rate_hz: Frames a second [Hz].
-        threshold: Of the statistic.
-        changes: Whether they are changes.
+        rate_hz: Frame rate [Hz].
+        threshold: Threshold of the statistic.
+        changes: True for changes by events.
     """
-    group = 1 if changes else max(1, round(rate_hz / RATE_HZ))
+    group = 1 if changes else max(1, round(rate_hz / TUNED_RATE_HZ))
     rate = rate_hz / group
     watch: Watch | None = None
-    kept: deque[_Kept] = deque(maxlen=LEAD + DECIDED)
+    kept: deque[_Kept] = deque(maxlen=FRAMES_BEFORE + DECISION_FRAMES)
     alarm: int | None = None
     pending: deque[tuple[int, Seen]] = deque()
     decided = _Decided(group, changes)
@@ -200,7 +204,7 @@ def detect_flashes(
     number = -1
     for number, (time, image) in enumerate(_grouped(blocks, group)):
         if watch is None:
-            binned = max(1, math.ceil(max(image.shape) / WIDEST))
+            binned = max(1, math.ceil(max(image.shape) / MAX_WIDTH))
             watch = Watch(_binned(image, binned).shape, stays=stays_for(rate))
         image = _binned(image, binned)
         seen = watch.change(image) if changes else watch.frame(image)
@@ -211,10 +215,11 @@ def detect_flashes(
         if alarm is None and seen.statistic > threshold:
             alarm = number
             pending.append((number, seen))
-        if alarm is not None and number - alarm >= AFTER:
+        # one alarm for each blast: its remaining evidence is dropped
+        if alarm is not None and number - alarm >= FRAMES_AFTER:
             alarm = None
             watch.forget()
-        if pending and number - pending[0][0] >= DECIDED:
+        if pending and number - pending[0][0] >= DECISION_FRAMES:
             decided.add(kept, *pending.popleft(), binned)
     for one in pending:
         decided.add(kept, *one, binned)
@@ -231,23 +236,23 @@ def detect_flashes(
 
 
 class _Decided:
-    """Alarms that were decided: flashes, and what was none.
+    """Checked alarms: flashes and rejected ones.
 
     Attributes:
-        flashes: In order of time.
-        rejected: Likewise.
+        flashes: Flashes in order of time.
+        rejected: Rejected alarms in order of time.
     """
 
     def __init__(self, group: int, changes: bool):
-        """Begin with none; see `detect_flashes`."""
+        """Create the empty lists; arguments as in `detect_flashes`."""
         self._group, self._changes = group, changes
         self.flashes: list[Flash] = []
         self.rejected: list[Rejected] = []
         self._spurned: tuple[int, tuple[int, int, int, int]] | None = None
 
     def add(self, kept: "deque[_Kept]", number: int, seen: Seen, binned: int) -> None:
-        """Decide an alarm by all frames that are kept; measure it if it is a blast."""
-        frames = [one for one in kept if one.number > number - LEAD]
+        """Check an alarm by all stored frames; measure it if it is a blast."""
+        frames = [one for one in kept if one.number > number - FRAMES_BEFORE]
         numbers = np.array([one.number for one in frames])
         at = int(np.searchsorted(numbers, number))
         begun = max(at - seen.frames + 1, 0)
@@ -256,7 +261,7 @@ class _Decided:
             self.rejected.append(Rejected(frames[at].time, reason))
             self._spurned = number, seen.box
             return
-        frames = [one for one in frames if one.number <= number + AFTER]
+        frames = [one for one in frames if one.number <= number + FRAMES_AFTER]
         self.flashes += _measured(
             frames, number, seen, self._group, binned, self._changes
         )
@@ -264,19 +269,20 @@ class _Decided:
     def _objection(
         self, frames: "list[_Kept]", begun: int, at: int, seen: Seen
     ) -> str | None:
-        """Return why an alarm is no blast; None if it is one."""
+        """Return the reason for the rejection of an alarm; None for a blast."""
         number = frames[at].number
         if self._spurned is not None:
             last, box = self._spurned
-            # what lit pixels of it is remembered for so long
-            if number - last <= AFTER + REMEMBERED and _overlap(box, seen.box):
+            # pixels of the rejected alarm do not count again for that long, so later
+            # evidence in its tile is the rest of it
+            if number - last <= FRAMES_AFTER + REMEMBERED and _overlap(box, seen.box):
                 return SAME_AS_REJECTED
         left, top, right, bottom = seen.box
         images = np.stack([one.image for one in frames])
         part = images[:, top:bottom, left:right]
         changes = part
         if not self._changes:
-            logs = np.log(np.maximum(part, 0.0) + FAINT)
+            logs = np.log(np.maximum(part, 0.0) + LIGHT_OFFSET)
             changes = np.diff(logs, axis=0, prepend=logs[:1])
         if sparkles(changes, begun, at):
             return SPARKLE
@@ -290,7 +296,7 @@ def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -
 
 
 def _grouped(blocks, group: int) -> Iterator[tuple[float, Image]]:
-    """Return frames one by one, or the means of several."""
+    """Yield frames one by one, or the means of groups."""
     times: list[float] = []
     total: np.ndarray | None = None
     for block_times, images in blocks:
@@ -307,7 +313,7 @@ def _grouped(blocks, group: int) -> Iterator[tuple[float, Image]]:
 
 
 def _binned(image: Image, side: int) -> Float[np.ndarray, "row column"]:
-    """Return the means of squares of pixels; what is left over at the edges is lost."""
+    """Return the means of squares of pixels, without incomplete ones at the edges."""
     if side == 1:
         return image
     height, width = (size // side * side for size in image.shape)
@@ -323,13 +329,13 @@ def _spots(
     seen: Seen,
     events: bool,
 ) -> tuple[list[Silhouette], float]:
-    """Return the silhouettes about an alarm, and the last instant without them [s]."""
+    """Return the silhouettes about an alarm, and the last time without them [s]."""
     times = np.array([one.time for one in frames])
     seed = seed_of([one.lit for one in frames[begun : at + 1]], seen.box)
     if not events:
         return silhouettes(times, images, begun, seed)
     first = max(begun - 2, 0)
-    shares = (np.cumsum(images[first:], axis=0) > LIT).astype(np.float32)
+    shares = (np.cumsum(images[first:], axis=0) > LIT_SUM).astype(np.float32)
     before = times[first - 1] if first else times[0] - (times[1] - times[0])
     return joined(times[first:], shares, seed, float(before))
 
@@ -342,7 +348,7 @@ def _measured(
     binned: int,
     events: bool,
 ) -> list[Flash]:
-    """Return the flash about an alarm; none where no spot is left to be measured."""
+    """Return the flash about an alarm; an empty list without a measurable spot."""
     numbers = np.array([one.number for one in frames])
     times = np.array([one.time for one in frames])
     at = int(np.searchsorted(numbers, number))
@@ -353,6 +359,7 @@ def _measured(
         return []
     spots = [_unbinned(one, binned) for one in spots]
     fitted = growth(spots, earliest)
+    # event pixels respond late by an unknown part of their low-pass
     if events:
         sigma = float(np.hypot(fitted.sigma_s, LAG_S))
         fitted = fitted._replace(sigma_s=sigma)
@@ -373,6 +380,7 @@ def _measured(
 
 def _unbinned(one: Silhouette, side: int) -> Silhouette:
     """Return a silhouette in pixels of the whole image."""
+    # the middle of the first square of pixels, counted from the middle of a pixel
     offset = 0.5 * (side - 1)
     return one._replace(
         radius_px=side * one.radius_px,
@@ -386,49 +394,53 @@ def _unbinned(one: Silhouette, side: int) -> Silhouette:
 def sparkles(
     changes: Float[np.ndarray, "frame row column"], begun: int, at: int
 ) -> bool:
-    """Return whether pixels go on lighting up as they did before an alarm.
+    """Return True if pixels light up after an alarm as often as before it.
 
-    A pixel is lit by a change that is large for its own noise, as in `Brightening`: in
-    the dark the logarithm of light is noisy all the time.
+    A pixel is lit by a change that is large compared with its own noise, as in
+    `Brightening`: the logarithm of light is noisy in the dark.
 
     Args:
-        changes: Of the logarithm of light, from frame to frame, about the alarm.
+        changes: Changes of the logarithm of light between frames, about the alarm.
         begun: Number of the frame in which its evidence began.
         at: Number of the frame of the alarm.
     """
     noise = NORMAL * np.median(np.abs(changes), axis=0)
-    least = np.maximum(BRIGHTER, PIXEL_NOISES * noise)
+    least = np.maximum(LIT_LOG_CHANGE, PIXEL_NOISES * noise)
     lit = np.count_nonzero(changes > least, axis=(1, 2))
-    before, after = lit[begun : at + 1].mean(), lit[at + SETTLED :]
-    # of fewer pixels a rate is not known
-    if len(after) < ENOUGH or before < MIN_PIXELS:
+    before, after = lit[begun : at + 1].mean(), lit[at + SETTLED_FRAMES :]
+    # too few frames or pixels give no rate
+    if len(after) < MIN_FITTED or before < MIN_PIXELS:
         return False
-    return bool(after.mean() > CONTINUES * before)
+    return bool(after.mean() > SPARKLE_RATIO * before)
 
 
 def grows_on(seen: Sequence[Silhouette], earliest_s: float) -> bool:
-    """Return whether a spot grew on when the slowest fireball slows down.
+    """Return True if a spot grows when the slowest fireball would slow down.
 
     Args:
         seen: Its silhouettes in order of time. Those after a cut or a leap, and those
-            whose radius is not trusted, are left out.
-        earliest_s: The last instant that does not show it [s].
+            with an uncertain radius, are left out.
+        earliest_s: Time of the last frame without it [s].
     """
-    whole = [one for one in growing(seen) if one.sigma_px <= UNSURE * one.radius_px]
+    whole = [
+        one
+        for one in growing(seen)
+        if one.sigma_px <= MAX_RELATIVE_ERROR * one.radius_px
+    ]
     time, radius, error = (
         np.array([getattr(one, name) for one in whole])
         for name in ("time_s", "radius_px", "sigma_px")
     )
-    if len(time) < 2 * ENOUGH:
+    if len(time) < 2 * MIN_FITTED:
         return False
     since = time - 0.5 * (earliest_s + seen[0].time_s)
     late = since > 0.5 * since[-1]
-    if np.count_nonzero(late) < ENOUGH:
+    if np.count_nonzero(late) < MIN_FITTED:
         return False
     since, radius, error = since[late], radius[late], error[late]
     slope, sigma = _slope(np.log(since), np.log(radius))
     fireball, _ = _slope(np.log(since), np.log(-np.expm1(-since / SLOWEST_S)))
-    # errors of silhouettes are shared by neighbours: they do not average out
+    # errors of neighbouring silhouettes are common and do not average out
     shared = float(np.mean(error / radius)) / float(np.log(since[-1] / since[0]))
     return slope - 2.0 * float(np.hypot(sigma, shared)) > fireball
 
@@ -445,16 +457,16 @@ def _slope(
 
 
 class Tail(NamedTuple):
-    r"""Tail of the greatest values of sequences without a blast.
+    r"""Tail of the largest statistics of sequences without a blast.
 
     Attributes:
-        level: From here on it is a tail, $u$.
+        level: Start of the tail, $u$.
         scale: Mean excess $\sigma$, or the Pareto scale.
-        shape: Of the Pareto tail; 0 is exponential.
-        per_hour: How often the level is passed, $\nu_u$ [1/h].
-        trials: Sequences.
-        hours: Of all of them [h].
-        greatest: Value that was seen.
+        shape: Shape of the Pareto tail; 0 is exponential.
+        per_hour: Rate at which the level is exceeded, $\nu_u$ [1/h].
+        trials: Number of sequences.
+        hours: Length of all of them [h].
+        greatest: Largest observed value.
     """
 
     level: float
@@ -466,9 +478,10 @@ class Tail(NamedTuple):
     greatest: float = -math.inf
 
     def threshold(self, false_alarms_per_hour: float) -> float:
-        """Return the statistic that is passed so often without a blast [1/h].
+        """Return the statistic that is exceeded at a rate without a blast [1/h].
 
-        For fewer than one in all of the film it lies above the greatest value seen.
+        For less than one false alarm in the whole film it is above the largest observed
+        value.
         """
         rarer = math.log(1.0 / (self.hours * false_alarms_per_hour))
         beyond = self.greatest + self.scale * rarer if rarer > 0.0 else -math.inf
@@ -483,7 +496,7 @@ class Tail(NamedTuple):
         return self.level + self.scale * math.expm1(self.shape * ratio) / self.shape
 
     def false_alarms(self, threshold: float) -> float:
-        """Return how often a threshold is passed without a blast [1/h]."""
+        """Return the rate at which a threshold is exceeded without a blast [1/h]."""
         excess = max(threshold - self.level, 0.0) / self.scale
         if self.shape == 0.0:
             rate = self.per_hour * math.exp(-excess)
@@ -496,25 +509,27 @@ class Tail(NamedTuple):
 def fitted_tail(
     greatest: Float[np.ndarray, " trial"], seconds: float, share: float = 0.05
 ) -> Tail:
-    """Return the tail of the greatest values of sequences without a blast.
+    """Return the tail of the largest statistics of sequences without a blast.
 
-    The Pareto shape is that of L-moments (Hosking and Wallis 1987, eq. 9); below 0 it
-    is set to 0, so that no end of the tail is believed in.
+    The Pareto shape is that of L-moments (Hosking and Wallis 1987, eq. 9). A shape
+    below 0 is set to 0, since it would give the tail an upper bound.
 
     Args:
-        greatest: Of each sequence.
-        seconds: How long each lasts [s].
-        share: Of the sequences that are taken for the tail.
+        greatest: Largest statistic of each sequence.
+        seconds: Length of each [s].
+        share: Share of the sequences in the tail.
     """
     ordered = np.sort(greatest)
     count = max(round(share * len(ordered)), 8)
     level = float(ordered[-count - 1])
     excess = ordered[-count:] - level
-    if excess.max() > 0.0:  # the rest equal the level: most have no evidence at all
+    # most sequences have no evidence at all: values equal to the level are no excess
+    if excess.max() > 0.0:
         excess = excess[excess > 0.0]
         count = len(excess)
     mean = float(excess.mean())
-    weights = (np.arange(count) + 0.65) / count  # plotting positions
+    # plotting positions of Hosking and Wallis, (i - 0.35) / n
+    weights = (np.arange(count) + 0.65) / count
     second = float((excess * (1.0 - weights)).mean())
     shape = -(mean / (mean - 2.0 * second) - 2.0) if mean > 2.0 * second else 0.0
     shape = max(shape, 0.0)
@@ -533,18 +548,19 @@ MEASURED = Tail(
     hours=2000 * 0.3 / HOUR_S,
     greatest=6.288,
 )
-"""Of the test's greatest statistic, by `calibration/visual_detector.py`.
+"""Tail of the test's largest statistic, by `calibration/visual_detector.py`.
 
-Its hour is one of what looks like a flash, not of an empty street: lamps, cars, glints,
-shots, lightning, a moving camera and a noisy one in turn, one in every 0.3 s.
+An hour here consists of scenes that resemble a flash, not of an empty street: lamps,
+cars, glints, shots, lightning, a moving camera and a noisy one in turn, one in every
+0.3 s.
 """
 
 
 def flash_threshold(false_alarms_per_hour: float = 1.0) -> float:
-    """Return the statistic from which on something is a blast.
+    """Return the threshold of the statistic for a blast.
 
     Args:
-        false_alarms_per_hour: How many on average [1/h].
+        false_alarms_per_hour: Mean rate of false alarms [1/h].
 
     Raises:
         InputError: The rate is not positive.
@@ -556,11 +572,11 @@ def flash_threshold(false_alarms_per_hour: float = 1.0) -> float:
 def event_changes(
     events: RecordedEvents, threshold: tuple[float, float] = (0.2, 0.2)
 ) -> Iterator[Block]:
-    """Return the ends of steps [s], and what events changed in each.
+    """Yield the ends of steps [s], and the changes of light by the events of each.
 
     Args:
-        events: In order of time.
-        threshold: Changes of the logarithm that one stands for, brighter and darker.
+        events: Events in order of time.
+        threshold: Change of the logarithm per event, brighter and darker.
     """
     step_us = round(1e6 * STEP_S)
     steps = int(events.t[-1]) // step_us + 1 if len(events.t) else 0
@@ -568,8 +584,8 @@ def event_changes(
     size = events.height * events.width
     pixel = events.y.astype(np.int64) * events.width + events.x
     amount = np.where(events.p > 0, threshold[0], -threshold[1])
-    for first in range(0, steps, BLOCK):
-        last = min(first + BLOCK, steps)
+    for first in range(0, steps, BLOCK_STEPS):
+        last = min(first + BLOCK_STEPS, steps)
         which = slice(edges[first], edges[last])
         step = events.t[which] // step_us - first
         changes = np.bincount(
@@ -587,8 +603,8 @@ def log_of(
     """Return the rows: first light, direction and radii of each flash.
 
     Args:
-        flashes: What was seen.
-        camera: Who saw it.
+        flashes: The flashes.
+        camera: The camera that recorded them.
         comments: Provenance.
     """
     place = np.asarray(camera.position, float)
@@ -596,13 +612,13 @@ def log_of(
     for number, flash in enumerate(flashes, 1):
         shot = str(number) if len(flashes) > 1 else ""
         grown, nan = flash.growth, float("nan")
-        came = direction_of(camera, grown)
+        to = direction_of(camera, grown)
         rows += [
             ("flash_time_s", grown.time_s, grown.sigma_s, nan, shot),
-            ("bearing_rad", came.bearing_rad, came.bearing_sd_rad, nan, shot),
-            ("elevation_rad", came.elevation_rad, came.elevation_sd_rad, nan, shot),
+            ("bearing_rad", to.bearing_rad, to.bearing_sd_rad, nan, shot),
+            ("elevation_rad", to.elevation_rad, to.elevation_sd_rad, nan, shot),
         ]
-        for seen in _some(flash):
+        for seen in _reported(flash):
             radius = radius_in_middle(camera, seen)
             sigma = seen.sigma_px * radius / seen.radius_px
             rows.append(("fireball_radius_px", radius, sigma, seen.time_s, shot))
@@ -619,17 +635,18 @@ def log_of(
     )
 
 
-def _some(flash: Flash) -> list[Silhouette]:
-    """Return a few silhouettes of those that grow, denser while it grows fast."""
+def _reported(flash: Flash) -> list[Silhouette]:
+    """Return a few growing silhouettes, denser where growth is fast."""
     large = [
         one
         for one in growing(flash.silhouettes)
         if one.radius_px >= MIN_RADIUS and one.time_s > flash.growth.time_s
     ]
-    whole = [one for one in large if one.sigma_px <= UNSURE * one.radius_px]
+    whole = [one for one in large if one.sigma_px <= MAX_RELATIVE_ERROR * one.radius_px]
+    # where most radii are uncertain, as by lit ground, the others are too large as well
     if 2 * len(whole) < len(large):
-        return []  # what made the others too large is in these, too
-    if len(whole) <= RADII:
+        return []
+    if len(whole) <= MAX_RADII:
         return whole
-    which = np.unique(np.geomspace(1, len(whole), RADII).round().astype(int) - 1)
+    which = np.unique(np.geomspace(1, len(whole), MAX_RADII).round().astype(int) - 1)
     return [whole[i] for i in which]

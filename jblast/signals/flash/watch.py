@@ -1,7 +1,7 @@
-r"""The sequential test of one camera: a bright spot that grows to both sides.
+r"""The sequential test of one camera for a bright spot that grows to both sides.
 
-It takes frame by frame, in constant memory. From each change of the logarithm of light
-three effects are removed first.
+Frames are processed one by one in constant memory. From each change of the logarithm of
+light three effects are removed first.
 
 Motion of the camera, and light on the whole scene. To first order the change of a scene
 at rest before a moving camera is
@@ -37,7 +37,7 @@ frame, a fireball grows for many. $r_t$ is the share of the bright pixels that a
 bright: the flash of a shot, a glint or a flickering lamp loses all its evidence as it
 falls, and soot in front of a part of the fire that part. Pixels that darken without
 having been bright are ignored, because soot around an explosion is darker than its
-background. The statistic is the least sum of the last frames: what was lit has to stay.
+background. The statistic is the smallest sum of the last frames: lit pixels must stay.
 """
 
 from typing import NamedTuple
@@ -45,61 +45,76 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-FAINT = 0.05
-"""Light below which a logarithm is of noise more than of light, full scale 1."""
-GATHERED = 0.6
-"""Share of the sum of changes that is left after a frame."""
-BRIGHTER = 0.25
-"""Change of the logarithm of light that lights a pixel, at least."""
+LIGHT_OFFSET = 0.05
+"""Light that is added before the logarithm [full scale 1]: below it, changes are noise
+more than light."""
+SUM_MEMORY = 0.6
+"""Share of a pixel's sum of changes that remains after a frame: the sum has a memory of
+2.5 frames, as an edge crosses a pixel of a growing fireball in several frames."""
+LIT_LOG_CHANGE = 0.25
+"""Smallest sum of changes of the logarithm of light that lights a pixel: 28 % brighter,
+above the texture that the fit of the camera's motion leaves."""
 PIXEL_NOISES = 6.0
-"""And so many times the mean size of the pixel's changes."""
-PIXEL_LEARNT = 100.0
-"""Frames over which a pixel's noise is learnt; at first the mean of all there were."""
-FIRST = 2.0
-"""So many frames the first guess counts as, the median of the first change."""
+"""Smallest such sum, over the mean absolute change of the pixel. For white noise, whose
+changes are anticorrelated, it is six standard deviations of the sum."""
+PIXEL_MEMORY_FRAMES = 100.0
+"""Frames over which a pixel's noise is averaged; before that, over all frames."""
+INITIAL_FRAMES = 2.0
+"""Weight of the first estimate, the median of the first change, in frames."""
 REMEMBERED = 60
-"""Frames for which a pixel that was lit does not count again."""
+"""Frames in which a lit pixel does not count again: longer than the period of lamps on
+the mains (10 ms) and of most flicker, at 1,000 frames a second."""
 Image = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
 SIDES = (12, 24, 48, 96)
-"""Sides of the tiles [px]; each overlaps its neighbours by a half."""
+"""Sides of the tiles [px], for fireballs of 10 to 50 px; neighbouring tiles overlap by
+half."""
 DRIFT = 0.7
-"""Taken off the sum of a tile in each frame, $k$: the parts of a passing car say about
-as much for many frames, a fireball four and more for a few, of which it has to last for
-the rest."""
+"""Evidence $k$ subtracted from the sum of a tile in each frame. The parts of a passing
+car give about as much in many frames, so that their sum stays near zero. A fireball
+gives four and more in a few frames, which must last for the rest."""
 MIN_PIXELS = 2.0
-"""Smallest number of pixels that count as much as the noise of a tile."""
+"""Smallest evidence $\nu$ of a tile without a blast [px]: single pixels give little."""
 TILE_NOISES = 3.0
-"""Times the mean of the pixels lit without a blast."""
-TILE_LEARNT = 100.0
-"""Frames over which that mean is learnt."""
+"""Ratio of that evidence to the mean number of pixels lit without a blast."""
+TILE_MEMORY_FRAMES = 100.0
+"""Frames over which that mean is averaged."""
 STAYS_S = 6e-3
-"""Time for which lit pixels have to stay bright [s]."""
+"""Time for which lit pixels must stay bright [s]: longer than the flash of a shot or a
+glint, and a part of the detection delay (median 7.7 ms at one false alarm an hour,
+`calibration/results/visual_detector.txt`)."""
 BOUND = 40.0
-"""Largest sum of a tile."""
-SIDE = 17
-"""Side of the square of the local mean [px]."""
+"""Largest sum of a tile, five times the threshold for one false alarm an hour: without
+it the sum of a large fireball would take a second to return to zero."""
+MEAN_SIDE = 17
+"""Side of the square of the local mean [px]: larger than the edge of a fireball,
+smaller than the light that it casts around."""
 MAX_LOG_CHANGE = 0.3
-"""Changes of the logarithm are clipped to this before that mean is taken."""
-FROM = 0.1
-"""Where no more than `FEW_PIXELS` changes are as large, nothing is done."""
+"""Largest change of the logarithm in that mean: otherwise a fireball would darken its
+own surroundings."""
+LEAST_CHANGE = 0.1
+"""Change from which on a pixel counts for `FEW_PIXELS`."""
 FEW_PIXELS = 20
-"""A local mean, over 289 pixels, hardly moves by so few changes in a whole image."""
-CLIP = 3.0
-"""For the camera's motion changes are clipped at so many times their mean size."""
-EVERY = 2
-"""Every so many rows and columns one is used for the motion."""
-DAMPING = 1e-6
-"""Of the normal equations, a share of their trace: a scene without texture has none."""
+"""Number of changed pixels up to which the local mean is not subtracted: over 289
+pixels it hardly changes, and its computation is saved in most frames."""
+MOTION_CLIP = 3.0
+"""Limit of changes in the fit of the camera's motion, over their mean absolute value:
+normal changes are hardly clipped, those of moving objects are."""
+MOTION_STRIDE = 2
+"""Step in rows and columns of the pixels used for the motion: seven numbers do not need
+more than a quarter of them."""
+MOTION_DAMPING = 1e-6
+"""Damping of the normal equations, over their trace: without texture these are
+singular."""
 
 
 class Seen(NamedTuple):
     """Result of the test after a frame.
 
     Attributes:
-        statistic: The greatest of all tiles.
+        statistic: Largest statistic of all tiles.
         frames: Number of frames since its evidence began.
-        box: Tile it comes from: left, top, right, bottom [px].
+        box: Its tile: left, top, right, bottom [px].
     """
 
     statistic: float
@@ -111,10 +126,10 @@ class Brightened(NamedTuple):
     """Pixels that a frame changed.
 
     Attributes:
-        lit: Pixels that became bright, and had not of late.
-        fallen: Pixels that were bright and fell. What was not and darkens, as soot
-            does before a wall, is no part of it.
-        bright: Pixels that are lit now, or were a moment ago, and did not fall since.
+        lit: Pixels that became bright and were not lit recently.
+        fallen: Pixels that were bright and darkened. Pixels that darken without having
+            been bright, as by soot in front of a wall, do not count.
+        bright: Pixels that were lit recently and have not darkened since.
     """
 
     lit: Mask
@@ -127,17 +142,17 @@ class Watch:
 
     Attributes:
         shape: Height and width of its images [px].
-        last: What the last frame lit; None before the second.
+        last: Pixels that the last frame changed; None before the second.
     """
 
     last: Brightened | None = None
 
     def __init__(self, shape: tuple[int, int], *, stays: int = 6):
-        """Get ready for images of a shape.
+        """Create the test for images of a shape.
 
         Args:
             shape: Height and width [px].
-            stays: Frames for which what was lit has to stay (`stays_for`).
+            stays: Frames for which lit pixels must stay bright (`stays_for`).
         """
         self.shape = shape
         self._ego = EgoMotion(shape)
@@ -149,16 +164,18 @@ class Watch:
         self._nothing = Seen(0.0, 0, (0, 0, shape[1], shape[0]))
 
     def frame(self, light: Float[np.ndarray, "height width"]) -> Seen:
-        """Take in a frame of linear light, full scale 1."""
-        log = np.log(np.asarray(light, np.float32) + np.float32(FAINT))
+        """Process a frame of linear light, full scale 1."""
+        # single precision: half the time of double, and far finer than any camera
+        log = np.log(np.asarray(light, np.float32) + np.float32(LIGHT_OFFSET))
         before, self._before = self._before, log
         if before is None:
             return self._nothing
         return self.change(self._ego.rest(before, log))
 
     def change(self, change: Float[np.ndarray, "height width"]) -> Seen:
-        """Take in a change of the logarithm of light, as from events."""
+        """Process a change of the logarithm of light, as from events."""
         self.last = self._pixels.push(own_change(change))
+        # most frames light no pixel: without evidence all tiles are skipped
         if self._cusum.idle and not self.last.lit.any():
             self._cusum.rest()
             return self._nothing
@@ -192,9 +209,9 @@ class Evidence(NamedTuple):
     """Evidence of a frame in each tile.
 
     Attributes:
-        both: Pixels by which it grew to both sides alike.
-        lit: Pixels that were lit.
-        left: Share of the bright pixels that did not fall; 1 where none were bright.
+        both: Twice the smaller count of newly lit pixels on either side.
+        lit: Number of newly lit pixels.
+        left: Share of the bright pixels that did not darken; 1 without bright pixels.
     """
 
     both: Float[np.ndarray, "..."]
@@ -206,15 +223,16 @@ class Tiles:
     """Tiles of one size over an image.
 
     Attributes:
-        side: Of a tile [px].
+        side: Side of a tile [px].
         tops: First row of each row of tiles [px].
         lefts: First column of each column of tiles [px].
     """
 
     def __init__(self, shape: tuple[int, int], side: int):
-        """Lay tiles over images of a shape."""
+        """Divide images of a shape into tiles."""
         self.side = side
-        # half a side apart, and one at the far edge
+        # half a side apart, so that any fireball lies well inside one; the last tile is
+        # at the far edge
         lasts = [max(size - side, 0) for size in shape]
         self.tops, self.lefts = (
             np.unique(np.append(np.arange(0, last, max(side // 2, 1)), last))
@@ -234,17 +252,19 @@ class Tiles:
         """Return the evidence for growth in each tile (down, across).
 
         Args:
-            lit: Running sums down the columns, from a row of zeros on.
-            fallen: Likewise.
-            bright: Likewise.
+            lit: Running sums of the newly lit pixels down the columns, from a row of
+                zeros on.
+            fallen: The same of the darkened ones.
+            bright: The same of the bright ones.
         """
-        # running sums: a tile costs four values, whatever its size
-        new, lost, held = (self._banded(sums) for sums in (lit, fallen, bright))
-        new_sums, lost_sums, held_sums = (_running(v) for v in (new, lost, held))
-        first_sums = _running(held * self._column)
-        count = self._within(held_sums)
+        # by running sums a tile of any size costs four values
+        new, lost, lasting = (self._banded(sums) for sums in (lit, fallen, bright))
+        new_sums, lost_sums, lasting_sums = (_running(v) for v in (new, lost, lasting))
+        first_sums = _running(lasting * self._column)
+        count = self._within(lasting_sums)
         middle = self._within(first_sums) / np.maximum(count, 1)
-        # the middle column's pixels belong half to either side
+        # pixels of the middle column count half to either side, so that growth by one
+        # column to both sides is symmetric whatever the parity
         at = np.clip(np.floor(middle + 0.5).astype(int), self.lefts, self._rights - 1)
         left = new_sums[self._rows, at] - new_sums[:, self.lefts]
         right = new_sums[:, self._rights] - new_sums[self._rows, at + 1]
@@ -262,10 +282,10 @@ class Tiles:
 
 
 class Brightening:
-    """Follows each pixel from frame to frame."""
+    """State of each pixel between frames."""
 
     def __init__(self, shape: tuple[int, int]):
-        """Get ready for images of a shape."""
+        """Create the state for images of a shape."""
         self._sum = np.zeros(shape, np.float32)
         self._noise = np.zeros(shape, np.float32)
         self._left = np.zeros(shape, np.int16)
@@ -273,21 +293,23 @@ class Brightening:
         self._frames = 0
 
     def push(self, change: Image) -> Brightened:
-        """Take in what a frame changed; return what it lit.
+        """Process the changes of a frame; return the pixels that they light.
 
         Args:
-            change: Of the logarithm of light, without that of the camera's motion.
+            change: Change of the logarithm of light, without the camera's motion.
         """
         size = np.abs(change)
         if not self._frames:
-            # nearly the deviation of normal noise, 1.48 medians of absolute values; the
-            # least is for a film that begins with a still
+            # about the standard deviation of normal noise, 1.48 medians of the absolute
+            # values; the lower bound is for films that begin with repeated frames
             self._noise += max(1.4 * float(np.median(size)), 1e-3)
         self._frames += 1
         total = self._sum
-        total *= np.float32(GATHERED)
+        total *= np.float32(SUM_MEMORY)
         total += change
-        least = np.maximum(np.float32(PIXEL_NOISES) * self._noise, np.float32(BRIGHTER))
+        least = np.maximum(
+            np.float32(PIXEL_NOISES) * self._noise, np.float32(LIT_LOG_CHANGE)
+        )
         up, down = total > least, total < -least
         lit = up & (self._left == 0)
         fallen = down & self._bright
@@ -296,17 +318,19 @@ class Brightening:
         self._bright |= up
         self._bright &= ~down
         self._bright &= self._left > 0
-        # what just became bright teaches nothing of the noise
+        # changes of a lit pixel are signal, and do not enter its noise
         size[self._left > 0] = 0.0
-        # clipped: one flicker does not blind a pixel for a second
+        # clipped, or one flicker would raise the threshold of a pixel for 100 frames
         np.minimum(size, 3.0 * self._noise + 0.02, out=size)
-        learnt = np.float32(1.0 / min(self._frames + FIRST, PIXEL_LEARNT))
+        learnt = np.float32(
+            1.0 / min(self._frames + INITIAL_FRAMES, PIXEL_MEMORY_FRAMES)
+        )
         self._noise += learnt * np.where(self._left > 0, 0.0, size - self._noise)
         return Brightened(lit, fallen, self._bright)
 
 
 def tiles_of(shape: tuple[int, int]) -> list[Tiles]:
-    """Return tiles of all sizes that an image of a shape has room for."""
+    """Return tiles of all sizes that fit into images of a shape."""
     fitting = [side for side in SIDES if side <= max(shape)]
     return [Tiles(shape, side) for side in fitting or [max(shape)]]
 
@@ -326,19 +350,19 @@ def _running(rows: np.ndarray) -> np.ndarray:
 
 
 class Cusum:
-    """The test of many tiles side by side.
+    """Page's test of many tiles.
 
     Attributes:
-        statistic: Of each tile, after the last frame.
-        begun: Frames since the sum of each tile was zero.
+        statistic: Statistic of each tile after the last frame.
+        begun: Number of frames since the sum of each tile was zero.
     """
 
     def __init__(self, tiles: int, stays: int = 6):
-        """Begin with no evidence.
+        """Create the test without evidence.
 
         Args:
-            tiles: How many there are.
-            stays: Frames for which what was lit has to stay.
+            tiles: Number of tiles.
+            stays: Frames for which lit pixels must stay bright.
         """
         self._stays = stays
         self._sum = np.zeros(tiles)
@@ -350,7 +374,7 @@ class Cusum:
 
     @property
     def idle(self) -> bool:
-        """Whether there is no evidence anywhere, and was none lately."""
+        """True if no tile has evidence now or in the last frames."""
         return not self._kept.any()
 
     def forget(self) -> None:
@@ -360,8 +384,8 @@ class Cusum:
         self.begun[:] = 0
 
     def rest(self) -> None:
-        """Take in a frame that lit nothing while there is no evidence."""
-        self._mean *= 1.0 - 1.0 / TILE_LEARNT
+        """Process a frame that lights no pixel while there is no evidence."""
+        self._mean *= 1.0 - 1.0 / TILE_MEMORY_FRAMES
         self._frame += 1
         self.statistic = np.zeros_like(self._sum)
 
@@ -371,12 +395,12 @@ class Cusum:
         lit: Float[np.ndarray, " tile"],
         left: Float[np.ndarray, " tile"],
     ) -> Float[np.ndarray, " tile"]:
-        """Take in the evidence of a frame; return the statistic of each tile.
+        """Process the evidence of a frame; return the statistic of each tile.
 
         Args:
-            evidence: Pixels for a blast.
-            lit: All pixels that were lit.
-            left: Share of the bright pixels that did not fall.
+            evidence: Evidence for a blast [px].
+            lit: Number of newly lit pixels.
+            left: Share of the bright pixels that did not darken.
         """
         usual = MIN_PIXELS + TILE_NOISES * self._mean
         self._sum += np.log1p(evidence / usual)
@@ -384,60 +408,64 @@ class Cusum:
         self._sum -= DRIFT
         np.clip(self._sum, 0.0, BOUND, out=self._sum)
         self.begun = np.where(self._sum > 0.0, self.begun + 1, 0)
-        # what may be a blast teaches nothing of the noise
-        teaches = np.minimum(lit, 2.0 * usual) - self._mean
-        # the more evidence, the slower the noise is learnt
-        self._mean += teaches * (1.0 / TILE_LEARNT) / (1.0 + self._sum)
+        # pixels of a possible blast must not enter the noise: the count is clipped, and
+        # its weight falls with the evidence
+        excess = np.minimum(lit, 2.0 * usual) - self._mean
+        self._mean += excess * (1.0 / TILE_MEMORY_FRAMES) / (1.0 + self._sum)
         self._kept[self._frame % self._stays] = self._sum
         self._frame += 1
-        # the least of the last frames: a light that goes out at once is no fireball
+        # the minimum over the last frames: a fireball stays bright, a glint does not
         self.statistic = self._kept.min(axis=0)
         return self.statistic
 
 
 def stays_for(rate_hz: float) -> int:
-    """Return for how many frames what was lit has to stay, at a frame rate [Hz]."""
+    """Return the frames for which lit pixels must stay, at a frame rate [Hz]."""
     return max(2, round(STAYS_S * rate_hz))
 
 
 def own_change(change: Image) -> Image:
-    """Return a change without the mean of what is round about.
+    """Return a change without its local mean.
 
     Args:
-        change: Of the logarithm of light.
+        change: Change of the logarithm of light.
     """
-    if np.count_nonzero(change > FROM) <= FEW_PIXELS:
+    if np.count_nonzero(change > LEAST_CHANGE) <= FEW_PIXELS:
         return change
     clipped = np.clip(change, np.float32(-MAX_LOG_CHANGE), np.float32(MAX_LOG_CHANGE))
     return change - _mean(_mean(clipped, 0), 1)
 
 
 def _mean(image: Image, axis: int) -> Image:
-    """Return the mean of `SIDE` neighbours along an axis, of fewer at the edges."""
+    """Return the mean of `MEAN_SIDE` neighbours along an axis, of fewer at the edges."""
     size = image.shape[axis]
+    # running sums in double precision: single would lose the digits of small changes
     sums = np.insert(np.cumsum(image, axis=axis, dtype=np.float64), 0, 0.0, axis=axis)
     at = np.arange(size)
-    first, last = np.maximum(at - SIDE // 2, 0), np.minimum(at + SIDE // 2 + 1, size)
+    first, last = (
+        np.maximum(at - MEAN_SIDE // 2, 0),
+        np.minimum(at + MEAN_SIDE // 2 + 1, size),
+    )
     count = np.expand_dims(last - first, 1 - axis).astype(np.float32)
     total = np.take(sums, last, axis) - np.take(sums, first, axis)
     return total.astype(np.float32) / count
 
 
 class EgoMotion:
-    """Takes away what camera and light do to all of an image.
+    """Removal of the changes by motion of the camera and by light on the whole image.
 
     Attributes:
         shape: Height and width [px].
     """
 
     def __init__(self, shape: tuple[int, int]):
-        """Get ready for images of a shape."""
+        """Create the state for images of a shape."""
         self.shape = shape
         height, width = shape
         x = np.linspace(-1.0, 1.0, width, dtype=np.float32)
         y = np.linspace(-1.0, 1.0, height, dtype=np.float32)[:, None]
         self._x, self._y = x, y
-        step = EVERY if min(shape) >= 8 * EVERY else 1
+        step = MOTION_STRIDE if min(shape) >= 8 * MOTION_STRIDE else 1
         self._some = np.s_[::step, ::step]
         size = np.ones(shape, np.float32)[self._some].shape
         self._few = (np.broadcast_to(v, shape)[self._some] for v in (x, y))
@@ -446,7 +474,7 @@ class EgoMotion:
         self._across, self._down = (np.zeros(shape, np.float32) for _ in range(2))
 
     def rest(self, before: Image, after: Image) -> Image:
-        """Return the change that neither explains.
+        """Return the change that neither of them explains.
 
         Args:
             before: Logarithm of the light.
@@ -458,18 +486,18 @@ class EgoMotion:
             np.subtract(both[:, 2:], both[:, :-2], out=across[:, 1:-1])
         if self.shape[0] > 2:
             np.subtract(both[2:], both[:-2], out=down[1:-1])
-        # an affine motion and a gain: shake, turn and zoom of a camera, and clouds
+        # an affine flow is shake, rotation and zoom; the gain is clouds and exposure
         rows = self._rows
         for i, gradient in enumerate((across, down)):
             rows[i] = gradient[self._some].ravel()
             for j, place in enumerate(self._few):
                 np.multiply(rows[i], place, out=rows[2 + 2 * i + j])
         few = change[self._some].ravel()
-        # a bright flash is not motion, and would turn the whole image
-        most = CLIP * float(np.abs(few).mean()) + 1e-6
+        # unclipped, a bright flash would be fitted as motion of the whole image
+        most = MOTION_CLIP * float(np.abs(few).mean()) + 1e-6
         clipped = np.clip(few, -most, most)
         square = (rows @ rows.T).astype(float)
-        square.flat[::8] += DAMPING * np.trace(square) + 1e-9
+        square.flat[::8] += MOTION_DAMPING * np.trace(square) + 1e-9
         found = np.linalg.solve(square, (rows @ clipped).astype(float))
         a, d, ax, ay, dx, dy, gain = (np.float32(v) for v in found)
         change -= gain

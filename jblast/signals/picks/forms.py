@@ -33,7 +33,7 @@ from jaxtyping import Array, Float
 
 from jblast.signals.picks.model import Optimum, misfit, optimum_of
 from jblast.signals.picks.preparation import Bins, Case
-from jblast.signals.picks.searches import either
+from jblast.signals.picks.searches import select
 from jblast.signals.picks.unknowns import (
     CONCAVE,
     CONTINUED,
@@ -55,26 +55,31 @@ from jblast.signals.picks.unknowns import (
     unresolved,
 )
 
-RESOLVED = 0.8
-"""A rise of so many samples has a form, and can be seen to be bent."""
-SPREADS = np.sqrt([1.0 / 20.0, 1.0 / 28.0, 1.0 / 12.0, 1.0 / 12.0, 1.0 / RISEN**2])
+RESOLVED_RISE = 0.8
+"""Shortest rise whose form the samples resolve [samples]. Below it the polynomial
+rises are not fitted: their means over samples of such a front are nearly equal. The
+exponential rise is fitted always, since it also lowers the peak."""
+RISE_SPREADS = np.sqrt([1.0 / 20.0, 1.0 / 28.0, 1.0 / 12.0, 1.0 / 12.0, 1.0 / RISEN**2])
 """Standard deviation in time of the slope of each of `RISES` [rises]."""
-CENTRES = np.array([0.5, 0.5, 0.5, 0.5, 1.0 / RISEN])
+RISE_CENTRES = np.array([0.5, 0.5, 0.5, 0.5, 1.0 / RISEN])
 """Mean time of that slope [rises]."""
 RISE_PRIOR = np.array([1.0, 1.0, 1.0, 1.0, 2.0]) / 6.0
-"""A smooth rise, a linear and an exponential one are equally probable; the first two
-have two forms each."""
+"""Prior of the rises: smooth, linear and exponential are equally probable, and the
+first two have two forms each."""
 NEGATIVE_PRIOR = np.full(4, 0.25)
-"""The four negative phases are equally probable."""
-BEYOND = 0.02
-"""Standard deviation of arrival and time of the peak by forms beyond these [rises]: the
-start of half a cosine, fitted by a cubic of equal spread, is off by 0.013."""
-APERTURE = 1.0 / 12.0
-"""Variance in time of the mean over a sample [samples squared]."""
-FIRST_RISE = 3
-"""Place of the first form of `FORMS` with another rise."""
+"""Prior of the four negative phases, equally probable."""
+OTHER_FORMS_SD = 0.02
+"""Standard deviation of arrival and time of the peak due to forms that are not fitted
+[rises]: the start of half a cosine, fitted by a cubic of equal spread, is off by 0.013.
+Coverage of such rises: rows `cosine` and `Gaussian` of
+`calibration/results/pulse_forms.txt`."""
+APERTURE_VARIANCE = 1.0 / 12.0
+"""Variance in time of the mean over a sample [samples^2]: that of a uniform density."""
+FIRST_OTHER_RISE = 3
+"""Index of the first form of `FORMS` with another rise."""
 LONGEST_RISE = 0.5
-"""Of the positive phase, to begin with."""
+"""Largest rise of a start, as a share of the positive phase: a front that takes more
+than half of it has no decay left to fit."""
 FORMS = (
     *((SMOOTH, HALF_SINE), (SMOOTH, TRIANGLE), (SMOOTH, CONTINUED)),
     *((SMOOTHER, None), (LINEAR, None), (CONCAVE, None), (EXPONENTIAL, None)),
@@ -84,18 +89,19 @@ phase with the best evidence."""
 
 
 class Formed(NamedTuple):
-    """The best form of a pulse, and the average of all.
+    """The best form of a pulse, and the average over all forms.
 
     Attributes:
         best: Optimum of the best form.
-        case: The record, with that form.
-        offset: Mean of the values over all forms less the best one's, in the order of
-            `pick.NAMES` and in the units of their errors.
+        case: The record with that form.
+        offset: Mean of the values over all forms minus those of the best one, in the
+            order of `pick.NAMES` and in the units of their errors.
         within: Mean covariance of the values.
         between: Covariance of the values between forms.
         cubic: Weight of the cubic negative phase.
         front_offset: The offset of the rises alone.
-        front_between: Their covariance, with how samples were taken.
+        front_between: Covariance between rises, including the sampling (mean or
+            instant).
     """
 
     best: Optimum
@@ -114,9 +120,9 @@ def with_forms(
     """Return the pulse averaged over forms.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         one: Optimum of a smooth rise and a cubic negative phase.
-        continued: Unknowns to begin with of a pulse that continues below zero.
+        continued: Starting point of a pulse that continues below zero.
         case: The record.
     """
     of, kind = partial(misfit, bins), one.y.dtype
@@ -124,13 +130,14 @@ def with_forms(
     negatives = jnp.asarray(
         [-1 if negative is None else negative for _, negative in FORMS], kind
     )
-    spreads, centres = jnp.asarray(SPREADS, kind), jnp.asarray(CENTRES, kind)
-    # the front is known, and what is believed of a continued pulse is elsewhere
+    spreads, centres = jnp.asarray(RISE_SPREADS, kind), jnp.asarray(RISE_CENTRES, kind)
+    # the optimum has located the front already: the second start of a continued pulse
+    # takes arrival and rise from it, the rest from the bank
     other = continued.at[0].set(one.y[0]).at[4].set(one.y[4])
-    resolved = lax.stop_gradient(natural_of(one.y).rise > RESOLVED)
+    resolved = lax.stop_gradient(natural_of(one.y).rise > RESOLVED_RISE)
 
     def fitted(tail, form):
-        """Fit one more form; `tail` is the best negative phase so far."""
+        """Fit one form; `tail` holds the best negative phase of those before."""
         best, negative = tail
         rise, given = form
         front = rise > SMOOTH
@@ -138,6 +145,8 @@ def with_forms(
         y = jnp.where(front, best.y, one.y)
         here = natural_of(y)
         number = rise.astype(int)
+        # a start of equal centre and spread in time: the samples constrain these two
+        # moments of a rise first, whatever its form
         time = here.rise * spreads[SMOOTH] / spreads[number]
         time = jnp.minimum(time, LONGEST_RISE * here.duration)
         moved = 0.5 * here.rise - centres[number] * time
@@ -147,17 +156,18 @@ def with_forms(
         farther = (mine.negative == CONTINUED) & ~front & ~(near <= far)
         start = jnp.where(front, risen, jnp.where(farther, other, y))
         none = best._replace(converged=jnp.asarray(False))
-        # an exponential rise within a sample lowers the peak all the same
+        # an exponential rise shorter than a sample still lowers the peak, so it is
+        # fitted whether the rise is resolved or not
         idle = front & ~resolved & (rise < EXPONENTIAL)
         found = lax.cond(idle, lambda: none, lambda: optimum_of(of, start, this))
         better = ~front & (_level(found) > _level(best))
-        tail = either(better, (found, given), (best, negative))
+        tail = select(better, (found, given), (best, negative))
         return tail, found
 
     begin = (one, jnp.full((), CUBIC, kind))
     (best, negative), found = lax.scan(fitted, begin, (rises, negatives))
-    tails = _stacked(one, jax.tree.map(lambda x: x[:FIRST_RISE], found))
-    fronts = _stacked(best, jax.tree.map(lambda x: x[FIRST_RISE:], found))
+    tails = _stacked(one, jax.tree.map(lambda x: x[:FIRST_OTHER_RISE], found))
+    fronts = _stacked(best, jax.tree.map(lambda x: x[FIRST_OTHER_RISE:], found))
     weights = _weights(tails, case, NEGATIVE_PRIOR)
     shares = _weights(fronts, case, RISE_PRIOR)
     every = jnp.asarray(NEGATIVES, kind)
@@ -170,10 +180,11 @@ def with_forms(
         mine = Form(rise, negative)
         values = in_error_units(optimum.y, mine)
         covariance = error_covariance(optimum.y, optimum.covariance, mine)
-        # of samples at instants the rise is longer than of means over a sample
+        # a fit of sample means subtracts the aperture's variance from the rise; for
+        # instantaneous samples the rise is longer by it and begins earlier
         number = rise.astype(int)
         time = jnp.exp(values[5])
-        longer = jnp.sqrt(time * time + APERTURE / jnp.square(spreads[number]))
+        longer = jnp.sqrt(time * time + APERTURE_VARIANCE / jnp.square(spreads[number]))
         seen = 1.0 - unresolved(time)
         moved = -centres[number] * (longer - time)
         later = jnp.zeros_like(values).at[0].set(1.0).at[2].set(-jnp.exp(-values[2]))
@@ -183,7 +194,7 @@ def with_forms(
         slope = (1.0 + values[4]) * jnp.exp(-values[2])
         height = jnp.zeros_like(values).at[1].set(slope)
         for beyond in (later, height):
-            other = lax.stop_gradient(BEYOND * time * beyond)
+            other = lax.stop_gradient(OTHER_FORMS_SD * time * beyond)
             spread = spread + other[:, None] * other[None, :]
         return values + seen * either_way, covariance, spread
 
@@ -194,7 +205,7 @@ def with_forms(
     mean, between = _moments(weights, by_tail, by_tail[tail])
     own = in_error_units(chosen.y, Form(each[head], negative))
     mean_front, between_front = _moments(shares, by_front, own)
-    # the best negative phase has all rises, the others the smooth one
+    # the best negative phase was fitted with all rises, the others with the smooth one
     rest = weights.at[tail].set(0.0)
     within = weights[tail] * _mean_of(shares, tall)
     between_front = between_front + _mean_of(shares, sampled)
@@ -211,7 +222,7 @@ def with_forms(
 
 
 def _level(found: Optimum) -> Float[Array, ""]:
-    """Return ln of the evidence of a form, but for what all have in common."""
+    """Return the ln evidence of a form, up to a constant common to all."""
     level = lax.stop_gradient(0.5 * found.size - found.cost)
     good = found.converged & jnp.isfinite(level)
     return jnp.where(good, level, -jnp.inf)
@@ -229,9 +240,11 @@ def _weights(
     still = lax.stop_gradient(found)
     many = jnp.maximum(jnp.sum((case.weight > 0).astype(still.cost.dtype)), 1.0)
     good = still.converged & jnp.isfinite(still.cost) & jnp.isfinite(still.size)
-    # the first one stays, whatever else fails
+    # softmax over minus infinities alone is NaN, so the first form always counts
     good = good.at[0].set(True)
     cost = jnp.where(good, found.cost, 0.0)
+    # not inside stop_gradient: without the slope of the tempering, 2 of 32 records
+    # disagreed with finite differences
     widened = jnp.maximum(2.0 * jnp.min(jnp.where(good, cost, jnp.inf)) / many, 1.0)
     size = jnp.where(good & jnp.isfinite(still.size), found.size, 0.0)
     level = 0.5 * size - cost / widened
@@ -240,15 +253,17 @@ def _weights(
 
 
 def _mean_of(weights, matrices):
-    """Return the weighted sum of matrices; what has no weight need not be finite."""
+    """Return the weighted sum of matrices; those of zero weight may be infinite."""
+    # zero times infinity is NaN: forms that failed are masked before the sum
     some = weights[:, None, None] > 0
     return jnp.einsum("k,kij->ij", weights, jnp.where(some, matrices, 0.0))
 
 
 def _moments(weights, values, best):
-    """Return mean and covariance of values over forms, the mean less the best."""
+    """Return the mean of values over forms, minus the best, and the covariance."""
     off = jnp.where(weights[:, None] > 0, values - best[None, :], 0.0)
-    # a suction of either sign has no mean logarithm
+    # noise may make the suction negative, and a mean of logarithms of sizes of both
+    # signs has no meaning: suction and its duration are those of the best form
     mean = (weights @ off).at[6:].set(0.0)
     apart = off - mean[None, :]
     return mean, (weights[:, None] * apart).T @ apart

@@ -1,4 +1,4 @@
-r"""The model of a record's bins, its misfit, and the optimum of that.
+r"""The model of a record's bins, its misfit and the optimum of the posterior.
 
     pulses -> resonance -> means over bins -> high-pass -> drift added -> whitened
 
@@ -39,32 +39,40 @@ from jblast.signals.picks.unknowns import (
 )
 
 SUMMED_BINS = 8
-"""Bins whose differences are summed to test for slow trends."""
+"""Bins whose residuals are summed to test for slow trends: a trend of about a third of
+a standard deviation in each bin is one standard deviation of such a sum. A record has
+about two hundred bins, so sums of more would be too few for the test."""
 SLOW_UNKNOWNS = 9.0
-"""All but arrival and rise."""
+"""Degrees of freedom that slow trends use: all unknowns but arrival and rise."""
 FARTHEST_MEMORY = 300.0
-"""Time constants from the front that a high-pass is followed over: exponents stay
-within double precision."""
-MOST_STEPS = 60
-"""Of a search from a poor start; a good one takes about a dozen."""
-TOLERANCE = 1e-3
-"""Ends with the step before which the way left to an optimum is this long [standard
-deviations, as they are widened by the misfit]: behind it a tenth or less is left."""
-KINK = 0.5
-"""Where a sharp front meets the edge of a sample the cost has a kink, and may have its
-least there, so far from where its slopes would have it [standard deviations]."""
-STILL = 1e-4
-"""A step that lowers minus ln posterior by less, as errors are widened, is lost."""
-MOST_LOST = 6
-"""Steps in a row: at a kink the next are no better, whatever their damping, and it is
-an optimum, whatever the slopes."""
-PATIENT = 10
-"""Steps by which a search is to be as good as what stands already."""
-FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-1, 1e-10, 1e6
-"""Of a unit diagonal, at the start and its bounds: below the least a step is Gauss and
-Newton's to rounding, above the most it moves nothing."""
-SMALL_DAMPING = 1e-2
-"""Of a unit diagonal: no end is seen from a step that is damped more."""
+"""Time constants from the front over which a high-pass is followed. Exponentials up to
+exp(300) = 2e130 stay within double precision; effects that old are exp(-300)."""
+MAX_STEPS = 60
+"""Largest number of steps of a search from a poor start; a good one takes a dozen."""
+STEP_TOLERANCE_SD = 1e-3
+"""Distance to the optimum at which the search ends with one more step [standard
+deviations, widened by the misfit]. That step leaves a tenth of it or less, far below
+the error of any value."""
+KINK_SD = 0.5
+"""Largest distance between a kink that is accepted as the optimum and the optimum by
+its slopes [standard deviations]. The cost has a kink where a sharp front meets the edge
+of a sample, and may have its minimum there."""
+LEAST_DECREASE = 1e-4
+"""Smallest decrease of minus ln posterior, widened by the misfit, that counts as
+progress. It corresponds to about a hundredth of a standard deviation."""
+MAX_LOST_STEPS = 6
+"""Steps in a row without progress after which the search ends. At a kink steps of any
+damping make none, so it is accepted as an optimum whatever its slopes. Six steps
+raise the damping by 1e6."""
+PATIENT_STEPS = 10
+"""Steps after which a search must be as good as the fit that it competes with: good
+starts converge in about a dozen."""
+FIRST_DAMPING, LEAST_DAMPING, MAX_DAMPING = 1e-1, 1e-10, 1e6
+"""Damping at the start, and its bounds, over the unit diagonal. Below the lower bound a
+step is that of Gauss and Newton to rounding; above the upper one it is negligible."""
+END_DAMPING = 1e-2
+"""Largest damping over the unit diagonal at which convergence is tested: steps that are
+damped more are short whatever the distance to the optimum."""
 Misfit = Callable[[Float[Array, " unknown"], Case], Float[Array, " term"]]
 
 
@@ -73,7 +81,8 @@ def modelled(
 ) -> tuple[Float[Array, " bin"], Ringing | None]:
     """Return the mean pressure over each bin, as a share of the largest sample.
 
-    And what of it a resonance adds; None: the unknowns have none.
+    The second result is the contribution of a resonance to it; None if the unknowns
+    contain no further effects.
     """
     natural = natural_of(y)
     waves, rings = means_over(bins, pulse_by(natural), case.form), None
@@ -96,10 +105,11 @@ def modelled(
             behind = jnp.clip((stop - natural.arrival) / width, 0.0, 1.0)
             return none._replace(mean=natural.peak * further[6] * behind)
 
-        # one at most is requested, for most records none
-        asked = (zero[0] + 0.5, case.rings, case.follows, case.passed, case.shifted)
+        # a record has at most one effect and mostly none: a switch evaluates only the
+        # one whose flag is 1, and 0.5 selects none where all flags are 0
+        flags = (zero[0] + 0.5, case.rings, case.follows, case.passed, case.shifted)
         choices = [lambda: none, rings_on, follows, passed, shifted]
-        rings = lax.switch(jnp.argmax(jnp.stack(asked)), choices)
+        rings = lax.switch(jnp.argmax(jnp.stack(flags)), choices)
         waves = waves + rings.mean
     if case.high_pass is not None:
         waves = waves - low_passed(bins, waves, case.high_pass)
@@ -108,7 +118,7 @@ def modelled(
 
 
 def _resonance(y: Float[Array, " unknown"]):
-    """Return frequency [1/sample] and damping of a sensor that rings."""
+    """Return angular frequency [1/sample] and damping of a resonant sensor."""
     ln_omega, logit = y[CENTRE.size], y[CENTRE.size + 1]
     return jnp.exp(ln_omega), 1.0 / (1.0 + jnp.exp(-logit))
 
@@ -120,10 +130,11 @@ def _whitened(
     means: Float[Array, " bin"],
     rings: Ringing | None,
 ) -> Float[Array, " bin"]:
-    """Return means through the taps that make noise white."""
+    """Return means filtered by the taps that whiten the noise."""
     if rings is None:
         return whitened_means(case.noise, bins, means)
-    # z(t - k) is z(t) exp(-pole k): the taps multiply what rings by a number
+    # in bins wider than a sample a ringing is not smooth, so the taps cannot be applied
+    # to bins; but z(t - k) = z(t) exp(-pole k), so they multiply it by one number
     later = jnp.exp(-pole_of(*_resonance(y)))
     taps = case.noise.taps.astype(later.dtype)
     gain = jnp.zeros_like(later)
@@ -136,11 +147,11 @@ def _whitened(
 def drift_at(
     y: Float[Array, " unknown"], x: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    """Return the drift at places of the stretch, from -1 to 1.
+    """Return the drift of the baseline.
 
     Args:
         y: The unknowns.
-        x: The places.
+        x: Positions in the fitted interval, -1 at its start, 1 at its end.
     """
     level, slope, bend, twist = y[PULSE_UNKNOWNS : PULSE_UNKNOWNS + 4]
     return level + x * (slope + x * (bend + x * twist))
@@ -149,12 +160,12 @@ def drift_at(
 def low_passed(
     bins: Bins, means: Float[Array, " bin"], corner: Float[Array, ""]
 ) -> Float[Array, " bin"]:
-    r"""Return what a first-order high-pass takes away, as means over bins.
+    r"""Return the part that a first-order high-pass removes, as means over bins.
 
-    $v' = a\,(p - v)$: of steps from bin to bin exactly,
-    $v_i = \sum_{j<i} p_j\,(e^{-a(t_i - b_j)} - e^{-a(t_i - a_j)})$ at the start $t_i$
-    of a bin, $a_j$ and $b_j$ the ends of those before. The exponents are counted from
-    the front, and bounded where nothing is left of what was that long ago.
+    It obeys $v' = a\,(p - v)$. For a pressure that is constant over each bin,
+    $v_i = \sum_{j<i} p_j\,(e^{-a(t_i - b_j)} - e^{-a(t_i - a_j)})$ exactly at the start
+    $t_i$ of a bin, with $a_j$ and $b_j$ the bounds of the bins before. Exponents count
+    from the front and are bounded by `FARTHEST_MEMORY`.
     """
     kind = means.dtype
     start, stop = bins.start.astype(kind), bins.stop.astype(kind)
@@ -164,7 +175,7 @@ def low_passed(
     sums = jnp.cumsum(steps) - steps
     before = sums * jnp.exp(-corner * start)
     passed = corner * bins.width.astype(kind)
-    # the mean over the bin; by expm1, because bins are short against its time constant
+    # 1 - exp(-x) loses all digits here: bins are short against the time constant
     kept = -jnp.expm1(-passed) / passed
     return before * kept + means * (1.0 - kept)
 
@@ -172,10 +183,10 @@ def low_passed(
 def misfit(
     bins: Bins, y: Float[Array, " unknown"], case: Case
 ) -> Float[Array, " term"]:
-    """Return the vector of which half the square is minus ln posterior.
+    """Return the residuals, half of whose square is minus ln posterior.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         y: The unknowns.
         case: The record.
     """
@@ -186,11 +197,12 @@ def misfit(
     def bounded():
         above = jnp.where(held, case.clipped * means - case.level, 0.0)
         chance = log_ndtr(above / case.noise.marginal)
-        # far above the level the root has no slope, and needs none
+        # the root has an infinite slope at zero: far above the level the chance rounds
+        # to 1, and a floor instead has the slope zero that it should have
         short = jnp.sqrt(jnp.maximum(-2.0 * chance, 1e-20))
         return jnp.where(held, short, apart)
 
-    # few records are clipped, and the chance of one costs more than all its means
+    # few records are clipped, and log_ndtr of all bins costs more than all their means
     apart = lax.cond(jnp.any(held), bounded, lambda: apart)
     spread = np.concatenate([SPREAD, FURTHER_SPREAD])[: y.shape[0]]
     prior = (y - case.centre) / spread.astype(y.dtype)
@@ -201,10 +213,10 @@ def misfit(
 def misfit_ratio(
     bins: Bins, y: Float[Array, " unknown"], case: Case
 ) -> Float[Array, ""]:
-    """Return the squared misfit of the bins that count, by degree of freedom.
+    """Return the squared misfit of the used bins per degree of freedom.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         y: The unknowns.
         case: The record.
     """
@@ -214,14 +226,14 @@ def misfit_ratio(
 def larger_misfit_ratio(
     bins: Bins, y: Float[Array, " unknown"], case: Case
 ) -> Float[Array, ""]:
-    """Return that or the same of neighbours together, whichever is larger.
+    """Return the larger of `misfit_ratio` and the same of sums of `SUMMED_BINS` bins.
 
-    Where a baseline is not the model's, what moves slowly is small in each bin, and all
-    of it goes into duration and impulse; of `SUMMED_BINS` bins' sum it is as many times
-    more.
+    A slow trend that the model does not have is small in each bin, but biases duration
+    and impulse. In the square of a sum over bins it counts `SUMMED_BINS` times more
+    than white noise.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         y: The unknowns.
         case: The record.
     """
@@ -230,28 +242,29 @@ def larger_misfit_ratio(
 
 
 def _apart(bins: Bins, y, case: Case):
-    """Return the misfit without what is believed."""
+    """Return the residuals of the bins, without those of the priors."""
     return misfit(bins, y, case)[: bins.first.size]
 
 
 def _ratio(apart, case: Case):
-    """Return the squared misfit by degree of freedom."""
+    """Return the squared misfit per degree of freedom."""
     many = jnp.sum(jnp.where((case.weight > 0) | (case.clipped != 0), 1.0, 0.0))
     return jnp.sum(jnp.square(apart)) / jnp.maximum(many - float(CENTRE.size), 1.0)
 
 
 def _slow_ratio(apart, case: Case):
-    """Return the same of `SUMMED_BINS` neighbours' sums."""
+    """Return the same of sums over `SUMMED_BINS` neighbouring bins."""
     used = (case.weight > 0) & (case.clipped == 0)
     kind = apart.dtype
     apart = jnp.where(used, apart, 0.0)
-    # zeros to whole blocks: they enter no sum
+    # padding with zeros completes the last block; its count leaves them out
     short = -apart.shape[0] % SUMMED_BINS
     blocks = jnp.pad(apart, (0, short)).reshape(-1, SUMMED_BINS)
     counts = jnp.pad(used.astype(kind), (0, short)).reshape(-1, SUMMED_BINS)
     count = jnp.sum(counts, axis=1)
     squares = jnp.square(jnp.sum(blocks, axis=1)) / jnp.maximum(count, 1.0)
     many = jnp.sum((count > 0).astype(kind))
+    # a short record has few sums: at least 4 degrees of freedom keep the ratio finite
     return jnp.sum(squares) / jnp.maximum(many - SLOW_UNKNOWNS, 4.0)
 
 
@@ -260,9 +273,10 @@ class Optimum(NamedTuple):
 
     Attributes:
         y: The unknowns.
-        covariance: Of the posterior about them, by Gauss and Newton.
+        covariance: Covariance of the posterior about them, by Gauss and Newton.
         converged: Whether they are an optimum.
-        cost: Minus ln posterior of the last step but the one that ended the search.
+        cost: Minus ln posterior at the last point where it was evaluated; the search
+            ends with one more step.
         size: ln of the determinant of the covariance.
     """
 
@@ -278,21 +292,21 @@ def optimum_of(
     start: Float[Array, " unknown"],
     case: Case,
     *,
-    most_steps: int = MOST_STEPS,
+    most_steps: int = MAX_STEPS,
     hopeless: Float[Array, ""] | float = np.inf,
 ) -> Optimum:
     """Return the optimum of a record.
 
     Args:
         misfit: Its misfit.
-        start: Where to begin.
+        start: Starting point.
         case: The record.
-        most_steps: After which the search ends, at an optimum or not.
-        hopeless: A search whose cost is above this after `PATIENT` steps ends; its
-            optimum is not needed.
+        most_steps: Largest number of steps.
+        hopeless: A search whose cost is above this after `PATIENT_STEPS` steps ends,
+            since its optimum is not needed.
     """
-    # the search has no slopes of its own: those of its end are of the implicit function
-    # (`_settled`), whatever its steps
+    # a while loop has no reverse mode, and slopes through all steps would be wrong by
+    # what is left of convergence: those of the implicit function are exact (`_settled`)
     still = lax.stop_gradient(case)
     begin = lax.stop_gradient(start)
     found = _search(misfit, begin, still, most_steps, hopeless)
@@ -313,9 +327,9 @@ class _State(NamedTuple):
 
 
 class _Expansion(NamedTuple):
-    """Minus ln posterior about a place, to second order by Gauss and Newton.
+    """Minus ln posterior about a point, to second order by Gauss and Newton.
 
-    The unknowns are scaled so that the information has a diagonal of ones.
+    The unknowns are scaled so that the information matrix has a unit diagonal.
     """
 
     cost: Float[Array, ""]
@@ -325,13 +339,12 @@ class _Expansion(NamedTuple):
 
 
 def _expansion(misfit: Misfit, y, apart, cost, case: Case) -> _Expansion:
-    """Return the cost of a record about a place, its misfit there being known."""
+    """Return the expansion about a point whose residuals are given."""
     _, moved = jax.linearize(lambda y: misfit(y, case), y)
-    # a row an unknown: what is done to each of them runs along the bins
+    # one row per unknown, so that elementwise operations are contiguous along the bins
     slopes = jax.vmap(moved)(jnp.eye(y.size, dtype=y.dtype))
     information = slopes @ slopes.T
-    # unknowns differ by orders of magnitude: with ones on the diagonal a damping means
-    # the same for each
+    # unknowns differ by orders of magnitude: with a unit diagonal one damping suits all
     scale = 1.0 / jnp.sqrt(jnp.diagonal(information))
     return _Expansion(
         cost=cost,
@@ -345,7 +358,8 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Opt
     """Return the optimum, found by Levenberg-Marquardt."""
     unit = jnp.eye(start.size, dtype=start.dtype)
     eps = jnp.finfo(start.dtype).eps
-    # what rounding makes of the cost, and of a slope in standard deviations
+    # rounding error of the root of the cost, and of a slope in standard deviations: a
+    # step that worsens the cost by less than rounding is not rejected
     rounding = 4.0 * eps * jnp.sqrt(jnp.sum(jnp.square(case.weight)))
     many = jnp.maximum(jnp.sum((case.weight > 0).astype(start.dtype)), 1.0)
 
@@ -355,28 +369,29 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Opt
         slack = rounding * (jnp.sqrt(2.0 * jnp.abs(cost)) + rounding)
         better = cost <= state.here.cost + slack
         widened = jnp.maximum(2.0 * state.here.cost / many, 1.0)
-        lost = ~(cost < state.here.cost - STILL * widened)
-        # slopes cost as much as several misfits, and not every step is taken
+        lost = ~(cost < state.here.cost - LEAST_DECREASE * widened)
+        # slopes cost as much as several misfits: rejected steps reuse the last ones
         here = lax.cond(
             better,
             lambda: _expansion(misfit, state.tried, apart, cost, case),
             lambda: state.here,
         )
         y = jnp.where(better, state.tried, state.y)
-        # Marquardt's factors (1963)
+        # factors of ten as in Marquardt (1963)
         damping = jnp.where(better, 0.1 * state.damping, 10.0 * state.damping)
-        damping = jnp.clip(damping, LEAST_DAMPING, MOST_DAMPING)
+        damping = jnp.clip(damping, LEAST_DAMPING, MAX_DAMPING)
         move = -jnp.linalg.solve(here.information + damping * unit, here.slope)
         left = -jnp.sum(move * (2.0 * here.slope + damping * move))
-        # what does not fit has larger errors, and no use for as many digits
-        near = left <= widened * jnp.square(jnp.maximum(TOLERANCE, rounding))
+        # records that the model does not fit have errors wider by the misfit, and need
+        # correspondingly fewer digits
+        near = left <= widened * jnp.square(jnp.maximum(STEP_TOLERANCE_SD, rounding))
         move = jnp.where(jnp.isfinite(move), move, 0.0)
         return _State(
             y=y,
             tried=y + move * here.scale,
             damping=damping,
             here=here,
-            done=near & (damping <= SMALL_DAMPING),
+            done=near & (damping <= END_DAMPING),
             steps=state.steps + 1,
             lost=jnp.where(lost, state.lost + 1, 0),
         )
@@ -397,20 +412,22 @@ def _search(misfit: Misfit, start, case: Case, most_steps: int, hopeless) -> Opt
         lost=jnp.asarray(0),
     )
 
-    def goes_on(state: _State) -> Bool[Array, ""]:
-        hopes = (state.steps < PATIENT) | ~(state.here.cost > hopeless)
-        ended = state.done | (state.steps >= most_steps) | (state.lost >= MOST_LOST)
+    def unfinished(state: _State) -> Bool[Array, ""]:
+        hopes = (state.steps < PATIENT_STEPS) | ~(state.here.cost > hopeless)
+        ended = (
+            state.done | (state.steps >= most_steps) | (state.lost >= MAX_LOST_STEPS)
+        )
         return hopes & ~ended
 
-    state = lax.while_loop(goes_on, step, state)
+    state = lax.while_loop(unfinished, step, state)
     inverse = jnp.linalg.inv(state.here.information)
     scale, slope = state.here.scale, state.here.slope
     covariance = inverse * scale[:, None] * scale[None, :]
     left = slope @ inverse @ slope
     y = jnp.where(state.done, state.tried, state.y)
-    ended = state.done | (state.lost >= MOST_LOST)
+    ended = state.done | (state.lost >= MAX_LOST_STEPS)
     size = jnp.linalg.slogdet(covariance)[1]
-    return Optimum(y, covariance, ended | (left < KINK**2), state.here.cost, size)
+    return Optimum(y, covariance, ended | (left < KINK_SD**2), state.here.cost, size)
 
 
 def _slope(misfit: Misfit, y, case: Case):
@@ -420,7 +437,7 @@ def _slope(misfit: Misfit, y, case: Case):
 
 
 def _settled(misfit: Misfit, found: Optimum, case: Case):
-    """Return an optimum, its cost and size, with slopes of the implicit function."""
+    """Return an optimum, its cost and size, differentiated as an implicit function."""
 
     def size_at(y, case):
         slopes = jax.jacfwd(lambda y: misfit(y, case))(y)
@@ -436,9 +453,12 @@ def _settled(misfit: Misfit, found: Optimum, case: Case):
         y, _, _, case = primals
         moves = tangents[3]
         _, moved = jax.jvp(lambda case: _slope(misfit, y, case), (case,), (moves,))
+        # the full Hessian: that of Gauss and Newton lacks the residuals' curvature, and
+        # the derivative would be wrong where the model does not fit
         bend = jax.jacfwd(lambda y: _slope(misfit, y, case))(y)
         there = -jnp.linalg.solve(bend, moved[:, None])[:, 0]
-        # at an optimum the cost moves by the record alone, its width by both
+        # at an optimum the cost has no slope by the unknowns, so only the record
+        # changes it; the width of the posterior changes by both
         _, dearer = jax.jvp(
             lambda case: 0.5 * jnp.sum(jnp.square(misfit(y, case))), (case,), (moves,)
         )

@@ -11,10 +11,10 @@ programs serve records of any length and number. Each device runs its own progra
 partitioned as one program, the small systems of equations of the search would be
 gathered from all devices.
 
-`eye_pick` reads a record as one does from a plot, for comparison. The front is the
-first sample above five times the rms of the first tenth of the record; the peak is the
-largest sample; the positive phase ends where the pressure first falls to zero, linear
-between samples; the impulse is by the trapezoid rule; zero is the mean of the first
+`eye_pick` reads a record as from a plot, for comparison. The front is the first sample
+above five times the rms of the first tenth of the record. The peak is the largest
+sample. The positive phase ends where the pressure first falls to zero, with linear
+interpolation. The impulse is by the trapezoid rule, and zero is the mean of the first
 tenth. The errors of such picks grow with noise, and the rules do not estimate them.
 """
 
@@ -35,25 +35,30 @@ from jblast.signals.picks.lanes import LanePicks, pick_lanes
 from jblast.signals.picks.preparation import clipped_samples
 
 LEAST_SAMPLES = 16
-"""Pulse and drift have 11 unknowns, and the noise has its own."""
-UNEVEN = 1e-3
-"""Times are even where none is farther off than this share of a sample (and of the
-digits that they are written in)."""
-SHORTEST = 512
-"""Records are filled up to this or a larger power of two, so that those of any length
-are picked by few programs."""
+"""Smallest number of samples of a record: pulse and drift have 11 unknowns, and the
+noise before the front has its own."""
+CLOCK_TOLERANCE = 1e-3
+"""Largest deviation from even times, as a share of a sample. Deviations of up to half a
+sample pass where the digits of the times explain them."""
+SHORTEST_PADDED = 512
+"""Shortest padded record [samples]. Records are padded to powers of two from here on,
+so that few programs serve records of any length: each compiles for 40 to 50 s."""
 FEW_SAMPLES = 8.0
-"""Fewer samples of positive phase are few."""
+"""Duration below which a pulse is marked as under-sampled [samples]: there are no more
+samples than unknowns of the pulse, so the priors of its form matter."""
 LONG_SUCTION = 6.0
-"""A negative phase of as many positive ones is rather a high-pass: laws have 1.8 to
-4.5."""
+"""Ratio of negative to positive phase from which on a high-pass is the more probable
+cause: laws have 1.8 to 4.5 (`unknowns`)."""
 DEEP_SUCTION = 0.1
-"""And it takes as large a share of the impulse, depth times duration."""
-UNTOLD = 0.05
-"""A clipped peak whose ln is known no better than this is a lower bound."""
+"""Depth times duration of such a phase, over the positive impulse, from which on it
+counts: a shallower one is noise, and its duration is no sign."""
+BOUND_PEAK_SD = 0.05
+"""Standard deviation of ln peak from which on a clipped peak is a lower bound. A better
+one, reconstructed from the decay, is used with its error."""
 LANES = 32
-"""Records that are picked together. Another number would be another program."""
-Made = TypeVar("Made")
+"""Records of one chunk. Another number would be another program to compile; each
+device runs chunks of its own."""
+Result = TypeVar("Result")
 NAMES = (
     "air_arrival_s",
     "peak_overpressure_pa",
@@ -66,59 +71,58 @@ NAMES = (
 )
 """Picked values, in the order of `Pick.spread`."""
 IN_LOG = 4
-"""The first ones go into a log with their covariance."""
-QUIET_SHARE = 0.1
-"""Share of a record, its first part, that `eye_pick` takes the noise from; declared."""
-THRESHOLD = 5.0
-"""Standard deviations of that noise from which on `eye_pick` sees a front; declared."""
+"""Number of values, the first of `NAMES`, that a log contains with their covariance."""
+EYE_QUIET_SHARE = 0.1
+"""Initial share of a record from which `eye_pick` takes the noise: a convention."""
+EYE_THRESHOLD = 5.0
+"""Multiple of that noise at which `eye_pick` reads a front: a convention."""
 
 
 class Pick(eqx.Module):
     """The pulse of a record, or of each record of a batch.
 
-    Errors are those of the posterior, with all that is not requested (rise, suction,
-    drift) free. Where nothing was found, values are NaN.
+    Errors are those of the posterior with rise, suction and drift free. Values are NaN
+    if no pulse was found.
 
     Attributes:
-        air_arrival_s: When the first of it arrives, on the clock of the samples [s].
+        air_arrival_s: Start of the rise, on the clock of the samples [s].
         peak_overpressure_pa: Overpressure behind the front [Pa].
-        positive_duration_s: Of the positive phase, rise included [s].
-        positive_impulse_pa_s: Of the positive phase [Pa s].
+        positive_duration_s: Duration of the positive phase, rise included [s].
+        positive_impulse_pa_s: Impulse of the positive phase [Pa s].
         decay: Friedlander's $b$ behind the rise [-].
-        rise_time_s: From zero to the peak [s].
-        negative_pressure_pa: Greatest underpressure; below zero where there is none and
-            noise makes it so [Pa].
-        negative_duration_s: Of the negative phase [s].
-        covariance: Of arrival [s], ln peak, ln duration and ln impulse.
-        spread: Standard deviations of the eight, in the order of `NAMES`: of their
-            logarithms, but for arrival [s] and decay [-].
-        found: Whether there is a pulse at all.
-        converged: Whether the search ended at an optimum.
-        lower_bound: Whether samples were clipped at the peak, which then is only
-            bounded from below, by `clipped_at_pa`, but for what the prior adds.
-        clipped_at_pa: Largest size of a sample, where it was clipped; else NaN [Pa].
-        under_sampled: Whether fewer than eight samples make the positive phase.
-        sharp: Whether the rise is shorter than a sample, so that the arrival is
+        rise_time_s: Rise time from zero to the peak [s].
+        negative_pressure_pa: Greatest underpressure; noise may make it negative in a
+            record without a negative phase [Pa].
+        negative_duration_s: Duration of the negative phase [s].
+        covariance: Covariance of arrival [s], ln peak, ln duration and ln impulse.
+        spread: Standard deviations of the eight values in the order of `NAMES`: of
+            arrival [s], decay [-] and the logarithms of the others.
+        found: True if there is a pulse.
+        converged: True if the search ended at an optimum.
+        lower_bound: True if samples were clipped at the peak, so that only
+            `clipped_at_pa` and the prior constrain it.
+        clipped_at_pa: Largest absolute value of a clipped sample; NaN without any [Pa].
+        under_sampled: True if the positive phase has fewer than eight samples.
+        sharp: True if the rise is shorter than a sample, so that the arrival may be
             anywhere within one.
-        high_passed: Whether what follows the pulse looks high-passed, and no corner was
-            given.
-        resonating: Whether the record rings at a frequency of its own.
-        drifting: Whether the baseline moves by more than a fiftieth of the peak.
-        curving: Whether it bends by more than 3 % of the peak within the stretch that
-            is fitted, as a cubic that may not be all it does.
-        cut_short: Whether the record ends before the positive phase does.
-        noise_known: Whether enough quiet samples came before the front.
-        shifted: Whether the baseline steps at the front and stays there.
-        front_alone: Whether what follows the front is no blast pulse, so that the front
-            alone was fitted and only arrival and peak are known.
-        resonance_hz: At what frequency it rings, undamped; NaN: it does not [Hz].
-        later_arrivals_s: Of a further front within the stretch that is fitted, one at
-            most; NaN: none [s].
+        high_passed: True if the record looks high-passed and no corner was specified.
+        resonating: True if the record contains a resonance of the sensor.
+        drifting: True if the baseline moves by more than 2 % of the peak.
+        curving: True if it bends by more than 3 % of the peak within the fitted
+            interval, where a cubic may not describe it.
+        cut_short: True if the record ends before the positive phase.
+        noise_known: True if there were enough quiet samples before the front.
+        shifted: True if the baseline steps at the front and stays there.
+        front_alone: True if the pressure behind the front is no blast pulse, so that
+            the front alone was fitted and only arrival and peak are identified.
+        resonance_hz: Undamped frequency of the resonance; NaN without one [Hz].
+        later_arrivals_s: Arrival of a further front within the fitted interval, at most
+            one; NaN without one [s].
         later_sigmas_s: Their standard deviations [s].
-        misfit: Squared misfit by degree of freedom: about 1 where the model holds [-].
+        misfit: Squared misfit per degree of freedom, about 1 where the model holds [-].
             Above 1, errors are widened by its root.
         noise_pa: Standard deviation of the noise of a sample [Pa].
-        baseline_pa: What was taken for zero, at the arrival [Pa].
+        baseline_pa: Baseline at the arrival [Pa].
     """
 
     air_arrival_s: Float[Array, "*batch"]
@@ -176,17 +180,16 @@ def pick(
     full_scale_pa: float | None = None,
     high_pass_hz: float | None = None,
 ) -> Pick:
-    """Return the pulses that records hold.
+    """Return the pulses of records.
 
-    Pure: under `jit`, `vmap` and `grad` it takes what it is given; outside, input that
-    no record can be is refused.
+    The function is pure. Under `jit`, `vmap` and `grad` its input is not checked.
 
     Args:
         time_s: Middle of each sample on one even clock [s], [sample].
-        pressure_pa: Overpressure [Pa], [*batch, sample]. Any even scale does: it comes
-            back in peak, impulse and suction.
-        full_scale_pa: Largest size of a sample; larger ones are clipped. None: not
-            given, and equal samples in a row at the extreme are taken for clipped.
+        pressure_pa: Overpressure [Pa], [*batch, sample]. In another unit, peak, impulse
+            and suction are in that unit.
+        full_scale_pa: Largest absolute value of a sample; samples at it are clipped.
+            None if not specified: equal samples in a row at the extreme are clipped.
         high_pass_hz: Corner of the instrument's first-order high-pass [Hz].
 
     Returns:
@@ -194,8 +197,8 @@ def pick(
         record.
 
     Raises:
-        InputError: Times are not even or do not rise, lengths do not fit, a value is
-            not finite, or a scale or corner is not positive.
+        InputError: Times are uneven or do not rise, lengths differ, a value is not
+            finite, or a scale or corner is not positive.
 
     Example:
         `found = jblast.pick(time_s, pressure_pa)`, then `found.positive_impulse_pa_s`
@@ -205,6 +208,7 @@ def pick(
     n, batch = pressure.shape[-1], pressure.shape[:-1]
     step = (time[-1] - time[0]) / (n - 1)
     flat = pressure.reshape(-1, n)
+    # NumPy pads without compiling a program for each length
     if filled_length(n) > n:
         pad = np.pad if isinstance(flat, np.ndarray) else jnp.pad
         flat = pad(flat, [(0, 0), (0, filled_length(n) - n)], mode="edge")
@@ -226,7 +230,7 @@ def pick(
 
 
 def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
-    """Return times, in double precision if they are numbers, and samples; or refuse."""
+    """Return checked times, in double precision unless traced, and samples."""
     pressure = (
         pressure_pa if isinstance(pressure_pa, Tracer) else np.asarray(pressure_pa)
     )
@@ -256,15 +260,19 @@ def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
                 f"{argument('pressure_pa')}: expected finite samples, got "
                 f"{pressure[tuple(bad[0])]} at [{place}]"
             )
-    # in the widest precision there is: a record in few bits is no reason for less
+    # samples of few bits (int16, float32) need the enabled precision all the same: the
+    # search subtracts large numbers
     return time, pressure.astype(jax.dtypes.canonicalize_dtype(float))
 
 
 def _check_even(time: Float[np.ndarray, " sample"]) -> None:
-    """Refuse times that are not those of samples."""
+    """Raise an error if times are not finite, rising and even."""
     name = argument("time_s")
     if not np.all(np.isfinite(time)):
-        raise InputError(f"{name}: expected finite times")
+        first = int(np.argmax(~np.isfinite(time)))
+        raise InputError(
+            f"{name}: expected finite times, got {time[first]} at [{first}]"
+        )
     steps = np.diff(time)
     if not np.all(steps > 0):
         first = int(np.argmax(~(steps > 0)))
@@ -275,9 +283,10 @@ def _check_even(time: Float[np.ndarray, " sample"]) -> None:
     even = np.linspace(time[0], time[-1], time.size)
     step = (time[-1] - time[0]) / (time.size - 1)
     off = np.abs(time - even)
-    # times written with few digits are rounded, which is no gap
+    # times written with few digits deviate by rounding, up to half a sample; a missing
+    # sample deviates by more
     if (
-        np.max(off) > max(UNEVEN * step, 4e-16 * np.abs(time).max())
+        np.max(off) > max(CLOCK_TOLERANCE * step, 4e-16 * np.abs(time).max())
         and np.max(off) > 0.5 * step
     ):
         first = int(np.argmax(off))
@@ -288,8 +297,8 @@ def _check_even(time: Float[np.ndarray, " sample"]) -> None:
 
 
 def filled_length(samples: int) -> int:
-    """Return the length that a record is filled up to."""
-    return max(SHORTEST, 1 << (samples - 1).bit_length())
+    """Return the length to which a record is padded."""
+    return max(SHORTEST_PADDED, 1 << (samples - 1).bit_length())
 
 
 def picks_of(
@@ -300,16 +309,15 @@ def picks_of(
     full_scale: Float[ArrayOrNumber, "..."] | None,
     high_pass: Float[ArrayOrNumber, "..."] | None,
 ) -> Pick:
-    """Return the picks of records, each number one for all or one for each.
+    """Return the picks of records; each number is one for all or one per record.
 
     Args:
-        samples: Of records of one length, or filled up to it with their last sample.
-        counts: How many samples each has.
+        samples: Samples of records of one length, padded with their last sample.
+        counts: Number of samples of each.
         start: Time of the first sample [s].
-        step: From one sample to the next [s].
-        full_scale: Largest size of a sample; None, or NaN: not given.
-        high_pass: Corner of a first-order high-pass, in cycles a sample; None: there
-            is none.
+        step: Sample interval [s].
+        full_scale: Largest absolute value of a sample; None or NaN if not specified.
+        high_pass: Corner of a first-order high-pass [cycles/sample]; None without one.
     """
     many, kind = jnp.shape(samples)[:1], samples.dtype
 
@@ -329,8 +337,9 @@ def picks_of(
 def _picks(samples, counts, start, step, full_scale, high_pass=None) -> Pick:
     """Pick records as `picks_of` does, with an array for each number."""
     scale = full_scale[:, None]
-    told = clipped_samples(samples, counts, scale)
-    clipped = jnp.where(jnp.isnan(scale), clipped_samples(samples, counts, None), told)
+    by_scale = clipped_samples(samples, counts, scale)
+    by_runs = clipped_samples(samples, counts, None)
+    clipped = jnp.where(jnp.isnan(scale), by_runs, by_scale)
     return pick_of(pick_lanes(samples, clipped, counts, high_pass), start, step)
 
 
@@ -340,9 +349,9 @@ def pick_of(
     """Return picks in seconds and pascals.
 
     Args:
-        lanes: In samples.
+        lanes: Picks in samples.
         start: Time of the first sample [s].
-        step: From one sample to the next [s].
+        step: Sample interval [s].
     """
     natural, scale = lanes.natural, lanes.scale
     nan = jnp.full_like(scale, jnp.nan)
@@ -361,7 +370,7 @@ def pick_of(
     high = lanes.offset + scale * lanes.clipped_level
     low = jnp.abs(lanes.offset - scale * lanes.clipped_level)
     longer = natural.suction_duration > LONG_SUCTION * natural.duration
-    # of one as shallow as noise allows the duration is no sign
+    # the duration of a negative phase as shallow as the noise has no meaning
     deep = natural.suction * natural.suction_duration > DEEP_SUCTION * natural.impulse
     longer &= deep
     return Pick(
@@ -377,7 +386,7 @@ def pick_of(
         spread=spread,
         found=lanes.found,
         converged=lanes.converged,
-        lower_bound=lanes.clipped & ~(spread[:, 1] < UNTOLD),
+        lower_bound=lanes.clipped & ~(spread[:, 1] < BOUND_PEAK_SD),
         clipped_at_pa=jnp.where(
             lanes.clipped, high, jnp.where(lanes.clipped_low, low, nan)
         ),
@@ -404,44 +413,45 @@ def pick_of(
     )
 
 
-def in_chunks(made_of: Callable[..., Made], arrays: tuple[Any, ...]) -> Made:
-    """Return what a function makes of each record of a batch.
+def in_chunks(made_of: Callable[..., Result], arrays: tuple[Any, ...]) -> Result:
+    """Return a function of each record of a batch, evaluated in chunks of `LANES`.
 
     Args:
-        made_of: Of some records: takes and returns arrays with a first axis of lanes;
-            compiled. Of lanes that are all zeros nothing is asked.
-        arrays: Of all of them.
+        made_of: Compiled function of a chunk; takes and returns arrays with a first
+            axis of lanes. Results of padding lanes, which are zero, are discarded.
+        arrays: Arguments for all records.
     """
     if any(isinstance(x, Tracer) for x in arrays):
         return made_of(*arrays)
     count = arrays[0].shape[0]
-    chunks = max(-(-count // LANES), 1)  # of no record, too, to tell of what shape
+    # without records one chunk is evaluated for the shapes of the results
+    chunks = max(-(-count // LANES), 1)
     filled = tuple(_filled(np.asarray(x), chunks) for x in arrays)
     devices = jax.devices()
-    # none is waited for before the next has begun
+    # dispatch is asynchronous: every device has work before any result is awaited
     parts = []
     for k in range(chunks):
         device = devices[k % len(devices)]
         parts.append(made_of(*(jax.device_put(x[k], device) for x in filled)))
-    # by NumPy, which compiles nothing for another number of records
+    # NumPy concatenates without compiling a program for each number of records
     parts = jax.tree.map(np.asarray, parts)
     return jax.tree.map(lambda *x: jax.device_put(np.concatenate(x)[:count]), *parts)
 
 
 def _filled(x: np.ndarray, chunks: int) -> np.ndarray:
-    """Return lanes by chunk, zeros where there are none."""
+    """Return lanes by chunk, padded with zeros."""
     none = np.zeros((chunks * LANES - x.shape[0], *x.shape[1:]), x.dtype)
     return np.concatenate([x, none]).reshape(chunks, LANES, *x.shape[1:])
 
 
 class EyePick(NamedTuple):
-    """Values read from a record by eye; NaN where a rule finds nothing.
+    """Values read from a record by eye; NaN if a rule does not apply.
 
     Attributes:
-        air_arrival_s: First sample above the threshold [s].
+        air_arrival_s: Time of the first sample above the threshold [s].
         peak_overpressure_pa: Largest sample from there on [Pa].
-        positive_duration_s: From the arrival to the first zero [s].
-        positive_impulse_pa_s: By trapezoids between these [Pa s].
+        positive_duration_s: Time from the arrival to the first zero [s].
+        positive_impulse_pa_s: Integral between these by the trapezoid rule [Pa s].
     """
 
     air_arrival_s: float
@@ -454,15 +464,15 @@ def eye_pick(time_s: ArrayLike, pressure_pa: ArrayLike) -> EyePick:
     """Pick a record by rules.
 
     Args:
-        time_s: Of each sample [s].
-        pressure_pa: Overpressure [Pa], one record.
+        time_s: Time of each sample [s].
+        pressure_pa: Overpressure of one record [Pa].
     """
     time = np.asarray(time_s, float)
     pressure = np.asarray(pressure_pa, float)
-    quiet = pressure[: max(2, int(QUIET_SHARE * pressure.size))]
+    quiet = pressure[: max(2, int(EYE_QUIET_SHARE * pressure.size))]
     above = pressure - quiet.mean()
     over = np.flatnonzero(
-        above > THRESHOLD * max(float(quiet.std()), 1e-12 * np.ptp(above))
+        above > EYE_THRESHOLD * max(float(quiet.std()), 1e-12 * np.ptp(above))
     )
     if not over.size:
         return EyePick(np.nan, np.nan, np.nan, np.nan)

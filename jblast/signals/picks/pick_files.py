@@ -17,7 +17,7 @@ from jblast.observations.records.stations import read_stations
 from jblast.observations.table import Understood
 from jblast.signals.picks.pick_log import Gathered, PickLog, gathered, log_of
 
-MOST_NAMED = 20
+MAX_NAMED_FILES = 20
 """Files that the comments of a log name, so that its first line stays readable."""
 
 
@@ -29,7 +29,7 @@ class PickedFiles(NamedTuple):
         log: Their rows.
         files: The records.
         left_out: Other files of the folders.
-        named: Files and folders that were read, as named by the caller.
+        named: Files and folders as given by the caller.
         scaling: Scale of the recorders.
         high_pass_hz: Corner of their first-order high-pass [Hz].
     """
@@ -48,8 +48,8 @@ class PickedFiles(NamedTuple):
         Args:
             words: Other names of the settings, as those of options.
         """
-        names = ", ".join(file.name for file in self.files[:MOST_NAMED])
-        others = len(self.files) - MOST_NAMED
+        names = ", ".join(file.name for file in self.files[:MAX_NAMED_FILES])
+        others = len(self.files) - MAX_NAMED_FILES
         more = f" and {others} more" if others > 0 else ""
         settings = (
             ("full_scale_pa", self.scaling.full_scale_pa, "Pa"),
@@ -95,7 +95,7 @@ def pick_files(
             rows have no positions.
         scaling: Scale of the recorders, where files do not state it.
         high_pass_hz: Corner of their first-order high-pass [Hz].
-        keep_samples: Whether picks keep their samples, for figures.
+        keep_samples: True to keep the samples in the picks, for figures.
 
     Returns:
         Picks and the rows of a log; `jblast.fit` accepts them. Files that cannot be

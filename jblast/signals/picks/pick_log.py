@@ -28,7 +28,7 @@ from jblast.observations.grouping import stacked
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.observations.records.stations import Station, started
-from jblast.observations.table import OF_SAMPLES, SAMPLES, RecordCovariance
+from jblast.observations.table import RECORD_QUANTITIES, SAMPLES, RecordCovariance
 from jblast.progress import each
 from jblast.quantities import ADDITIVE, CLOCK_TIMES
 from jblast.signals.arrays import bangs
@@ -37,11 +37,10 @@ from jblast.signals.onsets import stretches
 from jblast.signals.picks.pick import LEAST_SAMPLES, NAMES
 from jblast.signals.picks.record_picks import RecordPick, pick_records
 
-BATCH = 2**22
-"""Samples that are held before they are picked: 32 megabytes."""
-TOLD = OF_SAMPLES
-"""Quantities in the order of a pick's covariance."""
-_, PEAK, DURATION, IMPULSE = TOLD
+BATCH_SAMPLES = 2**22
+"""Samples that are read before they are picked, 32 MB in double precision: a folder of
+any size needs bounded memory, and chunks of `pick.LANES` records are mostly full."""
+_, PEAK, DURATION, IMPULSE = RECORD_QUANTITIES
 Reason = Literal[
     "poor",
     "onset_alone",
@@ -53,9 +52,10 @@ Reason = Literal[
     "front_alone",
     "weaker",
 ]
-"""Why something stands in no row; weaker: than another of its bang at its sensor."""
+"""Reasons why quantities have no row; "weaker" than another pick of the same event at
+the same sensor."""
 SPREAD_IN_UNIT = ("air_arrival_s", "decay")
-"""Their spread is in their own unit; that of the others is of their logarithm."""
+"""Values whose spread is in their own unit; that of the others is of the logarithm."""
 IN_PASCALS = ("peak_overpressure_pa", "positive_impulse_pa_s", "negative_pressure_pa")
 """Values that samples without a scale do not identify."""
 
@@ -64,14 +64,14 @@ class Gathered(NamedTuple):
     """Picks of files of samples.
 
     Attributes:
-        picks: Those that were found, in the order of files, channels and time.
-        orders: Which bang of its channel each is, from 1.
-        silent: Names of channels in which nothing was found.
-        quieter: How many onsets were not looked at, by channel: 20 dB below its
-            loudest.
-        refused: Why files could not be read, a message each.
-        epoch: UTC of time zero of all picks; None where no file states it.
-        channels: How many channels were read.
+        picks: Picks in the order of files, channels and time.
+        orders: Number of each within its channel, from 1.
+        silent: Names of channels without a pick.
+        quieter: Number of onsets by channel that were skipped, more than 20 dB below
+            the loudest.
+        refused: Errors of files that could not be read.
+        epoch: UTC of time zero of all picks; None if no file states it.
+        channels: Number of channels read.
     """
 
     picks: tuple[RecordPick, ...]
@@ -83,7 +83,7 @@ class Gathered(NamedTuple):
     channels: int
 
     def named(self) -> tuple[str, ...]:
-        """Name each pick's record: name#order where a channel has several bangs."""
+        """Return the name of each pick's record; of several in a channel name#order."""
         names = [one.record.name for one in self.picks]
         return tuple(
             name if names.count(name) == 1 else f"{name}#{order}"
@@ -99,26 +99,26 @@ def gathered(
     keep_samples: bool = True,
     stations: Mapping[str, Station] | None = None,
 ) -> Gathered:
-    """Read files and pick their bangs.
+    """Read files and pick their blasts.
 
-    Files with the time of day of their first sample, or whose stations have it, share
-    one clock, that of the first.
+    Files share the clock of the first one if they, or their stations, state the time of
+    day of the first sample.
 
     Args:
-        files: Records.
-        scaling: What the user says of the recorders' scale.
+        files: Files of records.
+        scaling: Scale of the recorders.
         high_pass_hz: Corner of their first-order high-pass [Hz].
-        keep_samples: Whether picks keep their samples, to be drawn.
-        stations: By name of record; their `start` is looked at.
+        keep_samples: True to keep the samples in the picks, for figures.
+        stations: Stations by name of record, for their `start`.
     """
     reading = _Reading(files, scaling, high_pass_hz, stations or {})
     found: list[RecordPick] = []
-    heard: set[str] = set()
+    picked: set[str] = set()
     for batch in _batches(reading):
         for one in pick_records(batch):
             if not one.pick.found:
                 continue
-            heard.add(one.record.name)
+            picked.add(one.record.name)
             if not keep_samples:
                 empty = replace(one.record, samples=np.zeros(0))
                 one = replace(one, record=empty)
@@ -126,7 +126,7 @@ def gathered(
     return Gathered(
         picks=tuple(found),
         orders=_orders([one.record.name for one in found]),
-        silent=tuple(name for name in reading.channels if name not in heard),
+        silent=tuple(name for name in reading.channels if name not in picked),
         quieter=reading.quieter,
         refused=tuple(reading.refused),
         epoch=reading.epoch,
@@ -135,7 +135,7 @@ def gathered(
 
 
 class _Reading:
-    """Goes through files, and keeps what is to be reported of them."""
+    """Iterator over the records of files, with the findings to be reported."""
 
     def __init__(
         self,
@@ -153,13 +153,13 @@ class _Reading:
         self._first: Path | None = None
 
     def __iter__(self) -> Iterator[PressureRecord]:
-        """Give stretches, those of a channel in order of time."""
+        """Yield intervals with a signal, those of a channel in order of time."""
         seen: set[str] = set()
         for file in each(self.files, "records"):
             try:
                 if file.stem in seen:
                     raise InputError(
-                        f"{file}: expected records of names that differ, got "
+                        f"{file}: expected records with different names, got "
                         f"{file.stem} twice"
                     )
                 recordings = open_record(file, self.scaling)
@@ -175,6 +175,7 @@ class _Reading:
                     if channel.quieter:
                         self.quieter[name] = channel.quieter
                     for record in channel.records:
+                        # a constant interval is a dead channel, not a quiet one
                         if np.ptp(record.samples) > 0:
                             yield replace(record, high_pass_hz=self.high_pass_hz)
 
@@ -182,7 +183,7 @@ class _Reading:
         """Return a recording on the clock of the first.
 
         Raises:
-            InputError: Of it and the first one alone has a time of day.
+            InputError: Only one of the two has a time of day.
         """
         recording = started(recording, self.stations)
         if self._first is None:
@@ -192,10 +193,10 @@ class _Reading:
             if recording.epoch is None:
                 one, other = other, one
             raise InputError(
-                f"{recording.source}: expected to begin at {other}, as {self._first} "
-                f"does, got {one}; say when the first sample of each file without one "
-                "was, in the column start_utc of the table of stations, or pick them "
-                "apart from each other"
+                f"{recording.source}: expected a start at {other}, as in "
+                f"{self._first}, got {one}; add the time of the first sample of each "
+                "file without one to column start_utc of the table of stations, or "
+                "pick the files separately"
             )
         if self.epoch is None or recording.epoch is None:
             return recording
@@ -205,7 +206,7 @@ class _Reading:
 
 
 def _check_lengths(recordings: Sequence[Recording]) -> None:
-    """Refuse what has too few samples for a pulse and the noise before it."""
+    """Raise an error for recordings too short for a pulse and the noise before it."""
     for one in recordings:
         if one.length < LEAST_SAMPLES:
             raise InputError(
@@ -215,12 +216,12 @@ def _check_lengths(recordings: Sequence[Recording]) -> None:
 
 
 def _batches(records: _Reading) -> Iterator[list[PressureRecord]]:
-    """Put records together until they hold so many samples."""
+    """Yield records in batches of at least `BATCH_SAMPLES` samples."""
     batch, samples = [], 0
     for record in records:
         batch.append(record)
         samples += record.samples.size
-        if samples >= BATCH:
+        if samples >= BATCH_SAMPLES:
             yield batch
             batch, samples = [], 0
     if batch:
@@ -228,7 +229,7 @@ def _batches(records: _Reading) -> Iterator[list[PressureRecord]]:
 
 
 def _orders(names: list[str]) -> tuple[int, ...]:
-    """Return which of its name each is, from 1."""
+    """Return the number of each among those of its name, from 1."""
     count: dict[str, int] = {}
     orders = []
     for name in names:
@@ -242,9 +243,9 @@ class LeftOut:
     """Quantities of a pick that have no row.
 
     Attributes:
-        record: Which pick.
-        quantities: What.
-        reason: Why.
+        record: Name of the pick's record.
+        quantities: Quantities without a row.
+        reason: Reason.
     """
 
     record: str
@@ -257,10 +258,10 @@ class PickLog(NamedTuple):
 
     Attributes:
         observations: The rows.
-        left_out: What stands in none.
-        bangs: How many bangs the rows are of.
+        left_out: Quantities without a row.
+        bangs: Number of events.
         independent: Records whose errors are taken as independent, because their
-            covariance is no such matrix.
+            covariance is not positive definite.
     """
 
     observations: Observations
@@ -286,13 +287,13 @@ def log_of(
 ) -> PickLog:
     """Return the rows of a log.
 
-    Picks at several places are of one bang if no more lies between them than sound
-    takes from the first place to the last; of several at one place the loudest is.
-    Without places the bangs of a channel are distinguished by their order.
+    Picks at several stations belong to one event if their time differences are at most
+    the travel time of sound between the stations; of several at one station the loudest
+    does. Without stations the events of a channel are numbered in order.
 
     Args:
         found: Picks.
-        stations: Where the sensors stood, by their names.
+        stations: Stations by name of the sensor.
         comments: Provenance.
 
     Raises:
@@ -303,11 +304,11 @@ def log_of(
     rows: list[_Row] = []
     covariances: list[RecordCovariance] = []
     independent: list[str] = []
-    left_out = [LeftOut(names[at], TOLD, "weaker") for at in weaker]
+    left_out = [LeftOut(names[at], RECORD_QUANTITIES, "weaker") for at in weaker]
     for at, shot in shots.items():
         one = found.picks[at]
-        kept = list(TOLD)
-        for reason, lost in untold(one):
+        kept = list(RECORD_QUANTITIES)
+        for reason, lost in omitted_quantities(one):
             gone = tuple(quantity for quantity in kept if quantity in lost)
             if gone:
                 left_out.append(LeftOut(names[at], gone, reason))
@@ -318,7 +319,8 @@ def log_of(
         if len(together) > 1:
             try:
                 covariances.append(covariance_of(one, names[at], together))
-            except ValueError:  # not positive definite: an optimum at an edge
+            # not positive definite, as at an optimum at the edge of a sample
+            except ValueError:
                 independent.append(names[at])
     count = len(set(shots.values()))
     observations = _observations(rows, found, stations, comments)
@@ -326,10 +328,10 @@ def log_of(
     return PickLog(observations, tuple(left_out), count, tuple(independent))
 
 
-def untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
+def omitted_quantities(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
     """Yield the reasons why quantities of a pick have no row, and the quantities."""
     if one.quality == "poor":
-        yield "poor", TOLD
+        yield "poor", RECORD_QUANTITIES
     if "onset_alone" in one.notes:
         yield "onset_alone", (PEAK, DURATION, IMPULSE)
     if not one.record.calibrated:
@@ -347,7 +349,7 @@ def untold(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
 
 
 def _row(one: RecordPick, quantity: str, shot: str, record: str) -> _Row:
-    """Return a pick's row of a quantity."""
+    """Return the row of one quantity of a pick."""
     value, sigma = log_value(one, quantity)
     is_bound = quantity == PEAK and bool(one.pick.lower_bound)
     return _Row(one.record.name, quantity, value, sigma, is_bound, shot, record)
@@ -356,12 +358,12 @@ def _row(one: RecordPick, quantity: str, shot: str, record: str) -> _Row:
 def _shots(
     found: Gathered, stations: Mapping[str, Station] | None
 ) -> tuple[dict[int, str], list[int]]:
-    """Return the shot of each pick, and those that are weaker than one of it."""
+    """Return the shot of each pick, and the picks weaker than another of their shot."""
     if stations is None:
         several = len(set(found.orders)) > 1
         orders = enumerate(found.orders)
         return {at: str(order) if several else "" for at, order in orders}, []
-    heard: dict[str, list[Detection]] = {}
+    arrivals: dict[str, list[Detection]] = {}
     at_of: dict[tuple[str, Detection], int] = {}
     for at, one in enumerate(found.picks):
         name = one.record.name
@@ -371,13 +373,14 @@ def _shots(
                 f"{', '.join(stations)}"
             )
         when, peak = one.pick.air_arrival_s, one.pick.peak_overpressure_pa
-        # an onset alone has no peak, and is weaker than any pulse
+        # an onset alone has no peak: zero makes it weaker than any pulse
         arrival = Detection(float(when), 0.0, 0.0, float(np.nan_to_num(peak)))
-        heard.setdefault(name, []).append(arrival)
+        arrivals.setdefault(name, []).append(arrival)
         at_of[name, arrival] = at
-    positions = {name: stations[name].position for name in heard}
-    one_bang = len({stations[name].clock for name in heard}) > 1
-    grouped = bangs(heard, positions, one=one_bang)
+    positions = {name: stations[name].position for name in arrivals}
+    # recorders with clocks of their own have no common times to group by
+    one_bang = len({stations[name].clock for name in arrivals}) > 1
+    grouped = bangs(arrivals, positions, one=one_bang)
     several = len(grouped.heard) > 1
     shots = {
         at_of[key]: str(number) if several else ""
@@ -393,31 +396,31 @@ def _observations(
     stations: Mapping[str, Station] | None,
     comments: Sequence[str],
 ) -> Observations:
-    nowhere = Station((np.nan, np.nan, np.nan), "")
-    stood = [(stations or {}).get(row.sensor, nowhere) for row in rows]
-    places = np.array([station.position for station in stood])
+    unplaced = Station((np.nan, np.nan, np.nan), "")
+    placed = [(stations or {}).get(row.sensor, unplaced) for row in rows]
+    positions = np.array([station.position for station in placed])
     return observed(
         [row.sensor for row in rows],
         [row.quantity for row in rows],
         [row.value for row in rows],
         [row.sigma for row in rows],
-        position=places.reshape(len(rows), 3),
+        position=positions.reshape(len(rows), 3),
         shot=tuple(row.shot for row in rows),
-        clock=tuple(station.clock for station in stood),
+        clock=tuple(station.clock for station in placed),
         comments=tuple(comments),
         lower_bound=np.array([row.is_bound for row in rows], bool),
-        frame=next((s.frame for s in stood if s.frame is not None), None),
+        frame=next((s.frame for s in placed if s.frame is not None), None),
         epoch=found.epoch,
         record=tuple(row.record for row in rows),
     )
 
 
 class PickedLog(NamedTuple):
-    """A log of readings alone.
+    """A log whose records of samples are replaced by readings.
 
     Attributes:
-        observations: Four rows in place of each that names a record of samples.
-        picks: Of the samples, by what the log calls them.
+        observations: The log, with four rows for each record of samples.
+        picks: Picks of the samples by name of the record in the log.
     """
 
     observations: Observations
@@ -431,17 +434,17 @@ def picked_log(
     high_pass_hz: float | None = None,
     faults: list[InputError] | None = None,
 ) -> PickedLog:
-    """Pick the records that a log names; one without any is returned as it is.
+    """Pick the records that a log names; a log without any is returned unchanged.
 
     Args:
         observations: The log.
-        scaling: What the user says of the recorders' scale.
+        scaling: Scale of the recorders.
         high_pass_hz: Corner of their first-order high-pass [Hz].
-        faults: Where given, a row that is refused is left out and its error put there.
+        faults: If given, a row with a fault is left out and its error appended here.
 
     Raises:
-        InputError: A row names no file, one that another row names, or one that cannot
-            be read, holds no blast, or is not in pascals.
+        InputError: A row names no file or one that another row names, or the file
+            cannot be read, contains no blast, or is not in pascals.
     """
     sampled = np.flatnonzero(np.isin(observations.quantity, SAMPLES))
     if not sampled.size:
@@ -467,13 +470,14 @@ def picked_log(
         picks, rows = [], []
     names = [observations.records()[row] for row in rows]
     others = np.setdiff1d(np.arange(len(observations)), sampled)
-    # where nothing is left, a log of no row all the same
+    # `stacked` needs at least one part, so a log without rows has an empty one
     parts = [some_rows(observations, others)] if others.size or not rows else []
     parts += [
         _rows(observations, row, one) for row, one in zip(rows, picks, strict=True)
     ]
     covariances = tuple(
-        covariance_of(one, name, TOLD) for name, one in zip(names, picks, strict=True)
+        covariance_of(one, name, RECORD_QUANTITIES)
+        for name, one in zip(names, picks, strict=True)
     )
     joined = replace(
         _joined(observations, parts),
@@ -489,7 +493,7 @@ def _pick(
     scaling: Scaling | None,
     high_pass_hz: float | None,
 ) -> RecordPick:
-    """Return the loudest bang of a row's file, on the clock of the log."""
+    """Return the loudest blast of a row's file, on the clock of the log."""
     where = f"{observations.where(row)}, column record"
     name = observations.records()[row]
     if not name or observations.records().count(name) > 1:
@@ -512,15 +516,15 @@ def _pick(
     fitted = [one for one in mine if "onset_alone" not in one.notes]
     if all(one.quality == "poor" for one in fitted):
         raise InputError(
-            f"{where}: expected a record that a pulse fits, got {shown(name)}, whose "
-            "pick is poor; take the row out"
+            f"{where}: expected a record of a blast pulse, got {shown(name)}, whose "
+            "pick is poor; remove the row"
         )
     one = max(fitted, key=lambda one: float(one.pick.peak_overpressure_pa))
     if not one.record.calibrated:
         raise InputError(
-            f"{where}: expected samples in pascals, got {shown(name)} in a unit that "
-            f"nobody said: {argument('full_scale_pa')} of WAV and FLAC, "
-            f"{argument('sensitivity')} of counts"
+            f"{where}: expected samples in pascals, got {shown(name)} without a unit; "
+            f"add {argument('full_scale_pa')} for WAV and FLAC, "
+            f"{argument('sensitivity')} for counts"
         )
     return one
 
@@ -528,24 +532,24 @@ def _pick(
 def _on_one_clock(
     observations: Observations, picks: list[RecordPick]
 ) -> tuple[datetime | None, list[RecordPick]]:
-    """Return picks whose times count from the log's time zero, and when that was.
+    """Return the UTC of the log's time zero, and picks whose times count from it.
 
     Raises:
-        InputError: Some files have a time of day, and others have none.
+        InputError: Only some of the files have a time of day.
     """
     epochs = [one.record.epoch for one in picks if one.record.epoch is not None]
     if not epochs:
         return observations.epoch, picks
-    silent = [one.record.source for one in picks if one.record.epoch is None]
-    if not silent and observations.epoch is None:
+    undated = [one.record.source for one in picks if one.record.epoch is None]
+    if not undated and observations.epoch is None:
         timed = set(observations.quantity) & set(CLOCK_TIMES)
-        silent = [f"{observations.source or 'observations'}, column value"] * bool(
+        undated = [f"{observations.source or 'observations'}, column value"] * bool(
             timed
         )
-    if silent:
+    if undated:
         raise InputError(
-            f"{silent[0]}: expected a time of day, as records of the log tell it; got "
-            "seconds alone"
+            f"{undated[0]}: expected times of day, as in the records of the log; got "
+            "seconds only"
         )
     zero = observations.epoch or min(epochs)
     moved = []
@@ -559,21 +563,23 @@ def _on_one_clock(
 
 
 def _rows(observations: Observations, row: int, one: RecordPick) -> Observations:
-    """Return the rows that are read off a record, placed as its own."""
-    same = some_rows(observations, np.full(len(TOLD), row))
+    """Return the rows of a record's readings, with the position of its row."""
+    same = some_rows(observations, np.full(len(RECORD_QUANTITIES), row))
     bound = bool(one.pick.lower_bound)
-    value, sigma = zip(*(log_value(one, name) for name in TOLD), strict=True)
+    value, sigma = zip(
+        *(log_value(one, name) for name in RECORD_QUANTITIES), strict=True
+    )
     return replace(
         same,
-        quantity=TOLD,
+        quantity=RECORD_QUANTITIES,
         value=np.array(value),
         sigma=np.array(sigma),
-        lower_bound=np.array([bound and "peak" in name for name in TOLD]),
+        lower_bound=np.array([bound and "peak" in name for name in RECORD_QUANTITIES]),
     )
 
 
 def _joined(observations: Observations, parts: Sequence[Observations]) -> Observations:
-    """Put rows of one log together again."""
+    """Return a log with the rows of several parts of it."""
     columns = stacked(parts)
     if not columns["lower_bound"].any():
         columns["lower_bound"] = None
@@ -581,11 +587,11 @@ def _joined(observations: Observations, parts: Sequence[Observations]) -> Observ
 
 
 def log_value(one: RecordPick, quantity: str) -> tuple[float, float]:
-    """Return value and sigma; of a clipped peak where it clips, at least."""
+    """Return value and sigma; for a clipped peak the clipping level and the noise."""
     if quantity == "peak_overpressure_pa" and bool(one.pick.lower_bound):
         level = float(one.pick.clipped_at_pa - one.pick.baseline_pa)
         return level, float(one.pick.noise_pa)
-    at = TOLD.index(quantity)
+    at = RECORD_QUANTITIES.index(quantity)
     value = float(getattr(one.pick, quantity))
     sd = float(np.sqrt(one.pick.covariance[at, at]))
     return value, sd if quantity in ADDITIVE else sd * value
@@ -594,25 +600,25 @@ def log_value(one: RecordPick, quantity: str) -> tuple[float, float]:
 def covariance_of(
     one: RecordPick, record: str, quantities: Sequence[str]
 ) -> RecordCovariance:
-    """Return how the errors of a pick's rows go together.
+    """Return the covariance of the errors of a pick's rows.
 
-    A peak that is a lower bound has an error of its own, that of a reading.
+    A peak that is a lower bound is left out: its error is the noise of one sample.
 
     Args:
         one: The pick.
-        record: What the log calls it.
-        quantities: Of its rows.
+        record: Name of its record in the log.
+        quantities: Quantities of its rows.
 
     Raises:
-        ValueError: They go together as no errors can.
+        ValueError: The covariance is not positive definite.
     """
     bound = bool(one.pick.lower_bound)
     names = tuple(
         name
-        for name in TOLD
+        for name in RECORD_QUANTITIES
         if name in quantities and not (bound and name == "peak_overpressure_pa")
     )
-    at = [TOLD.index(name) for name in names]
+    at = [RECORD_QUANTITIES.index(name) for name in names]
     matrix = np.asarray(one.pick.covariance, float)[np.ix_(at, at)]
     return RecordCovariance(record, names, 0.5 * (matrix + matrix.T))
 
@@ -625,9 +631,10 @@ class PickEstimate(NamedTuple):
 
 
 def pick_estimate(one: RecordPick, name: str) -> PickEstimate | None:
-    """Return a value of a pick; None where samples are no pascals and it is in them.
+    """Return a value of a pick with its standard deviation.
 
-    None, too, where only the onset was picked.
+    The result is None for pressures and impulses of samples without a scale, and for
+    values other than the arrival if only the onset was picked.
 
     Args:
         one: The pick of one record.

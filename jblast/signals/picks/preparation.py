@@ -23,9 +23,9 @@ hundred numbers. This is no approximation, since the model's means over a bin ar
 the front; sample $i$ covers $i - 1/2$ to $i + 1/2$.
 
 The fit begins at the best of a bank of pulses. Each has unit peak and the suction of
-the prior means, less the line that fits it best over its own stretch, so that one
-product of a matrix with the record gives the peak of each member and its reduction of
-the sum of squares.
+the prior means, minus the line that fits it best over its own interval, so that one
+matrix product with the record gives the peak of each member and its reduction of the
+sum of squares.
 """
 
 from typing import NamedTuple
@@ -39,68 +39,84 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from jblast.signals.picks.unknowns import CENTRE, Form
 
 FITTED_DURATIONS = 4.5
-"""Length of the fitted interval behind the front, in durations: past the negative phase
-of the priors."""
-LONGER = 24.0 / FITTED_DURATIONS
-"""And of the stretch over which a high-pass is looked for: one with its corner at the
-inverse of the duration shortens the positive phase fivefold, and this is 4.5 of the
-durations before it."""
+"""Length of the fitted interval behind the front, in positive phase durations. The
+positive and the prior's negative phase (2.4 durations) end at 3.4, one standard
+deviation longer at 5; a longer interval has more drift than pulse."""
+LONGER_FACTOR = 24.0 / FITTED_DURATIONS
+"""Ratio of the interval in which a high-pass is searched to the fitted one. A corner at
+the inverse of the duration shortens the positive phase fivefold, so 24 apparent
+durations are about 4.5 true ones."""
 LEAST_REACH = 48
-"""And at least as many samples."""
-SHORTER = 0.5
-"""A drift may pass for a suction, and a pulse and its suction for a longer pulse: a
-second search begins from one of this share of the duration at most."""
-CLEAR = 12.0
-"""An earlier step is another front when it is as many times the rms of those before."""
+"""Shortest fitted interval behind the front [samples]: four for each of eleven
+unknowns."""
+SHORTER_SHARE = 0.5
+"""Largest duration of a second start, over that of the first. A drift may be fitted as
+a suction, and a pulse and its suction as one pulse three times as long."""
+EARLIER_STEP_SD = 12.0
+"""Size of an earlier step that counts as the front, over the rms of the steps before.
+Steps of many widths at thousands of arrivals reach 5 by noise, more if it is coloured;
+fronts of weaker pulses are found by the largest step."""
 STEP_SHARE = 0.3
-"""And this share of the largest step."""
+"""Smallest size of an earlier step that counts as the front, over the largest step.
+A reflection is at most several times larger than its incident front."""
 LARGEST_WIDTH = 2048
 """Longest mean on either side of a step [samples]: twelve widths in all."""
-FIRST = 64
-"""One of so many parts of a record, the first, gives the level at its beginning."""
+LEVEL_PARTS = 64
+"""Number of parts of a record, the first of which gives the initial level."""
 ORDER = 4
-"""Of the autoregression."""
+"""Order of the autoregression of the noise. Recorder noise (flicker, mains hum, one
+resonance) needs two to four coefficients; more would not be significant in some tens of
+quiet samples."""
 LEAST_QUIET = 24
-"""Fewer samples before the front do not identify the colour of the noise."""
-SIGNIFICANT = 2.5
-"""Standard deviations of a reflection coefficient of white noise."""
+"""Smallest number of samples before the front that identify the colour of the noise:
+six for each coefficient. With fewer the noise is taken as white, and a note is made."""
+REFLECTION_SD = 2.5
+"""Significance of a reflection coefficient [standard deviations for white noise].
+White noise exceeds it in one coefficient of eighty."""
 LEAST_SIGMA = 1e-9
-"""Noise is no less than this share of the largest sample."""
+"""Smallest noise [share of the largest sample]: well above rounding, so that records
+without noise have finite weights, and far below any recorder's."""
 SINGLE_BEFORE, SINGLE_BEHIND = 24, 96
-"""Samples that are bins of their own."""
+"""Number of samples before and behind the front that are bins of their own: the trial
+arrivals (`searches.ARRIVALS`) lie within them."""
 GROWTH_BEFORE, GROWTH_BEHIND = 0.2, 0.05
-"""Width of a bin over its distance from the front [-]."""
+"""Width of a bin over its distance from the front [-]. A pulse changes over its own
+age, of which a twentieth is a small part; before the front only the drift changes."""
 SHORTEST = 3.0
 """Duration of the shortest pulse of the bank [samples]."""
-STEP = 1.3
-"""From one duration of the bank to the next."""
-DECAYS = (0.3, 2.5)
-"""Decay coefficients of the bank: the laws have 0.4 to 2.9 (`unknowns`)."""
-RISES = (0.0, 0.25)
-"""Shares of the duration."""
+DURATION_RATIO = 1.3
+"""Ratio of neighbouring durations of the bank: the best one is within 14 %, and the
+search does the rest."""
+BANK_DECAYS = (0.3, 2.5)
+"""Decay coefficients of the bank, near the bounds 0.4 and 2.9 of laws (`unknowns`)."""
+BANK_RISES = (0.0, 0.25)
+"""Rises of the bank over the duration."""
 CONTINUED_DECAYS = (0.2, 0.5, 1.2, 3.0)
-"""Of members that continue below zero: the smaller, the more of them is there."""
-BEFORE, BEHIND = 1.5, 4.0
+"""Decay coefficients of members that continue below zero. These have no prior of the
+suction: the smaller the decay, the deeper and longer they stay below zero."""
+MEMBER_BEFORE, MEMBER_BEHIND = 1.5, 4.0
 """Extent of a member before and behind the front, in durations."""
 CLIPPED_FROM = 0.999
-"""A sample above this share of the full scale is clipped: codes end slightly below
-it."""
+"""Share of the full scale from which on a sample is clipped: the largest code of a
+converter is slightly below the scale, by 2^-15 for 16 bits."""
 IN_A_ROW = 3
-"""Without a full scale, as many equal samples that no other exceeds are."""
+"""Equal samples in a row at the extreme that count as clipped without a full scale.
+Two are equal by chance in records of few bits; a recorder that clips for less than
+three samples loses little."""
 LEAST_SUCTION = 0.03
-"""A floor is the scale's end only if as deep a share of the record's height: else it is
-the quiet, in few bits."""
+"""Smallest depth of a floor of clipped samples, over the height of the record: a
+shallower one is the quiet part in few bits."""
 
 
 class Noise(NamedTuple):
     r"""Noise of a record.
 
     Attributes:
-        taps: $1, f_1, \ldots$: what makes it white.
-        sigma: Standard deviation of what is left then, $e$.
+        taps: Whitening filter $1, f_1, \ldots$.
+        sigma: Standard deviation of the whitened noise $e$.
         marginal: Standard deviation of the noise itself.
-        known: Whether there was a quiet part long enough.
-        slope: Of the quiet part's drift, per sample.
+        known: True if the quiet part was long enough.
+        slope: Slope of the drift at the end of the quiet part, per sample.
     """
 
     taps: Float[Array, " tap"]
@@ -111,24 +127,24 @@ class Noise(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One record for the fit. Integers are kept as floats, which have a zero slope.
+    """One record for the fit. Integers are stored as floats, which have a zero slope.
 
     Attributes:
         white: Whitened means, in standard deviations.
-        weight: Bins' weights: square root of their samples over sigma, zero: unused.
-        noise: What made them white.
-        level: Size that clipped bins have [share of the largest].
+        weight: Square root of the number of samples over sigma; zero for unused bins.
+        noise: Noise by which they were whitened.
+        level: Absolute value of clipped bins [share of the largest].
         clipped: +1 where the pressure was at least the level, -1 at most minus it.
-        span: Half of the stretch, for the drift [samples].
+        span: Half length of the interval, for the drift [samples].
         middle: Its middle [samples].
-        centre: Where the unknowns are believed to be.
-        rings: 1 where the sensor rings, else 0.
-        follows: 1 where a further front does, else 0.
-        passed: 1 where an unstated high-pass is searched, else 0.
-        shifted: 1 where the baseline steps at the front, else 0.
+        centre: Prior means of the unknowns.
+        rings: 1 for a resonant sensor, else 0.
+        follows: 1 for a further front, else 0.
+        passed: 1 for a high-pass that was not specified, else 0.
+        shifted: 1 for a step of the baseline at the front, else 0.
         form: Formulas of the pulse.
-        high_pass: Corner of a high-pass [1/sample]; None: there is none.
-        hold: How much more firmly than believed ln duration stands at its centre.
+        high_pass: Specified corner of a high-pass [1/sample]; None without one.
+        hold: Factor, minus 1, on the prior's residual of ln duration.
     """
 
     white: Float[Array, " bin"]
@@ -149,12 +165,12 @@ class Case(NamedTuple):
 
 
 class Front(NamedTuple):
-    """A front as seen at first.
+    """A front as detected before the fit.
 
     Attributes:
         sample: The first sample behind it.
-        width: Over how many samples it is clearest.
-        step: $D_w$ there, in the unit of the samples.
+        width: Width $w$ of the largest step [samples].
+        step: Step $D_w$ there, in the unit of the samples.
     """
 
     sample: Int[Array, ""]
@@ -163,20 +179,20 @@ class Front(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """A case, and what it was made of.
+    """A prepared record: the case, and the values used to make it.
 
     Attributes:
-        case: For the fit.
-        whole: The same over a stretch longer by `LONGER`.
-        net: Net impulse over that [share of the largest, samples].
-        net_sd: Its standard deviation; infinite where the record ends within the usual
-            stretch, which may hold too little of the tail.
-        start: Unknowns to begin with.
-        shorter: Those of a pulse shorter by `SHORTER` or more.
-        continued: Those of a pulse that continues below zero.
-        front: As seen at first.
-        offset: What was taken off the samples.
-        scale: And what they were then divided by.
+        case: The case over the fitted interval.
+        whole: The same over an interval longer by `LONGER_FACTOR`.
+        net: Net impulse over the longer one [share of the largest, samples].
+        net_sd: Its standard deviation; infinite if the record ends within the fitted
+            interval, which may contain too little of the tail.
+        start: Starting point of the unknowns.
+        shorter: That of a pulse shorter by `SHORTER_SHARE` or more.
+        continued: That of a pulse that continues below zero.
+        front: Detected front.
+        offset: Offset subtracted from the samples.
+        scale: Divisor of the samples after that.
         clipped_at: Largest size of a clipped sample [share of the largest].
     """
 
@@ -194,15 +210,15 @@ class Prepared(NamedTuple):
 
 
 class Bank(NamedTuple):
-    """Pulses to begin with.
+    """Pulses among which a start is selected.
 
     Attributes:
-        duration: Of each [samples].
-        decay: Of each.
-        rise: Of each [samples].
-        continued: 1 of those whose decay continues below zero, 0 of the others.
-        filters: Times the record's means over bins: the peak of each.
-        energy: By peak squared: how much it lowers the weighted sum of squares.
+        duration: Duration of each [samples].
+        decay: Decay coefficient of each.
+        rise: Rise of each [samples].
+        continued: 1 for those whose decay continues below zero, 0 for the others.
+        filters: Matrix that gives the peak of each from the means over bins.
+        energy: Reduction of the weighted sum of squares by each, over peak squared.
     """
 
     duration: Float[np.ndarray, " member"]
@@ -214,11 +230,11 @@ class Bank(NamedTuple):
 
 
 class Bins(NamedTuple):
-    """Where bins lie, in samples from the front's.
+    """Bins of samples, counted from the sample of the front.
 
     Attributes:
         first: First sample of each.
-        width: How many samples it has.
+        width: Number of samples of each.
     """
 
     first: Int[np.ndarray, " bin"]
@@ -226,32 +242,32 @@ class Bins(NamedTuple):
 
     @property
     def start(self) -> Float[np.ndarray, " bin"]:
-        """Where each begins [samples]."""
+        """Start of each [samples]."""
         return self.first - 0.5
 
     @property
     def stop(self) -> Float[np.ndarray, " bin"]:
-        """Where each ends [samples]."""
+        """End of each [samples]."""
         return self.first + self.width - 0.5
 
     @property
     def ends(self) -> Float[np.ndarray, " end"]:
-        """Where each begins, and where the last one ends [samples]."""
+        """Starts of all, then the end of the last one [samples]."""
         return np.append(self.start, self.stop[-1])
 
     @property
     def middle(self) -> Float[np.ndarray, " bin"]:
-        """The middle of each [samples]."""
+        """Middle of each [samples]."""
         return self.first + 0.5 * (self.width - 1)
 
     @property
     def single(self) -> slice:
-        """Which bins are samples of their own: those in a row about the front."""
+        """Slice of the bins of one sample, which are contiguous about the front."""
         ones = np.flatnonzero(self.width == 1)
         return slice(int(ones[0]), int(ones[-1]) + 1)
 
     def means_by(self, at_ends: Float[Array, "row end"]) -> Float[Array, "row bin"]:
-        """Return means over each, where they meet, by antiderivatives at `ends`."""
+        """Return means over contiguous bins by antiderivatives at `ends`."""
         width = self.width.astype(at_ends.dtype)
         return (at_ends[:, 1:] - at_ends[:, :-1]) / width[None, :]
 
@@ -265,16 +281,16 @@ def prepared(
     high_pass: Float[Array, ""] | None,
     longest: Float[ArrayLike, ""] = np.inf,
 ) -> Prepared:
-    """Make a record ready.
+    """Prepare a record for the fit.
 
     Args:
-        bins: About the front.
-        bank: To begin with.
+        bins: Bins about the front.
+        bank: Pulses among which the start is selected.
         samples: Overpressure, finite.
         clipped: +1 where a sample is a lower bound, -1 an upper one, else 0.
-        count: How many samples are the record's: the last of those repeats behind it.
+        count: Number of samples of the record, whose last one is repeated behind it.
         high_pass: Corner of a first-order high-pass [1/sample].
-        longest: Duration of the longest pulse to begin with [samples].
+        longest: Duration of the longest pulse of a start [samples].
     """
     front = first_front(lax.stop_gradient(samples - samples[0]))
     offset = _mean_of_first(samples, jnp.maximum(front.sample - 2, 1))
@@ -284,12 +300,13 @@ def prepared(
     share = moved / scale
     means = means_in_bins(bins, share, front.sample)
     start, duration = start_of(bank, lax.stop_gradient(means), longest)
-    shorter, _ = start_of(bank, lax.stop_gradient(means), SHORTER * duration)
+    shorter, _ = start_of(bank, lax.stop_gradient(means), SHORTER_SHARE * duration)
     continued, _ = start_of(bank, lax.stop_gradient(means), longest, continued=True)
+    # a rise begins before the detected front, so the noise is not measured up to it
     toe = 3.0 + 1.5 * jnp.exp(start[4]) + 0.02 * duration
     kept = jnp.maximum(front.sample - toe.astype(front.sample.dtype), front.sample // 2)
     noise = noise_before(share, kept)
-    before = jnp.maximum(BEFORE * duration, 64.0).astype(front.sample.dtype)
+    before = jnp.maximum(MEMBER_BEFORE * duration, 64.0).astype(front.sample.dtype)
     reach = jnp.maximum(FITTED_DURATIONS * duration, LEAST_REACH)
     first = jnp.maximum(front.sample - before, ORDER)
     bound, unusable = _clipped_bins(bins, clipped, front.sample)
@@ -297,7 +314,7 @@ def prepared(
     root = np.sqrt(bins.width).astype(samples.dtype)
 
     def until(reach):
-        """Return the case of a stretch, and where that ends."""
+        """Return the case of an interval, and its end."""
         last = jnp.minimum(front.sample + reach.astype(front.sample.dtype), count)
         used = bins_within(bins, front.sample, first, last)
         weight = jnp.where(used & ~unusable, root / noise.sigma, 0.0)
@@ -321,23 +338,25 @@ def prepared(
         )
         return case, last
 
-    (case, last), (whole, end) = until(reach), until(LONGER * reach)
+    (case, last), (whole, end) = until(reach), until(LONGER_FACTOR * reach)
     index = jnp.arange(samples.shape[0])
     behind = (index >= kept) & (index < end)
     net = jnp.sum(jnp.where(behind, lax.stop_gradient(share), 0.0))
     length, quiet = ((end - kept).astype(scale.dtype), kept.astype(scale.dtype))
-    # noise of zero frequency, over the stretch and of the zero before it
+    # spectral density at zero frequency; the error of the zero, a mean over the quiet
+    # part, is common to all samples and so grows with the length squared
     slow = noise.sigma / jnp.abs(jnp.sum(noise.taps))
     net_sd = slow * jnp.sqrt(length + length * length / jnp.maximum(quiet, 1.0))
     net_sd = jnp.where(last < count, lax.stop_gradient(net_sd), jnp.inf)
-    held = jnp.max(jnp.abs(share * clipped))
+    clipped_at = jnp.max(jnp.abs(share * clipped))
     starts = start, shorter, continued
-    return Prepared(case, whole, net, net_sd, *starts, front, offset, scale, held)
+    return Prepared(case, whole, net, net_sd, *starts, front, offset, scale, clipped_at)
 
 
 def _mean_of_first(samples, count):
     """Return the mean of the first samples."""
     inside = (jnp.arange(samples.shape[0]) < count).astype(samples.dtype)
+    # relative to the first sample: a sum of absolute pressures would lose digits
     first = samples[0]
     return first + jnp.sum((samples - first) * inside) / count.astype(samples.dtype)
 
@@ -345,10 +364,11 @@ def _mean_of_first(samples, count):
 def _clipped_bins(
     bins: Bins, clipped: Float[Array, " sample"], front: Int[Array, ""]
 ) -> tuple[Float[Array, " bin"], Bool[Array, " bin"]]:
-    """Return which bins bound the pressure, and which cannot be whitened."""
+    """Return the bins that bound the pressure, and those that cannot be whitened."""
     whole = means_in_bins(bins, clipped, front)
     bound = jnp.where(jnp.abs(whole) > 1.0 - 1e-6, jnp.sign(whole), 0.0)
     size = jnp.abs(clipped)
+    # the filter combines a sample with `ORDER` earlier ones: none may be clipped
     near = size
     for k in range(1, ORDER + 1):
         near = jnp.maximum(near, jnp.concatenate([jnp.zeros(k, size.dtype), size[:-k]]))
@@ -356,7 +376,7 @@ def _clipped_bins(
 
 
 def widths_of(samples: int) -> list[int]:
-    """Return the widths that a record of some length is looked at over."""
+    """Return the step widths for a record of some length."""
     widths, width = [], 1
     while width <= min(max(samples // 8, 1), LARGEST_WIDTH):
         widths.append(width)
@@ -373,7 +393,7 @@ def first_front(samples: Float[Array, " sample"]) -> Front:
     n = samples.shape[0]
     widths = widths_of(n)
     sums = jnp.concatenate([jnp.zeros_like(samples[:1]), jnp.cumsum(samples)])
-    many = max(n // FIRST, 1)
+    many = max(n // LEVEL_PARTS, 1)
     steps = _Steps(
         sums=jnp.pad(sums, widths[-1], mode="edge"),
         level=sums[many] / float(many),
@@ -386,16 +406,16 @@ def first_front(samples: Float[Array, " sample"]) -> Front:
 
 
 class _Steps(NamedTuple):
-    """What the steps of a record are computed from, one width at a time.
+    """Running sums of a record, from which steps are computed one width at a time.
 
-    All of them at once would leave the cache of a core, and be kept for little: they
-    are asked for three times, mostly for the largest of them alone.
+    The steps of all widths at once would exceed the cache of a core. They are needed
+    three times, mostly for the largest of them alone.
 
     Attributes:
-        sums: Running ones of the samples; the ends again on either side, as often as
-            the largest width.
-        level: Mean that the record began with.
-        widths: That it is looked at over, powers of two.
+        sums: Running sums of the samples, with the first and the last repeated on
+            either side as often as the largest width.
+        level: Mean at the beginning of the record.
+        widths: Step widths, powers of two [samples].
     """
 
     sums: Float[Array, " padded"]
@@ -403,10 +423,10 @@ class _Steps(NamedTuple):
     widths: Int[Array, " width"]
 
     def over(self, width: Int[Array, ""]) -> Float[Array, " sample"]:
-        """Return the steps over a width; zero where they have no room.
+        """Return the steps over a width; zero where the record is too short for one.
 
-        What is behind a front is above what the record began with, too: the way back
-        from the suction is a step, but no front.
+        The mean behind a front must also be above the initial level: the return from
+        the suction to zero is a step, but no front.
         """
         margin = 1 << (self.widths.shape[0] - 1)
         n = self.sums.shape[0] - 1 - 2 * margin
@@ -421,7 +441,7 @@ class _Steps(NamedTuple):
 
 
 def _largest(steps: _Steps, ends: Int[Array, " width"]) -> Front:
-    """Return the largest step; of each width those before an end count."""
+    """Return the largest step before the end that is given for each width."""
 
     def before(width, end):
         step = steps.over(width)
@@ -434,17 +454,17 @@ def _largest(steps: _Steps, ends: Int[Array, " width"]) -> Front:
 
 
 def _earlier(steps: _Steps, found: Front) -> Front:
-    """Return a clear front that comes before one, or that one."""
+    """Return a clear front before a given one, else the given one."""
     ends = found.sample - jnp.maximum(2 * steps.widths, 2 * found.width)
     other = _largest(steps, jnp.where(steps.widths <= found.width, ends, 0))
-    # what came before the earlier one, over its width
+    # the earlier step is compared with steps of its own width before it
     before = steps.over(other.width)
     quiet = jnp.arange(before.shape[0]) < other.sample - 2 * other.width
     many = jnp.sum(quiet)
     squares = jnp.sum(jnp.where(quiet, jnp.square(before), 0.0))
     noise = jnp.sqrt(squares / jnp.maximum(many, 1).astype(before.dtype))
     clear = (
-        (other.step > CLEAR * noise)
+        (other.step > EARLIER_STEP_SD * noise)
         & (other.step > STEP_SHARE * found.step)
         & (many >= 16)
         & (noise > 0)
@@ -457,8 +477,8 @@ def noise_before(samples: Float[Array, " sample"], quiet: Int[Array, ""]) -> Noi
     """Return the noise of the first samples.
 
     Args:
-        samples: Of a record, as shares of its largest.
-        quiet: How many of them came before anything else did.
+        samples: Samples of a record, as shares of its largest.
+        quiet: Number of samples before any signal.
     """
     n = samples.shape[0]
     index = jnp.arange(n)
@@ -468,11 +488,13 @@ def noise_before(samples: Float[Array, " sample"], quiet: Int[Array, ""]) -> Noi
     taps, power = _burg(left, index, quiet, count)
     tiny = jnp.finfo(samples.dtype).tiny
     used = jnp.sum((taps[1:] != 0).astype(samples.dtype))
-    # the parabola takes what is slow, of which slow noise has more than its share
+    # a parabola removes three degrees of freedom from white noise, and more of the
+    # variance of slow noise, by its spectral density at zero frequency
     slow = power / jnp.maximum(jnp.sum(left * left) / count, tiny)
     slow = jnp.maximum(slow / jnp.square(jnp.sum(taps)), 1.0)
     freedom = jnp.maximum(count - 3.0 * slow - used, 0.3 * count)
     known = quiet >= LEAST_QUIET
+    # a digitizer's rounding error is uniform over one bit
     step = _least_step(samples)
     bits = step * step / 12.0
     marginal = jnp.sum(left * left) / freedom
@@ -485,7 +507,7 @@ def noise_before(samples: Float[Array, " sample"], quiet: Int[Array, ""]) -> Noi
 
 
 def whitened(noise: Noise, samples: Float[Array, " sample"]) -> Float[Array, " sample"]:
-    """Return samples through the taps; the first `ORDER` of them are of no use."""
+    """Return samples filtered by the taps; the first `ORDER` of them are invalid."""
     n = samples.shape[0]
     padded = jnp.concatenate([jnp.zeros(ORDER, samples.dtype), samples])
     total = jnp.zeros_like(samples)
@@ -501,17 +523,17 @@ def whitened_means(
     rings: Float[Array, " bin"] | float = 0.0,
     passed: Float[Array, " bin"] | float = 0.0,
 ) -> Float[Array, " bin"]:
-    r"""Return means over bins through the taps.
+    r"""Return means over bins filtered by the taps.
 
-    Exact where samples are bins of their own. In wider ones a smooth signal passes as
+    The result is exact for bins of one sample. In wider bins a smooth signal becomes
     $\sum_k f_k\,m(t - k) = G\,m - D\,m'$, with $G = \sum f_k$ and $D = \sum k f_k$.
 
     Args:
-        noise: The taps.
-        bins: Where the means are.
-        means: All that is in them.
-        rings: What of it is not smooth.
-        passed: And that through the taps.
+        noise: Noise with the taps.
+        bins: Bins of the means.
+        means: Means over bins.
+        rings: Part of them that is not smooth.
+        passed: The same part, filtered by the taps.
     """
     lags = np.arange(ORDER + 1).astype(means.dtype)
     gain, lag = jnp.sum(noise.taps), jnp.sum(noise.taps * lags)
@@ -530,8 +552,9 @@ def whitened_means(
 
 
 def _less_parabola(samples, inside, count):
-    """Return the quiet part less a parabola, else zero; and its slope at the end."""
+    """Return the quiet part minus a parabola, else zero; and its slope at the end."""
     n = samples.shape[0]
+    # near-orthogonal polynomials over the quiet part, as powers would cost digits
     x = jnp.arange(n).astype(samples.dtype) / count
     basis = jnp.stack([jnp.ones_like(x), x - 0.5, jnp.square(x - 0.5) - 1.0 / 12.0])
     masked = basis * inside[None, :]
@@ -543,7 +566,7 @@ def _less_parabola(samples, inside, count):
 
 
 def _burg(left, index, quiet, count):
-    """Return taps and power of what is left, by Burg's recursion."""
+    """Return taps and residual power by Burg's recursion."""
     forward, backward = left, left
     taps = jnp.zeros(ORDER + 1, left.dtype).at[0].set(1.0)
     power = jnp.sum(left * left) / count
@@ -554,9 +577,9 @@ def _burg(left, index, quiet, count):
         here = ((index >= k) & (index < quiet)).astype(left.dtype)
         both = jnp.sum(here * (ahead * ahead + behind * behind))
         found = -2.0 * jnp.sum(here * ahead * behind) / jnp.maximum(both, tiny)
-        least = SIGNIFICANT / jnp.sqrt(count)
+        least = REFLECTION_SD / jnp.sqrt(count)
         reflection = jnp.where(jnp.abs(found) > least, found, 0.0)
-        # turned about its own end
+        # Levinson's step: the taps plus the reflected taps in reverse order
         turned = jnp.concatenate([taps[k::-1], taps[k + 1 :]])
         taps = taps + reflection * turned
         forward = (ahead + reflection * behind) * here
@@ -566,9 +589,11 @@ def _burg(left, index, quiet, count):
 
 
 def _of_differences(samples):
-    """Return the variance of white noise by neighbours, large differences left out."""
+    """Return the variance of white noise by neighbours, without large differences."""
     size = jnp.square(samples[1:] - samples[:-1])
     mean = jnp.mean(size)
+    # differences beyond three standard deviations belong to the pulse; three passes
+    # suffice, as each lowers the limit
     for _ in range(3):
         near = (size <= 9.0 * mean).astype(size.dtype)
         mean = jnp.sum(near * size) / jnp.maximum(jnp.sum(near), 1.0)
@@ -576,17 +601,17 @@ def _of_differences(samples):
 
 
 def _least_step(samples):
-    """Return the smallest difference of neighbours, a bit if there are bits."""
+    """Return the smallest difference of neighbours, one bit of a digitized record."""
     size = jax.lax.stop_gradient(jnp.abs(samples[1:] - samples[:-1]))
     some = jnp.min(jnp.where(size > 0, size, jnp.inf))
     return jnp.where(jnp.isfinite(some), some, 0.0)
 
 
 def bins_about_front(samples: int) -> Bins:
-    """Return the bins that cover a record wherever its front lies.
+    """Return bins that cover a record for any position of its front.
 
     Args:
-        samples: Of the record.
+        samples: Length of the record.
     """
     behind = [
         *range(SINGLE_BEHIND + 1),
@@ -601,7 +626,7 @@ def bins_about_front(samples: int) -> Bins:
 
 
 def _growing(start: int, growth: float, last: int) -> list[int]:
-    """Return ends of bins from a distance on."""
+    """Return bounds of bins whose width grows with their distance."""
     ends = [start]
     while ends[-1] < last:
         ends.append(ends[-1] + max(1, round(growth * ends[-1])))
@@ -611,19 +636,19 @@ def _growing(start: int, growth: float, last: int) -> list[int]:
 def means_in_bins(
     bins: Bins, samples: Float[Array, " sample"], front: Int[Array, ""]
 ) -> Float[Array, " bin"]:
-    """Return the mean of the samples in each bin; of bins beyond the record, its ends.
+    """Return the mean over each bin; bins beyond the record have its outermost samples.
 
     Args:
-        bins: Where they lie.
-        samples: Of a record.
-        front: The sample that bins count from.
+        bins: The bins.
+        samples: Samples of a record.
+        front: Sample from which bins are counted.
     """
     n = samples.shape[0]
     sums = jnp.concatenate([jnp.zeros_like(samples[:1]), jnp.cumsum(samples)])
     first = jnp.clip(front + bins.first, 0, n - 1)
     last = jnp.clip(front + bins.first + bins.width, first + 1, n)
     wide = (sums[last] - sums[first]) / (last - first).astype(samples.dtype)
-    # single samples themselves: a difference of sums has lost digits
+    # bins of one sample have its value: a difference of running sums loses digits
     single = bins.single
     return wide.at[single].set(samples[first[single]])
 
@@ -634,28 +659,33 @@ def bins_within(
     first: Int[Array, ""] | int,
     last: Int[Array, ""] | int,
 ) -> Bool[Array, " bin"]:
-    """Return which bins hold samples from the first to before the last only."""
+    """Return True for bins whose samples are in a range, its last one excluded."""
     start = front + bins.first
     return (start >= first) & (start + bins.width <= last)
 
 
 def bank_of(bins: Bins, samples: int) -> Bank:
-    """Return pulses of all durations that a record may hold.
+    """Return pulses of all durations that a record may contain.
 
     Args:
-        bins: Where they are looked at.
-        samples: Of the record.
+        bins: Bins of the record.
+        samples: Length of the record.
     """
-    count = int(np.ceil(np.log(max(samples, 8) / SHORTEST) / np.log(STEP)))
-    durations = SHORTEST * STEP ** np.arange(count)
-    members = [(d, b, r * d, 0.0) for d in durations for b in DECAYS for r in RISES]
+    count = int(np.ceil(np.log(max(samples, 8) / SHORTEST) / np.log(DURATION_RATIO)))
+    durations = SHORTEST * DURATION_RATIO ** np.arange(count)
+    members = [
+        (d, b, r * d, 0.0) for d in durations for b in BANK_DECAYS for r in BANK_RISES
+    ]
     members += [(d, b, 0.0, 1.0) for d in durations for b in CONTINUED_DECAYS]
     x, weight = bins.middle.astype(float), bins.width.astype(float)
     filters, energy = [], []
     for duration, decay, rise, continued in members:
         shape = _shape(x, duration, decay, rise, continued=continued > 0)
-        inside = (x > -max(BEFORE * duration, 16.0)) & (x < BEHIND * duration)
+        inside = (x > -max(MEMBER_BEFORE * duration, 16.0)) & (
+            x < MEMBER_BEHIND * duration
+        )
         w = weight * inside
+        # without the best line, so that a drift of the record selects no member
         basis = np.stack([np.ones_like(x), x / duration])
         line = np.linalg.solve((basis * w) @ basis.T, (basis * w) @ shape)
         left = shape - line @ basis
@@ -674,13 +704,13 @@ def start_of(
     *,
     continued: bool = False,
 ) -> tuple[Float[Array, " unknown"], Float[Array, ""]]:
-    """Return the unknowns to begin with, and the duration [samples].
+    """Return the starting point of the unknowns, and its duration [samples].
 
     Args:
-        bank: Pulses.
-        means: Of the record over the bins, as shares of its largest sample.
-        longest: Members may be so long [samples]; the shortest may always be.
-        continued: Whether to begin with a pulse that continues below zero.
+        bank: The bank of pulses.
+        means: Means over the bins, as shares of the largest sample.
+        longest: Longest member [samples]; the shortest one is always allowed.
+        continued: True for a pulse that continues below zero.
     """
     kind = means.dtype
     peak = jnp.asarray(bank.filters, kind) @ means
@@ -699,7 +729,7 @@ def start_of(
 
 
 def _shape(x, duration, decay, rise, *, continued):
-    """Return a pulse of unit peak, its rise a line about zero, with suction."""
+    """Return a pulse of unit peak with suction and a linear rise about time zero."""
     middle = x + 0.5 + 0.5 * rise
     up = np.clip((x + 0.5) / max(rise, 1e-9) + 0.5, 0.0, 1.0)
     s = middle / duration
@@ -720,9 +750,9 @@ def clipped_samples(
 
     Args:
         samples: Overpressure.
-        count: How many are the record's: the last of those repeats behind it, and is
-            not clipped for that.
-        full_scale: Largest size of a sample, of all or [*batch, 1]; None: not given.
+        count: Number of samples of the record; the repeated last one does not count.
+        full_scale: Largest absolute value of a sample, for all or [*batch, 1]; None if
+            not specified.
     """
     index = jnp.arange(samples.shape[-1])
     inside = jnp.expand_dims(index, range(count.ndim)) < count[..., None]
@@ -734,7 +764,8 @@ def clipped_samples(
         bottom = jnp.min(samples, axis=-1, keepdims=True)
         begin = samples[..., :1]
         deep = begin - bottom > LEAST_SUCTION * (top - begin)
-        # neither a record of one value nor one that begins at its top was clipped there
+        # a constant record, or one that begins at its maximum, is not clipped there: a
+        # front lies above the first sample
         high = _in_a_row(inside & (samples == top) & (top > begin))
         low = _in_a_row(inside & (samples == bottom) & deep & (bottom < begin))
     kind = samples.dtype
@@ -742,12 +773,12 @@ def clipped_samples(
 
 
 def _in_a_row(equal):
-    """Return which samples are in a stretch of `IN_A_ROW` such samples or more."""
+    """Return True for samples in a run of `IN_A_ROW` or more."""
     n = equal.shape[-1]
     many = IN_A_ROW - 1
     edge = [(0, 0)] * (equal.ndim - 1)
     padded = jnp.pad(equal, [*edge, (many, many)])
-    # whether all are, of a stretch that begins at each place
+    # True where a full run begins, then spread over its samples
     runs = padded[..., : n + many]
     for k in range(1, IN_A_ROW):
         runs = runs & padded[..., k : k + n + many]

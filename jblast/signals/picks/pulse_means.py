@@ -1,4 +1,4 @@
-r"""Means over bins of a pulse, of any form, and of a resonant sensor's response to it.
+r"""Means over bins of a pulse of any form, and of a resonant sensor's response to it.
 
 With $u$ the time since the arrival, $x = u/\tau$, $L = t_d - \tau$,
 $s = (u - \tau)/L$ and $r = (u - t_d)/t^-$, a pulse is
@@ -72,15 +72,18 @@ from jblast.waves.waveform import impulse_fraction
 DEEPEST = 0.25
 """Share of the negative phase at which a triangle is deepest (UFC 3-340-02, 2-8)."""
 SMALL_EXPONENT = 0.02
-"""Below it the integral of x (1 - x) exp(-y x) is by its series: closed, it cancels."""
+"""Exponent below which the integral of x (1 - x) exp(-y x) is computed by its series.
+The closed form divides a difference of order y by y, so it loses two digits there; the
+first omitted term of the series is below 1e-9 of the result."""
 SMALL_PHASE = 0.1
-"""A rise of fewer radians of the pole is by the series; from there on the closed form
-loses $12/0.1^4$ of rounding, 3e-11, by cancellation."""
+"""Phase of the pole over a rise below which the rise is computed by its series [rad].
+Above it the closed form amplifies rounding by up to $12/0.1^4$, to 3e-11."""
 TERMS = 8
-"""Of the series: the first left out is below 2e-15 then."""
-Made = TypeVar("Made")
+"""Terms of that series; the first omitted one is then below 2e-15."""
+Result = TypeVar("Result")
 QUARTER = (201.0 / 128.0, 4.837512969970703125e-4, 7.549789954891882e-8)
-r"""$\pi/2$ in three parts, the first two of few digits: multiples of them are exact."""
+r"""$\pi/2$ in three parts, the first two of few digits, so that their multiples are
+exact."""
 SINE = (
     1.58962301576546568060e-10,
     -2.50507477628578072866e-8,
@@ -89,7 +92,7 @@ SINE = (
     8.33333333332211858878e-3,
     -1.66666666666666307295e-1,
 )
-"""Coefficients of Cephes' `sin.c`, from the highest power, to a quarter of pi."""
+"""Coefficients of the sine in Cephes' `sin.c` up to pi/4, from the highest power."""
 COSINE = (
     -1.13585365213876817300e-11,
     2.08757008419747316778e-9,
@@ -98,26 +101,27 @@ COSINE = (
     -1.38888888888730564116e-3,
     4.16666666666665929218e-2,
 )
-"""Likewise of the cosine."""
+"""Coefficients of the cosine there."""
 
 
 def means_over(bins: Bins, pulse: Pulse, form: Form) -> Float[Array, " bin"]:
     """Return the means of a pulse over bins.
 
     Args:
-        bins: Contiguous.
-        pulse: With a rise, and nothing held; times in samples.
+        bins: Contiguous bins.
+        pulse: Pulse with a rise and without a hold time; times in samples.
         form: Its formulas.
     """
 
-    # the form is an argument: what is closed over may have no slope
+    # the form is an argument, since a custom_jvp must not close over traced values
     @jax.custom_jvp
     def of(numbers, form):
         return _means(bins, numbers, form)
 
     @of.defjvp
     def _(primals, tangents):
-        # slopes by these seven numbers once, not by each unknown there is
+        # the slopes by seven numbers are computed once; JAX would push each of up to 18
+        # unknowns through the formulas
         return of(*primals), tangents[0] @ mean_slopes(bins, *primals)
 
     return of(jnp.stack(pulse[:7]), form)
@@ -142,6 +146,7 @@ def _means(bins: Bins, numbers: Float[Array, "7"], form: Form):
         since = bins.ends.astype(kind) - arrival
         r = jnp.clip((since - duration) / fall, 0.0, 1.0)
         _, sucked = _negative(form, r)
+        # other forms are rare enough for antiderivatives, which lose digits
         return positive - suction * fall * bins.means_by(sucked[None, :])[0]
 
     return lax.cond(first, plain, other)
@@ -156,7 +161,10 @@ def _ramped_means(bins: Bins, numbers, form: Form):
     span = bins.width.astype(kind)
 
     def part(first, last, length):
-        """Return share of the bin, middle and half width, these over the length."""
+        """Return the share of the bin within a part, its middle and its half width.
+
+        Middle and half width are relative to the length of the part.
+        """
         width = span - jnp.maximum(first - start, 0) - jnp.maximum(stop - last, 0)
         width = jnp.maximum(width, 0)
         middle = 0.5 * (jnp.maximum(start, first) + jnp.minimum(stop, last))
@@ -191,20 +199,20 @@ def _exponential_means(bins: Bins, numbers, form: Form):
 
 
 def _passed(s, form: Form):
-    """Return the share of the positive phase that has passed, or multiples of it."""
+    """Return the elapsed share of the positive phase; unbounded if decay continues."""
     late = jnp.where(form.negative == CONTINUED, jnp.inf, 1.0).astype(s.dtype)
     return jnp.clip(s, 0.0, late)
 
 
 def _fallen_by(s, decay):
-    """Return the integral of the decay up to a share of it."""
+    """Return the integral of the decay from 0 to s."""
     y = decay * s
     k = impulse_fraction(y)
     return _fallen(s, k, _late(y, k))
 
 
 def _negative(form: Form, r):
-    """Return the negative phase at shares of it, and its integral, for a depth of 1."""
+    """Return a negative phase of depth 1 and its integral at elapsed shares."""
 
     def cubic():
         return 6.75 * r * (1.0 - r) * (1.0 - r), 6.75 * _sucked(r)
@@ -231,11 +239,11 @@ def _negative(form: Form, r):
 def mean_slopes(
     bins: Bins, numbers: Float[Array, "7"], form: Form
 ) -> Float[Array, "7 bin"]:
-    """Return the slopes of means over bins by arrival, peak, rise and so on.
+    """Return the slopes of means over bins by the seven numbers of a pulse.
 
     Args:
-        bins: Contiguous.
-        numbers: The first seven of a `Pulse`, in its order.
+        bins: Contiguous bins.
+        numbers: The first seven fields of a `Pulse`, in its order.
         form: Its formulas.
     """
     ends = bins.ends.astype(numbers.dtype)
@@ -243,11 +251,11 @@ def mean_slopes(
 
 
 def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:
-    """Return the means over bins by a peak of 1, and by a suction of 1.
+    """Return the means over bins of a peak of 1 and of a suction of 1.
 
     Args:
-        bins: Contiguous.
-        pulse: With a rise, and nothing held; its peak and suction are not used.
+        bins: Contiguous bins.
+        pulse: Pulse with a rise and without a hold time; peak and suction are ignored.
     """
     since = bins.ends.astype(pulse.arrival_time.dtype) - pulse.arrival_time
     rise, length, fall = pulse.rise_time, pulse.decay_duration, pulse.suction_duration
@@ -264,7 +272,10 @@ def mean_columns(bins: Bins, pulse: Pulse) -> Float[Array, "2 bin"]:
 
 
 def _antiderivative_slopes(time, numbers, form: Form):
-    """Return the slopes of the integral up to each instant, [7, instant]."""
+    """Return the slopes of the integral up to each instant, [7, instant].
+
+    Bins share their bounds, so one evaluation per bound serves two bins.
+    """
     arrival, _, _, duration, _, suction, fall = numbers
     since = time - arrival
     positive = lax.cond(
@@ -289,7 +300,7 @@ def _antiderivative_slopes(time, numbers, form: Form):
 
 
 def _ramped_slopes(since, numbers, form: Form):
-    """Return those of a rise by a polynomial and of the decay, by the first five."""
+    """Return the slopes of a polynomial rise and of the decay by five numbers."""
     _, peak, rise, duration, decay, _, _ = numbers
     length = duration - rise
     x = jnp.clip(since / rise, 0.0, 1.0)
@@ -301,7 +312,7 @@ def _ramped_slopes(since, numbers, form: Form):
     up = jnp.where(smoother, x * x * x * (10.0 - x * (15.0 - 6.0 * x)), up)
     risen = jnp.where(smooth, _risen(x), 0.5 * x * x + bent * under)
     risen = jnp.where(smoother, _risen_smoother(x), risen)
-    # by the concavity, and of that by rise, duration and decay
+    # chain rule: the concavity itself depends on rise, duration and decay
     by_bent = peak * rise * under
     bends = jax.grad(lambda n: concavity(form, *n))((rise, duration, decay))
     y = decay * s
@@ -329,7 +340,7 @@ def _by_decay(s, y, k, late):
 
 
 def _exponential_slopes(since, numbers, form: Form):
-    """Return those of Friedlander's formula times an exponential rise."""
+    """Return the slopes of Friedlander's formula times an exponential rise."""
     _, peak, rise, duration, decay, _, _ = numbers
     s = _passed(since / duration, form)
 
@@ -343,7 +354,8 @@ def _exponential_slopes(since, numbers, form: Form):
     down, fallen, bend = of(decay)
     off, taken, turn = of(decay + fast)
     shape, whole = down - off, fallen - taken
-    # by the size, the time constant's rate and so on; then by peak, rise and duration
+    # chain rule: the factor that makes the maximum `peak` depends on rise, duration and
+    # decay, too
     scale, by_number = jax.value_and_grad(
         lambda n: jnp.log(exponential_peak(n[2], RISEN * n[1] / n[0]))
     )(jnp.stack([rise, duration, decay]))
@@ -362,32 +374,32 @@ def _exponential_slopes(since, numbers, form: Form):
 
 
 def _risen(x):
-    """Return the integral of the rise up to a share of it."""
+    """Return the integral of the smooth rise from 0 to x."""
     return x * x * x * (1.0 - 0.5 * x)
 
 
 def _risen_smoother(x):
-    """Return the integral of the smoother rise up to a share of it."""
+    """Return the integral of the smoother rise from 0 to x."""
     return x * x * x * x * (2.5 - x * (3.0 - x))
 
 
 def _late(y, k):
-    """Return the integral of x exp(-y x), by that of 1 - x."""
+    """Return the integral of x exp(-y x) over [0, 1] by k, that of (1-x) exp(-y x)."""
     return 1.0 - y * k - k
 
 
 def _fallen(s, k, late):
-    """Return the integral of the decay up to a share of it, by those."""
+    """Return the integral of the decay from 0 to s by the integrals k and late."""
     return s * ((1.0 - s) * (k + late) + s * k)
 
 
 def _sucked(r):
-    """Return the integral of the suction up to a share of it."""
+    """Return the integral of the cubic suction from 0 to r, over 27/4."""
     return r * r * (0.5 + r * (0.25 * r - 2.0 / 3.0))
 
 
 def _middle(y, k, late):
-    """Return the integral of x (1 - x) exp(-y x), by those of 1 - x and of x."""
+    """Return the integral of x (1 - x) exp(-y x) over 0 to 1 by k and late."""
     near = jnp.abs(y) < SMALL_EXPONENT
     series = 1.0 / 6.0 + y * (-1.0 / 12.0 + y * (1.0 / 40.0 - y / 180.0))
     return jnp.where(near, series, (k - late) / jnp.where(near, 1.0, y))
@@ -397,11 +409,11 @@ class Ringing(NamedTuple):
     r"""Contribution of resonance to the mean pressure over each bin.
 
     Attributes:
-        mean: All of it.
-        real: Of that what rings: it oscillates within a bin that is wide.
-        imaginary: The same a quarter of a period on: a filter that multiplies
-            $e^{\lambda t}$ by $F$ makes $\mathrm{Re}\,F$ times the one less
-            $\mathrm{Im}\,F$ times the other of it.
+        mean: The whole contribution.
+        real: Its oscillating part, which is not smooth within a wide bin.
+        imaginary: The same a quarter of a period later. A filter that multiplies
+            $e^{\lambda t}$ by $F$ turns the real part into $\mathrm{Re}\,F$ times it
+            minus $\mathrm{Im}\,F$ times the imaginary part.
     """
 
     mean: Float[Array, " bin"]
@@ -410,7 +422,7 @@ class Ringing(NamedTuple):
 
 
 def pole_of(omega: Float[Array, ""], damping: Float[Array, ""]) -> Complex[Array, ""]:
-    r"""Return $\lambda$.
+    r"""Return the pole $\lambda$ of a resonant sensor.
 
     Args:
         omega: $\omega$ [1/sample].
@@ -426,11 +438,11 @@ def ringing(
     omega: Float[Array, ""],
     damping: Float[Array, ""],
 ) -> Ringing:
-    r"""Return what resonance adds to the mean pressure over each bin.
+    r"""Return the contribution of resonance to the mean pressure over each bin.
 
     Args:
-        bins: Contiguous.
-        pulse: That the sensor feels, with nothing held; times in samples.
+        bins: Contiguous bins.
+        pulse: Pressure at the sensor, without a hold time; times in samples.
         omega: $\omega$ [1/sample].
         damping: $\zeta$, below 1.
     """
@@ -446,7 +458,7 @@ def ringing(
 
     @added.defjvp
     def _(primals, tangents):
-        # slopes by these nine numbers once, not by each unknown that they depend on
+        # the slopes by nine numbers are computed once, not for each unknown
         return added(primals[0]), tangents[0] @ ringing_slopes(bins, primals[0])
 
     return Ringing(*added(jnp.stack(numbers)))
@@ -455,8 +467,8 @@ def ringing(
 def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 9 bin"]:
     """Return the slopes of `Ringing` by the numbers of `ringing`.
 
-    A wave that is moved or stretched a little is a sum of waves of its kind where they
-    were: so the slopes are those of coefficients, and of few waves.
+    A small shift or stretch of a wave is a sum of waves of the same kind at the same
+    position. The slopes are therefore those of the coefficients of a few waves.
     """
     here, pole = terms_of(numbers), pole_of(numbers[7], numbers[8])
     _, _, first_rise, first_end, decay, _, first_fall, _, _ = numbers
@@ -467,7 +479,7 @@ def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 9 
     down = here.down[1] - decay * here.down[0], -decay * here.down[1]
 
     def coefficients(other):
-        """Return those of other numbers, to first order about these."""
+        """Return the coefficients of other numbers, to first order about these."""
         there, turned = terms_of(other), pole_of(other[7], other[8])
         arrival, _, rise, end, steeper, _, fall, _, _ = other - numbers
         rising = _moved(there.up, up, arrival / first_rise, rise / first_rise)
@@ -499,20 +511,20 @@ def ringing_slopes(bins: Bins, numbers: Float[Array, "9"]) -> Float[Array, "3 9 
 
 
 def _moved(terms, slope, later, longer):
-    """Return a polynomial of a share that begins later, of what lasts longer."""
+    """Return a polynomial of an elapsed share that begins later and lasts longer."""
     moved = terms - later * jnp.pad(slope, (0, 1))
     return moved - longer * jnp.pad(slope, (1, 0))
 
 
 class Terms(NamedTuple):
-    r"""The coefficients of $\mathrm{Re}\,(C z)$: of what is forced, and of the ring.
+    r"""The coefficients of $\mathrm{Re}\,(C z)$: forced response and ringing.
 
     Attributes:
-        up: Of powers of the share of the rise that has passed.
-        down: Of powers of that of the decay, each times the pulse's own.
+        up: Of powers of the elapsed share of the rise.
+        down: Of powers of that of the decay, each times the decay itself.
         low: Of powers of that of the suction.
-        real: Of the ring that each piece begins with, the last behind all of them.
-        imaginary: The other part of these.
+        real: Of the ringing that starts with each of the three pieces and behind them.
+        imaginary: The imaginary parts of these.
     """
 
     up: Float[Array, " power"]
@@ -528,16 +540,16 @@ def terms_of(numbers: Float[Array, "9"]) -> Terms:
     kind = pole.dtype
     _, peak, rise, end, decay, suction, fall, omega, damping = numbers.astype(kind)
     length = end - rise
-    # c times what the moments are of
+    # C = c (pole / omega^2 + 2 damping / omega) of the introduction
     size = -jnp.square(numbers[7]) / jnp.imag(pole)
     weight = lax.complex(jnp.zeros_like(size), size)
     weight = weight * (pole / (omega * omega) + 2.0 * damping / omega)
-    # forced: by powers of the share of each piece that has passed
+    # forced response by powers of the elapsed share of each piece
     up, begun = _rise_terms(pole * rise)
     up, begun = peak * rise * up, peak * rise * begun
     down = peak * length * _decay_terms(pole * length, decay)
     low = -6.75 * suction * fall * _suction_terms(pole * fall)
-    # the ring of each piece, counted from where it begins
+    # ringing of each piece from its start: z is continuous where pieces meet
     at_peak = jnp.sum(up) + begun * jnp.exp(pole * rise) - down[0]
     at_end = jnp.sum(down) * jnp.exp(-decay) + at_peak * jnp.exp(pole * length) - low[0]
     at_last = jnp.sum(low) + at_end * jnp.exp(pole * fall)
@@ -547,7 +559,7 @@ def terms_of(numbers: Float[Array, "9"]) -> Terms:
 
 
 def _rise_terms(pole):
-    """Return the smooth step through a pole, a rise of length 1, and what rings."""
+    """Return the forced response to a smooth rise of length 1, and the ringing."""
     small = jnp.abs(pole) < SMALL_PHASE
     near = jnp.where(small, pole, jnp.zeros_like(pole))
     powers = [jnp.ones_like(pole)]
@@ -568,13 +580,13 @@ def _rise_terms(pole):
 
 
 def _decay_terms(pole, decay):
-    """Return what is forced behind the front, over its own decay, of length 1."""
+    """Return the forced response to a decay of length 1, over that decay."""
     both = 1.0 / (pole + decay)
     return jnp.stack([both * both - both, both])
 
 
 def _suction_terms(pole):
-    """Return what is forced within the suction, of length and depth 1."""
+    """Return the forced response to a suction of length and depth 1."""
     i = 1.0 / pole
     first = ((6.0 * i - 4.0) * i + 1.0) * i
     return -i * jnp.stack(
@@ -583,13 +595,15 @@ def _suction_terms(pole):
 
 
 class Waves(NamedTuple):
-    """What waves add to the mean over each bin: less their differences, by its width.
+    """Contributions of waves to the mean over each bin.
+
+    Each is minus the difference of the wave between the bounds, over the bin's width.
 
     Attributes:
-        forced: Of the rise, the decay and the suction, up to one power of the share of
-            the decay more than `Terms` has.
-        rings: Real parts of the four rings, then imaginary ones; then the same times
-            the time since each began.
+        forced: Powers in the rise, the decay and the suction; in the decay one power
+            more than in `Terms`.
+        rings: Real parts of the four ringings, then imaginary parts; then the same
+            times the time since the start of each.
     """
 
     forced: Float[Array, "wave bin"]
@@ -597,7 +611,7 @@ class Waves(NamedTuple):
 
 
 class _Passed(NamedTuple):
-    """Where instants lie: in which piece, and how much of each has passed."""
+    """Piece of the pulse at each instant, and elapsed shares of the pieces."""
 
     inside: Float[Array, "4 instant"]
     rise: Float[Array, " instant"]
@@ -609,15 +623,16 @@ class _Passed(NamedTuple):
 def sums_over(
     bins: Bins, numbers: Float[Array, "9"], terms: Terms
 ) -> Float[Array, "3 bin"]:
-    r"""Return what the sum of all waves, $\mathrm{Re}\,(C z)$, adds to the mean.
+    r"""Return the contribution of the sum of all waves, $\mathrm{Re}\,(C z)$.
 
     Args:
-        bins: Contiguous.
-        numbers: As `waves_over` has them.
-        terms: By these numbers.
+        bins: Contiguous bins.
+        numbers: Numbers as for `waves_over`.
+        terms: Coefficients by these numbers.
 
     Returns:
-        All of it, then the ring $C z$ alone, real and imaginary part.
+        The whole contribution to the means, then real and imaginary part of the
+        ringing.
     """
     passed = _passed_shares(bins, numbers)
     up, down, low = passed.inside[:3]
@@ -636,10 +651,10 @@ def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
     """Return the waves over bins.
 
     Args:
-        bins: Contiguous.
+        bins: Contiguous bins.
         numbers: Arrival, peak, rise, duration, decay, suction and its duration,
             frequency and damping; times in samples.
-        terms: By these numbers: how many powers there are.
+        terms: Coefficients by these numbers, for the number of powers.
     """
     passed = _passed_shares(bins, numbers)
     both = oscillation(*_pole(numbers), passed.elapsed)
@@ -656,7 +671,7 @@ def waves_over(bins: Bins, numbers: Float[Array, "9"], terms: Terms) -> Waves:
 
 
 def _passed_shares(bins: Bins, numbers) -> _Passed:
-    """Return where the ends of bins lie in a pulse."""
+    """Return the position of the bounds of bins in a pulse."""
     arrival, _, rise, duration, _, _, fall, _, _ = numbers
     since = bins.ends.astype(numbers.dtype) - arrival
     edges = jnp.stack([jnp.zeros_like(rise), rise, duration, duration + fall])
@@ -672,7 +687,7 @@ def _passed_shares(bins: Bins, numbers) -> _Passed:
 
 
 def _pole(numbers):
-    """Return real and imaginary part of the pole."""
+    """Return real and imaginary part of the pole, without complex numbers."""
     omega, damping = numbers[7], numbers[8]
     return -damping * omega, omega * jnp.sqrt(1.0 - damping * damping)
 
@@ -685,13 +700,15 @@ def _powers(many, x):
     return jnp.stack(made)
 
 
-def in_halves(of: Callable[..., Made], x: Float[Array, " instant"]) -> Made:
-    """Return a function of numbers, made by a loop over their two halves.
+def in_halves(of: Callable[..., Result], x: Float[Array, " instant"]) -> Result:
+    """Return an elementwise function of numbers, by a loop over two halves.
 
     Args:
-        of: Elementwise; returns arrays as long as what it takes.
+        of: Elementwise function, whose results have the length of its argument.
         x: The numbers.
     """
+    # XLA does not fuse across a loop, so an exponential that several results share is
+    # computed once; fused, it is computed for each of them
     count = x.shape[0]
     half = -(-count // 2)
     made = lax.map(of, jnp.pad(x, (0, 2 * half - count)).reshape(2, half))
@@ -706,7 +723,7 @@ def oscillation(
     Args:
         rate: $r$.
         turn: $w$.
-        elapsed: $t$; of a phase $w t$ beyond 1e8 the digits are lost.
+        elapsed: $t$; for a phase $w t$ above 1e8 all digits are lost.
     """
     size = jnp.exp(rate * elapsed)
     sine, cosine = sine_and_cosine(turn * elapsed)
@@ -716,11 +733,13 @@ def oscillation(
 def sine_and_cosine(
     phase: Float[Array, "..."],
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """Return both, to two units in the last place of 1.
+    """Return sine and cosine, to two units in the last place of 1.
 
     Args:
         phase: Below 1e8 in double precision, 1e4 in single [rad].
     """
+    # XLA calls a library for each double-precision sine; additions and products are
+    # vectorized
     turns = jnp.round(phase * (2.0 / np.pi))
     x = phase
     for part in QUARTER:
@@ -738,7 +757,7 @@ def sine_and_cosine(
 
 
 def _polynomial(coefficients, x):
-    """Return a polynomial, its highest power first."""
+    """Return a polynomial by Horner's rule, highest power first."""
     value = jnp.full_like(x, coefficients[0])
     for coefficient in coefficients[1:]:
         value = value * x + coefficient

@@ -1,11 +1,11 @@
 r"""Picks of recordings of any length and rate, with quality and notes.
 
-Quality and notes are findings of the fit; reports word them.
+Quality and notes are findings of the fit; their wording is in `report`.
 
 Walls, trees, or a microphone's own filter and gain control may distort a blast so that
 no pulse fits it, but its onset can be picked. The samples up to the largest are divided
 into two intervals of noise, each with its own variance; the most probable division is
-the onset (Maeda 1985, the picker of Akaike's criterion):
+the onset (Maeda 1985, a picker by Akaike's criterion):
 
 $$\mathrm{AIC}(k) = k \ln s^2_{[0, k)} + (n - k) \ln s^2_{[k, n)}$$
 
@@ -27,7 +27,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.observations.records.recording import PressureRecord
-from jblast.signals.picks.lanes import AGAIN, HOPELESS_MISFIT, SLIGHT
+from jblast.signals.picks.lanes import HOPELESS_MISFIT, MISFIT_AGAIN, SLIGHT_RESIDUAL
 from jblast.signals.picks.pick import (
     IN_LOG,
     LEAST_SAMPLES,
@@ -37,10 +37,13 @@ from jblast.signals.picks.pick import (
     picks_of,
 )
 
-LONGEST = 65536
-"""Of a record of more samples the stretch about its largest one is picked."""
-BEFORE = 0.25
-"""Share of that stretch that lies before the largest sample."""
+LONGEST_STRETCH = 65536
+"""Largest number of samples that are picked; of a longer record, these are about its
+largest sample. They cover 1.3 s at 48 kHz, many times the duration of a blast, and
+bound the memory and the number of programs (one for each power of two)."""
+SHARE_BEFORE_LARGEST = 0.25
+"""Share of them before the largest sample: enough for the noise, with most left for the
+tail and a possible high-pass."""
 Quality = Literal["good", "doubtful", "poor"]
 NoteKind = Literal[
     "nothing_found",
@@ -64,20 +67,24 @@ NoteKind = Literal[
     "faint",
 ]
 """Kinds of notes on a pick."""
-POOR = frozenset({"nothing_found", "not_converged"})
-HARMLESS = frozenset({"sharp_front", "drifting", "later_arrival"})
-"""These were seen and are within the errors; any other makes a pick doubtful."""
+POOR_NOTES = frozenset({"nothing_found", "not_converged"})
+HARMLESS_NOTES = frozenset({"sharp_front", "drifting", "later_arrival"})
+"""Notes whose effects are within the errors; any other makes a pick doubtful."""
 UNSURE_DURATION = 0.2
-"""Standard deviation of ln duration from which on it is hardly known."""
-FAINT = 0.1
-"""Standard deviation of ln peak from which on a pulse is faint."""
-QUIET = 32
-"""Samples that must come before an onset, to measure the quiet."""
-LOUD = 10.0
-"""The largest sample is as many standard deviations of the quiet ones."""
-SUDDEN = 3.0
-"""So is the root mean square of what samples change by, from before to behind: a drift
-becomes large, and no rougher."""
+"""Standard deviation of ln duration from which on a pick is doubtful. A 90 % interval
+then spans a factor of 1.9, which hardly constrains a charge."""
+FAINT_PEAK_SD = 0.1
+"""Standard deviation of ln peak from which on a pulse is noted as faint: a signal to
+noise ratio of about ten, where steps of coloured noise may be taken for the front."""
+QUIET_SAMPLES = 32
+"""Smallest number of samples before an onset: their variance then has a relative error
+of 25 %, small against the ratios below."""
+ONSET_SNR = 10.0
+"""Smallest ratio of the largest sample to the standard deviation of the quiet ones.
+Noise does not reach it; gusts and bumps of a stand may, hence the next one."""
+ONSET_ROUGHNESS = 3.0
+"""Smallest ratio of the rms difference of neighbouring samples behind an onset to that
+before it: a drift grows large without becoming rougher."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +93,9 @@ class RecordPick:
 
     Attributes:
         record: The recording.
-        pick: Its pulse, on the recorder's clock; every array without a batch.
-        quality: How far it may be trusted.
-        notes: Why, and what else was seen.
+        pick: Its pulse, on the recorder's clock; arrays without a batch axis.
+        quality: Good, doubtful or poor.
+        notes: Reasons of the quality and other findings.
     """
 
     record: PressureRecord
@@ -102,13 +109,13 @@ def pick_records(
 ) -> list[RecordPick]:
     """Return the pick of each recording.
 
-    Without a scale in pascals, peak and impulse are in the samples'
-    own unit, and only the times mean something. Of a record that is suddenly loud and
-    that no pulse fits, the arrival is its onset (`onset_of`) and all else NaN.
+    Without a scale in pascals, peak and impulse are in the samples' own unit, and only
+    times are meaningful. If no pulse fits a record that becomes loud suddenly, the
+    arrival is its onset (`onset_of`) and all other values are NaN.
 
     Args:
         records: The recordings.
-        turn: Whether a record whose pressure falls most is picked upside down, too.
+        turn: True to pick records of mostly negative pressure with reversed sign, too.
 
     Raises:
         InputError: One of them has too few samples, or one that is not finite.
@@ -116,7 +123,7 @@ def pick_records(
     groups: dict[tuple[int, bool], list[int]] = defaultdict(list)
     for place, record in enumerate(records):
         _check(record)
-        length = filled_length(min(record.samples.size, LONGEST))
+        length = filled_length(min(record.samples.size, LONGEST_STRETCH))
         groups[length, record.high_pass_hz is not None].append(place)
     found: dict[int, Pick] = {}
     for (length, passed), places in groups.items():
@@ -127,7 +134,7 @@ def pick_records(
     ]
     if not turn:
         return made
-    # a sensor wired the other way round records a blast as a fall of the pressure
+    # a sensor of reversed polarity records a blast as a fall of the pressure
     falls = [k for k, one in enumerate(made) if one.quality != "good" and _falls(one)]
     turned = [
         dataclasses.replace(made[k].record, samples=-made[k].record.samples)
@@ -141,13 +148,13 @@ def pick_records(
 
 
 def _falls(one: RecordPick) -> bool:
-    """Return whether the largest deviation of a record is below its median."""
+    """Return True if the largest deviation of a record is below its median."""
     apart = one.record.samples - np.median(one.record.samples)
     return bool(-apart.min() > apart.max())
 
 
 def _better(other: RecordPick, one: RecordPick) -> bool:
-    """Return whether a pulse fits a record better turned over than as it is."""
+    """Return True if a pulse fits a record better with reversed polarity."""
     if other.quality == "poor" or not other.pick.found or "onset_alone" in other.notes:
         return False
     if one.quality == "poor" or not one.pick.found or "onset_alone" in one.notes:
@@ -161,7 +168,7 @@ def _picked(
     length: int,
     high_passed: bool,
 ) -> dict[int, Pick]:
-    """Return the picks of records that are filled up to one length."""
+    """Return the picks of records that are padded to one length."""
     begins = [stretch_begin(record, length) for record in records]
     cut = [
         record.samples[begin : begin + length]
@@ -198,7 +205,7 @@ def _picked(
 def _began(
     pick: Pick, samples: Float[np.ndarray, " sample"], start: float, step: float
 ) -> Pick:
-    """Return the onset of a record that no pulse fits, and nothing else."""
+    """Return a pick of the onset alone, for a record that no pulse fits."""
     onset = onset_of(samples)
     if onset is None:
         return pick
@@ -227,21 +234,21 @@ def _began(
 
 
 def stretch_begin(record: PressureRecord, length: int) -> int:
-    """Return the first sample of the stretch that is picked.
+    """Return the first sample of the interval that is picked.
 
     Args:
         record: The recording.
-        length: Samples of the stretch; a shorter recording is picked whole.
+        length: Samples of the interval; a shorter recording is picked whole.
     """
     spare = record.samples.size - length
     if spare <= 0:
         return 0
     largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
-    return int(np.clip(largest - int(BEFORE * length), 0, spare))
+    return int(np.clip(largest - int(SHARE_BEFORE_LARGEST * length), 0, spare))
 
 
 def _check(record: PressureRecord) -> None:
-    """Refuse what cannot be picked, by name."""
+    """Raise an error for a record that is too short or not finite."""
     name = record.source or record.name
     if record.samples.size < LEAST_SAMPLES:
         raise InputError(
@@ -263,10 +270,10 @@ def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
     if np.isnan(pick.peak_overpressure_pa):
         return ("onset_alone",)
     spread = np.asarray(pick.spread)
-    said: dict[NoteKind, bool] = {
+    conditions: dict[NoteKind, bool] = {
         "not_converged": not bool(pick.converged),
         "clipped": bool(np.isfinite(pick.clipped_at_pa)),
-        "misfit": float(pick.misfit) > AGAIN,
+        "misfit": float(pick.misfit) > MISFIT_AGAIN,
         "few_quiet_samples": not bool(pick.noise_known),
         "under_sampled": bool(pick.under_sampled),
         "sharp_front": bool(pick.sharp),
@@ -278,26 +285,27 @@ def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
         "later_arrival": bool(np.any(np.isfinite(pick.later_arrivals_s))),
         "zero_shift": bool(pick.shifted),
         "front_alone": bool(pick.front_alone),
+        # "not less than" also holds for NaN
         "duration_unsure": not spread[2] < UNSURE_DURATION,
-        "faint": not spread[1] < FAINT,
+        "faint": not spread[1] < FAINT_PEAK_SD,
     }
-    return tuple(kind for kind, holds in said.items() if holds)
+    return tuple(kind for kind, holds in conditions.items() if holds)
 
 
 def quality_of(pick: Pick) -> Quality:
-    """Return how far the pick of one record may be trusted."""
+    """Return the quality of the pick of one record."""
     notes = set(notes_of(pick))
     if "onset_alone" in notes:
         return "doubtful"
-    if notes & POOR or hopeless(pick):
+    if notes & POOR_NOTES or hopeless(pick):
         return "poor"
-    return "doubtful" if notes - HARMLESS else "good"
+    return "doubtful" if notes - HARMLESS_NOTES else "good"
 
 
 def hopeless(pick: Pick) -> bool:
-    """Return whether the model explains next to nothing of the record."""
+    """Return True if the model explains next to nothing of the record."""
     left = np.sqrt(float(pick.misfit)) * float(pick.noise_pa)
-    slight = left < SLIGHT * abs(float(pick.peak_overpressure_pa))
+    slight = left < SLIGHT_RESIDUAL * abs(float(pick.peak_overpressure_pa))
     return float(pick.misfit) > HOPELESS_MISFIT and not slight
 
 
@@ -305,8 +313,8 @@ class Onset(NamedTuple):
     """Onset of a record, in samples.
 
     Attributes:
-        sample: The first loud one.
-        sigma: Its standard deviation.
+        sample: First sample of the louder interval.
+        sigma: Its standard deviation [samples].
     """
 
     sample: float
@@ -314,14 +322,14 @@ class Onset(NamedTuple):
 
 
 def onset_of(samples: Float[np.ndarray, " sample"]) -> Onset | None:
-    """Return when a record becomes loud; None if it does not.
+    """Return the onset of a sudden loud signal; None without one.
 
     Args:
-        samples: In any unit, finite.
+        samples: Samples in any unit, finite.
     """
     apart = np.abs(samples - np.median(samples))
     largest = int(np.argmax(apart))
-    if largest < 2 * QUIET or apart[largest] == 0.0:
+    if largest < 2 * QUIET_SAMPLES or apart[largest] == 0.0:
         return None
     split, sigma = _most_probable_split(samples[: largest + 1] / apart[largest])
     before = samples[:split]
@@ -330,17 +338,21 @@ def onset_of(samples: Float[np.ndarray, " sample"]) -> Onset | None:
     rougher = np.sqrt(
         np.mean(np.square(np.diff(samples[split - 1 : 2 * half - split + 2])))
     )
+    # the quiet mean, not the median, is zero: a loud record moves its median
     size = np.max(np.abs(samples[split : largest + 1] - before.mean()))
-    if size < LOUD * before.std() or rougher < SUDDEN * rough:
+    if size < ONSET_SNR * before.std() or rougher < ONSET_ROUGHNESS * rough:
         return None
+    # correlated samples make the probability too narrow: at least half of the time up
+    # to half of the largest size; 0.3 samples is 1/sqrt(12), a uniform density
     return Onset(float(split), float(np.hypot(sigma, max(0.5 * (half - split), 0.3))))
 
 
 def _most_probable_split(x: Float[np.ndarray, " sample"]) -> tuple[int, float]:
-    """Return the most probable first sample of the second stretch, and its error."""
+    """Return the most probable first sample of the second interval, and its error."""
     n = x.size
-    k = np.arange(QUIET, n - 1)
+    k = np.arange(QUIET_SAMPLES, n - 1)
     sums, squares = np.cumsum(x), np.cumsum(np.square(x))
+    # a silent interval has no variance, whose logarithm must be finite
     least = np.finfo(x.dtype).eps
     first = squares[k - 1] / k - np.square(sums[k - 1] / k)
     rest = n - k
@@ -350,6 +362,7 @@ def _most_probable_split(x: Float[np.ndarray, " sample"]) -> tuple[int, float]:
     aic = k * np.log(np.maximum(first, least)) + rest * np.log(
         np.maximum(second, least)
     )
+    # relative to the minimum, as exp of thousands underflows
     weight = np.exp(-0.5 * (aic - aic.min()))
     mean = np.average(k, weights=weight)
     spread = np.sqrt(np.average(np.square(k - mean), weights=weight))

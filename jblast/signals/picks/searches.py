@@ -15,8 +15,8 @@ curvature at one optimum does not.
 In each trial arrival, rise, durations and decay are fixed. The record is then linear in
 peak, suction and drift, six numbers whose optimum and covariance are one small system
 of equations (variable projection; Golub and Pereyra 1973). Hundreds of trials cost as
-much as one search, and none is rejected for a wrong peak. Trials are in single
-precision, at half the time: they differ by much more than rounding. Searches and their
+much as one search, and none is rejected for a wrong peak. Trials run in single
+precision in half the time: they differ by much more than rounding. Searches and their
 results are in the precision of the record.
 """
 
@@ -48,67 +48,81 @@ from jblast.signals.picks.unknowns import (
     pulse_by,
 )
 
-WIDEST = 4.0
-"""The error of the duration is widened to at most so many times that by Gauss and
-Newton."""
+LARGEST_WIDENING = 4.0
+"""Largest factor by which the error of the duration is widened over that of Gauss and
+Newton: one search two standard deviations off explores no flatter posterior."""
 LEAST_SHARE = 1e-3
-"""Another optimum of less of the posterior is left out."""
+"""Smallest share of the posterior for which another optimum adds to the errors. Such a
+one changes no 90 % interval, and may be at an arbitrary distance."""
 DURATION = 2
-"""Place of ln duration among the unknowns."""
-UNSURE = 0.02
-"""Standard deviation of ln peak from which on another start is searched from, too."""
-POOR = 1.5
-"""And squared misfit by degree of freedom."""
-ASTRAY = 5.0
-"""And squared misfit from which on one is looked for about it."""
-FAINT = 0.04
-"""Standard deviation of ln peak from which on a front is looked for wherever it may
-lie."""
-SHARP = 1.5
-"""Samples of a front that may be a slower one's, at the edge of a sample."""
-WRONG = 1.2
-"""Squared misfit from which on one begins at the best of slower ones, be it better or
-not: far from its own optimum the right one is worse than a wrong one at its best."""
-LOWER = 0.1
-"""A search begins there if ln posterior is higher by as much, and counts if it ends
-higher by as much."""
+"""Index of ln duration among the unknowns."""
+PEAK_SD_UNSURE = 0.02
+"""Standard deviation of ln peak from which on a second start, a shorter pulse, is
+searched as well: in such noise a drift and a suction look alike."""
+MISFIT_POOR = 1.5
+"""Squared misfit per degree of freedom from which on the second start is searched as
+well: five standard deviations above 1 for the noise of two hundred bins."""
+MISFIT_ASTRAY = 5.0
+"""Squared misfit from which on another start about the end of the first search is
+tried: noise alone never has it, so the search missed the optimum or the model fails."""
+PEAK_SD_FAINT = 0.04
+"""Standard deviation of ln peak from which on a front is searched over `ARRIVALS`. One
+in ten simulated records is that faint; without it their arrivals were up to 29 samples
+early (docs/explanation/picks.md, CHANGELOG)."""
+SHARP_RISE = 1.5
+"""Rise below which a search may have stopped at the edge of a sample [samples]: fronts
+of two or three samples have such a wrong optimum."""
+MISFIT_WRONG = 1.2
+"""Squared misfit from which on a search begins at the best slower rise even if that is
+worse: far from its own optimum, the right rise fits worse than a wrong one at its best.
+It is two standard deviations of the misfit of two hundred bins of noise."""
+LEAST_GAIN = 0.1
+"""Smallest gain in ln posterior for which a search begins at another point, and for
+which its end counts as another optimum: smaller ones are the same optimum again."""
 DURATION_STEP_SD = 2.0
-"""Shift of the duration by which its standard error is tested [sd]."""
+"""Shift of the duration at which the curvature of its posterior is tested [sd]."""
 DURATION_SD_TESTED = 0.05
-"""Standard error of ln duration from which on it is tested."""
-HOLD = 1e4
-"""Weight of its prior there, over the usual one."""
+"""Standard error of ln duration from which on the test is worth its search: below it
+the posterior is close to normal."""
+HOLD_WEIGHT = 1e4
+"""Factor on the prior's residual that holds the duration at the tested value."""
 FIRST, SHORT, AGAIN, ELSEWHERE, HELD = range(5)
 """The searches, in their order."""
 ARRIVAL_STEP = 1.5
-"""Distance of two arrivals that are tried [samples]."""
+"""Distance of neighbouring trial arrivals [samples], shorter than the region from which
+a search converges (see `START_RISES`, `SHIFTS`)."""
 ARRIVALS = np.arange(-24.0, 64.0, ARRIVAL_STEP)
-"""From where the front was seen [samples]."""
+"""Trial arrivals relative to the detected front [samples]: 59 of them, mostly later,
+because steps of the noise before a faint front may be taken for it."""
 ARRIVAL_RISES = np.array([0.5, 1.5, 4.0, 10.0, 25.0])
-"""Tried with each [samples]."""
-ROOM = 2.0
-"""A positive phase lasts as many rises."""
+"""Trial rises with each arrival [samples], spaced by a factor of about three."""
+RISES_IN_DURATION = 2.0
+"""Shortest positive phase of a trial, in rises."""
 START_RISES = np.array([0.5, 1.5, 3.0, 5.0, 8.0, 13.0])
-"""Tried [samples], beside the one of the start."""
+"""Trial rises [samples], in addition to that of the start."""
 SHIFTS = np.array([-1.5, -0.7, 0.0, 0.7, 1.5])
-"""Places of the middle of the rise, from where the front was seen [samples]."""
-TURNS = np.array([0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4])
-"""Delays of the front by a ring [radians of the ring]."""
-HIDDEN = np.exp(np.linspace(np.log(0.7), np.log(2.4), 20))
-"""Frequencies of rings that a slow front may hide [rad/sample]: it excites a sensor
-little, and its rise is bent all the same."""
-FASTER = 40.0
-r"""A sensor at rest answers a slow rise with one whose mean square about its middle,
-$\tau^2/20$, is less by $2/\omega^2$: so $\tau^2$ passes for less by this over
-$\omega^2$."""
-SLOWER = 1.8
-"""Rises tried about the end of a search, over the one there, are larger than this."""
-OMEGA = CENTRE.size
-"""Place of ln omega among the unknowns."""
+"""Trial positions of the middle of the rise, relative to the detected front
+[samples]."""
+RING_DELAYS = np.array([0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4])
+"""Trial delays of the front by a resonance [rad of its phase]: up to less than half a
+period, after which the response to a step is at its maximum."""
+HIDDEN_FREQUENCIES = np.exp(np.linspace(np.log(0.7), np.log(2.4), 20))
+"""Angular frequencies of resonances that a slow front may hide [rad/sample]. The front
+excites the sensor little, but the sensor still changes its rise. Lower ones ring
+visibly, higher ones change the rise by less than the samples resolve."""
+HIDDEN_RISE_FACTOR = 40.0
+r"""Reduction of $\tau^2$ by a resonance, times $\omega^2$. The response to a slow rise
+is one whose variance in time, $\tau^2/20$, is less by $2/\omega^2$."""
+SLOWER_RISE_RATIO = 1.8
+"""Smallest ratio of a slower trial rise to that at the end of a search; smaller ones
+lead back to the same optimum."""
+LN_OMEGA = CENTRE.size
+"""Index of ln omega among the unknowns."""
 LEAST_PEAK = 0.02
-"""Least peak of a trial pulse [share of the largest sample]."""
+"""Smallest peak of a trial pulse [share of the largest sample]; its logarithm must be
+finite."""
 DRIFTS = CENTRE.size - PULSE_UNKNOWNS
-"""Unknowns of the drift: level, slope, bend, twist."""
+"""Number of unknowns of the drift: level, slope, bend, twist."""
 Numbers = TypeVar("Numbers")
 
 
@@ -117,7 +131,8 @@ class Others(NamedTuple):
 
     Attributes:
         y: Unknowns of each.
-        share: By how much of its square off the best the errors grow.
+        share: Factor on the square of its distance to the best, added to the
+            covariance.
     """
 
     y: Float[Array, "other unknown"]
@@ -127,14 +142,14 @@ class Others(NamedTuple):
 def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
     """Return the optimum of one pulse, and two others.
 
-    The first of the others is looked for where the search is not sure, or does not fit.
-    Where many durations fit, and longer ones better than the error of Gauss and Newton
-    has it, it is one that is longer, and its share by how much the error is to be
-    widened. The second is a pulse of another arrival that has much of the posterior,
-    looked for where the pulse is faint.
+    The first of the others is searched where the peak is uncertain or the pulse does
+    not fit. If the posterior of the duration falls more slowly than that of Gauss and
+    Newton, it is a longer pulse, with the share that widens the error accordingly. The
+    second is a pulse of another arrival with much of the posterior, searched where the
+    pulse is faint.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         ready: The record.
     """
     made = searches_of(bins, ready)
@@ -146,7 +161,7 @@ def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
     weights = 0.5 * lax.stop_gradient(both.size) - costs
     share = 1.0 / (1.0 + jnp.exp(weights[row] - weights[other]))
     share = jnp.where(jnp.isfinite(share) & rival.converged, share, 0.0)
-    # of what counts little, nothing: it may be anywhere
+    # a small share times a large distance would still widen the errors
     share = jnp.where(share > LEAST_SHARE, share, 0.0)
     held = jax.tree.map(lambda x: x[HELD], made.found)
     more = _wider(held, made.cost[HELD] - costs[row])
@@ -160,11 +175,12 @@ def first_optimum(bins: Bins, ready: Prepared) -> tuple[Optimum, Others]:
 
 
 def _wider(held: Optimum, dearer: Float[Array, ""]) -> Float[Array, ""]:
-    """Return by how much of its square off a held duration the error is to be widened.
+    """Return the factor on the square of the shift that widens the error of duration.
 
-    Where the way to a longer pulse costs less than a parabola, the error is larger.
+    The error is larger if a longer pulse costs less than the parabola of Gauss and
+    Newton.
     """
-    dearer = jnp.maximum(2.0 * dearer, (DURATION_STEP_SD / WIDEST) ** 2)
+    dearer = jnp.maximum(2.0 * dearer, (DURATION_STEP_SD / LARGEST_WIDENING) ** 2)
     return jnp.where(
         held.converged, (DURATION_STEP_SD**2 / dearer - 1.0) / DURATION_STEP_SD**2, 0.0
     )
@@ -175,10 +191,10 @@ class Elsewhere(NamedTuple):
 
     Attributes:
         start: Unknowns of the best of them.
-        gain: By how much its ln posterior is higher than where the search ended.
-        mean: Of the arrivals, from that end [samples].
-        square: And of their squares.
-        far: Unknowns of one that has much of it.
+        gain: Gain in ln posterior over the end of the search.
+        mean: Mean of the arrivals relative to that end [samples].
+        square: Mean of their squares [samples^2].
+        far: Unknowns of the one that contributes most to that.
     """
 
     start: Float[Array, " unknown"]
@@ -189,24 +205,27 @@ class Elsewhere(NamedTuple):
 
 
 def _far(seen: Elsewhere, end, best: Optimum, first):
-    """Return a pulse of another arrival, and its share: what errors lack by it."""
+    """Return a pulse of another arrival, and its share.
+
+    The share adds to the variance of the arrival what that lacks of the mean square.
+    """
     moved = best.y[0] - end
     square = seen.square - moved * (2.0 * seen.mean - moved)
     known = best.covariance[0, 0] + first[1] * jnp.square(first[0][0] - best.y[0])
     off = jnp.square(seen.far[0] - best.y[0])
-    asked = (seen.square > 0) & (off > 0)
-    part = jnp.clip((square - known) / jnp.where(asked, off, 1.0), 0.0, 1.0)
-    return seen.far, jnp.where(asked, part, 0.0)
+    some = (seen.square > 0) & (off > 0)
+    part = jnp.clip((square - known) / jnp.where(some, off, 1.0), 0.0, 1.0)
+    return seen.far, jnp.where(some, part, 0.0)
 
 
 class Best(NamedTuple):
-    """The best that was found so far.
+    """The best optimum so far.
 
     Attributes:
         cost: Minus its ln posterior.
         y: Its unknowns.
-        covariance: About it.
-        ratio: Its squared misfit by degree of freedom.
+        covariance: Their covariance.
+        ratio: Its squared misfit per degree of freedom.
     """
 
     cost: Float[Array, ""]
@@ -219,9 +238,9 @@ class SoFar(NamedTuple):
     """Results of earlier searches, for the next one.
 
     Attributes:
-        sure: Whether the last one's peak is known, and fits.
-        poor: Whether the first one does not fit at all.
-        first: Where that ended.
+        sure: True if the last one fits and its peak is well constrained.
+        poor: True if the first one does not fit at all.
+        first: End of the first one.
         best: The best of all.
     """
 
@@ -235,11 +254,11 @@ class Searched(NamedTuple):
     """Result of a search.
 
     Attributes:
-        found: The optimum; zeros, not converged, where none was needed.
-        cost: Minus its ln posterior; infinite where none was needed, or it is the
-            best one again.
-        seen: What other arrivals have of the posterior, where that was looked at.
-        end: Unknown arrival of the best of those before.
+        found: The optimum; zeros, not converged, for a search that was not needed.
+        cost: Minus its ln posterior; infinite for a search that was not needed or that
+            found the best optimum again.
+        seen: Share of other arrivals in the posterior, if computed.
+        end: Arrival of the best optimum of the earlier searches.
     """
 
     found: Optimum
@@ -249,10 +268,10 @@ class Searched(NamedTuple):
 
 
 def searches_of(bins: Bins, ready: Prepared) -> Searched:
-    """Return what the searches found, each along a first axis, in their order.
+    """Return the results of the searches along a first axis, in their order.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         ready: The record.
     """
     kinds = jnp.asarray([FIRST, SHORT, AGAIN, ELSEWHERE, HELD])
@@ -265,6 +284,7 @@ def searches_of(bins: Bins, ready: Prepared) -> Searched:
     def search(before: SoFar, one):
         return _search(bins, ready.case, before, *one)
 
+    # a scan compiles the search once for all five
     _, made = lax.scan(search, begin, (starts, kinds))
     return made
 
@@ -283,14 +303,16 @@ def _search(
     there = _elsewhere(bins, case, best, far)
     sd = jnp.sqrt(best.covariance[DURATION, DURATION])
     longer = best.y + DURATION_STEP_SD / sd * best.covariance[:, DURATION]
-    asked = jnp.where(kind == AGAIN, before.poor, ~before.sure)
-    asked = jnp.where(held, sd > DURATION_SD_TESTED, jnp.where(far, there.asked, asked))
+    needed = jnp.where(kind == AGAIN, before.poor, ~before.sure)
+    needed = jnp.where(far, there.needed, needed)
+    needed = jnp.where(held, sd > DURATION_SD_TESTED, needed)
     moved = case.centre.at[DURATION].set(longer[DURATION])
     mine = case._replace(
-        centre=jnp.where(held, moved, case.centre), hold=jnp.where(held, HOLD, 0.0)
+        centre=jnp.where(held, moved, case.centre),
+        hold=jnp.where(held, HOLD_WEIGHT, 0.0),
     )
 
-    def anew():
+    def optimized():
         here = jnp.where(kind == AGAIN, before.first, start)
         begin = lax.cond(
             held | far,
@@ -299,28 +321,29 @@ def _search(
         )
         return optimum_of(of, begin, mine)
 
-    found = lax.cond(asked, anew, lambda: none)
+    found = lax.cond(needed, optimized, lambda: none)
     still = lax.stop_gradient((found.y, found.covariance))
     ratio = misfit_ratio(bins, still[0], case)
     variance = still[1][1, 1] * jnp.maximum(ratio, 1.0)
     cost = found.cost
-    # what is no better is the same optimum again, which would hide another
-    better = found.converged & (cost < best.cost - LOWER)
+    # an end that is no better is the same optimum again; at its cost it would take the
+    # second rank from a real other one
+    better = found.converged & (cost < best.cost - LEAST_GAIN)
     cost = jnp.where(far & ~better, jnp.inf, cost)
     first = kind == FIRST
     after = SoFar(
-        sure=(variance < UNSURE**2) & (ratio < POOR),
-        poor=jnp.where(first, ratio > ASTRAY, before.poor),
+        sure=(variance < PEAK_SD_UNSURE**2) & (ratio < MISFIT_POOR),
+        poor=jnp.where(first, ratio > MISFIT_ASTRAY, before.poor),
         first=jnp.where(first, still[0], before.first),
-        best=either((cost < best.cost) & ~held, Best(cost, *still, ratio), best),
+        best=select((cost < best.cost) & ~held, Best(cost, *still, ratio), best),
     )
     return after, Searched(found, cost, there.seen, best.y[0])
 
 
 class _Elsewhere(NamedTuple):
-    """Another start of a search."""
+    """Another start of a search, and whether it needs one."""
 
-    asked: Bool[Array, ""]
+    needed: Bool[Array, ""]
     start: Float[Array, " unknown"]
     seen: Elsewhere
 
@@ -328,12 +351,12 @@ class _Elsewhere(NamedTuple):
 def _elsewhere(
     bins: Bins, case: Case, best: Best, looked: Bool[Array, ""]
 ) -> _Elsewhere:
-    """Return the better of a faint front's other places and of slower rises."""
+    """Return the better start of other arrivals of a faint front and slower rises."""
     y, zero = best.y, jnp.zeros_like(best.ratio)
-    # what clipped bins bound is not linear
+    # bounds of clipped bins are not linear in the peak, as variable projection needs
     linear = ~jnp.any(case.clipped != 0)
-    faint = linear & (best.covariance[1, 1] > FAINT**2)
-    astray = linear & (y[4] < np.log(SHARP))
+    faint = linear & (best.covariance[1, 1] > PEAK_SD_FAINT**2)
+    astray = linear & (y[4] < np.log(SHARP_RISE))
     widened = jnp.maximum(best.ratio, 1.0)
     nowhere = jnp.zeros_like(y)
     seen = lax.cond(
@@ -347,29 +370,29 @@ def _elsewhere(
         lambda: Closer(nowhere, zero),
     )
     farther = seen.gain > jnp.maximum(near.gain, 0.0)
-    better = jnp.maximum(seen.gain, near.gain) > LOWER
+    better = jnp.maximum(seen.gain, near.gain) > LEAST_GAIN
     return _Elsewhere(
-        asked=better | (astray & (best.ratio > WRONG)),
+        needed=better | (astray & (best.ratio > MISFIT_WRONG)),
         start=jnp.where(farther, seen.start, near.start),
         seen=seen,
     )
 
 
 def _nothing(start: Float[Array, " unknown"]) -> Optimum:
-    """Return what is found where nothing is looked for."""
+    """Return the result of a search that was not needed."""
     unit = jnp.eye(CENTRE.size, dtype=start.dtype)
     never = jnp.full((), jnp.inf, start.dtype)
     none = jnp.zeros_like(never)
     return Optimum(jnp.zeros_like(start), unit, jnp.asarray(False), never, none)
 
 
-def either(first, here, there):
-    """Return one of two trees."""
+def select(first, here, there):
+    """Return one of two trees of arrays, by a condition on all of their elements."""
     return jax.tree.map(lambda a, b: jnp.where(first, a, b), here, there)
 
 
 def cost_of(apart: Float[Array, " term"]) -> Float[Array, ""]:
-    """Return minus ln posterior."""
+    """Return minus ln posterior by the residuals."""
     return 0.5 * jnp.sum(apart * apart)
 
 
@@ -380,13 +403,13 @@ def elsewhere(
     widened: Float[Array, ""],
     case: Case,
 ) -> Elsewhere:
-    """Return what other arrivals have of the posterior.
+    """Return the share of other arrivals in the posterior.
 
     Args:
-        bins: Where the record is looked at.
-        y: Where a search ended.
-        covariance: About it.
-        widened: What to multiply it by.
+        bins: Bins of the record.
+        y: End of a search.
+        covariance: Covariance there.
+        widened: Factor on the covariance by the misfit.
         case: The record.
     """
     kind = y.dtype
@@ -394,14 +417,15 @@ def elsewhere(
     arrivals = jnp.asarray(ARRIVALS, kind)
 
     def with_rise(rise):
-        duration = jnp.maximum(end - arrivals, ROOM * rise)
+        duration = jnp.maximum(end - arrivals, RISES_IN_DURATION * rise)
         trials = jnp.tile(y, (arrivals.size, 1))
         trials = trials.at[:, 0].set(arrivals).at[:, 2].set(jnp.log(duration))
-        # a suction keeps its length
+        # the end of the positive phase and the suction behind it stay, as the record
+        # behind the front does not depend on the arrival
         trials = trials.at[:, 6].add(y[2] - jnp.log(duration))
         trials = trials.at[:, 4].set(jnp.log(free_rise(rise, duration)))
         made = profiled(bins, trials, case)
-        fits = end - arrivals >= ROOM * rise
+        fits = end - arrivals >= RISES_IN_DURATION * rise
         return made._replace(cost=jnp.where(fits, made.cost, jnp.inf))
 
     made = lax.map(with_rise, jnp.asarray(ARRIVAL_RISES, kind))
@@ -413,7 +437,8 @@ def elsewhere(
     levels = jnp.where(jnp.isfinite(levels), levels, -jnp.inf)
     top = jnp.maximum(jnp.max(levels), 0.0)
     weight = cell * jnp.exp(levels - top)
-    # between those that are tried the optimum itself may be narrow
+    # an optimum narrower than the grid of trials falls between them: its own volume is
+    # that of its covariance, at most one cell of the grid
     own = 2.0 * np.pi * widened
     spread = covariance[0, 0] * covariance[4, 4] - jnp.square(covariance[0, 4])
     own = own * jnp.sqrt(jnp.maximum(spread, 0.0))
@@ -433,24 +458,25 @@ def elsewhere(
 def best_ring(
     bins: Bins, start: Float[Array, " unknown"], case: Case
 ) -> Float[Array, " unknown"]:
-    """Return where to begin with a pulse through a sensor that rings.
+    """Return the best starting point of a pulse through a resonant sensor.
 
     Args:
-        bins: Where the record is looked at.
-        start: A pulse; frequency and damping by what one pulse left over.
+        bins: Bins of the record.
+        start: A pulse; frequency and damping by the residuals of one pulse.
         case: The record.
     """
-    late = jnp.asarray(TURNS, start.dtype) * jnp.exp(-start[OMEGA])
+    # a resonance delays the visible front, so the true one is earlier
+    late = jnp.asarray(RING_DELAYS, start.dtype) * jnp.exp(-start[LN_OMEGA])
     trials = jnp.concatenate([_about(start, -late), _hidden(start)])
     return _best(bins, trials, case)
 
 
 class Closer(NamedTuple):
-    """A pulse that rises more slowly, about the end of a search.
+    """A pulse with a slower rise about the end of a search.
 
     Attributes:
         start: Its unknowns.
-        gain: By how much its ln posterior is higher than there.
+        gain: Gain in ln posterior over that end.
     """
 
     start: Float[Array, " unknown"]
@@ -458,29 +484,29 @@ class Closer(NamedTuple):
 
 
 def closer(bins: Bins, y: Float[Array, " unknown"], case: Case) -> Closer:
-    """Return the best pulse that rises more slowly, about the end of a search.
+    """Return the best pulse with a slower rise about the end of a search.
 
-    A sharp front has its least cost at the edge of a sample, far from that of a slower
-    one: a search may end there.
+    A sharp front has a minimum of the cost at the edge of a sample, far from that of a
+    slower one, and a search may end there.
 
     Args:
-        bins: Where the record is looked at.
-        y: The end of a search.
+        bins: Bins of the record.
+        y: End of a search.
         case: The record.
     """
     made = profiled(bins, _about(y, jnp.asarray(SHIFTS, y.dtype)), case)
     # the first of them is the end itself
-    slower = made.y[:, 4] > y[4] + np.log(SLOWER)
+    slower = made.y[:, 4] > y[4] + np.log(SLOWER_RISE_RATIO)
     best = jnp.argmin(jnp.where(slower, made.cost, jnp.inf))
     return Closer(made.y[best], made.cost[0] - made.cost[best])
 
 
 class Hidden(NamedTuple):
-    """The ring that would explain most of what one pulse leaves over.
+    """The resonance that would explain most of the residuals of one pulse.
 
     Attributes:
-        gain: How much ln posterior it gains, as far as that is square.
-        start: Unknowns to begin a search with.
+        gain: Gain in ln posterior, to second order.
+        start: Starting point of a search.
     """
 
     gain: Float[Array, ""]
@@ -490,17 +516,18 @@ class Hidden(NamedTuple):
 def hidden_ring(
     bins: Bins, one: Optimum, start: Float[Array, " unknown"], case: Case
 ) -> Hidden:
-    r"""Return the ring that a slow front may hide.
+    r"""Return the resonance that a slow front may hide.
 
-    What a ring adds to the pulse is looked at across all that the pulse's own unknowns
-    do: with the misfit $r$, its slopes $J$ and the change $\Delta$ by a trial, the gain
-    is $-r^T P \Delta - |P \Delta|^2/2$, where $P = 1 - J (J^T J)^{-1} J^T$.
+    The contribution of a resonance is projected onto the complement of the changes by
+    the pulse's own unknowns. With the residuals $r$, their slopes $J$ and the change
+    $\Delta$ by a trial, the gain is $-r^T P \Delta - |P \Delta|^2/2$, where
+    $P = 1 - J (J^T J)^{-1} J^T$.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         one: Optimum of one pulse.
-        start: That, with the further unknowns.
-        case: The record, with a ring.
+        start: The same, with the further unknowns.
+        case: The record, with a resonance.
     """
     plain = CENTRE.size
     alone = case._replace(centre=case.centre[:plain], rings=jnp.zeros_like(case.rings))
@@ -511,6 +538,7 @@ def hidden_ring(
         apart = misfit(bins, y, alone)
         return apart, apart
 
+    # residuals and slopes by one evaluation
     slopes, apart = jax.jacfwd(twice, has_aux=True)(y)
     trials = _hidden(start)
     coarse = in_single(case)
@@ -528,22 +556,24 @@ def hidden_ring(
 
 
 def _hidden(start):
-    """Return trials of rings that a front may hide: of slower rises."""
+    """Return trials of hidden resonances, whose true rises are slower."""
     kind = start.dtype
     longest = 0.5 * jnp.exp(start[2])
     rise = jnp.exp(start[4]) / (1.0 + jnp.exp(start[4] - start[2]))
-    slower = jnp.sqrt(rise * rise + (FASTER / HIDDEN**2).astype(kind))
+    slower = jnp.sqrt(
+        rise * rise + (HIDDEN_RISE_FACTOR / HIDDEN_FREQUENCIES**2).astype(kind)
+    )
     slower = jnp.minimum(slower, longest)
-    trials = jnp.tile(start, (HIDDEN.size, 1))
+    trials = jnp.tile(start, (HIDDEN_FREQUENCIES.size, 1))
     trials = trials.at[:, 0].add(0.5 * (rise - slower))
     free = slower / (1.0 - slower * jnp.exp(-start[2]))
     trials = trials.at[:, 4].set(jnp.log(free))
-    return trials.at[:, OMEGA].set(np.log(HIDDEN).astype(kind))
+    return trials.at[:, LN_OMEGA].set(np.log(HIDDEN_FREQUENCIES).astype(kind))
 
 
 def _about(start, shifts):
-    """Return a start, and those of other rises and places about it."""
-    # the bank has the arrival of its own rise
+    """Return a start, and trials of other rises and arrivals about it."""
+    # the position of a rise's middle is better constrained than its start
     middle = start[0] + 0.5 * jnp.exp(start[4])
     longest = 0.5 * jnp.exp(start[2])
     rises = jnp.minimum(jnp.asarray(START_RISES, start.dtype), longest)
@@ -556,8 +586,9 @@ def _about(start, shifts):
 
 
 def _best(bins: Bins, trials, case: Case):
-    """Return what of the trials fits best."""
+    """Return the trial that fits best."""
     trials = lax.stop_gradient(trials)
+    # single precision: trials differ by much more than its rounding, in half the time
     still = in_single(lax.stop_gradient(case))
 
     def cost(y):
@@ -569,12 +600,12 @@ def _best(bins: Bins, trials, case: Case):
 
 
 class Profiled(NamedTuple):
-    """Pulses with their best peak, suction and drift.
+    """Pulses with optimal peak, suction and drift.
 
     Attributes:
         y: The unknowns.
         cost: Minus ln posterior.
-        width: ln of the volume that the linear ones have about their best.
+        width: ln of the posterior volume of the linear unknowns.
     """
 
     y: Float[Array, "trial unknown"]
@@ -583,12 +614,12 @@ class Profiled(NamedTuple):
 
 
 def profiled(bins: Bins, trials: Float[Array, "trial unknown"], case: Case) -> Profiled:
-    """Return pulses with peak, suction and drift at their best.
+    """Return pulses with optimal peak, suction and drift.
 
     Clipped bins are left out: the search accounts for their bounds.
 
     Args:
-        bins: Where the record is looked at.
+        bins: Bins of the record.
         trials: Unknowns; their peak, suction and drift are a first guess.
         case: The record.
     """
@@ -598,7 +629,8 @@ def profiled(bins: Bins, trials: Float[Array, "trial unknown"], case: Case) -> P
     drift = _whitened(bins, case, jnp.stack([x**k for k in range(DRIFTS)]))
     fixed = jnp.concatenate([drift, case.white[None, :]])
     rows = jax.vmap(partial(_pulse_rows, bins, in_single(case)))(in_single(trials))
-    # rounded as they are, what follows is exact for them
+    # rows computed in single precision, normal equations of them in the record's: these
+    # square the condition number
     rows = rows.astype(kind)
     own, across = rows @ jnp.swapaxes(rows, 1, 2), rows @ fixed.T
     among = fixed @ fixed.T
@@ -606,7 +638,8 @@ def profiled(bins: Bins, trials: Float[Array, "trial unknown"], case: Case) -> P
     wide = jnp.diag(jnp.square(1.0 / spread[PULSE_UNKNOWNS:]))
 
     def one(y, own, across):
-        # the suction is believed to be a share of the peak, whatever that is
+        # the prior of the suction is one of its ratio to the peak, hence a row that
+        # couples both
         sure = 1.0 / (spread[5] * jnp.maximum(jnp.exp(y[1]), LEAST_PEAK))
         share = jnp.stack([-case.centre[5] * sure, sure])
         mixed = across[:, :DRIFTS]
@@ -634,7 +667,7 @@ def profiled(bins: Bins, trials: Float[Array, "trial unknown"], case: Case) -> P
 
 
 def _pulse_rows(bins: Bins, case: Case, y: Float[Array, " unknown"]):
-    """Return what a peak and a suction of 1 put into the bins, whitened."""
+    """Return the whitened bins of a peak of 1 and of a suction of 1."""
     rows = mean_columns(bins, pulse_by(natural_of(y)))
     if case.high_pass is not None:
         passed = jax.vmap(partial(low_passed, bins), in_axes=(0, None))
@@ -643,13 +676,13 @@ def _pulse_rows(bins: Bins, case: Case, y: Float[Array, " unknown"]):
 
 
 def _whitened(bins: Bins, case: Case, rows: Float[Array, "row bin"]):
-    """Return means over bins, whitened and weighed."""
+    """Return means over bins, whitened and weighted."""
     white = jax.vmap(partial(whitened_means, case.noise, bins))(rows)
     return case.weight[None, :] * white
 
 
 def in_single(numbers: Numbers) -> Numbers:
-    """Return the arrays of a tree in single precision; what is no number as it is.
+    """Return a tree with its floating-point arrays in single precision.
 
     Args:
         numbers: The tree.

@@ -51,42 +51,47 @@ NAMES = (
     "twist",
 )
 CENTRE = np.array([0.0, 0.0, 3.0, 0.6, 0.0, 0.3, np.log(2.4), *[0.0] * 4])
-"""Middles of the priors in the order of `NAMES`; flat ones have any."""
+"""Prior means in the order of `NAMES`; those of flat priors are arbitrary."""
 SPREAD = np.array([1e3, 5.0, 5.0, 0.7, 2.0, 0.2, 0.5, 1.0, 0.5, 0.3, 0.2])
-"""Standard deviations of the same; those of flat priors do not act."""
+"""Prior standard deviations in the same order; those of flat priors are so wide that
+they do not constrain."""
 PULSE_UNKNOWNS = 7
-"""The first of `NAMES`; the rest is the drift."""
+"""Number of unknowns of the pulse, the first of `NAMES`; the rest is the drift."""
 FURTHER = (
     *("ln_omega", "logit_damping", "ln_lag", "ln_height", "ln_stretch"),
     *("ln_corner", "shift"),
 )
-"""Unknown only where a record shows a sign of them: frequency [rad/sample] and damping
-of a sensor that rings; lag [samples], peak and duration, both over the first one's, of
-a further front; corner of an unstated high-pass [1/sample]; step of the
-baseline at the front, over the peak."""
+"""Unknowns of further effects, fitted only where a record shows a sign of them:
+frequency [rad/sample] and damping of a resonant sensor; lag [samples], relative peak
+and relative duration of a further front; corner of an unstated high-pass [1/sample];
+step of the baseline at the front, as a share of the peak."""
 FURTHER_CENTRE = np.array([0.0, -3.0, 3.0, np.log(0.5), 0.0, -5.0, 0.0])
-"""In the order of `FURTHER`; frequency and lag are replaced by those that are seen."""
+"""Prior means in the order of `FURTHER`; those of frequency and lag are replaced by
+the values that the residuals show."""
 FURTHER_SPREAD = np.array([0.3, 1.0, 0.7, 1.0, 0.3, 1.5, 0.1])
-"""Frequency and lag are believed to be where they are seen. A zero that shifts by
-more than some tenths of the peak is a broken gauge."""
+"""Prior standard deviations. Those of frequency and lag are about the values that the
+residuals show. A gauge whose zero shifts by several tenths of the peak is broken."""
 RISES = SMOOTH, SMOOTHER, LINEAR, CONCAVE, EXPONENTIAL = 0, 1, 2, 3, 4
-"""Forms of a rise, by the number that `Form` holds."""
+"""Forms of a rise, as numbered in `Form`."""
 NEGATIVES = CUBIC, HALF_SINE, TRIANGLE, CONTINUED = 0, 1, 2, 3
-"""Forms of a negative phase, by the number that `Form` holds."""
+"""Forms of a negative phase, as numbered in `Form`."""
 RISEN = 3.0
-"""Time constants that an exponential rise is counted as: it reaches 95 % in them."""
+"""Rise time of an exponential rise in time constants, in which it reaches 95 %."""
 LEAST_DECAY = 0.05
-"""A continued pulse of a slower decay is deepest beyond any record."""
-WIDE, NARROW = 2.0, 1.0
-"""Rises [samples]: above the first the front is resolved, below the second not."""
+"""Lower bound of the decay in the division by it. A continued pulse of slower decay
+has its minimum 20 durations behind its zero, beyond any record."""
+RESOLVED_RISE_SAMPLES, UNRESOLVED_RISE_SAMPLES = 2.0, 1.0
+"""Bounds of the rise [samples]. From the first on at least one sample lies within the
+rise and locates it; below the second there may be none. Between them the variance
+1/12 of an unresolved front is blended in linearly, so that values have slopes."""
 
 
 class Form(NamedTuple):
-    """Which formulas a pulse has, kept as floats, which have a zero slope.
+    """Formulas of a pulse, numbered by floats, which have a zero slope.
 
     Attributes:
-        rise: Place among `RISES`.
-        negative: Place among `NEGATIVES`.
+        rise: Number in `RISES`.
+        negative: Number in `NEGATIVES`.
     """
 
     rise: Float[Array, ""]
@@ -94,18 +99,18 @@ class Form(NamedTuple):
 
 
 class Natural(NamedTuple):
-    """A pulse in the words of a log, times in samples.
+    """A pulse by the quantities of a log, times in samples.
 
     Attributes:
-        arrival: When it departs from zero.
-        peak: Overpressure.
-        duration: Of the positive phase.
-        impulse: Of the positive phase.
+        arrival: Start of the rise.
+        peak: Peak overpressure.
+        duration: Duration of the positive phase.
+        impulse: Impulse of the positive phase.
         decay: Friedlander's $b$ behind the rise.
-        rise: From zero to the peak; of an exponential to 95 %.
-        suction: Greatest underpressure; below zero where noise makes it so.
-        suction_duration: Of the negative phase; of a continued pulse that of the cubic
-            one with the same depth and impulse.
+        rise: Rise time from zero to the peak; of an exponential rise to 95 %.
+        suction: Greatest underpressure; noise may make it negative.
+        suction_duration: Duration of the negative phase; of a continued pulse that of
+            the cubic one with the same depth and impulse.
     """
 
     arrival: Float[Array, ""]
@@ -123,8 +128,8 @@ def exponential_peak(
 ) -> Float[Array, ""]:
     r"""Return the maximum of $(1-s)\,e^{-bs}\,(1-e^{-\kappa s})$.
 
-    It is where $e^x = 1 + 1/(b/\kappa + 1/(\kappa - x))$ with $x = \kappa s$, a fixed
-    point that each step reaches by a factor of three or more closer.
+    It lies at $e^x = 1 + 1/(b/\kappa + 1/(\kappa - x))$ with $x = \kappa s$, a fixed
+    point; each iteration reduces the distance to it by a factor of three or more.
 
     Args:
         decay: $b$.
@@ -138,7 +143,8 @@ def exponential_peak(
 
     still = lax.stop_gradient((decay, fast))
     x = lax.fori_loop(0, 8, partial(closer, decay=still[0], fast=still[1]), 0.0 * fast)
-    # at a maximum its place has no slope: the last step alone is differentiated
+    # the iterations need no slope: at a maximum the value does not depend on its
+    # position to first order, so one differentiated step gives the exact derivative
     s = closer(0, lax.stop_gradient(x), decay, fast) / fast
     x = s * fast
     return (1.0 - s) * jnp.exp(-decay * s) * -jnp.expm1(-x)
@@ -154,7 +160,7 @@ def concavity(
 
     A rise $u/\tau$ that multiplies Friedlander's formula is, over its value at the end,
     $x\,(1 + g(1-x))\,e^{bg(1-x)}$ with $g = \tau/(t_d-\tau)$; to first order
-    $c = (1+b)\,g$. Zero of the other forms.
+    $c = (1+b)\,g$. It is zero for the other forms.
 
     Args:
         form: Formulas of the pulse.
@@ -167,7 +173,7 @@ def concavity(
 
 
 def natural_of(y: Float[Array, " unknown"], form: Form | None = None) -> Natural:
-    """Return a pulse by its unknowns.
+    """Return the pulse of some unknowns.
 
     Args:
         y: The unknowns.
@@ -185,7 +191,8 @@ def natural_of(y: Float[Array, " unknown"], form: Form | None = None) -> Natural
         left = impulse_fraction(decay) - impulse_fraction(decay + fast)
         exponential = form.rise == EXPONENTIAL
         impulse = jnp.where(exponential, size * duration * left, impulse)
-        # of a continued pulse the deepest is a 1/b of the duration behind its end
+        # the minimum of (1 - s) exp(-b s) is at s = 1 + 1/b; 16/9 e/b is the duration
+        # of the cubic phase (impulse 9/16 of depth times duration) of equal impulse
         continued = form.negative == CONTINUED
         late = jnp.maximum(decay, LEAST_DECAY)
         deepest = jnp.where(exponential, size, peak) * jnp.exp(-1.0 - late) / late
@@ -207,16 +214,16 @@ def natural_of(y: Float[Array, " unknown"], form: Form | None = None) -> Natural
 def free_rise(
     rise: Float[Array, ""], duration: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    """Return what a rise is of, as `natural_of` has it: it stays below the duration."""
+    """Return the unknown rise of a rise time, the inverse of its bound."""
     return rise / (1.0 - rise / duration)
 
 
 def following(natural: Natural, further: Float[Array, "7"]) -> Natural:
-    """Return the pulse of a further front: of the first one's form.
+    """Return the pulse of a further front, which has the form of the first one.
 
     Args:
-        natural: The first.
-        further: See `FURTHER`.
+        natural: The first pulse.
+        further: Further unknowns, see `FURTHER`.
     """
     height, stretch = jnp.exp(further[3]), jnp.exp(further[4])
     return natural._replace(
@@ -231,7 +238,7 @@ def following(natural: Natural, further: Float[Array, "7"]) -> Natural:
 
 
 def pulse_by(natural: Natural) -> Pulse:
-    """Return the wave of a pulse."""
+    """Return a pulse as the wave model takes it."""
     return Pulse(
         arrival_time=natural.arrival,
         peak=natural.peak,
@@ -245,11 +252,12 @@ def pulse_by(natural: Natural) -> Pulse:
 
 
 class Values(NamedTuple):
-    """A pulse, and the covariance of its arrival, ln of others, decay as it is.
+    """A pulse with the covariance of its values.
 
     Attributes:
-        natural: Times in samples, pressures in shares.
-        covariance: In the order of `pick.NAMES`.
+        natural: The pulse; times in samples, pressures in shares of the largest sample.
+        covariance: Covariance in the order of `pick.NAMES`: of arrival and decay in
+            their units, of the others' logarithms.
     """
 
     natural: Natural
@@ -264,23 +272,23 @@ def values_of(
     others: Float[Array, "other plain"],
     shares: Float[Array, " other"],
 ) -> Values:
-    r"""Return the values.
+    r"""Return the values of a pulse with their total covariance.
 
-    Where another optimum has a share $q$ of the posterior, a distance $\Delta$ off,
-    $q\,\Delta\Delta^T$ is added: the mean square about the better one.
+    Another optimum at a distance $\Delta$ with a share $q$ of the posterior adds
+    $q\,\Delta\Delta^T$ to the covariance, the mean square about the better one.
 
-    A front that rises within a sample may lie anywhere in it, whatever the instrument
-    does between two samples: then $1/12$ of a squared sample is added to the variance
-    of the arrival. What follows the front stays where it is, so with a later one
-    duration, peak, impulse and decay are less.
+    A front that rises within a sample may lie anywhere in it, since the response of the
+    instrument between two samples is unknown: $1/12$ of a squared sample is added to
+    the variance of the arrival. The samples behind the front fix the rest of the pulse,
+    so a later front has a smaller duration, peak, impulse and decay.
 
     Args:
         y: The unknowns.
         form: Formulas of the pulse.
-        offset: What to add to the values, in the units of their errors.
-        covariance: Of the values.
+        offset: Offset added to the values, in the units of their errors.
+        covariance: Covariance of the values.
         others: Unknowns of other optima.
-        shares: That they have of the posterior.
+        shares: Their shares of the posterior.
     """
     here = in_error_units(y, form)
     there = jax.vmap(lambda y: in_error_units(y, form))(others)
@@ -294,12 +302,17 @@ def values_of(
 
 
 def unresolved(rise: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return 1 for a rise that no sample resolves, 0 for one that some do."""
-    return jnp.clip((WIDE - rise) / (WIDE - NARROW), 0.0, 1.0)
+    """Return 1 for an unresolved rise, 0 for a resolved one, linear between."""
+    return jnp.clip(
+        (RESOLVED_RISE_SAMPLES - rise)
+        / (RESOLVED_RISE_SAMPLES - UNRESOLVED_RISE_SAMPLES),
+        0.0,
+        1.0,
+    )
 
 
 def _averaged(natural: Natural, values: Float[Array, "8"]) -> Natural:
-    """Return a pulse with the mean values of all forms; its suction is the best's."""
+    """Return a pulse with the mean values of all forms and the best one's suction."""
     peak, duration, impulse = (jnp.exp(values[k]) for k in (1, 2, 3))
     return natural._replace(
         arrival=values[0],
@@ -320,7 +333,7 @@ def error_covariance(
 
     Args:
         y: The unknowns.
-        covariance: Theirs.
+        covariance: Covariance of the unknowns.
         form: Formulas of the pulse.
     """
     slopes = jax.jacfwd(lambda y: in_error_units(y, form))(jax.lax.stop_gradient(y))
@@ -328,7 +341,10 @@ def error_covariance(
 
 
 def _of_later_front(n: Natural) -> Float[Array, "8"]:
-    """Return what a front a sample later changes, behind which nothing moves."""
+    """Return the changes of the values by a front one sample later.
+
+    The pressure behind the front is unchanged.
+    """
     one, none = jnp.ones_like(n.peak), jnp.zeros_like(n.peak)
     behind = n.duration - n.rise
     peak, decay = -(1.0 + n.decay) / behind, -n.decay / behind
@@ -338,7 +354,7 @@ def _of_later_front(n: Natural) -> Float[Array, "8"]:
 
 
 def in_error_units(y: Float[Array, " unknown"], form: Form) -> Float[Array, "8"]:
-    """Return the values in the unit of their errors.
+    """Return the values in the units of their errors, in the order of `pick.NAMES`.
 
     Args:
         y: The unknowns.
@@ -346,7 +362,7 @@ def in_error_units(y: Float[Array, " unknown"], form: Form) -> Float[Array, "8"]
     """
     n = natural_of(y, form)
     sizes = (n.peak, n.duration, n.impulse, n.rise, n.suction, n.suction_duration)
-    # a suction below zero, too: its error is a share of its size
+    # the size, as noise may make a suction negative; its error is relative to that
     peak, duration, impulse, rise, suction, length = (
         jnp.log(jnp.abs(x)) for x in sizes
     )

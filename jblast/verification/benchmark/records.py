@@ -28,6 +28,7 @@ from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.inference.sampled_records import sampled_records
 from jblast.observations import Observations
 from jblast.observations.records.recording import PressureRecord
+from jblast.observations.table import RECORD_QUANTITIES
 from jblast.progress import in_words
 from jblast.signals import (
     filtered_by,
@@ -37,7 +38,6 @@ from jblast.signals import (
     white_noise,
 )
 from jblast.signals.picks import eye_pick, pick_records
-from jblast.signals.picks.pick_log import TOLD
 from jblast.verification.benchmark.chart import (
     Benchmark,
     BenchmarkPoint,
@@ -256,7 +256,7 @@ def by_eye(records: list[PressureRecord]) -> Observations:
     for k, record in enumerate(records):
         eye = eye_pick(record.time_s, record.samples)
         quiet = record.samples[: record.samples.size // 10].std()
-        rows = slice(len(TOLD) * k, len(TOLD) * (k + 1))
+        rows = slice(len(RECORD_QUANTITIES) * k, len(RECORD_QUANTITIES) * (k + 1))
         value[rows] = eye
         sigma[rows] = [
             1 / record.rate_hz / math.sqrt(12),

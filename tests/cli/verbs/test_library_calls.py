@@ -136,7 +136,7 @@ def test_the_kind_of_a_recording_is_that_of_its_suffix(tmp_path):
     assert recording_kind([tmp_path]) == "frames"
     assert recording_kind(["a.mp4"]) == "video"
     assert recording_kind(["a.wav", "b.flac"]) == "sound"
-    with pytest.raises(InputError, match="and no sound beside it; got 2 recordings"):
+    with pytest.raises(InputError, match="without sound; got 2 recordings"):
         recording_kind(["a.wav", "a.mp4"])
     (tmp_path / "a.wav").touch()
     with pytest.raises(InputError, match=r"^fps: expected it with frames, a video or"):

@@ -8,7 +8,7 @@ from scipy.signal import bilinear, lfilter
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks import pick_records
-from jblast.signals.picks.pick_log import gathered, untold
+from jblast.signals.picks.pick_log import gathered, omitted_quantities
 
 DATA = Path(__file__).parents[2] / "data"
 ARRIVAL, PEAK, DURATION, IMPULSE = 0.0200, 120e3, 6.00e-3, 250.6
@@ -83,7 +83,7 @@ def others():
 
 def left_out(one) -> set[str]:
     """Return which quantities stand in no row."""
-    return {name for _, lost in untold(one) for name in lost}
+    return {name for _, lost in omitted_quantities(one) for name in lost}
 
 
 def test_arrival_and_peak_stay_where_a_reflection_spoils_the_rest(kept):

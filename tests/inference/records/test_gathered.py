@@ -66,7 +66,7 @@ def test_what_cannot_be_read_is_named_and_the_rest_picked(tmp_path):
     assert len(said) == 3
     assert "broken.csv: line 3, column p_pa: expected a number, got 'x'" in said[0]
     assert "short.wav: channel 1: expected 16 samples or more, got 1" in said[1]
-    assert "expected records of names that differ, got a twice" in said[2]
+    assert "expected records with different names, got a twice" in said[2]
 
 
 def test_times_of_day_share_the_clock_of_the_first(tmp_path):
@@ -83,7 +83,7 @@ def test_times_of_day_share_the_clock_of_the_first(tmp_path):
     times = [float(one.pick.air_arrival_s) for one in found.picks]
     np.testing.assert_allclose(times, [1.0, 4.25, 1.0 + 2 * 86400.0], rtol=0, atol=1e-9)
     (error,) = found.refused
-    assert "phone.wav: expected to begin at a time of day, as" in str(error)
+    assert "phone.wav: expected a start at a time of day, as" in str(error)
     assert "column start_utc of the table of stations" in str(error)
     start = 1_772_409_599_250_000_000  # 2026-03-01T23:59:59.25Z, by `date -u -d`
     phone = {"phone": Station((0.0, 0.0, 0.0), "", start=start)}

@@ -7,8 +7,8 @@ from jblast.errors import InputError
 from jblast.observations import read, write
 from jblast.observations.records.recording import PressureRecord
 from jblast.observations.records.stations import Station
+from jblast.observations.table import RECORD_QUANTITIES
 from jblast.signals.picks import Gathered, log_of
-from jblast.signals.picks.pick_log import TOLD
 from tests.inference.records.made import record_pick
 
 STATIONS = {
@@ -31,7 +31,7 @@ def found(*named, **common) -> Gathered:
 def test_a_good_pick_gives_four_rows_and_their_covariance(tmp_path):
     log = log_of(found(("a", {"air_arrival_s": 0.5})), STATIONS, ["of a test"])
     rows = log.observations
-    assert rows.quantity == TOLD
+    assert rows.quantity == RECORD_QUANTITIES
     np.testing.assert_allclose(rows.value, [0.5, 1000.0, 0.01, 4.0])
     # seconds for the arrival, shares of the value for the rest
     np.testing.assert_allclose(rows.sigma, [0.01, 10.0, 1e-4, 0.04])
@@ -70,7 +70,10 @@ def test_a_clipped_peak_is_a_lower_bound_above_the_baseline(tmp_path):
     rows = log.observations
     np.testing.assert_array_equal(rows.bounds(), [False, True, False, False])
     assert rows.value[1] == 795.0
-    assert rows.covariances[0].quantities == (TOLD[0], *TOLD[2:])
+    assert rows.covariances[0].quantities == (
+        RECORD_QUANTITIES[0],
+        *RECORD_QUANTITIES[2:],
+    )
     path = tmp_path / "picks.csv"
     write(path, rows)
     np.testing.assert_array_equal(read(path).bounds(), rows.bounds())
@@ -90,7 +93,7 @@ def test_bangs_are_told_apart_by_what_sound_takes_between_the_sensors():
             log.observations.quantity,
             strict=True,
         )
-        if quantity == TOLD[0]
+        if quantity == RECORD_QUANTITIES[0]
     }
     assert arrivals == {
         ("a", "1"): 1.0,
@@ -109,7 +112,7 @@ def test_of_an_onset_alone_the_arrival_stands():
     matrix = np.full((4, 4), np.nan)
     matrix[0, 0] = 0.02**2
     log = log_of(found(("a", ONSET | {"air_arrival_s": 0.5, "covariance": matrix})))
-    assert log.observations.quantity == TOLD[:1]
+    assert log.observations.quantity == RECORD_QUANTITIES[:1]
     np.testing.assert_allclose(log.observations.sigma, [0.02])
     assert [left.reason for left in log.left_out] == ["onset_alone"]
 
@@ -120,7 +123,7 @@ def test_a_pulse_is_stronger_than_an_onset_alone_at_its_place():
     picks = found(("a", onset), ("a", pulse), ("b", other))
     rows = log_of(picks, STATIONS).observations
     told = zip(rows.sensor, rows.quantity, rows.value, strict=True)
-    assert ("a", TOLD[0], 1.3) in list(told)
+    assert ("a", RECORD_QUANTITIES[0], 1.3) in list(told)
 
 
 def test_without_places_the_order_tells_bangs_apart():

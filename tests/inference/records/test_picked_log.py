@@ -94,7 +94,7 @@ def test_samples_of_full_scale_are_refused_until_it_is_said(tmp_path):
     samples = np.loadtxt(EXAMPLE / "g01.csv", delimiter=",", skiprows=4)
     log = read(made(tmp_path, TWO[0].replace("g01.csv", "g01.wav")))
     soundfile.write(tmp_path / "g01.wav", samples[:, 1] / 1e4, 20_000, "FLOAT")
-    with pytest.raises(InputError, match=r"nobody said: .*full_scale"):
+    with pytest.raises(InputError, match=r"without a unit; add .*full_scale"):
         picked_log(log)
     loud = picked_log(log, Scaling(full_scale_pa=1e4)).observations
     twice = picked_log(log, Scaling(full_scale_pa=2e4)).observations

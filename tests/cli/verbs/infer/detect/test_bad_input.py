@@ -55,13 +55,13 @@ def test_options_that_cannot_be_used(jblast, good):
     for words, said in (
         (("--charge", "-1", "--range", "5"), "--charge: expected a positive number"),
         (("--charge", "1", "--range", "-5"), "--range: expected a positive number"),
-        (("--charge", "1"), "--charge: expected --range beside it"),
-        (("--range", "1"), "--range: expected --charge beside it"),
+        (("--charge", "1"), "--charge: expected --range with it"),
+        (("--range", "1"), "--range: expected --charge with it"),
         (
             (*shape, "--charge", "1", "--range", "5"),
             "expected it or --charge, got both",
         ),
-        ((*shape, "--blast-form"), "--blast-form: expected no --template beside it"),
+        ((*shape, "--blast-form"), "--blast-form: expected no --template with it"),
         ((*shape, "--false-alarms", "0"), "--false-alarms: expected a positive"),
         ((*shape, "--false-alarms", "1e12"), "--false-alarms: expected less than"),
         ((*shape, "--positions", "x.csv"), "--positions: expected --out"),
