@@ -60,7 +60,7 @@ from jblast.verification.sampling_cases import (
     timed_walk,
 )
 from jblast.verification.stability.fits import (
-    OFF,
+    MISFIT_LIMIT,
     Logs,
     best_known,
     costs,
@@ -459,7 +459,9 @@ def missed(logs: Logs, outcomes: list[FitOutcome]) -> list[int]:
     each = [cost(outcome.z) for outcome in outcomes]
     for found in each:
         least[: len(found)] = np.fmin(least[: len(found)], found)
-    return [int(np.sum(~(found - least[: len(found)] <= OFF))) for found in each]
+    return [
+        int(np.sum(~(found - least[: len(found)] <= MISFIT_LIMIT))) for found in each
+    ]
 
 
 def fit_points(
