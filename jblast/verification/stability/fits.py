@@ -55,7 +55,6 @@ from jblast.inference.mcmc.ensemble import LongRidge
 from jblast.inference.mcmc.run import Sampled, Start, sample
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.mode.search import SAME_OPTIMUM_SD
-
 from jblast.inference.whitening import (
     Density,
     Whitened,
@@ -128,7 +127,7 @@ Positions = tuple[tuple[float, float], ...]
 """East and north of each sensor [m]."""
 # As many as the fits of mass, east and north have.
 DIMENSION = 3
-# Enough for emcee's own condition of 50 autocorrelation times, which misses the failure.
+# Satisfies emcee's own condition of 50 autocorrelation times, which misses the failure.
 TWO_MODE_STEPS = 1000
 # The chain passes every convergence check of its own, so only the mode is missing.
 MIRROR_STEPS = 2500
@@ -797,7 +796,7 @@ def mirror() -> Mirror:
     found = solved_log(line(), *MIRRORED).solution
     posterior, normal = found.posterior, found.laplace
     density = whitened_density(posterior, normal, found.identifiability)
-    walk = bare_walk(density, unit_normals(FREE), MIRROR_STEPS)
+    walk = bare_walk(density, unit_normals(DIMENSION), MIRROR_STEPS)
     north = normal.z[2] + walk.chain @ np.asarray(density.root)[2]
     there = (np.sign(north) != np.sign(normal.z[2])).any(axis=0)
     ours = ensemble(posterior, normal, found.identifiability, found.optima)
