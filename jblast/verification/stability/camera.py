@@ -147,7 +147,7 @@ def _rounded() -> FailureMode:
 
 
 def cut_counts() -> tuple[int, int, int]:
-    """Return the events of a film, of its separate parts together, and of the stream."""
+    """Return the events of a film, of its parts converted alone, and of the stream."""
     times, logs = film(1000)
     parts = [slice(a, a + BLOCK) for a in range(0, len(times), BLOCK)]
 
@@ -232,7 +232,7 @@ def _warm() -> FailureMode:
 
 
 def wide_camera(distortion=BARREL) -> Camera:
-    """Return a camera at the origin that looks north, with more than 90 degrees view."""
+    """Return a wide camera (over 90 degrees) at the origin that looks north."""
     return Camera(
         position=jnp.zeros(3),
         quaternion=jnp.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]),

@@ -3,8 +3,8 @@
 Each log has eight arrival times with a standard error of 0.1 ms. The surface charge (5
 to 200 kg, within 20 m of the centre of the sensors) differs between logs; its mass and
 position are unknown. All logs have the same rows, so one compiled program serves all.
-Poor starts are drawn from 1 to 1,000 kg and from a square of 200 m. A fit has missed the
-optimum if its likelihood is lower than a shift of one parameter by 0.1 standard
+Poor starts are drawn from 1 to 1,000 kg and from a square of 200 m. A fit has missed
+the optimum if its likelihood is lower than a shift of one parameter by 0.1 standard
 deviations from the best known optimum would make it.
 
 Gauss-Newton, BFGS and Levenberg-Marquardt are the solvers of optimistix without further

@@ -451,7 +451,7 @@ def kinney_graham_failures() -> list[FailureMode]:
 
 
 def stokes_failures() -> list[FailureMode]:
-    """Find the ranges and frequencies at which Stokes' absorption alone is too small."""
+    """Find ranges and frequencies at which Stokes' absorption alone is too small."""
 
     def stokes(distance, frequency=THESIS_FREQUENCY):
         alpha = stokes_absorption(
@@ -503,7 +503,7 @@ def stokes_failures() -> list[FailureMode]:
 
 
 def point_source_failures() -> list[FailureMode]:
-    """Measure the failure modes of point sources, for 1 kg; others follow by scaling."""
+    """Measure the failure modes of point sources, for 1 kg; the laws scale."""
     return [_weak_shock(), _radius_of_tnt(), _pressure_of_tnt()]
 
 
@@ -594,8 +594,9 @@ def _pressure_of_tnt() -> FailureMode:
         boundary=boundary,
         unit="m/kg^(1/3)",
         beyond=f"inside, {TNT_SPECIFIC_ENERGY / MEGAJOULE:.3f} MJ/kg differs by "
-        f"{100 * errors.min():+.0f} to {100 * errors.max():+.0f} % from the energy with "
-        f"the peak of kingery_bulmash; {100 * energy_error(10.0):+.0f} % at Z = 10",
+        f"{100 * errors.min():+.0f} to {100 * errors.max():+.0f} % from the energy "
+        f"with the peak of kingery_bulmash; {100 * energy_error(10.0):+.0f} % at "
+        "Z = 10",
         response=verified("marks", _is_reported("point_source"), method),
         message='a warning, unless explosive = "nuclear"',
     )
