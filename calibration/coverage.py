@@ -58,13 +58,13 @@ from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import to_error_scale
 from jblast.sensors.simulated_readings import Noise
-from jblast.verification.sampling_cases import LAWS, PLACES, TRUTH, scene_with
+from jblast.verification.sampling_cases import LAWS, POSITIONS, TRUTH, scene_with
 
 LOGS = 400
 
 
 DEFAULT_LOGS = 400
-SEVEN = (*PLACES, (-90, -60), (30, 150))
+SEVEN = (*POSITIONS, (-90, -60), (30, 150))
 """East and north of each microphone [m]."""
 
 
@@ -139,7 +139,7 @@ def main() -> None:
 
 def blank_and_logs(count: int) -> tuple[Posterior, Float[jax.Array, "log row"]]:
     """Return the posterior of the first log, and what each log reads."""
-    scene = scene_with(scatter=True, places=SEVEN)
+    scene = scene_with(scatter=True, positions=SEVEN)
     layout, sigma, _ = planned_layout(scene)
     keys = jax.random.split(jax.random.key(11), count)
     read = jax.vmap(lambda key: observe(key, scene, layout, LAWS, sigma))(keys)

@@ -46,14 +46,16 @@ from jblast.scene.uncertain import Free
 from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import Path, path_between
 
+# In quadrature a method error of this size widens the total by 5 %.
 SHARE_OF_SIGMA = 1.0 / 3.0
-"""Default tolerance, as a share of the data's sigma. In quadrature a method error of
-this size widens the total by 5 %."""
+"""Default tolerance, as a share of the standard error of the data."""
+# A busy machine changes the cost of a method by as much.
 ALIKE = 2.0
-"""Costs within this factor count as equal: a busy machine changes them by as much. Of
-methods of equal cost, the one with the smallest predicted error is taken."""
+"""Costs within this factor count as equal. Of methods of equal cost, the one with the
+smallest predicted error is chosen."""
 SCORES = tuple(NormalDist().inv_cdf(p) for p in (0.05, 0.95))
-"""Of the ends of a prior's 90 % interval."""
+"""Standard normal scores of the bounds of a 90 % interval."""
+# Of the order of the radius of a bare charge of TNT, 0.053 m/kg^(1/3).
 ON_THE_GROUND = 0.05
 """Scaled height or depth of burst up to which a method without them as inputs is
 accepted where the reference has them [m/kg^(1/3)]."""
@@ -61,16 +63,16 @@ accepted where the reference has them [m/kg^(1/3)]."""
 
 @dataclass(frozen=True)
 class Candidate:
-    """One method that gives the quantity, over all places of a scene.
+    """One method for a quantity, at all positions of a scene.
 
     Attributes:
-        method: Its name.
-        error: Largest relative difference to the reference; infinite where the method
-            or the reference does not hold.
-        predicted_error: The larger of that and of how far the reference may be off.
-        cost_s: Seconds a reading, many at once, where it was measured.
-        valid: Whether it holds at all places.
-        is_reference: Whether it is the reference everywhere.
+        method: Name of the method.
+        error: Largest relative difference from the reference; infinite where the method
+            or the reference is not valid.
+        predicted_error: The larger of `error` and the uncertainty of the reference.
+        cost_s: Time of a reading in a large batch [s]; NaN if it was not measured.
+        valid: True if the method is valid at all positions.
+        is_reference: True if the method is the reference at all positions.
     """
 
     method: str
@@ -83,20 +85,20 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """The method that suffices, or the most accurate one.
+    """The cheapest method within the tolerance, or else the most accurate one.
 
     Attributes:
-        quantity: What was asked for.
-        method: The cheapest method within the tolerance; else the best there is.
-        predicted_error: Its relative error; null if nothing is known.
-        tolerance: What was asked for, relative; zero asks for the best.
-        met: Whether it suffices.
-        cost_s: Seconds a reading.
-        candidates: All methods that were looked at, the cheapest first.
+        quantity: Requested quantity.
+        method: Name of the method.
+        predicted_error: Predicted relative error of the method; null if unknown.
+        tolerance: Requested relative error; zero requests the most accurate method.
+        met: True if the method is within the tolerance.
+        cost_s: Time of a reading [s].
+        candidates: All examined methods, the cheapest first.
         span: Smallest and largest scaled distance [m/kg^(1/3)].
-        reference_uncertainty: How far the reference itself may be off there.
+        reference_uncertainty: Relative uncertainty of the reference in that span.
         by_height: Curve sets selected by height, for charges without a stated set.
-        notes: What contradicts the heights, a sentence each.
+        notes: Contradictions between stated curve sets and heights, a sentence each.
     """
 
     quantity: str
@@ -115,22 +117,23 @@ class Choice:
 def choose(
     scene: Scene | UncertainScene, quantity: str, tolerance: float | None = None
 ) -> Choice:
-    """Return the cheapest method that is good enough for a scene's sensors.
+    """Return the cheapest method that is accurate enough for the sensors of a scene.
 
     Args:
         scene: Charge, air and sensors; a number with a prior counts over its 90 %
             interval.
-        quantity: What the sensors are to measure.
-        tolerance: Largest relative error allowed; None takes a third of the smallest
-            sigma the sensors state.
+        quantity: Quantity that the sensors measure.
+        tolerance: Largest accepted relative error; None for a third of the smallest
+            standard error of the sensors.
 
     Returns:
-        The method, the error it was measured to have, what it costs, and what else was
-        examined (`report.reason_for` words the reason).
+        The method with its measured error and cost, and the other candidates
+        (`report.reason_for` gives the reason in words).
 
     Raises:
-        InputError: There is no such quantity, no sensor for it, no law or no place, the
-            tolerance is no positive number, or a number that decides is free.
+        InputError: The quantity is unknown, no sensor records it, no law gives it, a
+            sensor has no position, the tolerance is not positive, or a number that
+            determines the choice is free.
 
     Example:
         `jblast.choose(jblast.read_scene("scene.toml"), "air_arrival_s", 0.01).method`
@@ -162,18 +165,18 @@ def _of_heights(
     """Return the curve sets selected by heights, and contradictions.
 
     Args:
-        scene: The charges.
-        unsettled: The paths from every charge, and again at every end of a prior.
-        quantity: What is measured.
-        sensors: Where.
+        scene: Scene with the charges.
+        unsettled: Paths from every charge, repeated for every bound of a prior.
+        quantity: Requested quantity.
+        sensors: Sensors that record the quantity.
     """
-    place = jnp.stack([sensor.position_m for sensor in sensors])
+    position = jnp.stack([sensor.position_m for sensor in sensors])
     by_height, notes = [], []
     for n, charge in enumerate(scene.charges):
         if charge.burst is None:
             by_height += unsettled[n :: len(scene.charges)] if charge.up > 0.0 else []
             continue
-        path = tnt_path(scene, replace(charge, burst=None), quantity, place)
+        path = tnt_path(scene, replace(charge, burst=None), quantity, position)
         height = float(scaled_height(scene, charge))
         free = np.asarray(path.free_air)
         notes += burst_notes(charge, (height, height), free, "sensor")
@@ -184,19 +187,20 @@ def _of_heights(
 def tolerance_of(
     sigma: Float[np.ndarray, " place"], quantity: str, conditions: Sequence[Conditions]
 ) -> float:
-    """Return a third of the smallest sigma, relative; zero without any.
+    """Return a third of the smallest relative sigma; zero if none is stated.
 
     Args:
-        sigma: Of each place; seconds for times, else relative; NaN if not stated.
-        quantity: What they are of.
-        conditions: From each charge at these places. A time's sigma counts as a share
-            of what sound would take.
+        sigma: Standard error at each position: seconds for times, else relative; NaN if
+            not stated.
+        quantity: Quantity of the standard errors.
+        conditions: Conditions from each charge at these positions. The sigma of a time
+            is divided by the travel time of sound.
     """
     shares = sigma
     if quantity in TIMES:
         longest = np.max([each.sound_time for each in conditions], axis=0)
-        away = longest > 0.0  # at the charge itself there is no travel time
-        shares = shares[away] / longest[away]
+        travels = longest > 0.0  # at the charge itself there is no travel time
+        shares = shares[travels] / longest[travels]
     stated = shares[np.isfinite(shares)]
     return SHARE_OF_SIGMA * float(stated.min()) if stated.size else 0.0
 
@@ -208,38 +212,42 @@ def choose_for(
     *,
     laws_only: bool = False,
 ) -> Choice:
-    """Return the cheapest method that is good enough over some places.
+    """Return the cheapest method that is accurate enough at all positions.
 
     Args:
-        quantity: What is asked for; some law gives it.
-        conditions: From every charge at its places.
-        tolerance: Largest relative error allowed; zero asks for the best there is.
-        laws_only: Whether the method has to be a law, as in a fit; the solver is then
-            a candidate that is not taken.
+        quantity: Quantity for which at least one law exists.
+        conditions: Conditions from every charge at its positions.
+        tolerance: Largest accepted relative error; zero requests the most accurate
+            method.
+        laws_only: True if the method must be a law, as in a fit; the solver is then
+            listed but not chosen.
     """
     z = np.concatenate([each.z for each in conditions])
     span = float(z.min()), float(z.max())
     uncertainty = worst_reference_uncertainty(quantity, conditions)
     candidates = sorted(candidates_for(quantity, conditions, uncertainty), key=_cost)
-    taken = [c for c in candidates if not (laws_only and c.method == SOLVER)]
-    enough = [c for c in taken if c.valid and c.predicted_error <= tolerance]
-    if enough:
-        most = ALIKE * _cost(enough[0])
-        alike = [c for c in enough if _cost(c) <= most]
+    allowed = [c for c in candidates if not (laws_only and c.method == SOLVER)]
+    accurate = [c for c in allowed if c.valid and c.predicted_error <= tolerance]
+    if accurate:
+        limit = ALIKE * _cost(accurate[0])
+        alike = [c for c in accurate if _cost(c) <= limit]
         found = min(alike, key=lambda c: _preference(quantity, c, conditions))
     else:
-        blind = blind_to_height(quantity, conditions)
+        without_height = blind_to_height(quantity, conditions)
         # a method with the depth as input, even outside its range, before one without
         found = min(
-            taken,
-            key=lambda c: (c.method in blind, *_nearness(quantity, c, conditions)),
+            allowed,
+            key=lambda c: (
+                c.method in without_height,
+                *_fallback_order(quantity, c, conditions),
+            ),
         )
     return Choice(
         quantity=quantity,
         method=found.method,
         predicted_error=found.predicted_error,
         tolerance=tolerance,
-        met=bool(enough),
+        met=bool(accurate),
         cost_s=found.cost_s,
         candidates=tuple(candidates),
         span=span,
@@ -251,20 +259,21 @@ def _cost(candidate: Candidate) -> float:
     return math.inf if math.isnan(candidate.cost_s) else candidate.cost_s
 
 
-def _nearness(
+def _fallback_order(
     quantity: str, candidate: Candidate, conditions: Sequence[Conditions]
 ) -> tuple:
-    """Return what to compare methods by where none is good enough.
+    """Return the sort key of methods if none is accurate enough.
 
-    First whether it holds at all places, then whether at the nearest and at how many,
-    then whether it continues the reference, then as where several are.
+    Valid methods come first, then methods that are valid at the nearest position and at
+    more positions, then methods that continue the reference. The rest of the key is
+    `_preference`.
     """
-    holding = np.concatenate([each.holds[candidate.method] for each in conditions])
+    valid = np.concatenate([each.holds[candidate.method] for each in conditions])
     z = np.concatenate([each.z for each in conditions])
     return (
         not candidate.valid,
-        not holding[z.argmin()],
-        int((~holding).sum()),
+        not valid[z.argmin()],
+        int((~valid).sum()),
         not continues_reference(quantity, candidate.method, z),
         *_preference(quantity, candidate, conditions),
     )
@@ -273,10 +282,10 @@ def _nearness(
 def _preference(
     quantity: str, candidate: Candidate, conditions: Sequence[Conditions]
 ) -> tuple:
-    """Return what to compare methods by that cost alike.
+    """Return the sort key of methods of equal cost.
 
-    First the error that can be promised; where that is the reference's, the
-    reference without absorption, as the simpler one.
+    The smallest predicted error comes first. If that is the uncertainty of the
+    reference, the reference without absorption comes first, because it is simpler.
     """
     branches = REFERENCES.get(quantity, ())
     names = list(
@@ -297,7 +306,7 @@ def sensors_for(scene: Scene, quantity: str) -> tuple[Sensor, ...]:
     (`shock_speed_m_s`) is computed at all sensors.
 
     Raises:
-        InputError: There is no such quantity, or no such sensor.
+        InputError: The quantity is unknown or composed, or no sensor records it.
     """
     known = (*QUANTITIES, *DERIVED_QUANTITIES)
     if quantity not in known:
@@ -308,21 +317,21 @@ def sensors_for(scene: Scene, quantity: str) -> tuple[Sensor, ...]:
     parts = [part for part, _ in components(quantity)]
     if parts != [quantity]:
         raise InputError(
-            f"{quantity} is made of {' and '.join(parts)}: expected one of these"
+            f"{quantity} consists of {' and '.join(parts)}: expected one of these"
         )
     found = tuple(
         sensor
         for sensor in scene.sensors
         if not sensor.records
         or quantity in DERIVED_QUANTITIES
-        or any(quantity in dict(components(held)) for held, _ in sensor.records)
+        or any(quantity in dict(components(recorded)) for recorded, _ in sensor.records)
     )
     if not found:
-        held = sorted({q for sensor in scene.sensors for q, _ in sensor.records})
+        recorded = sorted({q for sensor in scene.sensors for q, _ in sensor.records})
         raise InputError(
             f"no sensor of the scene records {quantity}: expected a [[sensor]] with "
             f"records = {{ {quantity} = SIGMA }}, got "
-            f"{', '.join(held) or 'no sensor at all'}"
+            f"{', '.join(recorded) or 'no sensor at all'}"
         )
     return found
 
@@ -330,14 +339,15 @@ def sensors_for(scene: Scene, quantity: str) -> tuple[Sensor, ...]:
 def paths_in(
     uncertain: UncertainScene, quantity: str, sensors: Sequence[Sensor]
 ) -> list[Path]:
-    """Return the paths from every charge to some sensors; masses are those of TNT.
+    """Return the paths from every charge to sensors, with TNT-equivalent masses.
 
-    Curve sets are not settled (see `by_curves`). A number with a prior is taken at both
-    ends of its 90 % interval, one number at a time, the others at their medians; of the
-    paths, the charges run fastest.
+    The curve sets are not yet selected (see `by_curves`). Each number with a prior is
+    varied to both bounds of its 90 % interval, one number at a time, with the others at
+    their medians. The charge is the fastest index of the paths.
 
     Raises:
-        InputError: A sensor has no place, or a number that decides is free.
+        InputError: A sensor has no position, or a number that determines the choice is
+            free.
     """
     scene = uncertain.scene
     cases = [scene]
@@ -347,10 +357,10 @@ def paths_in(
         if isinstance(belief, Free):
             raise InputError(
                 f"{uncertain.source or 'scene'}: {name} is free: expected a value or a "
-                "prior, as what suffices depends on it"
+                "prior, because the choice of a method depends on it"
             )
-        ends = [belief.constrain(score) for score in SCORES]
-        cases += [with_values(scene, {name: end}) for end in ends]
+        bounds = [belief.constrain(score) for score in SCORES]
+        cases += [with_values(scene, {name: bound}) for bound in bounds]
     for sensor in sensors:
         placed = scene.charge.range_m is not None
         if not placed and not np.isfinite(sensor.position_m).all():
@@ -358,9 +368,9 @@ def paths_in(
                 f"sensor {sensor.name!r}: expected position_m = [east, north, up] in "
                 "its [[sensor]], got nothing"
             )
-    place = jnp.stack([sensor.position_m for sensor in sensors])
+    position = jnp.stack([sensor.position_m for sensor in sensors])
     return [
-        tnt_path(case, charge, quantity, place)
+        tnt_path(case, charge, quantity, position)
         for case in cases
         for charge in case.charges
     ]
@@ -385,17 +395,17 @@ def by_curves(paths: Sequence[Path]) -> list[Path]:
     return first + more
 
 
-def tnt_path(scene: Scene, charge: Charge, quantity: str, place: Array) -> Path:
-    """Return the path from a charge to places; the mass is that of TNT."""
-    nothing = jnp.full(len(place), jnp.nan)
-    path = path_between(scene, charge, place, nothing, nothing)
+def tnt_path(scene: Scene, charge: Charge, quantity: str, position: Array) -> Path:
+    """Return the paths from a charge to positions, with the TNT-equivalent mass."""
+    nothing = jnp.full(len(position), jnp.nan)
+    path = path_between(scene, charge, position, nothing, nothing)
     return replace(path, charge_mass=charge.tnt_mass(quantity))
 
 
 def worst_reference_uncertainty(
     quantity: str, conditions: Sequence[Conditions]
 ) -> float:
-    """Return how far the reference may be off; infinite where there is none."""
+    """Return the largest relative uncertainty of the reference; infinite if none."""
     if quantity not in REFERENCES:
         exact = all(law_for(quantity, name).is_exact() for name in names_for(quantity))
         return 0.0 if exact else math.inf
@@ -409,7 +419,7 @@ def worst_reference_uncertainty(
 def candidates_for(
     quantity: str, conditions: Sequence[Conditions], uncertainty: float
 ) -> list[Candidate]:
-    """Return every method that gives the quantity."""
+    """Return every method for the quantity, with errors and costs."""
     if quantity in REFERENCES:
         of_paths = [relative_errors(quantity, each) for each in conditions]
         errors = {
@@ -418,11 +428,11 @@ def candidates_for(
         }
     else:
         errors = {name: np.full(1, uncertainty) for name in names_for(quantity)}
-    blind = blind_to_height(quantity, conditions)
+    without_height = blind_to_height(quantity, conditions)
     costs = cost_table()
     found = []
     for method, error in errors.items():
-        worst = math.inf if method in blind else float(error.max())
+        worst = math.inf if method in without_height else float(error.max())
         found.append(
             Candidate(
                 method=method,
@@ -442,23 +452,24 @@ def candidates_for(
 def blind_to_height(quantity: str, conditions: Sequence[Conditions]) -> set[str]:
     """Return the methods without a height or depth of the charge as input.
 
-    None where it stands on the ground, or where the reference has no such input either.
+    The set is empty if the charge is on the ground, or if the reference has no such
+    input either.
     """
     for each in conditions:
         z = np.asarray(each.z)
         branches = REFERENCES.get(quantity, ())
         laws = [law_for(quantity, p.law) for p in branches if covers(p, z).any()]
         lifted = np.abs(each.scaled_height).max() > ON_THE_GROUND
-        if lifted and any(map(_knows_height, laws)):
+        if lifted and any(map(_has_height, laws)):
             return {
                 method
                 for method in each.holds
-                if method == SOLVER or not _knows_height(law_for(quantity, method))
+                if method == SOLVER or not _has_height(law_for(quantity, method))
             }
     return set()
 
 
-def _knows_height(law: Law) -> bool:
+def _has_height(law: Law) -> bool:
     return "height_of_burst" in law.arguments()
 
 
@@ -467,9 +478,9 @@ class TakenLaw:
     """The law of a quantity.
 
     Attributes:
-        name: Its name.
-        choice: Its reason; None where the law was requested. The choice at the answer
-            may be another method than the one taken before the answer was known.
+        name: Name of the law.
+        choice: Reason of the law; None if it was requested. The choice at the result of
+            a fit may differ from the law that was chosen before the fit.
     """
 
     name: str

@@ -1,22 +1,22 @@
-"""Errors of methods: their reference, measurement and tables, and the error at a place.
+"""Errors of methods: references, measurement, tables and errors at given positions.
 
 For real TNT the reference is Kingery and Bulmash within the range of their tables.
 Beyond it the reference of the peak is the weak shock with the absorption of ISO 9613-1,
-up to the range where recorded peaks depart from it; that of impulse and duration is the
-recordings to which `ford_2021` was fitted. The uncertainty of a reference, $e_{ref}$,
-is measured against recordings where there are any. The exact point source is the
-reference of numerics alone, for the shock solver.
+up to the range where recorded peaks depart from it. The reference of impulse and
+duration is there the recordings to which `ford_2021` was fitted. The uncertainty of a
+reference, $e_{ref}$, is measured against recordings where there are any. The exact
+point source is the reference of numerics alone, for the shock solver.
 
-In scaled terms most laws are curves of Z alone, so the error for one charge of 1 kg in
-standard air gives it for all. Other dependences (Wu's and Hao's arrival obeys neither
-Hopkinson nor Sachs) are products of powers, whose exponents are measured too. The
-absorption in the far reference depends on frequency, so on distance, mass and air: it
-is measured on a grid of its own. `calibration/fidelity.py` writes the tables in
-`data/`, CSV with a commented header that dates them.
+In scaled terms most laws are curves of Z alone, so the error for 1 kg in standard air
+holds for all masses. Other dependences (Wu's and Hao's arrival obeys neither Hopkinson
+nor Sachs) are products of powers with measured exponents. The absorption in the far
+reference depends on frequency, and therefore on distance, mass and air. It is measured
+on a separate grid. `calibration/fidelity.py` writes the tables in `data/`, CSV files
+with a commented header that dates them.
 
 The shock solver is a method like the laws: one run gives all distances. Its energy is
-4.184 MJ/kg at a point. On the surface the ground is a perfect mirror: a source of twice
-the charge in free air.
+4.184 MJ/kg at a point. On the surface the ground is a perfect mirror, equivalent to
+twice the charge in free air.
 """
 
 import csv
@@ -50,14 +50,15 @@ if TYPE_CHECKING:  # a choice reads the cost of a run from a table, and needs no
 # Seventeen steps to a factor of 2 are 4 % each.
 PER_OCTAVE = 17
 _OCTAVES = np.arange(-164, 79) / PER_OCTAVE
-# Past a hand-over by more than float64 rounds, so that the next reference holds.
+# Beyond a join by more than the rounding of float64, so that the next reference holds.
 JUST_PAST = 1.0 + 1e-9
+# The range of `ford_2021`.
 END = 1000.0
-"""Scaled distance up to which there is a reference, but for the peak [m/kg^(1/3)]."""
+"""Largest scaled distance of a reference, except for the peak [m/kg^(1/3)]."""
 FORD_START = 20.0
-"""Where the recordings of `ford_2021` begin [m/kg^(1/3)]."""
+"""Smallest scaled distance of the recordings of `ford_2021` [m/kg^(1/3)]."""
 KINGERY_BULMASH_END = 40.0
-"""Where the tables of Kingery and Bulmash end [m/kg^(1/3)]."""
+"""Largest scaled distance of the tables of Kingery and Bulmash [m/kg^(1/3)]."""
 NODES = np.sort(
     np.concatenate(
         [
@@ -67,12 +68,13 @@ NODES = np.sort(
         ]
     )
 )
-"""Scaled distances where errors are measured, from 0.05 [m/kg^(1/3)]: 4 % apart, and on
-both sides of where one reference hands over to another."""
+"""Scaled distances of the measured errors, from 0.05 [m/kg^(1/3)]: 4 % apart, and on
+both sides of each join of two references."""
 BURSTS: tuple[Burst, ...] = ("surface", "free-air")
+# A factor of 2: the laws are powers, so the size of the step does not matter.
 STEP = math.log(2.0)
-"""In ln of mass and of ambient pressure, to measure exponents."""
-# Exponents below this are rounding: the law does not depend on mass or pressure.
+"""Step in ln of mass and of ambient pressure for the measurement of exponents."""
+# Smaller exponents are rounding: the law does not depend on mass or pressure.
 NO_POWER = 1e-9
 # From a detonator of 0.1 g to 1 kt; one node a decade, as the errors vary slowly.
 MASSES = 10.0 ** np.arange(-4.0, 6.01)
@@ -84,23 +86,23 @@ CONTINUATIONS = (
     ("positive_duration_s", "shock_kinematics"),
     ("positive_impulse_pa_s", "shock_kinematics"),
 )
-"""Laws that are their reference as far as it goes and theory farther on, where another
-one was fitted to recordings: for records that need one law at all distances, not for
-choosing by measured errors."""
+"""Laws that equal their reference within its range and are theory beyond it, where
+another law was fitted to recordings. They serve records that need one law at all
+distances, and are no candidates for a choice by measured errors."""
+# Farther away the weather determines what is recorded.
 MAX_DISTANCE = 5000.0
-"""Largest distance of a stated error beyond the tables [m]; farther away weather
-decides.
-"""
+"""Largest distance of a stated error beyond the tables [m]."""
 DATA = files("jblast.fidelity") / "data"
 Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]
 SOLVER = "euler"
+# Enough for 0.1 % (`calibration/results/point_source.txt`).
 SOLVER_CELLS = 100
-"""Enough for 0.1 % (`calibration/results/point_source.txt`)."""
+"""Cells of a run of the solver."""
 SOLVED = ("air_arrival_s", "peak_overpressure_pa", "shock_speed_m_s")
-"""Quantities that it gives."""
+"""Quantities of the solver."""
 LAMBDAS = (0.1, 100.0)
-"""Scaled distances R (P0/E)^(1/3) that a run covers."""
+"""Smallest and largest scaled distance R (P0/E)^(1/3) of a run."""
 # 200 nodes over three decades are 3.5 % apart, about the spacing of NODES.
 SOLVER_NODES = np.geomspace(*LAMBDAS, 200)
 
@@ -115,9 +117,9 @@ def standard_path(
 
     Args:
         z: Scaled distances [m/kg^(1/3)].
-        burst: Which curve set.
-        mass: Of the charge [kg].
-        altitude: Above sea level, in the standard atmosphere [m].
+        burst: Curve set.
+        mass: Mass of the charge [kg].
+        altitude: Altitude in the standard atmosphere [m].
     """
     scene = Scene(air=Air(altitude=altitude))
     charge = dataclasses.replace(scene.charge, mass_kg=jnp.asarray(mass), burst=burst)
@@ -129,7 +131,7 @@ def standard_path(
 
 
 def methods_for(quantity: str) -> tuple[str, ...]:
-    """Return the methods to choose from for a quantity: laws, and the solver."""
+    """Return the candidate methods for a quantity: laws, and the solver."""
     laws = tuple(
         name
         for name in names_for(quantity)
@@ -143,41 +145,37 @@ def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " plac
     """Return the value by a method, also outside its range (see `holds`).
 
     Args:
-        quantity: What is asked for.
+        quantity: Requested quantity.
         method: One of `methods_for`.
-        path: To every place; the mass is that of TNT.
+        path: Paths to every position, with the TNT-equivalent mass.
     """
     if method == SOLVER:
-        return _by_solver(quantity, path)
+        scaled = solver_value(quantity, scaled_distances(path), path.one_burst())
+        unit = {
+            "air_arrival_s": path.slant_range / path.sound_speed,
+            "peak_overpressure_pa": path.ambient_pressure,
+            "shock_speed_m_s": path.sound_speed,
+        }[quantity]
+        return scaled * np.asarray(unit)
     value = np.asarray(call(law_for(quantity, method).function, path))
     return np.broadcast_to(value, path.slant_range.shape)
 
 
 def holds(quantity: str, method: str, path: Path) -> Bool[np.ndarray, " place"]:
-    """Return where a method holds, by place."""
+    """Return True at positions where a method is valid."""
     if method == SOLVER:
         return np.asarray(solver_holds(scaled_distances(path), path.one_burst()))
     valid = np.asarray(call(law_for(quantity, method).valid, path))
     return np.broadcast_to(valid, path.slant_range.shape)
 
 
-def _by_solver(quantity: str, path: Path) -> Float[np.ndarray, " place"]:
-    value = solver_value(quantity, scaled_distances(path), path.one_burst())
-    unit = {
-        "air_arrival_s": path.slant_range / path.sound_speed,
-        "peak_overpressure_pa": path.ambient_pressure,
-        "shock_speed_m_s": path.sound_speed,
-    }[quantity]
-    return value * np.asarray(unit)
-
-
 def log_ratio(
     quantity: str, method: str, path: Path, *, lossless: bool = False
 ) -> Float[np.ndarray, " place"]:
-    """Return ln of a method over its reference; NaN where that does not hold."""
-    said = value_of(quantity, method, path)
+    """Return ln of a method over its reference; NaN where the reference is invalid."""
+    value = value_of(quantity, method, path)
     reference = np.asarray(reference_value(quantity, path, lossless=lossless))
-    return np.log(said) - np.log(reference)
+    return np.log(value) - np.log(reference)
 
 
 def log_ratios(quantity: str, burst: Burst) -> dict[str, Float[np.ndarray, " node"]]:
@@ -190,10 +188,11 @@ def log_ratios(quantity: str, burst: Burst) -> dict[str, Float[np.ndarray, " nod
 
 
 def exponents(quantity: str, method: str, burst: Burst) -> tuple[float, float]:
-    """Return the powers of mass and of ambient pressure in a method's ratio.
+    """Return the exponents of mass and of ambient pressure in a ratio to the reference.
 
-    Both at a given Z; zero for a law that obeys Hopkinson and Sachs. The median over
-    all nodes: a law may have another exponent where it leaves its range.
+    Both are at constant Z, and zero for a law that obeys Hopkinson and Sachs. Each is
+    the median over all nodes, because a law may have another exponent outside its
+    range.
     """
     path = standard_path(NODES, burst)
     plain = log_ratio(quantity, method, path, lossless=True)
@@ -222,7 +221,7 @@ def exponents(quantity: str, method: str, burst: Burst) -> tuple[float, float]:
 
 
 def log_losses(burst: Burst) -> Float[np.ndarray, "node mass altitude"]:
-    """Return ln of the far reference of pressure over itself without absorption."""
+    """Return ln of the far reference of pressure with over without absorption."""
     law = law_for("peak_overpressure_pa", "weak_shock_iso")
     plain = law_for("peak_overpressure_pa", "shock_kinematics")
     grid = np.empty((len(FAR_NODES), len(MASSES), len(ALTITUDES)))
@@ -236,16 +235,16 @@ def log_losses(burst: Burst) -> Float[np.ndarray, "node mass altitude"]:
 
 
 class Conditions(eqx.Module):
-    """What a choice of method is conditioned on, by place.
+    """Conditions for a choice of method, by position.
 
     Attributes:
         z: Scaled distance [m/kg^(1/3)].
         slant_range: Distance from the charge [m].
         charge_mass: TNT-equivalent mass [kg].
         ambient_pressure: $P_0$ [Pa].
-        sound_time: What sound takes to get there [s].
+        sound_time: Travel time of sound [s].
         scaled_height: Height of burst over the same length as Z [m/kg^(1/3)].
-        holds: By method, whether it holds there.
+        holds: True where a method is valid, by method.
         burst: "surface" or "free-air".
     """
 
@@ -260,18 +259,18 @@ class Conditions(eqx.Module):
 
 
 def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]:
-    """Return how far every method is off its reference at every place, relative.
+    """Return the relative error of every method at every position.
 
-    Zero where a method is itself the reference; infinite where it does not hold, or
-    where nothing is known.
+    The error is zero where a method is itself the reference. It is infinite where the
+    method is invalid or no reference covers the position.
 
     Args:
-        quantity: One of `REFERENCES`.
-        conditions: At every place.
+        quantity: A key of `REFERENCES`.
+        conditions: Conditions at every position.
     """
     table = error_table(quantity, conditions.burst)
     z = np.asarray(conditions.z)
-    with np.errstate(divide="ignore"):  # a sensor at the charge: nothing is known there
+    with np.errstate(divide="ignore"):  # a sensor at the charge has an infinite error
         log_z = np.log(z)
     log_mass, log_pressure = (
         np.log(conditions.charge_mass),
@@ -289,13 +288,13 @@ def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]
             if branch.law == method:
                 ratio = np.where(covers(branch, z), 0.0, ratio)
         good = known & np.asarray(conditions.holds[method])
-        off = np.abs(np.expm1(np.where(good, ratio, np.nan)))
-        found[method] = np.where(np.isfinite(off), off, np.inf)
+        error = np.abs(np.expm1(np.where(good, ratio, np.nan)))
+        found[method] = np.where(np.isfinite(error), error, np.inf)
     return found
 
 
 def is_covered(quantity: str, conditions: Conditions) -> Bool[np.ndarray, " place"]:
-    """Return where the reference holds, by place."""
+    """Return True at positions where a reference is valid."""
     z = np.asarray(conditions.z)
     spans = reference_uncertainties(quantity, conditions.burst)
     inside = (z >= spans[0].start) & (z <= spans[-1].end)
@@ -305,7 +304,7 @@ def is_covered(quantity: str, conditions: Conditions) -> Bool[np.ndarray, " plac
 def reference_uncertainty(
     quantity: str, conditions: Conditions
 ) -> Float[np.ndarray, " place"]:
-    """Return how far the reference itself may be off at every place, relative."""
+    """Return the relative uncertainty of the reference at every position."""
     spans = reference_uncertainties(quantity, conditions.burst)
     ends = [span.end for span in spans[:-1]]
     errors = np.array([span.error for span in spans])
@@ -313,11 +312,11 @@ def reference_uncertainty(
 
 
 def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.ndarray:
-    """Return what absorption takes past the tables, in ln, of a place; else zero.
+    """Return ln of the loss by absorption beyond the tables; zero within them.
 
-    Outside the grid's masses and pressures the nearest node stands for a place within
-    one step of it: the last steps change the loss by 2.6 % at most. Past that the loss
-    is not known: NaN.
+    Outside the masses and pressures of the grid, the nearest node is used within one
+    step of it: the last steps change the loss by 2.6 % at most. Farther out the result
+    is NaN.
     """
     lossy = any(branch.law != branch.lossless for branch in REFERENCES[quantity])
     far = log_z > math.log(KINGERY_BULMASH_END)
@@ -326,18 +325,19 @@ def _log_loss(quantity: str, burst: str, log_z, log_mass, log_pressure) -> np.nd
     table = loss_table(burst)
     axes = (table.log_z, table.log_mass, table.log_pressure)
     here = np.broadcast_arrays(log_z, log_mass, log_pressure)
-    places = [np.clip(x, axis[0], axis[-1]) for x, axis in zip(here, axes, strict=True)]
-    loss = _trilinear(axes, table.log_loss, places)
+    points = [np.clip(x, axis[0], axis[-1]) for x, axis in zip(here, axes, strict=True)]
+    loss = _trilinear(axes, table.log_loss, points)
     for x, axis in zip(here[1:], axes[1:], strict=True):
         known = (x >= 2 * axis[0] - axis[1]) & (x <= 2 * axis[-1] - axis[-2])
         loss = np.where(known, loss, np.nan)
     return np.where(far & (log_z <= math.log(END)), loss, 0.0)
 
 
-def _trilinear(axes, values, places) -> np.ndarray:
-    """Interpolate a table within its axes; SciPy's takes half an `import jax`."""
-    total, cells = np.zeros_like(places[0]), []
-    for x, axis in zip(places, axes, strict=True):
+def _trilinear(axes, values, points) -> np.ndarray:
+    """Return a table interpolated linearly at points within its axes."""
+    # not scipy.interpolate, whose import takes half as long as that of JAX
+    total, cells = np.zeros_like(points[0]), []
+    for x, axis in zip(points, axes, strict=True):
         left = np.clip(np.searchsorted(axis, x) - 1, 0, len(axis) - 2)
         share = (x - axis[left]) / (axis[left + 1] - axis[left])
         cells.append(((left, 1.0 - share), (left + 1, share)))
@@ -351,10 +351,10 @@ class Branch(NamedTuple):
     """A law that is the reference over a span of scaled distances.
 
     Attributes:
-        law: Its name.
-        start: Scaled distance it begins past [m/kg^(1/3)].
-        end: Scaled distance it ends at.
-        lossless: The law it is without absorption; itself where it has none.
+        law: Name of the law.
+        start: Lower limit of Z, exclusive [m/kg^(1/3)].
+        end: Upper limit of Z, inclusive [m/kg^(1/3)].
+        lossless: Name of the law without absorption; `law` if it has none.
     """
 
     law: str
@@ -392,11 +392,11 @@ REFERENCES: dict[str, tuple[Branch, ...]] = {
         ("reflected_pressure_pa", "reflected_impulse_pa_s"), (NEAR_BRANCH,)
     ),
 }
-"""By quantity, nearest first. The others have none."""
+"""Branches of the reference by quantity, nearest first; other quantities have none."""
 
 
 def scaled_distances(path: Path) -> Float[np.ndarray, " place"]:
-    """Return Z of every place of a path [m/kg^(1/3)]."""
+    """Return Z at every position of a path [m/kg^(1/3)]."""
     z = scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
     return np.atleast_1d(np.asarray(z))
 
@@ -404,20 +404,20 @@ def scaled_distances(path: Path) -> Float[np.ndarray, " place"]:
 def covers(
     branch: Branch, z: Float[np.ndarray, " place"]
 ) -> Bool[np.ndarray, " place"]:
-    """Return where a branch is the reference: a join belongs to what lies before it."""
+    """Return True where a branch is the reference; a join belongs to the nearer one."""
     return (z > branch.start) & (z <= branch.end)
 
 
 def is_reference(
     quantity: str, name: str, z: Float[np.ndarray, " place"], *, lossless: bool = False
 ) -> bool:
-    """Return whether a method is a quantity's reference at all of some Z.
+    """Return True if a method is the reference of a quantity at all scaled distances.
 
     Args:
-        quantity: Any; of one without reference none is.
-        name: Of the method.
+        quantity: Any quantity; False for one without a reference.
+        name: Name of the method.
         z: Scaled distances [m/kg^(1/3)].
-        lossless: Whether absorption is left out of the reference.
+        lossless: True for the reference without absorption.
     """
     branches = [
         branch
@@ -432,11 +432,10 @@ def is_reference(
 def continues_reference(
     quantity: str, name: str, z: Float[np.ndarray, " place"]
 ) -> bool:
-    """Return whether a method is the reference, or continues it past its last end.
+    """Return True if a method is the lossless reference or its continuation.
 
-    Without absorption, everywhere. At Z = 600 no method holds for the peak: the weak
-    shock continues the reference, and the power law that the tables continue by does
-    not.
+    At Z = 600 no method is valid for the peak. The weak shock continues the reference
+    there; the power law that extrapolates the tables does not.
     """
     starts = [branch.start for branch in REFERENCES.get(quantity, ())]
     if not starts:
@@ -449,7 +448,7 @@ def continues_reference(
 def is_too_far(
     z: Float[np.ndarray, " place"], slant_range: Float[Array | np.ndarray, " place"]
 ) -> Bool[np.ndarray, " place"]:
-    """Return where a place past the tables is farther than any reference."""
+    """Return True beyond the tables where the distance exceeds `MAX_DISTANCE`."""
     return (z > KINGERY_BULMASH_END) & (np.asarray(slant_range) > MAX_DISTANCE)
 
 
@@ -459,27 +458,28 @@ def reference_value(
     """Return the value by the reference; NaN where there is none.
 
     Args:
-        quantity: One of `REFERENCES`.
-        path: To every place; the mass is that of TNT.
-        lossless: Whether to leave absorption out.
+        quantity: A key of `REFERENCES`.
+        path: Paths to every position, with the TNT-equivalent mass.
+        lossless: True for the reference without absorption.
     """
     z = scaled_distances(path)
     value = jnp.full(z.shape, jnp.nan)
     for branch in REFERENCES[quantity]:
         law = law_for(quantity, branch.lossless if lossless else branch.law)
-        said = jnp.where(call(law.valid, path), call(law.function, path), jnp.nan)
-        value = jnp.where(covers(branch, z), said, value)
+        by_law = jnp.where(call(law.valid, path), call(law.function, path), jnp.nan)
+        value = jnp.where(covers(branch, z), by_law, value)
     return jnp.where(is_too_far(z, path.slant_range), jnp.nan, value)
 
 
 class Errors(NamedTuple):
-    """How far every method is off, for one quantity and burst.
+    """Errors of every method, for one quantity and burst.
 
     Attributes:
         log_z: ln of the scaled distances [m/kg^(1/3)].
-        log_ratio: By method, ln of it over its lossless reference, for 1 kg in standard
-            air; NaN where that is not known.
-        exponents: By method, powers of mass [kg] and of ambient over standard pressure.
+        log_ratio: ln of each method over its lossless reference, for 1 kg in standard
+            air; NaN where it is unknown.
+        exponents: Exponents of mass [kg] and of ambient over standard pressure, by
+            method.
     """
 
     log_z: Float[np.ndarray, " node"]
@@ -488,7 +488,7 @@ class Errors(NamedTuple):
 
 
 class Losses(NamedTuple):
-    """ln of what absorption leaves of the peak, on a grid."""
+    """ln of the share of the peak that absorption leaves, on a grid."""
 
     log_z: Float[np.ndarray, " node"]
     log_mass: Float[np.ndarray, " mass"]
@@ -497,13 +497,13 @@ class Losses(NamedTuple):
 
 
 class ReferenceUncertainty(NamedTuple):
-    """How far a reference itself may be off, relative, over a span of Z.
+    """Relative uncertainty of a reference over a span of Z.
 
     Attributes:
-        start: Where the span begins [m/kg^(1/3)].
-        end: Where it ends.
+        start: Lower limit of the span [m/kg^(1/3)].
+        end: Upper limit of the span [m/kg^(1/3)].
         error: $e_{ref}$ [-].
-        evidence: What it was measured by.
+        evidence: Measurement of the uncertainty.
     """
 
     start: float
@@ -520,7 +520,7 @@ def table_rows(name: str) -> list[dict[str, str]]:
 
 
 def table_head(name: str) -> str:
-    """Return when, by what and on what a table was measured."""
+    """Return the header of a table: date, script and machine of the measurement."""
     text = (DATA / f"{name}.csv").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line.startswith("#")]
     return " ".join(line.lstrip("# ") for line in lines)
@@ -528,7 +528,7 @@ def table_head(name: str) -> str:
 
 @cache
 def error_table(quantity: str, burst: str) -> Errors:
-    """Return the errors of all methods that give a quantity."""
+    """Return the errors of all methods for a quantity."""
     table = [row for row in table_rows(f"error_{quantity}") if row["burst"] == burst]
     methods = [name for name in table[0] if name not in ("burst", "z")]
     powers = {
@@ -548,7 +548,7 @@ def error_table(quantity: str, burst: str) -> Errors:
 
 @cache
 def loss_table(burst: str) -> Losses:
-    """Return what absorption takes from the peak past the tables."""
+    """Return the loss of the peak by absorption beyond the tables."""
     names = ("z", "mass_kg", "ambient_pressure_pa", "log_loss")
     mine = [row for row in table_rows("absorption") if row["burst"] == burst]
     table = np.array([[float(row[name]) for name in names] for row in mine])
@@ -563,7 +563,7 @@ def loss_table(burst: str) -> Losses:
 def reference_uncertainties(
     quantity: str, burst: str
 ) -> tuple[ReferenceUncertainty, ...]:
-    """Return how far a quantity's reference may be off, nearest span first."""
+    """Return the uncertainties of the reference of a quantity, nearest span first."""
     return tuple(
         ReferenceUncertainty(
             float(row["z_from"]),
@@ -578,7 +578,7 @@ def reference_uncertainties(
 
 @cache
 def cost_table() -> dict[tuple[str, str], float]:
-    """Return what one reading costs by quantity and method [s]."""
+    """Return the time of one reading, by quantity and method [s]."""
     return {
         (row["quantity"], row["method"]): float(row["cost_s"])
         for row in table_rows("costs")
@@ -586,11 +586,11 @@ def cost_table() -> dict[tuple[str, str], float]:
 
 
 def conditions_of(quantity: str, path: Path) -> Conditions:
-    """Return what decides over the methods for a quantity; may be jitted.
+    """Return the conditions for a choice of method; may be jitted.
 
     Args:
-        quantity: What is asked for.
-        path: To every place; the mass is that of TNT.
+        quantity: Requested quantity.
+        path: Paths to every position, with the TNT-equivalent mass.
     """
 
     def each(number):
@@ -602,7 +602,8 @@ def conditions_of(quantity: str, path: Path) -> Conditions:
     }
     if quantity in SOLVED:
         here = solver_holds(z, path.one_burst())
-        if quantity == "peak_overpressure_pa":  # of still air, as the laws are
+        if quantity == "peak_overpressure_pa":
+            # farther out recorded peaks depart from theory, for laws and solver alike
             here = here & (z <= FAR_END)
         holds[SOLVER] = here
     return Conditions(
@@ -634,7 +635,7 @@ def solver_decay(cells: int = SOLVER_CELLS) -> "Decay":
 
 
 def seconds_of_run(cells: int = SOLVER_CELLS) -> float:
-    """Return what a run costs, compiled before [s]."""
+    """Return the time of a compiled run [s]."""
     from jblast.waves.euler import point_source_march
 
     return seconds(lambda: point_source_march(cells, LAMBDAS[1]).history, 1)
@@ -645,19 +646,19 @@ def solver_value(
 ) -> Float[np.ndarray, " place"]:
     r"""Return a quantity of 1 kg in standard air: $c_0 t/R$, $p/P_0$ or $U/c_0$.
 
+    The logarithm is interpolated; the value is NaN outside the range of the run.
+
     Args:
         quantity: One of `SOLVED`.
         z: Scaled distances [m/kg^(1/3)].
         burst: "surface" or "free-air".
-
-    Returns:
-        Its logarithm is interpolated; NaN outside the run.
     """
     run = solver_decay()
     lambdas = z / point_source_length(burst)
     given = {
         "air_arrival_s": run.arrival / run.scaled,
         "peak_overpressure_pa": run.overpressure_ratio,
+        # Rankine-Hugoniot with gamma = 1.4
         "shock_speed_m_s": np.sqrt(1.0 + 6.0 / 7.0 * run.overpressure_ratio),
     }[quantity]
     value = np.exp(np.interp(np.log(lambdas), np.log(run.scaled), np.log(given)))
@@ -667,6 +668,6 @@ def solver_value(
 def solver_holds(
     z: Float[Array | np.ndarray, " place"], burst: str
 ) -> Bool[Array | np.ndarray, " place"]:
-    """Return which scaled distances lie within the run."""
+    """Return True for scaled distances within the run."""
     lambdas = z / point_source_length(burst)
     return (lambdas >= LAMBDAS[0]) & (lambdas <= LAMBDAS[1])

@@ -10,15 +10,16 @@ import jax
 
 # The least of several repeats: other load on a machine can only lengthen a call.
 REPEATS = 7
+# Thousands of times the resolution of the clock and the time of the loop.
 MIN_SECONDS = 2e-3
-"""Shorter calls are repeated until they last this long [s]."""
+"""Shortest timed run; shorter calls are repeated within it [s]."""
+# 1,024 calls: below 2 us each the loop itself would be timed.
+MAX_CALLS = 1024
+"""Largest number of calls in one timed run."""
 
 
 def seconds(call: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Return what a call takes at best, in seconds.
-
-    It is called once before, so that what compiles has compiled.
-    """
+    """Return the least time of a call, after a first call that compiles it [s]."""
     jax.block_until_ready(call())
     count = 1
     while True:
@@ -26,7 +27,7 @@ def seconds(call: Callable[[], Any], repeats: int = REPEATS) -> float:
         for _ in range(count):
             jax.block_until_ready(call())
         took = time.perf_counter() - start
-        if took >= MIN_SECONDS or count >= 1024:
+        if took >= MIN_SECONDS or count >= MAX_CALLS:
             break
         count *= 2
     best = took / count
@@ -43,13 +44,12 @@ def best_of(
     repeats: int = REPEATS,
     first: Callable[[], Any] | None = None,
 ) -> tuple[float, Any]:
-    """Return the least seconds that a long call takes, and what it returns.
+    """Return the least time of a long call [s], and its result.
 
     Args:
-        call: What is timed.
-        repeats: How often.
-        first: Called once before, so that what compiles has compiled; the call itself
-            if not given.
+        call: The call.
+        repeats: Number of timed repetitions.
+        first: Untimed first call that compiles all programs; by default `call`.
     """
     jax.block_until_ready((first or call)())
     best, answer = float("inf"), None
@@ -61,7 +61,7 @@ def best_of(
 
 
 def machine() -> str:
-    """Return the class of machine and the versions figures were measured with."""
+    """Return the class of this machine, with the versions of Python and JAX."""
     device = jax.devices()[0]
     kind = (
         f"{os.cpu_count()} {platform.machine()} cores"

@@ -40,14 +40,14 @@ from jblast.verification.stability.detectors import (
 from jblast.verification.stability.failure import FailureMode
 from jblast.verification.stability.flights import impulse_errors as pulse_errors
 from jblast.verification.stability.laws import (
-    FINE,
-    MOST_SAMPLES,
+    FINE_SIGMA,
+    MAX_RISE_SAMPLES,
     SIGMA,
     TIMES,
-    slope_felt,
+    slope_ratio,
 )
 from jblast.verification.stability.waveforms import (
-    SHORT,
+    SHORT_STEP,
     impulse_errors,
     sod_end,
     wave_error,
@@ -155,8 +155,8 @@ def wave_forms(axes: Axes, modes: Sequence[FailureMode]) -> None:
 
 def gradients(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw how much of the misfit's slope is seen against the rise of the front."""
-    samples = range(MOST_SAMPLES // 2 + 1)
-    felt = [100.0 * slope_felt(n) for n in samples]
+    samples = range(MAX_RISE_SAMPLES // 2 + 1)
+    felt = [100.0 * slope_ratio(n) for n in samples]
     axes.axhline(100.0, color=MUTED, linewidth=1.0)
     axes.plot(samples, felt, "o-", color=BLUE, markersize=4)
     axes.plot(0, felt[0], "o", color=VERMILLION)
@@ -182,7 +182,7 @@ def clocks(axes: Axes, modes: Sequence[FailureMode]) -> None:
     time = 2.0 ** np.arange(0, 36)
     for dtype, sigma, colour in (
         (np.float32, SIGMA, VERMILLION),
-        (np.float64, FINE, BLUE),
+        (np.float64, FINE_SIGMA, BLUE),
     ):
         name = np.dtype(dtype).name
         steps = np.spacing(time.astype(dtype)).astype(float)
@@ -194,7 +194,7 @@ def clocks(axes: Axes, modes: Sequence[FailureMode]) -> None:
         axes.axvline(at, color="#c8c8c8", linewidth=0.9, zorder=0)
         axes.text(at, 3e3, f"{words} ", color=MUTED, fontsize=8, ha="right", va="top")
     for mode in modes:
-        sigma = SIGMA if "float32" in mode.method else FINE
+        sigma = SIGMA if "float32" in mode.method else FINE_SIGMA
         axes.plot(
             mode.boundary, sigma, "o", color=RESPONSE_COLOURS[mode.response], zorder=4
         )
@@ -206,8 +206,10 @@ def clocks(axes: Axes, modes: Sequence[FailureMode]) -> None:
 
 def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of the shock solver against the length of its steps."""
-    fraction = np.concatenate([np.linspace(SHORT, 1.0, 10), np.arange(1.02, 1.3, 0.02)])
-    least = wave_error(SHORT), sod_end(SHORT)[1]
+    fraction = np.concatenate(
+        [np.linspace(SHORT_STEP, 1.0, 10), np.arange(1.02, 1.3, 0.02)]
+    )
+    least = wave_error(SHORT_STEP), sod_end(SHORT_STEP)[1]
     smooth = [wave_error(float(c)) / least[0] for c in fraction]
     sod = [
         error / least[1] if alive else np.inf for alive, error in map(sod_end, fraction)

@@ -6,8 +6,9 @@ image. The fireball is either the law's smooth ball, in the air or on the ground
 hides its lower half), or a rendered explosion on the ground, from any side and from up
 to 30 degrees above. On the ground its light falls on the background below the horizon.
 
-Lookalikes are lamps, cars, glints, shots, lightning and noise. Each is drawn at random
-and returns the light that it adds to a background at a time.
+Lookalikes are lamps, cars, glints, shots, lightning and noise. Each has random
+parameters and returns the light in front of a background at a time. The ranges of these
+parameters are set by hand to cover everyday scenes; none is fitted.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,42 +26,48 @@ from jblast.sensors.camera.rendering import render
 from jblast.waves.fireball import LARGEST_RADIUS
 
 FOCAL = 140.0
-"""Of the camera: a field of view of 60 degrees across [px]."""
+"""Focal length [px]: a horizontal field of view of 60 degrees."""
+# Detectors need some frames to estimate noise and motion.
 LEAD = 30
-"""Frames before that of the first light, at 1,000 a second."""
+"""Frames before the first light, at 1,000 frames/s."""
+# Twice the longest accepted delay of a detection.
 FILMED_S = 0.04
-"""Filmed after the burst."""
+"""Duration of the film behind the burst [s]."""
 STEEPEST = np.radians(30.0)
-"""From which a camera looks down on the pictures of an explosion [rad]."""
+"""Largest elevation of the camera above a rendered explosion [rad]."""
+# Long enough for several flashes of one source, and for mains flicker.
 SECONDS = 0.3
-"""Of a sequence; what looks like a flash begins in it, once or several times."""
+"""Duration of a sequence without a blast [s]."""
 Sequence = tuple[Float[np.ndarray, " frame"], UInt8[np.ndarray, "frame height width"]]
 Light = Float[np.ndarray, "height width"]
 Disturbance = Callable[[float, Light], Light]
-"""From the time [s] and the light behind to the light with it."""
+"""Function from the time [s] and the light of the background to the light with it."""
+# A quarter of VGA in each direction: thousands of sequences are simulated.
 WIDTH, HEIGHT = 160, 120
+"""Size of the image [px]."""
 _X, _Y = np.meshgrid(
     np.arange(WIDTH, dtype=np.float32), np.arange(HEIGHT, dtype=np.float32)
 )
 RATE_HZ = 1000.0
-"""Frames a second [Hz]."""
+"""Frame rate [Hz]."""
+# Three image widths, so that a moving camera does not see the same part twice.
 SIZE = 512
-"""Of the texture, which repeats [px]."""
+"""Size of the periodic texture [px]."""
 
 
 class BlastFilm(NamedTuple):
-    """A sequence with a blast, and what is true of it.
+    """A sequence with a blast, and its truth.
 
     Attributes:
-        times: Of the frames, from the first on [s].
+        times: Times of the frames, from the first on [s].
         frames: Linear grey values of 8 bits.
-        burst_s: When it went off [s].
-        first: Number of the first frame that shows it.
-        charge_kg: TNT.
-        range_m: From the camera.
-        radius_px: Of the fireball when it has grown.
-        pixel: Where the burst is in the first frame that shows it (x, y).
-        in_air: Whether no ground hides its lower half.
+        burst_s: Time of the burst [s].
+        first: Number of the first frame with light of the burst.
+        charge_kg: Mass of TNT [kg].
+        range_m: Distance from the camera [m].
+        radius_px: Final radius of the fireball [px].
+        pixel: Position of the burst in frame `first` (x, y) [px].
+        in_air: True if the ground does not hide the lower half.
     """
 
     times: Float[np.ndarray, " frame"]
@@ -76,12 +83,12 @@ class BlastFilm(NamedTuple):
 
 @dataclass(frozen=True)
 class ImageSensor:
-    """Noise of a sensor, its variance linear in the light.
+    """Noise of an image sensor, with a variance linear in the light.
 
     Attributes:
-        dark: Standard deviation in the dark, of full scale.
-        full: Variance that full light adds.
-        hot: Share of pixels that spark now and then, each 10 times a second.
+        dark: Standard deviation in the dark, as a share of full scale.
+        full: Additional variance at full light, in the same unit squared.
+        hot: Share of hot pixels, each of which flashes 10 times a second.
     """
 
     dark: float = 0.008
@@ -91,7 +98,7 @@ class ImageSensor:
     def seen(
         self, rng: np.random.Generator, light: Float[np.ndarray, "height width"]
     ) -> UInt8[np.ndarray, "height width"]:
-        """Return light as grey values of 8 bits, linear."""
+        """Return light with noise, as linear grey values of 8 bits."""
         spread = np.sqrt(self.dark**2 + self.full * np.maximum(light, 0.0))
         noise = rng.standard_normal(light.shape, np.float32)
         seen = light + spread * noise
@@ -119,48 +126,48 @@ def blast(
     """Return a sequence with a blast.
 
     Args:
-        seed: Another seed is another scene.
-        charge_kg: By default log-uniform from 1 to 1,000 [kg].
-        radius_px: By default log-uniform from 10 to 50 [px].
-        rate_hz: Frames a second [Hz].
+        seed: Seed of the scene.
+        charge_kg: Mass of TNT [kg]; by default log-uniform from 1 to 1,000.
+        radius_px: Final radius [px]; by default log-uniform from 10 to 50.
+        rate_hz: Frame rate [Hz].
         moving: Probability that the camera moves.
-        drift: How fast the image moves sideways, and nothing else of it [px/s]; by
-            default as it is drawn.
-        sensor: Whose noise it has; by default the usual one's.
-        pictures: Of an explosion, in place of the law's ball.
-        filmed_s: Filmed after the burst [s].
+        drift: Speed of a purely sideways motion of the image [px/s]; by default the
+            motion is random.
+        sensor: Noise of the sensor; by default that of `ImageSensor`.
+        pictures: Views of an explosion, in place of the ball of the law.
+        filmed_s: Duration of the film behind the burst [s].
     """
     rng = np.random.default_rng([99, seed])
     drawn = 10 ** rng.uniform(0.0, 3.0), 10 * 5 ** rng.uniform(0.0, 1.0)
     charge_kg = drawn[0] if charge_kg is None else charge_kg
     radius_px = drawn[1] if radius_px is None else radius_px
     sine = radius_px / np.hypot(FOCAL, radius_px)
-    away = LARGEST_RADIUS * charge_kg ** (1 / 3) / sine
+    distance = LARGEST_RADIUS * charge_kg ** (1 / 3) / sine
     across = rng.uniform(20, WIDTH - 20) - 0.5 * (WIDTH - 1)
     down = rng.uniform(25, HEIGHT - 15) - 0.5 * (HEIGHT - 1)
     in_air = bool(rng.random() < 0.5)
     behind = random_background(rng, moving=moving)
     if drift is not None:
         behind = Background(behind.texture, drift=(drift, 0.0))
-    # so far into its interval does the burst come
+    # the burst has a random phase within its frame
     lead = round(LEAD * rate_hz / RATE_HZ)
     burst = (lead + rng.uniform(0.0, 1.0)) / rate_hz
     count = round(filmed_s * rate_hz)
     times = np.arange(lead + 1 + count) / rate_hz
-    round_it, above = 0.0, 0.0
+    azimuth, elevation = 0.0, 0.0
     if pictures is not None:
         in_air = False
-        round_it, above = rng.uniform(-np.pi, np.pi), rng.uniform(0.0, STEEPEST)
+        azimuth, elevation = rng.uniform(-np.pi, np.pi), rng.uniform(0.0, STEEPEST)
     charge = Charge(
-        mass_kg=charge_kg, position_m=(0.0, 0.0, 2.0 * away if in_air else 0.0)
+        mass_kg=charge_kg, position_m=(0.0, 0.0, 2.0 * distance if in_air else 0.0)
     )
-    camera = _camera(charge, away, (round_it, above), (across, down))
+    camera = _camera(charge, distance, (azimuth, elevation), (across, down))
     layers = _layers(charge, camera, pictures, times[lead + 1 :] - burst)
     sensor = ImageSensor() if sensor is None else sensor
     frames = [sensor.seen(rng, behind.light(float(t))) for t in times[: lead + 1]]
     start = np.array(behind.moved(burst))
     for time, layer in zip(times[lead + 1 :], layers, strict=True):
-        # the camera's motion moves it as it moves the rest
+        # the motion of the camera moves the fireball together with the background
         dx, dy = np.array(behind.moved(float(time))) - start
         light, alpha = _moved(layer, dx, dy)
         frames.append(sensor.seen(rng, light + (1 - alpha) * behind.light(float(time))))
@@ -171,7 +178,7 @@ def blast(
         burst,
         lead + 1,
         charge_kg,
-        away,
+        distance,
         radius_px,
         (float(pixel[0]), float(pixel[1])),
         in_air,
@@ -179,23 +186,27 @@ def blast(
 
 
 def _camera(
-    charge: Charge, away: float, side: tuple[float, float], pixel: tuple[float, float]
+    charge: Charge,
+    distance: float,
+    side: tuple[float, float],
+    pixel: tuple[float, float],
 ) -> Camera:
-    """Return a level camera, its principal point where it has to be.
+    """Return a level camera with a shifted principal point.
 
     Args:
-        charge: What it looks at.
-        away: How far that is, level [m].
-        side: From where: angle around it from the south, and above the horizon [rad].
-        pixel: Where the charge is seen, from the middle of the image (x, y).
+        charge: Target of the camera.
+        distance: Horizontal distance [m].
+        side: Azimuth from the south and elevation of the camera [rad].
+        pixel: Position of the charge from the centre of the image (x, y) [px].
     """
-    around, above = side
-    place = np.asarray(charge.position_m, float)
-    ahead = np.array([np.sin(around), np.cos(around), 0.0])
-    up = max(away * np.tan(above), 0.0 if place[2] else 1.5)
-    eye = place - away * ahead + np.array([0.0, 0.0, up])
+    azimuth, elevation = side
+    target = np.asarray(charge.position_m, float)
+    ahead = np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
+    # on the ground, eye level; in the air, the height of the charge
+    up = max(distance * np.tan(elevation), 0.0 if target[2] else 1.5)
+    eye = target - distance * ahead + np.array([0.0, 0.0, up])
     x, y = pixel
-    middle = 0.5 * (WIDTH - 1) + x, 0.5 * (HEIGHT - 1) + y - FOCAL * up / away
+    middle = 0.5 * (WIDTH - 1) + x, 0.5 * (HEIGHT - 1) + y - FOCAL * up / distance
     return Camera(
         position=eye,
         quaternion=look_at(eye, eye + ahead),
@@ -212,8 +223,12 @@ def _layers(
     pictures: ExplosionViews | None,
     since: Float[np.ndarray, " frame"],
 ) -> Float[np.ndarray, "frame 2 height width"]:
-    """Return grey light times alpha, and alpha; below 0 where the fire lights more."""
+    """Return grey light times alpha, and alpha, for each frame.
+
+    Alpha is negative where the fire adds light to the background.
+    """
     scene = Scene(charge=charge)
+    # light = a + (1 - alpha) x background: two backgrounds give both unknowns
     before_black, before_white = (
         luminance(
             np.asarray(
@@ -236,7 +251,7 @@ def _layers(
 def _moved(
     layer: Float[np.ndarray, "2 height width"], dx: float, dy: float
 ) -> Float[np.ndarray, "2 height width"]:
-    """Return a layer moved right and down, linear between pixels."""
+    """Return a layer shifted right and down, with linear interpolation."""
     i, j = int(np.floor(dy)), int(np.floor(dx))
     b, a = np.float32(dy - i), np.float32(dx - j)
     wide = np.pad(layer, ((0, 0), (1, 1), (1, 1)))
@@ -255,12 +270,12 @@ def _moved(
 
 
 def car(rng: np.random.Generator) -> Disturbance:
-    """Return a car that passes, brighter or darker than what is behind; some lit."""
+    """Return a passing car, brighter or darker than the background, some with lamps."""
     length, height = rng.uniform(15, 90), rng.uniform(6, 40)
-    y, way = rng.uniform(0, HEIGHT - 10), rng.choice([-1.0, 1.0])
-    speed = way * rng.uniform(30, 500)
+    y, sense = rng.uniform(0, HEIGHT - 10), rng.choice([-1.0, 1.0])
+    speed = sense * rng.uniform(30, 500)
     begin = rng.uniform(-60, WIDTH) if rng.random() < 0.5 else 0.0
-    begin = begin if begin else (-length if way > 0 else WIDTH)
+    begin = begin if begin else (-length if sense > 0 else WIDTH)
     paint = rng.uniform(0.02, 1.0)
     windows = rng.uniform(0.3, 1.5)
     lamp = rng.uniform(1.0, 4.0) if rng.random() < 0.5 else 0.0
@@ -277,7 +292,7 @@ def car(rng: np.random.Generator) -> Disturbance:
         body = np.where(upper, np.float32(paint * windows), np.float32(paint))
         light = behind + cover * (body - behind)
         if lamp:
-            nose = left + length if way > 0 else left
+            nose = left + length if sense > 0 else left
             light = light + 3.0 * _disc(nose, y + 0.7 * height, lamp)
         return light
 
@@ -285,7 +300,7 @@ def car(rng: np.random.Generator) -> Disturbance:
 
 
 def glints(rng: np.random.Generator) -> Disturbance:
-    """Return the sun on water or chrome: spots that come, move and go in 1 to 20 ms."""
+    """Return the sun on water or chrome: moving spots that last 1 to 20 ms."""
     count = rng.integers(3, 60)
     x0, y0 = _place(rng)
     spread = rng.uniform(3, 50)
@@ -309,10 +324,10 @@ def glints(rng: np.random.Generator) -> Disturbance:
 
 
 def lamps(rng: np.random.Generator) -> Disturbance:
-    """Return one or two lamps with a glare, switched on; some flicker by pulses.
+    """Return one or two lamps with glare that are switched on; some are pulsed.
 
-    A diode is there at once, a filament within 20 to 100 ms; pulses last half of 2 to
-    10 ms.
+    A diode has its full light immediately, a filament within 20 to 100 ms. Pulses have
+    a period of 2 to 10 ms and a duty cycle of one half.
     """
     x, y = _place(rng)
     radius, on = rng.uniform(0.5, 8.0), rng.uniform(0.05, 0.2)
@@ -332,13 +347,14 @@ def lamps(rng: np.random.Generator) -> Disturbance:
         if not on <= time < off or (pulsed and (time - on) % pulsed > 0.5 * pulsed):
             return behind
         share = 1.0 if rise == 0.0 else -np.expm1(-(time - on) / rise)
+        # the light of a filament is about the cube of its share of the temperature
         return behind + np.float32(power * share**3) * shape
 
     return lit
 
 
 def lightning(rng: np.random.Generator) -> Disturbance:
-    """Return strokes, or a camera's flash: all of the scene, brighter on a side."""
+    """Return strokes that light the whole scene, brighter on one side."""
     count = rng.integers(1, 5)
     starts = rng.uniform(0.05, 0.25, count)
     falls = 10 ** rng.uniform(-3.3, -1.0, count)
@@ -360,7 +376,7 @@ def lightning(rng: np.random.Generator) -> Disturbance:
 
 
 def mains(rng: np.random.Generator) -> Disturbance:
-    """Return lamps of the mains, at 100 or 120 Hz, over a part of the scene."""
+    """Return mains lamps, which flicker at 100 or 120 Hz, over a part of the scene."""
     hz, depth = rng.choice([100.0, 120.0]), rng.uniform(0.1, 0.9)
     x, y = _place(rng)
     reach, phase = rng.uniform(5.0, 120.0), rng.uniform(0, 2 * np.pi)
@@ -374,12 +390,12 @@ def mains(rng: np.random.Generator) -> Disturbance:
 
 
 def nothing(rng: np.random.Generator) -> Disturbance:
-    """Return nothing: the camera and its noise alone."""
+    """Return the background unchanged: the camera and its noise alone."""
     return lambda time, behind: behind
 
 
 def shots(rng: np.random.Generator) -> Disturbance:
-    """Return flashes like a muzzle's: whole within 1 ms, gone after 1 to 5 ms."""
+    """Return muzzle flashes: full within 1 ms, over after 1 to 5 ms."""
     count = rng.integers(1, 5)
     x, y = _place(rng)
     starts = rng.uniform(0.05, 0.25, count)
@@ -409,12 +425,12 @@ LOOKALIKES: dict[str, Callable[[np.random.Generator], Disturbance]] = {
     "lightning": lightning,
     "mains lamps": mains,
 }
-"""By name; noise is a sensor several times worse, which `negatives` sees to."""
+"""Lookalikes by name; `negative` gives "noise" a sensor several times worse."""
 KINDS = tuple(LOOKALIKES)
 
 
 def auto_exposure(rng: np.random.Generator) -> Disturbance:
-    """Return an exposure that is changed in steps, or fast ramps, and a bright lamp."""
+    """Return an exposure that changes in steps or fast ramps, and a bright lamp."""
     edges = np.sort(rng.uniform(0.0, 0.3, rng.integers(1, 8)))
     gains = 2.0 ** np.cumsum(rng.uniform(-1.5, 1.5, len(edges) + 1))
     gains /= gains[0]
@@ -434,12 +450,13 @@ def auto_exposure(rng: np.random.Generator) -> Disturbance:
 
 
 def balloon(rng: np.random.Generator) -> Disturbance:
-    """Return a balloon that is blown up: its radius grows, its light stays as it is."""
+    """Return an inflating balloon: a growing radius with constant light."""
     x, y = _place(rng)
     first, last = rng.uniform(1.0, 8.0), rng.uniform(12.0, 45.0)
     begin, lasts = rng.uniform(-0.1, 0.15), 10 ** rng.uniform(-1.3, 0.3)
     paint = rng.uniform(0.3, 1.0)
-    power = rng.choice([1 / 3, 1 / 2, 1.0])  # by an even flow, or quicker
+    # 1/3 is the growth at a constant flow of air
+    power = rng.choice([1 / 3, 1 / 2, 1.0])
     shine = rng.uniform(0.0, 2.0)
 
     def growing(time: float, behind: Light) -> Light:
@@ -458,7 +475,7 @@ def balloon(rng: np.random.Generator) -> Disturbance:
 
 
 def camera_flash(rng: np.random.Generator) -> Disturbance:
-    """Return a photographer's flash: a lamp in view, and the scene that it lights."""
+    """Return a camera flash: a lamp in view that lights the scene."""
     x, y = _place(rng)
     begin, lasts = rng.uniform(0.0, 0.25), 10 ** rng.uniform(-3.7, -2.3)
     power, gain = rng.uniform(5.0, 100.0), rng.uniform(0.1, 3.0)
@@ -477,15 +494,15 @@ def camera_flash(rng: np.random.Generator) -> Disturbance:
 
 
 def clouds(rng: np.random.Generator) -> Disturbance:
-    """Return the edges of clouds' shadows that pass: light up to five times as much."""
-    way, speed = rng.uniform(0, 2 * np.pi), rng.uniform(20.0, 600.0)
+    """Return passing edges of cloud shadows, with up to five times as much light."""
+    direction, speed = rng.uniform(0, 2 * np.pi), rng.uniform(20.0, 600.0)
     soft, gain = rng.uniform(3.0, 40.0), rng.uniform(1.2, 5.0)
     length, phase = rng.uniform(60.0, 300.0), rng.uniform(0.0, 1.0)
-    along = _X * np.cos(way) + _Y * np.sin(way)
+    along = _X * np.cos(direction) + _Y * np.sin(direction)
 
     def passing(time: float, behind: Light) -> Light:
-        place = ((along - speed * time) / length + phase) % 1.0
-        edge = np.minimum(place, 1.0 - place) - 0.25
+        position = ((along - speed * time) / length + phase) % 1.0
+        edge = np.minimum(position, 1.0 - position) - 0.25
         share = 0.5 + 0.5 * np.tanh(edge * length / soft)
         return behind * (1.0 + (gain - 1.0) * share).astype(np.float32)
 
@@ -493,12 +510,12 @@ def clouds(rng: np.random.Generator) -> Disturbance:
 
 
 def door(rng: np.random.Generator) -> Disturbance:
-    """Return a door or blind that opens to daylight: a bright stripe that widens."""
+    """Return a door or blind that opens to daylight: a widening bright stripe."""
     x, y = _place(rng)
     wide, high = rng.uniform(10, 60), rng.uniform(20, 90)
     begin, lasts = rng.uniform(0.0, 0.2), 10 ** rng.uniform(-1.3, 0.0)
     daylight, spill = rng.uniform(0.6, 5.0), rng.uniform(0.0, 0.5)
-    both = rng.random() < 0.4  # a sliding door of two leaves, or curtains
+    both = rng.random() < 0.4  # two leaves or curtains open to both sides
 
     def opening(time: float, behind: Light) -> Light:
         part = np.clip((time - begin) / lasts, 0.0, 1.0)
@@ -519,10 +536,11 @@ def door(rng: np.random.Generator) -> Disturbance:
 
 
 def glitter(rng: np.random.Generator) -> Disturbance:
-    """Return the sun on waves: facets that flash all the time, from before the film.
+    """Return the sun on waves: facets that flash throughout the film.
 
-    Each facet of a patch of water shows the sun for a few milliseconds whenever a wave
-    turns it there; as many come as go (Cox and Munk 1954: a sea of independent slopes).
+    Each facet of the water reflects the sun for a few milliseconds in each period of
+    its wave. The number of bright facets is stationary (Cox and Munk 1954: independent
+    slopes).
     """
     count = rng.integers(100, 1500)
     x0, y0 = _place(rng)
@@ -544,7 +562,7 @@ def glitter(rng: np.random.Generator) -> Disturbance:
 
 
 def headlights(rng: np.random.Generator) -> Disturbance:
-    """Return a pair of headlights turned on: LED at once, filaments in 100 ms."""
+    """Return a pair of headlights: LEDs immediately, filaments within 100 ms."""
     x, y = _place(rng)
     apart, size = rng.uniform(4.0, 40.0), rng.uniform(1.0, 6.0)
     begin, rise = rng.uniform(0.0, 0.2), rng.choice([0.0, rng.uniform(0.03, 0.15)])
@@ -558,14 +576,14 @@ def headlights(rng: np.random.Generator) -> Disturbance:
         if time < begin:
             return behind
         share = 1.0 if rise == 0.0 else -np.expm1(-(time - begin) / rise)
-        # a filament's light is about the cube of its share of the final temperature
+        # as in `lamps`: about the cube of the share of the final temperature
         return behind + np.float32(power * share**3) * shape
 
     return lit
 
 
 def welding(rng: np.random.Generator) -> Disturbance:
-    """Return an arc that burns and goes out at random, with glare and sparks."""
+    """Return a welding arc with random interruptions, glare and sparks."""
     x, y = _place(rng)
     size, reach = rng.uniform(0.7, 3.0), rng.uniform(3.0, 25.0)
     power = rng.uniform(5.0, 60.0)
@@ -585,8 +603,8 @@ def welding(rng: np.random.Generator) -> Disturbance:
         wave = 1.0 - flicker * (0.5 + 0.5 * np.sin(2 * np.pi * hz * time + phase))
         light = behind + np.float32(power * wave) * shape.astype(np.float32)
         for i in np.flatnonzero((time >= starts) & (time < starts + 0.05)):
-            way = speeds[i] * (time - starts[i])
-            at = x + way * np.cos(angles[i]), y + way * np.sin(angles[i])
+            path = speeds[i] * (time - starts[i])
+            at = x + path * np.cos(angles[i]), y + path * np.sin(angles[i])
             _add_spot(light, np.float32(2.0), *at, 0.6)
         return light
 
@@ -603,9 +621,9 @@ EVERYDAY: dict[str, Callable[[np.random.Generator], Disturbance]] = {
     "clouds": clouds,
     "auto exposure": auto_exposure,
 }
-"""By name: scenes that the test was not set by."""
+"""Further scenes by name, which were not used to set the detector's threshold."""
 OTHERS = tuple(EVERYDAY)
-"""Kinds that the test was not set by."""
+"""Names of `EVERYDAY`."""
 
 
 def negative(kind: str, seed: int, rate_hz: float = RATE_HZ) -> Sequence:
@@ -613,8 +631,8 @@ def negative(kind: str, seed: int, rate_hz: float = RATE_HZ) -> Sequence:
 
     Args:
         kind: One of `KINDS` or `OTHERS`.
-        seed: Another seed is another scene.
-        rate_hz: Frames a second [Hz].
+        seed: Seed of the scene.
+        rate_hz: Frame rate [Hz].
     """
     rng = np.random.default_rng([(KINDS + OTHERS).index(kind), seed])
     behind = random_background(rng, moving=1.0 if kind == "ego-motion" else 0.7)
@@ -631,11 +649,11 @@ def negative(kind: str, seed: int, rate_hz: float = RATE_HZ) -> Sequence:
 
 
 def negatives(count: int, first: int = 0) -> Iterator[tuple[str, Sequence]]:
-    """Return sequences of all kinds in turn, and what each is.
+    """Yield the kind and the sequence of each lookalike, all kinds in turn.
 
     Args:
-        count: How many.
-        first: Number of the first, so that work can be split.
+        count: Number of sequences.
+        first: Number of the first sequence, to split the work.
     """
     for number in range(first, first + count):
         kind = KINDS[number % len(KINDS)]
@@ -647,34 +665,36 @@ def _place(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def _disc(x: float, y: float, radius: float) -> Light:
-    """Return how much of each pixel a disc covers, roughly."""
-    away = np.hypot(_X - np.float32(x), _Y - np.float32(y))
-    return np.clip(np.float32(radius + 0.5) - away, 0.0, 1.0)
+    """Return the approximate coverage of each pixel by a disc, 0 to 1."""
+    distance = np.hypot(_X - np.float32(x), _Y - np.float32(y))
+    return np.clip(np.float32(radius + 0.5) - distance, 0.0, 1.0)
 
 
 def _add_spot(light: Light, bright: np.float32, x: float, y: float, r: float) -> None:
     """Add a small disc to an image in place."""
+    # only the pixels about it: glitter has up to 1,500 spots a frame
     left, top = max(int(x - r) - 1, 0), max(int(y - r) - 1, 0)
     bottom, right = max(int(y + r) + 3, 0), max(int(x + r) + 3, 0)
     here = np.s_[top:bottom, left:right]
-    away = np.hypot(_X[here] - x, _Y[here] - y)
-    light[here] += bright * np.clip(r - away + 0.5, 0.0, 1.0).astype(np.float32)
+    distance = np.hypot(_X[here] - x, _Y[here] - y)
+    light[here] += bright * np.clip(r - distance + 0.5, 0.0, 1.0).astype(np.float32)
 
 
 def texture(
     rng: np.random.Generator, mean: float, contrast: float, fineness: float = 1.2
 ) -> Float[np.ndarray, "size size"]:
-    """Return a random texture: the spectrum of natural scenes, about 1/f.
+    """Return a random texture with the spectrum of natural scenes, about 1/f.
 
     Args:
-        rng: Where chance comes from.
-        mean: Of the light.
-        contrast: Standard deviation of its logarithm.
+        rng: Random generator.
+        mean: Mean of the light.
+        contrast: Standard deviation of ln(light).
         fineness: Exponent of the fall of amplitudes with frequency.
     """
     f = np.fft.fftfreq(SIZE)
     size = np.hypot(f[:, None], f[None, : SIZE // 2 + 1])
     size[0, 0] = 1.0
+    # the Gaussian damps detail of a few pixels, as the blur of a lens does
     amplitude = size**-fineness * np.exp(-((size / 0.35) ** 2))
     amplitude[0, 0] = 0.0
     white = np.fft.rfft2(rng.standard_normal((SIZE, SIZE)))
@@ -687,16 +707,16 @@ def texture(
 
 @dataclass(frozen=True)
 class Background:
-    """A texture, and how the image moves over it.
+    """A texture and the motion of the image over it.
 
     Attributes:
-        texture: Light, repeating at its edges.
-        drift: Columns and rows a second [px/s].
-        shake: Amplitude of a vibration in both [px].
-        shake_hz: Its frequency [Hz].
-        roll: Turn of the image [rad/s].
-        jerk_s: When the camera is knocked; infinite for never [s].
-        jerk: By how much the drift changes then [px/s].
+        texture: Light, periodic.
+        drift: Speed of the image (columns, rows) [px/s].
+        shake: Amplitude of a vibration [px].
+        shake_hz: Frequency of the vibration [Hz].
+        roll: Rate of roll of the image [rad/s].
+        jerk_s: Time of a knock on the camera; infinite for none [s].
+        jerk: Change of the drift at the knock [px/s].
     """
 
     texture: Float[np.ndarray, "size size"]
@@ -708,7 +728,7 @@ class Background:
     jerk: tuple[float, float] = (0.0, 0.0)
 
     def moved(self, time: float) -> tuple[float, float]:
-        """Return how far what stands still has moved in the image [px]."""
+        """Return the displacement of the background in the image (x, y) [px]."""
         wave = self.shake * np.sin(2.0 * np.pi * self.shake_hz * time)
         late = max(time - self.jerk_s, 0.0)
         across = self.drift[0] * time + self.jerk[0] * late
@@ -716,7 +736,7 @@ class Background:
         return across + wave, down + 0.7 * wave
 
     def light(self, time: float) -> Float[np.ndarray, "height width"]:
-        """Return the light behind at an instant [s]."""
+        """Return the light of the background at a time [s]."""
         dx, dy = self.moved(time)
         if self.roll == 0.0:
             return _shifted(self.texture, dx, dy)
@@ -732,7 +752,7 @@ class Background:
 
 
 def _shifted(texture: np.ndarray, dx: float, dy: float) -> np.ndarray:
-    """Return the texture's corner, moved right and down, linear between pixels."""
+    """Return the corner of the texture, shifted right and down, interpolated."""
     left, top = int(np.floor(-dx)), int(np.floor(-dy))
     a, b = np.float32(-dx - left), np.float32(-dy - top)
     rows = (top + np.arange(HEIGHT + 1)) % SIZE
@@ -743,7 +763,7 @@ def _shifted(texture: np.ndarray, dx: float, dy: float) -> np.ndarray:
 
 
 def _sampled(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the texture at columns and rows, linear between pixels."""
+    """Return the texture at columns and rows, with linear interpolation."""
     left, top = np.floor(u), np.floor(v)
     a, b = u - left, v - top
     i, j = top.astype(np.int32) % SIZE, left.astype(np.int32) % SIZE
@@ -753,21 +773,21 @@ def _sampled(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def random_background(rng: np.random.Generator, *, moving: float = 0.7) -> Background:
-    """Draw a background, by day or dusk, before a camera that mostly moves.
+    """Draw a background, by day or dusk, for a camera that mostly moves.
 
     Args:
-        rng: Where chance comes from.
-        moving: Probability that it moves.
+        rng: Random generator.
+        moving: Probability that the camera moves.
     """
     mean, contrast = rng.uniform(0.05, 0.45), rng.uniform(0.1, 0.6)
-    made = texture(rng, mean, contrast, rng.uniform(1.0, 1.6))
+    light = texture(rng, mean, contrast, rng.uniform(1.0, 1.6))
     if rng.random() > moving:
-        return Background(made)
-    way, speed = rng.uniform(0, 2 * np.pi), rng.uniform(0.0, 200.0)
+        return Background(light)
+    direction, speed = rng.uniform(0, 2 * np.pi), rng.uniform(0.0, 200.0)
     knock = rng.uniform(0, 2 * np.pi)
     return Background(
-        made,
-        drift=(speed * np.cos(way), 0.5 * speed * np.sin(way)),
+        light,
+        drift=(speed * np.cos(direction), 0.5 * speed * np.sin(direction)),
         shake=rng.choice([0.0, rng.uniform(0.0, 0.6)]),
         shake_hz=rng.uniform(10.0, 120.0),
         roll=rng.choice([0.0, rng.uniform(-1.0, 1.0)]),

@@ -1,7 +1,7 @@
 r"""Cases for samplers: five microphones, and rare events of known probability.
 
-Five microphones about a charge have few readings more than unknowns: mass, position in
-the plane and time, without a prior, with exact or scattering laws. A normal
+Five microphones about a charge have few readings more than free parameters: mass,
+position in the plane and time, without a prior, with exact or scattering laws. A normal
 approximation is least accurate there.
 
 The pressure of known probability has uncertain mass, range and scatter. Peak pressure
@@ -42,11 +42,14 @@ from jblast.study.rare import Margin
 from jblast.waves import kingery_bulmash_pressure
 
 UNEQUAL = (4.0, 4.3, 4.7, 5.0)
+"""Distances of the unequal half-spaces [sd]: the last is a hundred times rarer."""
+# Half as many agree to 1e-9.
 NODES = 120
-"""Of the quadrature; half as many agree to 1e-9."""
-PLACES = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
+"""Nodes of the quadrature."""
+POSITIONS = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
 """East and north of each microphone [m]."""
 RECORDS = (("air_arrival_s", 1e-4), ("peak_overpressure_pa", 0.02))
+"""Quantities of each microphone, with their standard errors [s], [-]."""
 TRUTH = {
     "charge_mass_kg": 30.0,
     "charge_east_m": 10.0,
@@ -56,11 +59,13 @@ TRUTH = {
 LAWS = {quantity: "shock_kinematics" for quantity, _ in RECORDS}
 # Any number: the log is fixed by it.
 SEED = 11
+# Many walkers cost little in one compiled scan.
 WALKERS = 256
 SHARES = (0.05, 0.95)
-"""Ends of the 90 % interval."""
+"""Quantiles at the bounds of the 90 % interval."""
+# Walks start from the normal approximation, so that a tenth is ample.
 WARM_UP = 10
-"""The first tenth of a walk is left out."""
+"""Divisor of the length of a walk that gives its warm-up."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +74,9 @@ class RareRegion:
 
     Attributes:
         name: Kind of the event.
-        margin: Positive in the event.
+        margin: Function that is positive in the event.
         dimensions: Number of random variables.
-        probability: Exact.
+        probability: Exact probability.
     """
 
     name: str
@@ -104,7 +109,12 @@ def beyond_edge(edge: Callable[[float], float], dimensions: int) -> float:
 
 
 def shell(dimensions: int, probability: float) -> RareRegion:
-    """Return the event that the distance from the origin exceeds a radius."""
+    """Return the event that the distance from the origin exceeds a radius.
+
+    Args:
+        dimensions: Number of random variables.
+        probability: Probability of the event, which determines the radius.
+    """
     radius = float(np.sqrt(chi2.isf(probability, dimensions)))
     return RareRegion(
         "shell",
@@ -115,7 +125,7 @@ def shell(dimensions: int, probability: float) -> RareRegion:
 
 
 def curved(name: str, dimensions: int, distance: float, bend: float) -> RareRegion:
-    """Return $u_1 > d + b q$: wrapped about the origin where b is negative."""
+    """Return the event $u_1 > d + b q$, wrapped about the origin if b is negative."""
     return RareRegion(
         name,
         lambda u: u[0] - distance - bend * jnp.sum(u[1:] ** 2),
@@ -132,13 +142,14 @@ def island() -> RareRegion:
         hill = 5.0 * jnp.exp(-0.5 * jnp.sum((u - centre) ** 2)) - 3.0
         return jnp.maximum(u[0] - 4.0, hill)
 
-    # the ball, radius 1, ends 3 before the edge of the half-space
+    # the ball, of radius 1, does not touch the half-space: the probabilities add up
     ball = float(ncx2.cdf(radius**2, 5, 4.3**2))
     return RareRegion("half-space, island", margin, 5, tail(4.0) + ball)
 
 
 def rare_regions() -> list[RareRegion]:
-    """Return all events."""
+    """Return all rare events."""
+    # the third coordinate is free, so the probability is an integral over the second
     rough = quad(
         lambda x: ndtr(-4.2 + 0.02 * np.sin(20.0 * x)) * norm.pdf(x),
         -9.0,
@@ -215,15 +226,15 @@ def rare_regions() -> list[RareRegion]:
 
 
 class RarePressure(NamedTuple):
-    """What is believed, and what is asked.
+    """Distribution of mass and range, and a pressure threshold.
 
     Attributes:
-        mass_kg: Median of the charge.
-        mass_factor: Its standard deviation, as a factor.
-        range_m: Median of the range.
-        range_factor: Its standard deviation, as a factor.
-        scatter: Standard deviation of ln of a pressure about the law.
-        threshold_pa: A pressure that is rarely passed.
+        mass_kg: Median of the charge mass [kg].
+        mass_factor: Standard deviation of the mass, as a factor.
+        range_m: Median of the range [m].
+        range_factor: Standard deviation of the range, as a factor.
+        scatter: Standard deviation of ln pressure about the law.
+        threshold_pa: Pressure that is rarely exceeded [Pa].
     """
 
     mass_kg: float = 15.0
@@ -238,7 +249,7 @@ CASE = RarePressure()
 
 
 def pressure(u: Float[Array, "3"], case: RarePressure = CASE) -> Float[Array, ""]:
-    """Return the peak pressure [Pa] of a draw in standard normal coordinates."""
+    """Return the peak pressure of a sample in standard normal coordinates [Pa]."""
     law = kingery_bulmash_pressure(
         case.range_m * case.range_factor ** u[1],
         case.mass_kg * case.mass_factor ** u[0],
@@ -252,7 +263,7 @@ def margin(u: Float[Array, "3"]) -> Float[Array, ""]:
 
 
 def probability_above(threshold_pa: float, case: RarePressure = CASE) -> float:
-    """Return how probable a pressure above a threshold is, without a draw."""
+    """Return the probability of a pressure above a threshold, by quadrature."""
     log_pressure = jax.jit(
         lambda log_z: jnp.log(kingery_bulmash_pressure(jnp.exp(log_z), 1.0))
     )
@@ -260,9 +271,9 @@ def probability_above(threshold_pa: float, case: RarePressure = CASE) -> float:
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
     total = 0.0
     for node, weight in zip(nodes, weights / weights.sum(), strict=True):
-        wanted = np.log(threshold_pa) - case.scatter * node
+        target = np.log(threshold_pa) - case.scatter * node
         root = root_scalar(
-            lambda z, wanted=wanted: float(log_pressure(jnp.asarray(z))) - wanted,
+            lambda z, target=target: float(log_pressure(jnp.asarray(z))) - target,
             bracket=(np.log(0.2), np.log(1e4)),
             xtol=1e-12,
         ).root
@@ -271,7 +282,7 @@ def probability_above(threshold_pa: float, case: RarePressure = CASE) -> float:
 
 
 def mean_pressure(case: RarePressure = CASE) -> float:
-    """Return the mean pressure [Pa], without a draw."""
+    """Return the mean pressure, by quadrature [Pa]."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
     middle, sd = _log_z(case)
     values = kingery_bulmash_pressure(jnp.exp(middle + sd * nodes), jnp.ones(NODES))
@@ -287,19 +298,24 @@ def _log_z(case: RarePressure) -> tuple[float, float]:
 
 
 def scene_with(
-    *, scatter: bool, places: Sequence[tuple[float, float]] = PLACES
+    *, scatter: bool, positions: Sequence[tuple[float, float]] = POSITIONS
 ) -> Scene:
-    """Return microphones about a charge, laws exact or scattering."""
+    """Return a scene of microphones about a charge.
+
+    Args:
+        scatter: True for scattering laws, False for exact ones.
+        positions: East and north of each microphone [m].
+    """
     sensors = tuple(
-        Sensor(f"m{i}", jnp.array([*place, 1.5]), records=RECORDS)
-        for i, place in enumerate(places)
+        Sensor(f"m{i}", jnp.array([*position, 1.5]), records=RECORDS)
+        for i, position in enumerate(positions)
     )
     empty = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors)
     return with_values(empty, TRUTH)
 
 
 def one_posterior() -> Posterior:
-    """Return the posterior of one simulated log, laws exact, Student-t errors."""
+    """Return the posterior of one simulated log, with exact laws."""
     scene = scene_with(scatter=False)
     layout, sigma, _ = planned_layout(scene)
     read = observe(jax.random.key(SEED), scene, layout, LAWS, sigma)
@@ -316,19 +332,18 @@ def timed_walk(
     seed: int = 0,
     repeats: int = 1,
 ) -> tuple[Float[np.ndarray, "step walker free"], float]:
-    """Walk from draws of a unit normal.
+    """Walk from samples of a unit normal.
 
     Args:
-        sampler: What walks.
-        density: Where, in coordinates in which it is round.
-        free: How many unknowns.
-        steps: How many steps.
-        seed: Of the start and of the moves.
-        repeats: How often the same walk is timed.
+        sampler: The sampler.
+        density: Log density in whitened coordinates.
+        free: Number of free parameters.
+        steps: Number of steps.
+        seed: Seed of the start and of the moves.
+        repeats: Number of timed repetitions.
 
     Returns:
-        The chain without its warm-up, and the least seconds of the whole walk, once
-        compiled.
+        The chain without its warm-up, and the least time of the compiled walk [s].
     """
     w = np.random.default_rng(seed).standard_normal((WALKERS, free))
     value = np.array(densities(density, jnp.asarray(w)))
@@ -345,5 +360,5 @@ def timed_walk(
 def interval_ends(
     draws: Float[np.ndarray, "... free"],
 ) -> Float[np.ndarray, "2 free"]:
-    """Return the ends of the 90 % interval of each unknown."""
+    """Return the bounds of the 90 % interval of each parameter, shape (2, free)."""
     return np.quantile(draws.reshape(-1, draws.shape[-1]), SHARES, axis=0)

@@ -1,14 +1,14 @@
-"""Recordings whose truth is known: pressure records, sound in noise, and films.
+"""Simulated recordings with known truth: pressure records, sound in noise, and films.
 
-Pressure records are pulses by the laws, sampled with noise and drift: a surface charge
-of 15 kg, gauges 8 to 40 m away. Place and time are known; the mass is to be estimated.
-A pick is far off where a reading differs from the truth by more than `OUTLIER_SD` of
-its own standard deviations. Sound for detectors is noise of a known spectrum with one
-pulse.
+Pressure records are pulses by the laws, sampled with noise and drift. The surface
+charge of 15 kg is 8 to 40 m from the gauges. Position and time are known; the mass is
+to be estimated. A pick is an outlier if a reading differs from the truth by more than
+`OUTLIER_SD` of its own standard deviations. Sound for detectors is noise of a known
+spectrum with one pulse.
 
-The explosion in frames is eight views, `explosion_left_out`, of the explosion that is
-part of jblast, from directions drawn at random and not among those of its set, at ten
-of its phases. A close-up shows such a picture as it was rendered, texel by pixel.
+The explosion in frames consists of eight views, `explosion_left_out`, of the explosion
+that is part of jblast. Their directions are random and not in its set; they have ten of
+its phases. A close-up shows one of these pictures with one pixel for each texel.
 
 The moving disc has a bright edge that moves outwards. The logarithm of light is a
 logistic of the distance from the edge, 1 px wide, so the radius at which a threshold is
@@ -56,42 +56,53 @@ from jblast.waves.pulse import pulse_mean, pulse_of
 
 HEIGHT, WIDTH = 48, 64
 SHAPE = HEIGHT, WIDTH
-
-
-# the last of the six thresholds lies at 87 % of the rise: in the flat end of the edge
-# 8 bits tell little of the time (90 us if it lies at 99 %)
+# The last of the six thresholds is at 87 % of the rise. In the flat end of the edge 8
+# bits hardly constrain the time (error 90 us if it is at 99 %).
 DARK, BRIGHT = float(np.log(50 / 255)), float(np.log(200 / 255))
+"""ln of the grey values outside and inside the disc."""
+# The edge ends at 24 px, the half height: every pixel on its way is crossed once.
 EDGE, SPEED, START, DURATION = 1.0, 260.0, 3.0, 0.08
-"""Width [px], speed [px/s] and first radius [px] of the edge; of the scene [s]."""
+"""Width [px], speed [px/s] and first radius [px] of the edge; duration [s]."""
+# A usual setting of event cameras: a change of light of 22 %.
 THRESHOLD = 0.2
+"""Contrast threshold of the event camera [-]."""
 LEFT_OUT = Path(__file__).parent / "explosion_left_out"
 MASS = 15.0
+"""Charge of the films and of the pressure records [kg]: that of the thesis."""
+# So far that perspective changes the outline of the ball by 0.06 % only.
 CAMERA_DISTANCE_RADII = 30.0
-"""Of a close-up's camera, in radii of the fireball."""
+"""Distance of the camera of a close-up [fireball radii]."""
 BACKGROUND = 0.18
-"""Grey behind the fire, linear."""
+"""Linear grey behind the fire: the mid-grey of photography."""
 REPEATS = 3
-"""Of which the quickest counts."""
+"""Timed runs, of which the fastest counts."""
+# Below it the fire changes the grey by less than 2 % of its own light.
 MIN_OPACITY = 0.02
-"""Opacity from which a pixel is the fire's."""
+"""Opacity above which a pixel belongs to the fire."""
 RATE = 48000.0
-"""Samples a second [Hz]."""
+"""Sampling rate of sound [Hz]."""
 # Few logs, as each is picked and fitted; the seed fixes them.
 LOGS, SEED = 5, 3
+# A normal error exceeds 4 sd once in 16,000.
 OUTLIER_SD = 4.0
-"""A normal error is beyond this once in 16,000 [sd]."""
+"""Error above which a reading is an outlier [sd]."""
+# Factors of about 1.4: scaled distances of 3 to 16 m/kg^(1/3).
 RANGES = (8.0, 11.0, 15.0, 20.0, 28.0, 40.0)
+"""Slant ranges of the gauges [m]."""
 LAWS = dict.fromkeys(RECORD_QUANTITIES, "kingery_bulmash")
+# Quiet samples for the noise level, and the whole negative phase.
 BEFORE, BEHIND = 1.0, 6.0
-"""A record begins so many durations before its front, and ends behind it."""
+"""Length of a record before and behind its front [durations]."""
+# 0.7^64 is 1e-10: the first sample no longer matters.
 SETTLES = 64
-"""Samples after which coloured noise has forgotten how it began."""
+"""Discarded first samples of coloured noise."""
 SUCTION, SUCTION_IMPULSE = 0.2, 0.6
-"""Shares of peak and impulse, about those of the laws."""
+"""Underpressure and negative impulse over peak and impulse, about those of the laws."""
 
 
 def radius(x: Float[Array, "..."], y: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return the distance of places from the middle of the disc [px]."""
+    """Return the distance from the centre of the disc [px]."""
+    # off the pixel grid, so that no two pixels have the same distance
     return jnp.hypot(x - (WIDTH - 1) / 2 - 0.3, y - (HEIGHT - 1) / 2 + 0.2)
 
 
@@ -102,13 +113,13 @@ def disc_light(
     start: Float[Array, ""] | float = START,
     speed: Float[Array, ""] | float = SPEED,
 ) -> Float[Array, "..."]:
-    """Return the logarithm of light at times [s], columns and rows."""
-    away = (radius(x, y) - start - speed * time) / EDGE
-    return DARK + (BRIGHT - DARK) * jax.nn.sigmoid(-away)
+    """Return ln(light) at times [s], columns and rows."""
+    outside = (radius(x, y) - start - speed * time) / EDGE
+    return DARK + (BRIGHT - DARK) * jax.nn.sigmoid(-outside)
 
 
 def disc_frames(times: Float[np.ndarray, " frame"]) -> Float[np.ndarray, "frame _ _"]:
-    """Return images of the logarithm of light; the disc rests from `DURATION` on."""
+    """Return images of ln(light); the disc rests from `DURATION` on."""
     return np.asarray(_frames(jnp.asarray(np.minimum(times, DURATION))))
 
 
@@ -121,7 +132,7 @@ def _frames(times):
 def film(
     fps: float | int,
 ) -> tuple[Float[np.ndarray, " frame"], Float[np.ndarray, "frame _ _"]]:
-    """Return times [s], and images of the logarithm of light."""
+    """Return times [s], and images of ln(light)."""
     times = np.arange(round(DURATION * fps) + 1) / fps
     return times, disc_frames(times)
 
@@ -129,30 +140,31 @@ def film(
 def analytic() -> tuple[
     Int[np.ndarray, " event"], Int[np.ndarray, " event"], Float[np.ndarray, " event"]
 ]:
-    """Return pixel, number and time [s] of each event, by pixel and then time."""
+    """Return pixel, number and time [s] of each event, sorted by pixel and time."""
     begin, end = (frame.ravel() for frame in disc_frames(np.array([0.0, DURATION])))
     number = np.floor((end - begin) / THRESHOLD).astype(int)
     pixel = np.repeat(np.arange(begin.size), number)
     nth = np.arange(1, pixel.size + 1) - np.repeat(np.cumsum(number) - number, number)
     y, x = np.divmod(pixel, WIDTH)
     share = (begin[pixel] + nth * THRESHOLD - DARK) / (BRIGHT - DARK)
-    away = EDGE * np.log(1.0 / share - 1.0)
-    edge = np.asarray(radius(jnp.asarray(x, float), jnp.asarray(y, float))) - away
+    # the logistic inverted: distance from the edge at which the share is reached
+    outside = EDGE * np.log(1.0 / share - 1.0)
+    edge = np.asarray(radius(jnp.asarray(x, float), jnp.asarray(y, float))) - outside
     return pixel, nth, (edge - START) / SPEED
 
 
 def passed_wholly() -> np.ndarray:
-    """Return which pixels the edge has passed wholly, row by row."""
+    """Return True for pixels that the whole edge has passed, row by row."""
     begin, end = disc_frames(np.array([0.0, DURATION]))
     return ((begin < DARK + 1e-3) & (end > BRIGHT - 1e-3)).ravel()
 
 
 class CloseUp(NamedTuple):
-    """A picture of the fire alone.
+    """Picture of the fire alone.
 
     Attributes:
-        grey: Luminance before an even grey, as it is looked at (sRGB), 0 to 1.
-        fire: Which pixels are the fire's.
+        grey: Luminance in front of a uniform grey (sRGB), 0 to 1.
+        fire: True for pixels of the fire.
     """
 
     grey: Float[np.ndarray, "height width"]
@@ -162,23 +174,23 @@ class CloseUp(NamedTuple):
 def close_up(
     views: ExplosionViews, shown: ExplosionViews, view: int, frame: int
 ) -> CloseUp:
-    """Return what a set shows from a view's side, as large as the view's picture.
+    """Render a set from the direction of a view, in the size of the view's picture.
 
     Args:
-        views: The set that is looked at.
-        shown: The set that has the view.
-        view: Its number.
-        frame: Of the set that has the view.
+        views: Set to render.
+        shown: Set that contains the view.
+        view: Number of the view.
+        frame: Number of the frame in `shown`.
     """
     time = float(shown.phase[frame]) * float(fireball_duration(MASS))
     radius = float(fireball(MASS, time).radius)
-    place = CAMERA_DISTANCE_RADII * radius * np.asarray(shown.direction[view])
+    eye = CAMERA_DISTANCE_RADII * radius * np.asarray(shown.direction[view])
     size = shown.frames.shape[2]
-    # the outline of a ball is seen a little larger than the ball
+    # tangents to a ball of radius 1 at distance d have the slope 1/sqrt(d^2 - 1)
     focal = float(shown.radius[view, frame]) * np.sqrt(CAMERA_DISTANCE_RADII**2 - 1.0)
     camera = Camera(
-        position=place,
-        quaternion=look_at(place, np.zeros(3)),
+        position=eye,
+        quaternion=look_at(eye, np.zeros(3)),
         focal=np.full(2, focal),
         center=np.asarray(shown.anchor[view]),
         width=size,
@@ -196,13 +208,13 @@ def close_up(
 
 
 class Filmed(NamedTuple):
-    """A film of one charge.
+    """Film of one charge.
 
     Attributes:
         scene: 15 kg on the ground.
-        camera: 40 m from it.
-        times: From the burst until the fire is out [s].
-        appearance: The fire lights the ground, or not.
+        camera: Camera at a distance of 40 m.
+        times: Times from the burst to the end of the fire [s].
+        appearance: Options of the fire, with or without light on the ground.
     """
 
     scene: Scene
@@ -214,18 +226,18 @@ class Filmed(NamedTuple):
 def filmed(
     frames: int, *, width: int = 640, height: int = 480, flash: bool = True
 ) -> Filmed:
-    """Return a film of an explosion whose fireball is 0.4 of the image's height wide.
+    """Return a film of an explosion whose fireball is 0.4 image heights wide.
 
     Args:
-        frames: How many.
-        width: Of the image [px].
-        height: Likewise.
-        flash: Whether the fire lights the ground.
+        frames: Number of frames.
+        width: Width of the image [px].
+        height: Height of the image [px].
+        flash: True if the fire lights the ground.
     """
-    place, life = np.array([0.0, -40.0, 2.0]), float(fireball_duration(MASS))
+    eye, life = np.array([0.0, -40.0, 2.0]), float(fireball_duration(MASS))
     camera = Camera(
-        position=place,
-        quaternion=look_at(place, np.array([0.0, 0.0, 4.0])),
+        position=eye,
+        quaternion=look_at(eye, np.array([0.0, 0.0, 4.0])),
         focal=np.full(2, 1.8 * height),
         center=0.5 * np.array([width - 1.0, height - 1.0]),
         width=width,
@@ -237,13 +249,11 @@ def filmed(
 
 
 def processor_seconds(views: ViewSet | None, film: Filmed) -> float:
-    """Return the time of processors that a frame of a film takes, all with it [s].
-
-    Not of the clock: others may use the machine.
+    """Return the processor time of a frame of a film, over all cores [s].
 
     Args:
         views: The set; None for the smooth ball.
-        film: What is rendered.
+        film: Film to render.
     """
 
     def run() -> Array:
@@ -258,6 +268,7 @@ def processor_seconds(views: ViewSet | None, film: Filmed) -> float:
     jax.block_until_ready(run())
     best = np.inf
     for _ in range(REPEATS):
+        # not the wall clock, since other programs may use the machine
         start = time.process_time()
         jax.block_until_ready(run())
         best = min(best, time.process_time() - start)
@@ -265,12 +276,13 @@ def processor_seconds(views: ViewSet | None, film: Filmed) -> float:
 
 
 def rumble(lines: bool = False) -> NoiseSpectrum:
-    """Return wind and traffic over a recorder's floor: 90 dB from end to end.
+    """Return the spectrum of wind, traffic and the noise of a recorder, over 90 dB.
 
     Args:
-        lines: Whether a rotor's first three harmonics, 141 Hz apart, are in it.
+        lines: True to add the first three harmonics of a rotor, 141 Hz apart.
     """
     f = np.linspace(0.0, RATE / 2, 2049)
+    # wind falls from 30 Hz on, traffic from 500 Hz on; 1e-9 is the recorder itself
     density = 1 / (1 + (f / 30) ** 2) ** 1.2 + 1e-5 / (1 + (f / 500) ** 2) + 1e-9
     if lines:
         density[[12, 24, 36]] *= 100.0
@@ -280,13 +292,13 @@ def rumble(lines: bool = False) -> NoiseSpectrum:
 def coloured(
     rng: np.random.Generator, noise: NoiseSpectrum, size: int, rows: int = 1
 ) -> Float[np.ndarray, "row sample"]:
-    """Draw noise around a circle of so many samples, by its spectrum alone.
+    """Draw periodic noise of a spectrum, shape (rows, size).
 
     Args:
-        rng: Where chance comes from.
-        noise: Its spectrum.
-        size: Samples of a row.
-        rows: How many.
+        rng: Random generator.
+        noise: Spectrum of the noise.
+        size: Number of samples of a row.
+        rows: Number of rows.
     """
     frequency = np.fft.rfftfreq(size, 1 / RATE)
     spread = np.sqrt(np.interp(frequency, *noise[:2]) * RATE / 2)
@@ -300,9 +312,9 @@ def pulse(
     """Return a blast of peak about 0.8 with a smooth front and a smooth end.
 
     Args:
-        duration_s: Of all of it [s].
-        delay: By so many samples it comes later, a fraction or more.
-        rise_s: Of the front [s].
+        duration_s: Duration of the whole blast [s].
+        delay: Delay of the blast, not necessarily whole [samples].
+        rise_s: Rise time of the front [s].
     """
     count = round(duration_s * RATE)
     t = (np.arange(count) - delay) / RATE
@@ -316,31 +328,32 @@ def pulse(
 def plain_normalised(
     recording: Float[np.ndarray, " sample"], template: Float[np.ndarray, " tap"]
 ) -> Float[np.ndarray, " output"]:
-    """Return the correlation coefficient of a template at each place it fits.
+    """Return the correlation coefficient of a template at each offset.
 
-    The usual detector: algorithm 6 of Parab's thesis, padded, over the energy of the
-    stretch. It knows no colour.
+    This is the usual detector: algorithm 6 of Parab's thesis with padding, divided by
+    the energy of the segment. It does not whiten the noise.
 
     Args:
-        recording: Samples.
-        template: Samples, fewer.
+        recording: Samples of the recording.
+        template: Samples of the template, fewer than those of the recording.
     """
     size = 2 ** int(np.ceil(np.log2(recording.size)))
     product = np.fft.rfft(recording, size) * np.conj(np.fft.rfft(template, size))
     along = np.fft.irfft(product, size)[: recording.size - template.size + 1]
     sums = np.concatenate([[0.0], np.cumsum(recording**2)])
     energy = sums[template.size :] - sums[: -template.size]
+    # cumulative sums may leave a rounding error below zero in a silent segment
     length = np.sqrt(np.maximum(energy, 1e-12 * sums[-1])) * np.linalg.norm(template)
     return along / length
 
 
 class Shares(NamedTuple):
-    """How many picks fail, by level.
+    """Shares of failed picks, by level.
 
     Attributes:
-        failed: Share that is far off or not found.
-        unmarked: Share that is far off and called good.
-        marked: Share that is not called good, far off or not.
+        failed: Share of outliers and of records without a pick.
+        unmarked: Share of outliers of good quality.
+        marked: Share of picks that are not of good quality, outliers or not.
     """
 
     failed: Float[np.ndarray, " level"]
@@ -350,21 +363,21 @@ class Shares(NamedTuple):
 
 @dataclass(frozen=True)
 class Recorder:
-    """How records are taken.
+    """Properties of a recorder and its disturbances.
 
     Attributes:
         snr: Peak over the noise of a sample.
-        samples: Of a record.
-        rise: Time of rise [samples].
-        colour: Share of the noise of a sample that the next one has.
-        drift: Of the baseline over the record, share of the peak.
-        wander: Of the baseline to and fro, share of the peak either way.
-        wander_period: Of that, in durations.
-        full_scale: At which it clips, share of the peak; None: nowhere.
-        echo: Arrival of a second wave, in durations behind the first; None: none.
-        echo_size: Its peak over that of the first.
-        echo_rise: Its time of rise [samples]; None: that of the first.
-        before: Durations before the front that a record begins.
+        samples: Samples of a record.
+        rise: Rise time of the front [samples].
+        colour: Correlation of the noise of successive samples.
+        drift: Drift of the baseline over the record, as a share of the peak.
+        wander: Amplitude of an oscillation of the baseline, as a share of the peak.
+        wander_period: Period of the oscillation [durations].
+        full_scale: Clipping level, as a share of the peak; None for no clipping.
+        echo: Delay of a second wave [durations]; None for no second wave.
+        echo_size: Peak of the second wave over that of the first.
+        echo_rise: Rise time of the second wave [samples]; None for that of the first.
+        before: Length of the record before the front [durations].
     """
 
     snr: float = 20.0
@@ -382,12 +395,12 @@ class Recorder:
 
 
 def shares_of(recorders: Sequence[Recorder]) -> Shares:
-    """Return how many picks fail of records that are taken in each way."""
+    """Return the shares of failed picks for each recorder."""
     rng = np.random.default_rng(SEED)
     truths = [readings(rng, scatter=True) for _ in range(LOGS)]
     records = []
     for recorder in recorders:
-        # the same noise for each
+        # common random numbers: shares differ by the recorder alone
         drawn = np.random.default_rng(SEED + 1)
         records += [r for one in truths for r in recorded(drawn, one, recorder)]
     picks = pick_records(records)
@@ -406,11 +419,11 @@ def shares_of(recorders: Sequence[Recorder]) -> Shares:
 
 
 def is_far_off(one: RecordPick, truth: Float[np.ndarray, "4"]) -> bool:
-    """Return whether a value of a pick is off by more than it may be.
+    """Return True if the error of a pick exceeds `OUTLIER_SD` of its own.
 
     Args:
         one: The pick.
-        truth: Arrival, peak, duration and impulse.
+        truth: Arrival [s], peak [Pa], duration [s] and impulse [Pa s].
     """
     found = one.pick
     arrival = float(found.air_arrival_s) - truth[0]
@@ -426,13 +439,13 @@ def is_far_off(one: RecordPick, truth: Float[np.ndarray, "4"]) -> bool:
 
 
 def uncertain_scene(*, scatter: bool) -> UncertainScene:
-    """Return what is known before: all but the mass; the laws scatter, or are exact."""
+    """Return the scene with a free mass, and with scattering or exact laws."""
     scene = Scene(Charge(mass_kg=MASS), scatter=scatter)
     return with_laws(freed(UncertainScene(scene), ["charge_mass_kg"]), LAWS)
 
 
 def layout() -> Layout:
-    """Return the rows that picks of all gauges fill, gauge by gauge."""
+    """Return the layout of the picks of all gauges, gauge by gauge."""
     count = len(RANGES)
     return Layout(
         quantity=RECORD_QUANTITIES * count,
@@ -447,8 +460,8 @@ def layout() -> Layout:
 
 def readings(
     rng: np.random.Generator, *, scatter: bool
-) -> Float[np.ndarray, "gauge asked"]:
-    """Draw what pulses have at the gauges, laws' scatter included, in their units."""
+) -> Float[np.ndarray, "gauge reading"]:
+    """Draw arrival, peak, duration and impulse at each gauge, with scatter [SI]."""
     uncertain = uncertain_scene(scatter=scatter)
     recording = record(parameters_of(uncertain).scene, layout(), LAWS)
     value = np.asarray(recording.value).reshape(-1, 4)
@@ -466,20 +479,21 @@ def readings(
 
 def recorded(
     rng: np.random.Generator,
-    values: Float[np.ndarray, "gauge asked"],
+    values: Float[np.ndarray, "gauge reading"],
     recorder: Recorder,
 ) -> list[PressureRecord]:
-    """Return the records of pulses of some arrivals, peaks, durations and impulses."""
+    """Return one record for each gauge, from `readings`."""
     found = []
-    for gauge, asked in enumerate(values.tolist()):
-        arrival, peak, duration, _ = asked
+    for gauge, parameters in enumerate(values.tolist()):
+        arrival, peak, duration, _ = parameters
         step = (recorder.before + BEHIND) * duration / recorder.samples
+        # a random shift of about a sample, so that fronts have no common phase
         start = arrival - (recorder.before + 0.01 * rng.uniform()) * duration
         edges = (np.arange(recorder.samples + 1) - 0.5) * step + start
         rise = recorder.rise * step
-        samples = _wave(asked, rise, edges)
+        samples = _wave(parameters, rise, edges)
         if recorder.echo is not None:
-            later = [arrival + recorder.echo * duration, *asked[1:]]
+            later = [arrival + recorder.echo * duration, *parameters[1:]]
             slow = rise if recorder.echo_rise is None else recorder.echo_rise * step
             samples = samples + recorder.echo_size * _wave(later, slow, edges)
         samples = samples + _noise(rng, recorder) * peak / recorder.snr
@@ -501,25 +515,25 @@ def recorded(
     return found
 
 
-def _wave(asked: Sequence[float], rise: float, edges: Float[np.ndarray, " edge"]):
-    """Return the means of a pulse over samples."""
-    arrival, peak, duration, impulse = asked
-    suction, below = SUCTION * peak, SUCTION_IMPULSE * impulse
-    pulse = pulse_of(arrival, peak, impulse, duration, rise, suction, below)
+def _wave(parameters: Sequence[float], rise: float, edges: Float[np.ndarray, " edge"]):
+    """Return the mean of a pulse over each sample."""
+    arrival, peak, duration, impulse = parameters
+    suction, negative_impulse = SUCTION * peak, SUCTION_IMPULSE * impulse
+    pulse = pulse_of(arrival, peak, impulse, duration, rise, suction, negative_impulse)
     return np.asarray(pulse_mean(pulse, edges[:-1], edges[1:]))
 
 
 def _noise(rng: np.random.Generator, recorder: Recorder):
-    """Return noise of unit variance, each sample a share of the last."""
+    """Return autoregressive noise of first order and unit variance."""
     white = rng.standard_normal(recorder.samples + SETTLES)
     for k in range(1, white.size if recorder.colour else 0):
-        left = np.sqrt(1 - recorder.colour**2)
-        white[k] = recorder.colour * white[k - 1] + left * white[k]
+        innovation = np.sqrt(1 - recorder.colour**2)
+        white[k] = recorder.colour * white[k - 1] + innovation * white[k]
     return white[SETTLES:]
 
 
 def log_of_picks(picks: Sequence[RecordPick]) -> Observations:
-    """Return the rows of picks of all gauges, with what they share."""
+    """Return the rows of the picks of all gauges, with their covariances."""
     values = [
         log_value(one, quantity) for one in picks for quantity in RECORD_QUANTITIES
     ]

@@ -5,7 +5,7 @@ as a power law with the end slope outside their table.
 
 A printed polynomial in the logarithm is one segment $p_k(\ln z)$ (`LogPolynomial`); a
 handbook fit of a pressure is a sum of powers of $1/z$ (`ReciprocalPolynomial`). Where
-segments meet, the printed values jump and the slopes break. Where the table ends,
+segments meet, the printed values jump and the slopes change. Beyond the table,
 polynomials diverge, and a sum with a negative constant becomes negative, which no
 handbook intends. `LogCurve` therefore blends neighbours in $\ln y$ over an interval of
 $\ln z$ around each join, and replaces them outside the table by a power law.
@@ -49,12 +49,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+# Narrow, so that the printed curve is kept nearly everywhere; wide enough that the
+# slope of the blend stays near the printed slopes.
 BLEND_WIDTH = 0.05
 """Width of a blend, in z: from join / sqrt(1.05) to join * sqrt(1.05)."""
 Curve = Callable[[Float[Array, "..."]], Float[Array, "..."]]
 LogPressure = Callable[[np.ndarray], np.ndarray]
+# Far beyond every range of use; from there on the head start is a straight line.
 HEAD_START_END = 1e6
-"""End of the series of a head start and start of its straight line, a distance."""
+"""Largest scaled distance of the series of a head start."""
 
 
 @runtime_checkable
@@ -63,12 +66,12 @@ class Segment(Protocol):
 
     @property
     def z_min(self) -> float:
-        """Its start."""
+        """Lower limit of z."""
         ...
 
     @property
     def z_max(self) -> float:
-        """Its end."""
+        """Upper limit of z."""
         ...
 
     def log_value(self, log_z: Any) -> Any:
@@ -85,8 +88,8 @@ class LogPolynomial:
     r"""One segment: $\ln y = \sum_i c_i u^i$ with $u = k_0 + k_1 \ln z$.
 
     Attributes:
-        z_min: Where it starts.
-        z_max: Where it ends.
+        z_min: Lower limit of z.
+        z_max: Upper limit of z.
         offset: $k_0$.
         scale: $k_1$.
         coefficients: $c_0, c_1, \dots$
@@ -127,12 +130,12 @@ class LogCurve:
 
     @property
     def z_min(self) -> float:
-        """Start of the table."""
+        """Lower limit of the table."""
         return self.segments[0].z_min
 
     @property
     def z_max(self) -> float:
-        """End of the table."""
+        """Upper limit of the table."""
         return self.segments[-1].z_max
 
     def log_value(self, log_z: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -141,7 +144,8 @@ class LogCurve:
         At both ends of the table value and slope are continuous.
         """
         start, end = math.log(self.z_min), math.log(self.z_max)
-        # The polynomials only ever see the table, or their NaN gradients would leak.
+        # Clamped on the input: a polynomial far outside its table overflows, and a
+        # `where` around the result would let its NaN gradient through.
         inside = jnp.minimum(jnp.maximum(log_z, start), end)
         value = self.segments[0].log_value(self._within(inside, 0))
         for k in range(1, len(self.segments)):
@@ -158,7 +162,7 @@ class LogCurve:
         return value + end_slope * (log_z - inside)
 
     def _within(self, log_z: Float[Array, "..."], segment: int) -> Float[Array, "..."]:
-        """Keep a segment's input in its reach, blends included."""
+        """Return ln z clamped to the range of a segment, with its blends."""
         half = 0.5 * math.log1p(BLEND_WIDTH)
         if segment > 0:
             log_z = jnp.maximum(log_z, math.log(self.segments[segment].z_min) - half)
@@ -182,8 +186,8 @@ class ReciprocalPolynomial:
     r"""One segment: $y = \sum_i c_i z^{-i}$.
 
     Attributes:
-        z_min: Where it starts.
-        z_max: Where it ends.
+        z_min: Lower limit of z.
+        z_max: Upper limit of z.
         coefficients: $c_0, c_1, \dots$
     """
 
@@ -207,10 +211,10 @@ class ReciprocalPolynomial:
 
 
 class Break(NamedTuple):
-    """One factor.
+    """One factor of a broken power law.
 
     Attributes:
-        z: Where the slope changes, $a$.
+        z: Position of the change of slope, $a$.
         power: $n$.
         share: $m$; the slope changes by $m n$.
     """
@@ -222,14 +226,14 @@ class Break(NamedTuple):
 
 @dataclass(frozen=True)
 class BrokenPowerLaw:
-    """One curve.
+    """Power law with smooth changes of slope.
 
     Attributes:
         factor: $A$.
         exponent: $n$.
         breaks: The factors in brackets.
-        z_min: Below it the curve continues as a power law with its slope there.
-        z_max: Likewise above it.
+        z_min: Lower limit; below it the curve is a power law with the slope there.
+        z_max: Upper limit; above it the curve is a power law with the slope there.
     """
 
     factor: float
@@ -248,6 +252,7 @@ class BrokenPowerLaw:
         value = math.log(self.factor) + self.exponent * inside
         for knee in self.breaks:
             steps = knee.power * (inside - math.log(knee.z))
+            # ln(1 + (z/a)^n) without the overflow of the power
             value = value + knee.share * jax.nn.softplus(steps)
         # Exactly on an end each of two terms gives half of the slope: together one.
         if self.z_min > 0.0:
@@ -270,25 +275,26 @@ class BrokenPowerLaw:
 
 @dataclass(frozen=True)
 class HermiteCurve:
-    """Cubics in the fraction of the way from one node to the next.
+    """Cubics in the fraction of the distance between two nodes.
 
     Attributes:
-        nodes: In ascending order.
-        coefficients: Of the powers 0 to 3 of the fraction, one row an interval.
+        nodes: Nodes in ascending order.
+        coefficients: Coefficients of the powers 0 to 3 of the fraction, one row for
+            each interval.
         slope_before: Slope of the line before the first node.
         slope_after: Slope of the line after the last node.
     """
 
     nodes: Float[np.ndarray, " node"]
-    coefficients: Float[np.ndarray, "stretch 4"]
+    coefficients: Float[np.ndarray, "interval 4"]
     slope_before: float
     slope_after: float
 
     def inside(self, x: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         """Return the value between the nodes, in NumPy."""
-        stretch = np.searchsorted(self.nodes[1:-1], x, side="right")
-        t = (x - self.nodes[stretch]) / np.diff(self.nodes)[stretch]
-        return (self.coefficients[stretch] * t[..., None] ** np.arange(4)).sum(-1)
+        interval = np.searchsorted(self.nodes[1:-1], x, side="right")
+        t = (x - self.nodes[interval]) / np.diff(self.nodes)[interval]
+        return (self.coefficients[interval] * t[..., None] ** np.arange(4)).sum(-1)
 
     def value(self, x: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return the value anywhere."""
@@ -297,15 +303,15 @@ class HermiteCurve:
         )
         inside = jnp.minimum(jnp.maximum(x, nodes[0]), nodes[-1])
         if self._is_even():  # a search and its gathers take most of the time
-            way = (inside - nodes[0]) / spacing[0]
-            stretch = jnp.minimum(way.astype(jnp.int32), spacing.size - 1)
-            t = way - stretch.astype(x.dtype)
+            position = (inside - nodes[0]) / spacing[0]
+            interval = jnp.minimum(position.astype(jnp.int32), spacing.size - 1)
+            t = position - interval.astype(x.dtype)
         else:
-            stretch = jnp.searchsorted(nodes[1:-1], inside, side="right")
-            t = (inside - nodes[stretch]) / spacing[stretch]
-        # By columns, which XLA reads twice as fast as rows; a stretch is never outside.
+            interval = jnp.searchsorted(nodes[1:-1], inside, side="right")
+            t = (inside - nodes[interval]) / spacing[interval]
+        # By columns, which XLA reads twice as fast as rows; no index is out of bounds.
         c0, c1, c2, c3 = (
-            jnp.asarray(column, x.dtype).at[stretch].get(mode="promise_in_bounds")
+            jnp.asarray(column, x.dtype).at[interval].get(mode="promise_in_bounds")
             for column in self.coefficients.T
         )
         outer = jnp.where(x < nodes[1], self.slope_before, self.slope_after)
@@ -313,7 +319,7 @@ class HermiteCurve:
         return c0 + t * (c1 + t * (c2 + t * c3)) + outer.astype(x.dtype) * (x - inside)
 
     def _is_even(self) -> bool:
-        """Return whether the nodes are evenly spaced, up to rounding."""
+        """Return True if the nodes are evenly spaced, up to rounding."""
         even = np.linspace(self.nodes[0], self.nodes[-1], self.nodes.size)
         return bool(np.allclose(self.nodes, even, rtol=0, atol=1e-12 * np.ptp(even)))
 
@@ -328,14 +334,14 @@ def hermite_curve(
     """Return the curve of given values and slopes.
 
     Args:
-        nodes: In ascending order.
-        values: There.
-        slopes: There.
-        slope_before: Of the line before the first node; its slope if not given.
-        slope_after: Of the line after the last node; its slope if not given.
+        nodes: Nodes in ascending order.
+        values: Values at the nodes.
+        slopes: Slopes at the nodes.
+        slope_before: Slope before the first node; by default that at the node.
+        slope_after: Slope after the last node; by default that at the node.
 
     Raises:
-        ValueError: The nodes do not ascend.
+        ValueError: The nodes are not in ascending order.
     """
     spacing = np.diff(nodes)
     if not np.all(spacing > 0):
@@ -357,8 +363,8 @@ def natural_log_spline(
     """Return ln y against ln z through points: in NumPy, always in float64.
 
     Args:
-        z: Positive and rising.
-        y: Positive.
+        z: Positive numbers in ascending order.
+        y: Positive values.
     """
     return _spline(np.log(z), np.log(y), None)
 
@@ -369,13 +375,13 @@ def clamped_log_spline(
     start_slope: float,
     end_slope: float,
 ) -> HermiteCurve:
-    """Return the same with given slopes d ln y/d ln z at the ends, for curved ones.
+    """Return ln y against ln z through points, with given slopes at the ends.
 
     Args:
-        z: Positive and rising.
-        y: Positive.
-        start_slope: At the first point.
-        end_slope: At the last point.
+        z: Positive numbers in ascending order.
+        y: Positive values.
+        start_slope: d ln y/d ln z at the first point.
+        end_slope: d ln y/d ln z at the last point.
     """
     return _spline(np.log(z), np.log(y), (start_slope, end_slope))
 
@@ -405,7 +411,8 @@ def _spline(
 def _tridiagonal_solution(
     below: np.ndarray, middle: np.ndarray, above: np.ndarray, right: np.ndarray
 ) -> np.ndarray:
-    """Solve by elimination, which is stable as the matrix is diagonally dominant."""
+    """Return the solution of a tridiagonal system, by elimination."""
+    # no pivoting: the matrix of a spline is diagonally dominant
     middle, right = middle.tolist(), right.tolist()
     for i in range(1, len(right)):
         share = below[i] / middle[i - 1]
@@ -418,13 +425,13 @@ def _tridiagonal_solution(
 
 
 class Tail(NamedTuple):
-    r"""The pressure past the join.
+    r"""Pressure beyond the join.
 
     Attributes:
         log_pressure: $\ln(p/P_0)$ against $\ln Z$.
-        degree: Of the head start's series.
-        log_length: $\ln b$ of a weak shock, $p/P_0 = A/(Z\sqrt{\ln(Z/b)})$; None where
-            the pressure falls as $1/Z$.
+        degree: Degree of the series of the head start.
+        log_length: $\ln b$ of a weak shock, $p/P_0 = A/(Z\sqrt{\ln(Z/b)})$; None if the
+            pressure falls as $1/Z$.
     """
 
     log_pressure: LogPressure
@@ -433,20 +440,21 @@ class Tail(NamedTuple):
 
 
 def head_start(tail: Tail, log_join: float, lead: float) -> Curve:
-    r"""Integrate $1 - 1/M$ past the join: a Chebyshev series, then a straight line.
+    r"""Integrate $1 - 1/M$ beyond the join: a Chebyshev series, then a straight line.
 
     The coordinate is $\ln Z$ where the pressure falls as $1/Z$. Where the shock is weak
     it is $q = \sqrt{\ln(Z/b)}$: with $p/P_0 = A/(Zq)$ the slope tends to $\tfrac67 A$.
 
     Args:
-        tail: The pressure there.
-        log_join: $\ln Z$ where it starts.
-        lead: The head start there.
+        tail: Pressure beyond the join.
+        log_join: $\ln Z$ of the join.
+        lead: Head start at the join.
     """
     log_pressure, degree, log_length = tail
 
     def gain(at: np.ndarray) -> np.ndarray:
-        """(1 - 1/M) dZ by the coordinate, free of cancellation."""
+        """Return (1 - 1/M) dZ/d(coordinate)."""
+        # (M - 1)/M as x/(M (M + 1)), which does not cancel for a weak shock
         log_z = at if log_length is None else log_length + at * at
         step = np.exp(log_z) * (1.0 if log_length is None else 2.0 * at)
         strength = 6.0 / 7.0 * np.exp(log_pressure(log_z))
@@ -473,11 +481,11 @@ class Arrival:
     r"""One arrival, as $\ln(c_0 t/Z)$ against $\ln Z$.
 
     Attributes:
-        first: $\ln Z$ where the integral is first used.
-        join: $\ln Z$ where the head start takes over.
-        inner: Before the first: a curve, or $d\ln t/d\ln Z$ of a power law.
-        near: The curve from the first to the join.
-        head_start: $Z - c_0 t$ past the join.
+        first: Smallest $\ln Z$ of the integral.
+        join: $\ln Z$ at which the head start replaces the integral.
+        inner: Curve below `first`, or $d\ln t/d\ln Z$ of a power law.
+        near: Curve from `first` to the join.
+        head_start: $Z - c_0 t$ beyond the join.
         mach_number: $U/c_0$ against $\ln Z$.
     """
 
@@ -493,7 +501,8 @@ class Arrival:
 def log_sound_fraction(
     log_z: Float[Array, "..."], arrival: Arrival
 ) -> Float[Array, "..."]:
-    """Return ln(c t / Z): the arrival as a fraction of the sound's travel time."""
+    """Return ln(c t / Z): the arrival as a fraction of the travel time of sound."""
+    # each branch has an argument in its own range, so that no gradient is NaN
     inside = jnp.clip(log_z, arrival.first, arrival.join)
     near = arrival.near(inside)
     if not callable(arrival.inner):
@@ -509,7 +518,7 @@ def log_sound_fraction(
 
 @log_sound_fraction.defjvp
 def log_sound_fraction_jvp(arrival, primals, tangents):
-    """Make dt/dZ = 1/U exact: d ln t/d ln Z = (Z/t)/U."""
+    """Return value and derivative, with dt/dZ = 1/U: d ln t/d ln Z = (Z/t)/U."""
     (log_z,), (tangent,) = primals, tangents
     fraction = log_sound_fraction(log_z, arrival)
     if callable(arrival.inner):
@@ -539,21 +548,21 @@ def chebyshev_arrival(
 
     Args:
         log_pressure: $\ln(p/P_0)$ against $\ln Z$ to the join.
-        mach_number: The same shock's, in JAX.
-        start: $Z$ where the integral starts.
-        start_time: $c_0 t$ there. Where it is zero, the near series is that of
+        mach_number: Mach number of the same shock, in JAX.
+        start: $Z$ at the start of the integral.
+        start_time: $c_0 t$ at the start. If it is zero, the near series is that of
             $\ln[c_0 t/(Z - Z_1)]$.
-        first: $Z$ where it is first used.
-        join: $Z$ where the head start takes over.
-        degrees: Of the integral and of its logarithm, to the join.
-        tail: The pressure from there on.
-        inner_slope: $d\ln t/d\ln Z$ before the first; the integral's there if None.
+        first: Smallest $Z$ at which the integral is used.
+        join: $Z$ at which the head start replaces the integral.
+        degrees: Degrees of the integral and of its logarithm, to the join.
+        tail: Pressure beyond the join.
+        inner_slope: $d\ln t/d\ln Z$ below `first`; None for that of the integral.
     """
     log_start, log_first, log_join = np.log([start, first, join]).tolist()
     radius = 0.0 if start_time else start
 
     def slowness(log_z: np.ndarray) -> np.ndarray:
-        """Z/M, for c dt = Z/M d ln Z."""
+        """Return Z/M, the integrand of c dt = Z/M d ln Z."""
         return np.exp(log_z) / np.sqrt(1.0 + 6.0 / 7.0 * np.exp(log_pressure(log_z)))
 
     interpolate = np.polynomial.Chebyshev.interpolate
@@ -598,7 +607,7 @@ def data_rows(name: str) -> list[dict[str, str]]:
     """Read the rows of a table, by column name.
 
     Args:
-        name: Of the file in `data/`, without its ending.
+        name: Name of the file in `data/`, without the suffix.
     """
     text = files("jblast.waves").joinpath(f"data/{name}.csv").read_text()
     lines = (line for line in text.splitlines() if not line.startswith("#"))

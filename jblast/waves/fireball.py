@@ -1,4 +1,4 @@
-r"""The fireball of a bare charge: how it grows, rises, cools and darkens.
+r"""Fireball of a bare charge: growth, rise, drift, cooling and smoke.
 
 Growth. The final diameter of a high explosive's fireball is $3.76\,W^{0.325}$ m
 (Rakaczky 1975; High 1968 has $3.86\,W^{0.32}$; both from memory). From 1 kg to 100 t
@@ -53,43 +53,47 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.constants import STANDARD_GRAVITY, STANDARD_TEMPERATURE
 from jblast.types import as_float_array, as_float_arrays
 
+# Within 6 % of Rakaczky (1975), W^0.325, from 1 kg to 100 t.
 LARGEST_RADIUS = 1.81
 """Radius at the end of the expansion, for 1 kg [m/kg^(1/3)]."""
 
+# Assumed, good to a factor of two: below 0.7 ms the products would overtake the shock.
 GROWTH_TIME = 1.0e-3
-"""Time constant of the expansion, for 1 kg [s/kg^(1/3)]. Declared."""
+"""Time constant of the expansion, for 1 kg [s/kg^(1/3)]."""
 
+# Pyrometers on TNT read 1800 to 2500 K; from memory.
 HOTTEST = 2200.0
 """Temperature at the start [K]."""
 
 DRAPER_POINT = 798.0
-"""Temperature at which things begin to glow visibly [K]. Draper 1847."""
+"""Temperature at which visible glow begins [K]. Draper 1847."""
 
+# Scorer (1957), for a thermal.
 ENTRAINMENT = 0.25
-"""Growth of a thermal's radius with its rise [-]."""
+"""Growth of the radius of a thermal with its rise [-]."""
 
 SOOT_YIELD = 0.185
 """Mass of soot from a mass of TNT [-]: 3.5 x 12.011 / 227.13."""
 
 SOOT_EXTINCTION = 8700.0
-"""Mass extinction coefficient of soot at 633 nm [m2/kg], known to 1100."""
+"""Mass extinction coefficient of soot at 633 nm [m2/kg], uncertainty 1100."""
 
 
+# Error 1e-6 of the time while the fireball glows, and at most 5e-4.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-"""Of the integral over the drift, whose error is 1e-6 of the time while the fireball
-glows, and at most 5e-4."""
+"""Gauss-Legendre nodes and weights of the integral over the drift."""
 
 
 class Fireball(eqx.Module):
-    """Visible state of a fireball at an instant.
+    """Visible state of a fireball at a time.
 
     Attributes:
-        radius: Of the cloud, expansion and entrainment [m].
-        rise: Of its centre above the burst [m].
-        drift_time: Drift of its centre in a wind over the speed of the wind [s].
-        temperature: Of its light [K].
-        optical_depth: Along a diameter [-]; the density falls from the centre as
-            1 - (r/radius)^2.
+        radius: Radius of the cloud, with expansion and entrainment [m].
+        rise: Rise of the centre above the burst [m].
+        drift_time: Drift of the centre in a wind, over the wind speed [s].
+        temperature: Temperature of the light [K].
+        optical_depth: Optical depth along a diameter [-]; the density falls from the
+            centre as 1 - (r/radius)^2.
     """
 
     radius: Float[Array, "..."]
@@ -100,7 +104,7 @@ class Fireball(eqx.Module):
 
 
 def fireball_growth_time(charge_mass: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    r"""Time constant $\tau$ of the expansion [s]; declared, good to a factor of two.
+    r"""Return the time constant $\tau$ of the expansion [s], good to a factor of two.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
@@ -109,7 +113,7 @@ def fireball_growth_time(charge_mass: Float[ArrayLike, "..."]) -> Float[Array, "
 
 
 def fireball_duration(charge_mass: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Duration of the visible glow [s]: Rakaczky (1975), from memory.
+    """Return the duration of the visible glow [s]: Rakaczky (1975), from memory.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
@@ -122,16 +126,16 @@ def fireball_radius(
     time: Float[ArrayLike, "..."],
     growth_time: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Radius of the luminous fireball, without entrained air [m].
+    r"""Return the radius of the luminous fireball, without entrained air [m].
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        time: Since detonation [s]; the radius is zero before.
+        time: Time since detonation [s]; the radius is zero before it.
         growth_time: Time constant $\tau$ of the expansion [s], positive.
     """
     mass, time, growth = as_float_arrays(charge_mass, time, growth_time)
     largest = LARGEST_RADIUS * jnp.cbrt(mass)
-    # by expm1: the first instants keep their digits
+    # expm1 keeps all digits shortly after detonation
     return -largest * jnp.expm1(-jnp.maximum(time, 0.0) / growth)
 
 
@@ -140,12 +144,12 @@ def fireball_rise(
     time: Float[ArrayLike, "..."],
     air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
 ) -> Float[Array, "..."]:
-    """Rise of the fireball's centre above the burst [m].
+    """Return the rise of the centre of the fireball above the burst [m].
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        time: Since detonation [s]; no rise before.
-        air_temperature: Of the air around [K], below 2200.
+        time: Time since detonation [s]; no rise before it.
+        air_temperature: Temperature of the ambient air [K], below 2200.
     """
     mass, time, air = as_float_arrays(charge_mass, time, air_temperature)
     lightness = air / HOTTEST  # densities at one pressure
@@ -163,15 +167,15 @@ def smoke_drift_time(
     time: Float[ArrayLike, "..."],
     air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
 ) -> Float[Array, "..."]:
-    r"""Drift of the fireball's centre in a wind over the speed of the wind [s].
+    r"""Return the drift of the centre of the fireball over the wind speed [s].
 
-    $\int_0^t (1 - f)\,dt'$, by Gauss-Legendre quadrature in $\sqrt{t'/t}$. Value and
-    slope start at zero; the final lag behind the time is some $R_\infty/w$.
+    It is $\int_0^t (1 - f)\,dt'$, by Gauss-Legendre quadrature in $\sqrt{t'/t}$. Value
+    and slope start at zero; the final lag behind the time is about $R_\infty/w$.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        time: Since detonation [s]; none before.
-        air_temperature: Of the air around [K], below 2200.
+        time: Time since detonation [s]; no drift before it.
+        air_temperature: Temperature of the ambient air [K], below 2200.
     """
     mass, time, air = as_float_arrays(charge_mass, time, air_temperature)
     since = jnp.maximum(time, 0.0)
@@ -192,12 +196,12 @@ def fireball(
     air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
     growth_time: Float[ArrayLike, "..."] | None = None,
 ) -> Fireball:
-    r"""Return the fireball of a charge at an instant; nothing before detonation.
+    r"""Return the fireball of a charge at a time, with zero size before detonation.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        time: Since detonation [s].
-        air_temperature: Of the air around [K], below 798.
+        time: Time since detonation [s].
+        air_temperature: Temperature of the ambient air [K], below 798.
         growth_time: Time constant $\tau$ of the expansion [s], positive; None for
             that of `fireball_growth_time`.
     """
@@ -211,6 +215,7 @@ def fireball(
     cooled = jnp.log((HOTTEST - air) / (DRAPER_POINT - air))
     part = jnp.maximum(time, 0.0) / fireball_duration(mass)
     soot = SOOT_EXTINCTION * SOOT_YIELD * mass
+    # 1 before detonation: a guard of the division, its result is not used
     depth = 2.5 / math.pi * soot / jnp.square(jnp.where(begun, radius, 1.0))
     return Fireball(
         radius=radius,

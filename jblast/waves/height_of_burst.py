@@ -36,13 +36,15 @@ def image_range(
 
     Args:
         slant_range: $R$ [m].
-        height_of_burst: $h$ [m]; below the ground it counts as on it.
-        sensor_height: $h_s$ [m]; likewise.
+        height_of_burst: $h$ [m]; negative heights count as zero.
+        sensor_height: $h_s$ [m]; negative heights count as zero.
     """
     r, h, h_s = as_float_arrays(slant_range, height_of_burst, sensor_height)
     lifted = 4.0 * jnp.maximum(h, 0.0) * jnp.maximum(h_s, 0.0)
-    far = lifted > 0.0
-    return jnp.where(far, jnp.sqrt(jnp.where(far, r**2 + lifted, 1.0)), r)
+    above = lifted > 0.0
+    # R itself on the ground: the root of a square would lose its last digits, and its
+    # slope at zero is NaN
+    return jnp.where(above, jnp.sqrt(jnp.where(above, r**2 + lifted, 1.0)), r)
 
 
 def bursts_in_free_air(
@@ -53,19 +55,20 @@ def bursts_in_free_air(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
 ) -> Bool[Array, "..."]:
-    """Return where the reflection from the ground comes after the positive phase.
+    """Return True where the reflection from the ground follows the positive phase.
 
     Args:
-        slant_range: From the charge [m].
+        slant_range: Distance from the charge [m].
         charge_mass: TNT-equivalent mass [kg].
-        height_of_burst: Of the charge above the ground [m].
-        sensor_height: Of the place above the ground [m].
+        height_of_burst: Height of the charge above the ground [m].
+        sensor_height: Height of the sensor above the ground [m].
         ambient_pressure: $P_0$ [Pa].
         sound_speed: $c_0$ [m/s].
     """
     r, mass = as_float_arrays(slant_range, charge_mass)
     far = image_range(r, height_of_burst, sensor_height)
     good = (r > 0.0) & (mass > 0.0) & (far > r)
+    # harmless arguments elsewhere, so that gradients stay finite
     r, mass = jnp.where(good, r, 1.0), jnp.where(good, mass, 1.0)
     far = jnp.where(good, far, 2.0)
     air = (mass, ambient_pressure, sound_speed, "free-air")
@@ -83,10 +86,10 @@ def burst_notes(
     """Describe the curves used for a charge above the ground, and their deficiencies.
 
     Args:
-        charge: With its curve set, None where that depends on the position.
-        heights: The least and the largest height of burst [m/kg^(1/3)].
-        free: Where the reflection comes after the positive phase.
-        what: Name of a position, as "sensor".
+        charge: Charge with its curve set; None if the set depends on the position.
+        heights: Smallest and largest height of burst [m/kg^(1/3)].
+        free: True where the reflection follows the positive phase.
+        what: Name of a position, for example "sensor".
     """
     low, high = heights
     height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
@@ -94,44 +97,41 @@ def burst_notes(
     at = f"at {free.sum()} of {free.size} {what}s"
     at = f"at every {what}" if free.all() else at
     late = "the reflection from the ground comes after the positive phase"
-    stood = f"{which} stood {height} m/kg^(1/3) above the ground"
+    stood = f"{which} was {height} m/kg^(1/3) above the ground"
     against = f'burst = "{charge.burst}" contradicts the height: '
-    asked = "as asked for"
-    if charge.by_height:  # settled elsewhere, and not as the height here would have it
-        against, asked = "", "chosen before the height was known"
+    reason = "as requested"
+    if charge.by_height:  # selected by another height than the final one
+        against, reason = "", "chosen before the height was known"
     if not free.size:
         return []
     if high <= 0.0:
         if charge.burst == "free-air" and charge.range_m is None:
             return [
-                f"{against}{which} stood on the ground or in it; the free-air curves "
-                f"were used, {asked}"
+                f"{against}{which} was on the ground or below it; the free-air curves "
+                f"were used, {reason}"
             ]
         return []
     if charge.burst == "surface" and (free.all() if charge.by_height else free.any()):
         return [
             f"{against}{stood}, and {at} {late}; the surface curves, of up to twice "
-            f"the impulse, were used, {asked}"
+            f"the impulse, were used, {reason}"
         ]
     if charge.burst == "free-air" and not free.all():
         early = f"at {(~free).sum()} of {free.size} {what}s"
         return [
             f"{against}{stood}, and {early} the reflection from the ground comes "
-            "within the positive phase, of which the free-air curves know nothing; "
-            f"they were used, {asked}"
+            "within the positive phase, which the free-air curves do not contain; "
+            f"they were used, {reason}"
         ]
     if free.all():
         return [f"{stood}; {at} {late}: the free-air curves were used"]
-    between = (
-        f"{stood}, neither on it nor so high that {late}: between the limits of the "
-        "curves"
-    )
+    between = f"{stood}, but not so high that {late}: between the limits of the curves"
     if free.any() and charge.burst is not None:
         return [f"{between}; {at} it does; the {charge.burst} curves were used for all"]
     if free.any():
         return [
-            f"{between}; {at} it does, and the free-air curves were used, at the "
-            "others neither set holds, and the surface curves were"
+            f"{between}; {at} it does, and the free-air curves were used; elsewhere "
+            "neither set is valid, and the surface curves were used"
         ]
     return [f"{between}, of which the surface ones were used"]
 

@@ -28,22 +28,23 @@ from jblast.waves.propagation import (
 )
 
 
-def _untold() -> Any:
+def _optional() -> Any:
     return eqx.field(converter=as_float_array, default=math.nan)
 
 
 def slant_range(
     source: Float[Array, "... axis"], sensor: Float[Array, "... axis"]
 ) -> Float[Array, "..."]:
-    """Return the straight distance between two places [m].
+    """Return the straight distance between two positions [m].
 
     Its gradient at distance zero is defined as zero. A NaN position gives NaN.
     """
-    # axis by axis: a reduction of so few numbers costs more than the rest of the path
+    # axis by axis: a reduction over three numbers costs more than the rest of the path
     squared = jnp.square(sensor[..., 0] - source[..., 0])
     for axis in range(1, sensor.shape[-1]):
         squared += jnp.square(sensor[..., axis] - source[..., axis])
     apart = ~(squared <= 0)  # also where it is NaN
+    # the guard is on the input of the root, whose slope at zero is infinite
     return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
 
 
@@ -62,23 +63,24 @@ class Path(eqx.Module):
         air_density: $\rho_0$ [kg/m3].
         p_speed: P-wave speed of the ground $c_s$ [m/s].
         sedov_gamma: Ratio of specific heats behind a strong shock [-].
-        time_since_detonation: Time of the row [s]; NaN where it has none.
+        time_since_detonation: Time of the row [s]; NaN if it has none.
         sensor_height: Height of the sensor above the ground [m].
-        temperature: Of the air [K].
-        relative_humidity: Of the air, fraction, 0 to 1.
-        toward_east: From the sensor to the charge [m]; 0 where only a range is given.
-        toward_north: Likewise [m].
-        toward_up: Likewise [m].
-        fireball_growth: Time constant of the fireball's expansion [s]; NaN for the
-            law's own.
-        camera_focal: Focal length of the scene's camera [px]; NaN without one.
-        jolt_east: Change of velocity of a vehicle there by the blast [m/s]; NaN where
-            it is not requested.
-        jolt_north: Likewise [m/s].
-        jolt_up: Likewise [m/s].
-        burst: "surface" or "free-air"; None where `free_air` decides.
-        free_air: Whether the reflection from the ground arrives after the positive
-            phase, by place; None where `burst` is given.
+        temperature: Air temperature [K].
+        relative_humidity: Relative humidity, 0 to 1.
+        toward_east: East component from sensor to charge [m]; 0 if only a range is
+            given.
+        toward_north: North component from sensor to charge [m].
+        toward_up: Upward component from sensor to charge [m].
+        fireball_growth: Time constant of the expansion of the fireball [s]; NaN for
+            that of the law.
+        camera_focal: Focal length of the camera of the scene [px]; NaN without one.
+        jolt_east: East component of the velocity change of a vehicle by the blast
+            [m/s]; NaN if it is not requested.
+        jolt_north: North component of the velocity change [m/s].
+        jolt_up: Upward component of the velocity change [m/s].
+        burst: "surface" or "free-air"; None if `free_air` selects the curve set.
+        free_air: True where the reflection from the ground follows the positive phase;
+            None if `burst` is given.
         ground_path: "head" (along the ground) or "thesis" (ground leg, then up).
     """
 
@@ -95,34 +97,41 @@ class Path(eqx.Module):
     sensor_height: Float[Array, "..."]
     temperature: Float[Array, "..."]
     relative_humidity: Float[Array, "..."]
-    toward_east: Float[Array, "..."] = _untold()
-    toward_north: Float[Array, "..."] = _untold()
-    toward_up: Float[Array, "..."] = _untold()
-    fireball_growth: Float[Array, "..."] = _untold()
-    camera_focal: Float[Array, "..."] = _untold()
-    jolt_east: Float[Array, "..."] = _untold()
-    jolt_north: Float[Array, "..."] = _untold()
-    jolt_up: Float[Array, "..."] = _untold()
+    toward_east: Float[Array, "..."] = _optional()
+    toward_north: Float[Array, "..."] = _optional()
+    toward_up: Float[Array, "..."] = _optional()
+    fireball_growth: Float[Array, "..."] = _optional()
+    camera_focal: Float[Array, "..."] = _optional()
+    jolt_east: Float[Array, "..."] = _optional()
+    jolt_north: Float[Array, "..."] = _optional()
+    jolt_up: Float[Array, "..."] = _optional()
     free_air: Bool[Array, "..."] | None = None
     burst: Burst | None = eqx.field(static=True, default="surface")
     ground_path: GroundPath = eqx.field(static=True, default="head")
 
     def one_burst(self) -> Burst:
-        """Return the curve set of every place.
+        """Return the common curve set of all positions.
 
         Raises:
-            ValueError: `free_air` decides for each place separately.
+            ValueError: `free_air` selects the curve set of each position.
         """
         if self.burst is None:
-            raise ValueError("expected a path with one burst, got one of each place")
+            raise ValueError(
+                "expected a path with one burst, got one for each position"
+            )
         return self.burst
 
     def at_burst(self, burst: Burst) -> "Path":
-        """Return the same with one curve set at all places."""
+        """Return the same path with one curve set at all positions."""
         return replace(self, burst=burst, free_air=None)
 
     def by_height(self, answer: Callable[["Path"], Any]) -> Any:
-        """Return an answer with the curve set that the height selects at each place."""
+        """Return a result with the curve set that the height selects at each position.
+
+        Args:
+            answer: Function of a path with one burst.
+        """
+        # both sets are evaluated, since the selection is by element
         surface, free_air = (answer(self.at_burst(burst)) for burst in BURSTS)
         high = False if self.free_air is None else self.free_air
         return jax.tree.map(lambda f, s: jnp.where(high, f, s), free_air, surface)
@@ -132,42 +141,42 @@ def path_between(
     scene: Scene,
     charge: Charge,
     position: Float[Array, "place 3"],
-    told_range: Float[Array, " place"],
+    stated_range: Float[Array, " place"],
     time_since_detonation: Float[Array, " place"],
 ) -> Path:
-    """Return the paths from a charge to several places.
+    """Return the paths from a charge to several positions.
 
-    The sound speed is the effective one along the path, wind included. The mass is
-    that of the explosive, since its TNT equivalence depends on the quantity.
+    The sound speed is the effective one along the path, with wind. The mass is that of
+    the explosive, since its TNT equivalence depends on the quantity.
 
     Args:
-        scene: Air and ground.
-        charge: One charge of the scene. Its `range`, where it has one, is the distance
-            of every place.
-        position: East, north, up [m]; not used where `told_range` is finite.
-        told_range: Distance from the charge [m]; NaN where positions decide. Where the
-            height selects the curve set, the place is as low as the range allows.
-        time_since_detonation: Time of the request at each place [s]; NaN for none.
+        scene: Scene with air and ground.
+        charge: One charge of the scene. Its `range`, if it has one, is the distance of
+            every position.
+        position: East, north, up [m]; not used where `stated_range` is finite.
+        stated_range: Distance from the charge [m]; NaN to use the position. If the
+            height selects the curve set, the sensor is as low as the range allows.
+        time_since_detonation: Requested time at each position [s]; NaN for none.
     """
     air = scene.air
     source = jnp.stack(charge.position_m)[None, :]
-    given = jnp.isfinite(told_range)
+    given = jnp.isfinite(stated_range)
     slant = slant_range(source, position)
     ground = slant_range(source[:, :2], position[:, :2])
     if charge.range_m is not None:
         slant = ground = jnp.broadcast_to(charge.range_m, slant.shape)
-    stated = jnp.where(given, told_range, 1.0)
+    stated = jnp.where(given, stated_range, 1.0)
     temperature, pressure = ambient(air)
     sound_speed = sound_speed_of(air)
-    # axis by axis: a product of so few columns costs more than what it adds up
+    # axis by axis: a matrix product of two columns costs more than its sums
     along = (position[:, 0] - source[:, 0]) * air.wind_east
     along += (position[:, 1] - source[:, 1]) * air.wind_north
     along /= jnp.where(slant > 0, slant, 1.0)
     is_placed = ~given if charge.range_m is None else jnp.zeros_like(given)
     toward = jnp.where(is_placed[:, None], source - position, 0.0)
-    untold = jnp.full((), jnp.nan)
+    unspecified = jnp.full((), jnp.nan)
     growth, camera = scene.fireball_growth, scene.camera
-    if growth is not None:  # to a law a NaN growth is one that is not given
+    if growth is not None:  # laws read a NaN growth as "not given", so the time is NaN
         time_since_detonation = jnp.where(
             jnp.isnan(growth), jnp.nan, time_since_detonation
         )
@@ -203,9 +212,11 @@ def path_between(
         toward_east=toward[:, 0],
         toward_north=toward[:, 1],
         toward_up=toward[:, 2],
-        fireball_growth=untold if growth is None else growth,
-        # a circle is seen as an ellipse where the two differ: that of its area
-        camera_focal=untold if camera is None else jnp.sqrt(jnp.prod(camera.focal)),
+        fireball_growth=unspecified if growth is None else growth,
+        # with two focal lengths a circle becomes an ellipse: the mean keeps its area
+        camera_focal=(
+            unspecified if camera is None else jnp.sqrt(jnp.prod(camera.focal))
+        ),
         free_air=free_air,
         burst=charge.burst,
         ground_path=scene.ground.path,

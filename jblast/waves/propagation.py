@@ -80,9 +80,9 @@ ISO_DECIBELS_PER_NEPER = 8.686
 ISO_FREQUENCIES = (50.0, 10e3)
 ISO_TEMPERATURES = (253.15, 323.15)
 ISO_HIGHEST_PRESSURE = 200e3
+# The slowest relaxation, of nitrogen in dry air at 9 Hz, falls by e^-14 in this time.
 TAIL_S = 0.25
-"""Silence behind a signal, so that its end does not wrap round to its start [s]. In it
-the slowest relaxation, of nitrogen in dry air at 9 Hz, falls by e^-14."""
+"""Padding behind a signal, so that its end does not wrap round to its start [s]."""
 STOKES_FREQUENCY = 500.0 / (2.0 * math.pi)
 """The only frequency of absorption in the thesis, 500 rad/s [Hz]."""
 HEMISPHERE_GAIN = 10.0 * math.log10(2.0)
@@ -98,8 +98,8 @@ def standard_atmosphere(
     $$T = T_0 - L h, \qquad P = P_0\,(T/T_0)^{g/(R L)}$$
 
     Valid from -2 to 11 km. Above the tropopause it continues at constant temperature,
-    $P \propto \exp(-g h/(R T))$, as the standard does to 20 km, so that a fitted height
-    that strays has a value.
+    $P \propto \exp(-g h/(R T))$, as the standard does to 20 km, so that a height above
+    the tropopause has a value during a fit.
 
     Args:
         altitude: Geopotential height above sea level $h$ [m].
@@ -156,9 +156,9 @@ def sound_speed_in_air(
 
     with $C$ the molar $c_p$ of the mixture in units of the gas constant. Air is not
     quite ideal: dry, this is 0.03 to 0.04 % slower than Cramer (1993) between 0 and
-    30 C, which moves an arrival by less than any scatter; the part that humidity adds
-    agrees with his within 0.03 % of the speed. Dry air at 15 C comes out as the
-    340.29 m/s of ISO 2533, which is what the Kingery-Bulmash curves are scaled from.
+    30 C, which changes an arrival by less than any scatter. The effect of humidity
+    agrees with his within 0.03 % of the speed. Dry air at 15 C has the 340.29 m/s of
+    ISO 2533, the reference of the Kingery-Bulmash curves.
 
     Args:
         temperature: Temperature $T$ [K].
@@ -217,8 +217,8 @@ def effective_sound_speed(
     wind the wave is a sphere that drifts, so the exact travel time over $\mathbf d$
     solves $c_0 t = |\mathbf{d} - \mathbf{w} t|$ and the exact speed is
     $w_\parallel + \sqrt{c_0^2 - w_\perp^2}$. The crosswind left out slows it by the
-    fraction $w_\perp^2/(2 c_0^2)$ of $c_0$: 0.04 % at 10 m/s. Meant for winds well
-    below the speed of sound; nearer it the answer falls to zero and below.
+    fraction $w_\perp^2/(2 c_0^2)$ of $c_0$: 0.04 % at 10 m/s. The formula is for winds
+    well below the speed of sound; a faster head wind gives zero and less.
 
     Args:
         sound_speed: $c_0$ in still air [m/s], positive.
@@ -230,14 +230,14 @@ def effective_sound_speed(
 
 
 def ambient(air: Air) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return temperature [K] and pressure [Pa]: as given, or by altitude."""
+    """Return temperature [K] and pressure [Pa], given or from the altitude."""
     if air.altitude is None:
         return air.temperature, air.pressure
     return standard_atmosphere(air.altitude)
 
 
 def sound_speed_of(air: Air) -> Float[Array, ""]:
-    """Return the speed of sound [m/s]: as given, or by temperature and humidity."""
+    """Return the speed of sound [m/s], given or from temperature and humidity."""
     if air.sound_speed is not None:
         return air.sound_speed
     temperature, pressure = ambient(air)
@@ -334,9 +334,9 @@ def iso_9613_absorption(
       e^{-4.170 (\theta^{-1/3} - 1)} \right)$$
 
     with $\theta = T/293.15$ K, $p_r = 101325$ Pa and $h$ the vapour's mole fraction in
-    per cent. The standard gives dB/m, with 8.686 dB to the neper; here they are nepers,
-    so multiply by `ISO_DECIBELS_PER_NEPER` for its own numbers. It states 10 %
-    uncertainty where `iso_9613_valid`; outside, the formula is extrapolated.
+    per cent. The standard gives dB/m, with 8.686 dB to the neper. The result here is in
+    nepers; multiply by `ISO_DECIBELS_PER_NEPER` for the numbers of the standard. It
+    states 10 % uncertainty where `iso_9613_valid`; outside, it is extrapolated.
 
     Args:
         frequency: $f$ [Hz], positive.
@@ -372,7 +372,7 @@ def iso_9613_valid(
     temperature: Float[ArrayLike, "..."],
     pressure: Float[ArrayLike, "..."],
 ) -> Bool[Array, "..."]:
-    """Return where ISO 9613-1 claims 10 %: 50 Hz to 10 kHz, -20 to 50 C, below 2 bar.
+    """Return True where ISO 9613-1 states 10 %: 50 Hz to 10 kHz, -20 to 50 C, < 2 bar.
 
     The standard also bounds the vapour and the frequency over the pressure. These
     bounds are known from memory only and are not checked.
@@ -412,12 +412,12 @@ def absorption_transfer(
     """Return the transfer function at 0, rate / count, ... to half the rate [-].
 
     Args:
-        count: Samples that are transformed, even.
-        rate: Samples a second [Hz].
-        distance: Path through the air [m], not negative.
-        temperature: Of the air [K].
-        pressure: Of the air [Pa].
-        relative_humidity: Of the air, fraction, 0 to 1.
+        count: Number of samples, even.
+        rate: Sampling rate [Hz].
+        distance: Length of the path through the air [m], not negative.
+        temperature: Temperature [K].
+        pressure: Pressure [Pa].
+        relative_humidity: Relative humidity, 0 to 1.
     """
     distance = as_float_array(distance)
     frequency = jnp.arange(count // 2 + 1, dtype=distance.dtype) * (rate / count)
@@ -425,7 +425,8 @@ def absorption_transfer(
         frequency, temperature, pressure, relative_humidity
     )
     cepstrum = jnp.fft.irfft(log_gain, count)
-    # twice the part at positive times: the cepstrum of a causal filter of least delay
+    # A causal filter of least delay has a causal cepstrum: the part at negative times
+    # is folded onto the positive ones, which doubles them.
     causal = cepstrum[1 : count // 2]
     phase = jnp.fft.rfft(jnp.pad(2.0 * causal, (1, count // 2))).imag
     gain = jnp.exp(log_gain)
@@ -444,15 +445,16 @@ def absorb(
     """Return a signal after absorption by the air, without spreading; as many samples.
 
     Args:
-        samples: Of the signal, silent before the first.
-        rate: Samples a second [Hz].
-        distance: Path through the air [m], not negative.
-        temperature: Of the air [K].
-        pressure: Of the air [Pa].
-        relative_humidity: Of the air, fraction, 0 to 1.
+        samples: Samples of the signal, which is zero before the first.
+        rate: Sampling rate [Hz].
+        distance: Length of the path through the air [m], not negative.
+        temperature: Temperature [K].
+        pressure: Pressure [Pa].
+        relative_humidity: Relative humidity, 0 to 1.
     """
     samples = as_float_array(samples)
     n = samples.shape[0]
+    # a power of two for the transform; the padding keeps the end from wrapping round
     count = 2 ** math.ceil(math.log2(n + TAIL_S * rate + 1))
     transfer = absorption_transfer(
         count, rate, distance, temperature, pressure, relative_humidity
@@ -474,11 +476,11 @@ def absorb_by_stokes(
     $\alpha$ is that of Stokes at 500 rad/s, which is negligible over 35 m.
 
     Args:
-        samples: Of the signal.
-        distance: Path through the air $R$ [m].
-        air_density: Of the air [kg/m3].
-        sound_speed: Of the air [m/s].
-        temperature: Of the air [K].
+        samples: Samples of the signal.
+        distance: Length of the path through the air $R$ [m].
+        air_density: Density [kg/m3].
+        sound_speed: Speed of sound [m/s].
+        temperature: Temperature [K].
 
     References:
         Parab's thesis, eqs. 3.1 and 3.2.
@@ -496,7 +498,7 @@ def spherical_spreading_loss(
 
     $$L = 20 \lg (R/R_0)$$
 
-    from amplitude as $1/R$: 6.02 dB each doubling. Below zero inside $R_0$.
+    from amplitude as $1/R$: 6.02 dB per doubling. Negative inside $R_0$.
 
     Args:
         slant_range: Range $R$ [m], positive.
@@ -515,11 +517,11 @@ def hemispherical_spreading_loss(
 
     $$L = 20 \lg (R/R_0) - 10 \lg 2$$
 
-    The same energy passes through half the sphere, so everywhere the level is 3.01 dB
-    higher than that of the same source in free air. A level measured at $R_0$ on the
-    ground includes that gain already: then use `spherical_spreading_loss`. The gain is
-    smaller over ground that absorbs or moves. That of a blast is divided between
-    pressure and duration: W counts as 2 W, and the peak gains 2 dB, not 3.
+    The same energy passes through half the sphere, so the level is 3.01 dB higher than
+    that of the same source in free air. A level measured at $R_0$ on the ground already
+    includes that gain: use `spherical_spreading_loss`. The gain is smaller over ground
+    that absorbs or moves. The gain of a blast is divided between pressure and duration:
+    W counts as 2 W, and the peak gains 2 dB, not 3.
 
     Args:
         slant_range: Range $R$ [m], positive.

@@ -68,25 +68,27 @@ from jblast.waves.waveform import decay_of_fraction, impulse_fraction
 
 LEVEL = math.e - 2.0
 """Impulse over peak times duration of a decay that starts level, $b = -1$ [-]."""
+# Half of the range of int32, so that a sum of two such indices cannot overflow.
 MAX_INDEX = 1 << 30
-"""Largest distance of an arrival from the first sample; beyond it is set to this."""
+"""Largest distance of an arrival from the first sample; larger ones are clipped."""
 AMPLITUDE_OVER_PEAK = math.exp(2.0) / 4.0
+r"""Amplitude $A$ over peak displacement, which is at $u = 2$ [-]."""
 PEAK_VELOCITY_FACTOR = (2.0 * math.sqrt(2.0) - 2.0) * math.exp(math.sqrt(2.0) - 2.0)
 r"""Peak velocity over $A/\tau$ [-]."""
 
 
 class Pulse(NamedTuple):
-    r"""One wave at a place. The fields broadcast.
+    r"""One wave at a position. The fields broadcast.
 
     Attributes:
-        arrival_time: Start of the rise [s]; infinite: never.
+        arrival_time: Start of the rise [s]; infinite for no wave.
         peak: Largest overpressure, $P$ [Pa].
-        rise_time: From zero to the peak, $\tau$ [s]; may be zero.
-        duration: Of the positive phase, rise included, $t_d$ [s].
+        rise_time: Time from zero to the peak, $\tau$ [s]; may be zero.
+        duration: Duration of the positive phase with the rise, $t_d$ [s].
         decay: Friedlander's $b$ behind the peak, at least -1 [-].
-        suction: Greatest underpressure $P^-$ [Pa].
-        suction_duration: Of the negative phase, $t^-$ [s].
-        hold_time: Duration of the peak, $t_h$ [s]; zero for most.
+        suction: Largest underpressure $P^-$ [Pa].
+        suction_duration: Duration of the negative phase, $t^-$ [s].
+        hold_time: Duration of the peak, $t_h$ [s]; zero for most waves.
     """
 
     arrival_time: Float[Array, "..."]
@@ -114,16 +116,18 @@ def pulse_of(
     suction: Float[ArrayLike, "..."],
     suction_impulse: Float[ArrayLike, "..."],
 ) -> Pulse:
-    """Return the wave that has these values.
+    """Return the wave with given peak, durations and impulses.
 
     Args:
         arrival_time: Start of the rise [s].
         peak: Overpressure [Pa], positive.
-        impulse: Of the positive phase [Pa s]; possible values as in the introduction.
-        duration: Of the positive phase [s], positive.
-        rise_time: From zero to the peak [s], below the duration; 0: a sharp front.
-        suction: Greatest underpressure [Pa], positive.
-        suction_impulse: Of the negative phase [Pa s], positive.
+        impulse: Impulse of the positive phase [Pa s]; for its range see the docstring
+            of the module.
+        duration: Duration of the positive phase [s], positive.
+        rise_time: Time from zero to the peak [s], below the duration; 0 for a sharp
+            front.
+        suction: Largest underpressure [Pa], positive.
+        suction_impulse: Impulse of the negative phase [Pa s], positive.
     """
     arrival_time, peak, impulse, duration, rise_time, suction, suction_impulse = (
         as_float_arrays(
@@ -133,6 +137,7 @@ def pulse_of(
     behind = duration - rise_time
     fraction = (impulse - 0.5 * peak * rise_time) / (peak * behind)
     possible = (fraction > 0) & (fraction < 1)
+    # a harmless input where no wave exists; the decay there is set to NaN below
     fraction = jnp.where(possible, fraction, 0.5)
     decay = decay_of_fraction(jnp.minimum(fraction, LEVEL))
     held = jnp.maximum(fraction - LEVEL, 0.0) / (1.0 - LEVEL)
@@ -150,11 +155,11 @@ def pulse_of(
 
 @jax.jit
 def pulse_pressure(pulse: Pulse, time: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Return the overpressure at instants [Pa].
+    """Return the overpressure at times [Pa].
 
     Args:
         pulse: The wave.
-        time: On the clock of its arrival [s].
+        time: Times on the clock of the arrival [s].
     """
     (time,) = as_float_arrays(time)
     since = time - pulse.arrival_time
@@ -177,8 +182,8 @@ def pulse_mean(
 
     Args:
         pulse: The wave.
-        start: Of the sample, on the clock of the arrival [s].
-        stop: Of the sample [s], after its start.
+        start: Start of the sample, on the clock of the arrival [s].
+        stop: End of the sample [s].
     """
     start, stop = as_float_arrays(start, stop)
     span = stop - start
@@ -187,7 +192,7 @@ def pulse_mean(
     end = pulse.duration + pulse.suction_duration
 
     def part(first, last, length):
-        """Return share of the sample, middle and half width, these over the length."""
+        """Return the share of the sample, and middle and half width over the length."""
         width = span - jnp.maximum(first - start, 0) - jnp.maximum(stop - last, 0)
         width = jnp.maximum(width, 0)
         middle = 0.5 * (jnp.maximum(start, first) + jnp.minimum(stop, last))
@@ -219,12 +224,12 @@ def _not_zero(rise_time: Float[Array, "..."]) -> Float[Array, "..."]:
 def pulse_samples(
     pulse: Pulse, start: Float[Array, ""], rate: float, count: int
 ) -> Float[Array, " sample"]:
-    """Return the mean overpressure over each of some samples [Pa].
+    """Return the mean overpressure over each of several samples [Pa].
 
     Args:
-        pulse: One wave: scalars; `vmap` does many.
+        pulse: One wave with scalar fields; use `vmap` for more.
         start: Start of the first sample, on the clock of the arrival [s].
-        rate: Samples a second [Hz].
+        rate: Sampling rate [Hz].
         count: Number of samples.
     """
     wave, whole, part = _in_samples(pulse, start, rate)
@@ -239,24 +244,26 @@ def pulse_samples(
     )
     index = jnp.arange(count, dtype=whole.dtype)
     inside = _inside(wave, ends, (index + whole).astype(part.dtype) + part + 0.5)
-    # samples that contain an end: each once, duplicates are put past the last
+    # Samples that contain an end, each once: duplicates get indices past the last
+    # sample, which the scatter drops. So all indices are unique, as XLA is promised.
     last = jnp.asarray(MAX_INDEX, ends.dtype)
-    held = jnp.floor(jnp.minimum(ends - part, last)).astype(whole.dtype) - whole
-    again = (held[:, None] == held[None, :]) & np.tri(5, k=-1, dtype=bool)
-    outside = again.any(axis=1) | (held < 0) | (held >= count)
-    begin = (held + whole).astype(part.dtype) + part
+    at_end = jnp.floor(jnp.minimum(ends - part, last)).astype(whole.dtype) - whole
+    repeated = (at_end[:, None] == at_end[None, :]) & np.tri(5, k=-1, dtype=bool)
+    outside = repeated.any(axis=1) | (at_end < 0) | (at_end >= count)
+    begin = (at_end + whole).astype(part.dtype) + part
     exact = pulse_mean(wave, begin, begin + 1.0)
-    place = jnp.where(outside, count + jnp.arange(5, dtype=held.dtype), held)
-    return inside.at[place].set(exact, mode="drop", unique_indices=True)
+    target = jnp.where(outside, count + jnp.arange(5, dtype=at_end.dtype), at_end)
+    return inside.at[target].set(exact, mode="drop", unique_indices=True)
 
 
 def _in_samples(
     pulse: Pulse, start: Float[Array, ""], rate: float
 ) -> tuple[Pulse, Int[Array, ""], Float[Array, ""]]:
-    """Return the pulse with times in samples, and the first sample since the arrival.
+    """Return the pulse with times in samples, and the time of the first sample.
 
-    The last as whole samples and the part of one.
+    That time counts from the arrival, as whole samples and the fraction of one.
     """
+    # an infinite arrival becomes a finite one far away: inf - inf would be NaN
     never = jnp.isposinf(pulse.arrival_time)
     since = (start - jnp.where(never, 0.0, pulse.arrival_time)) * rate
     since = jnp.where(never, -float(MAX_INDEX), jnp.clip(since, -MAX_INDEX, MAX_INDEX))
@@ -272,13 +279,13 @@ def _in_samples(
 def _inside(
     wave: Pulse, ends: Float[Array, "5"], middle: Float[Array, " sample"]
 ) -> Float[Array, " sample"]:
-    """Return the means over samples that lie in one piece, as if all did."""
+    """Return the means over samples, exact for samples within one piece."""
     _, risen, peaked, positive, over = ends
     rise = _not_zero(wave.rise_time)
     b, half = wave.decay, 0.5 / wave.decay_duration
     y = 2.0 * b * half
     k = impulse_fraction(y)
-    # the brackets of the text by k(y), as in `pulse_mean`, but from the middle on
+    # the brackets of the module's docstring by k(y), relative to the middle
     level = jnp.exp(0.5 * y) * (1.0 - y * k)
     first = level + jnp.exp(0.5 * y) * (2.0 * k - (1.0 - y * k)) * half
     of_wave = (
@@ -297,7 +304,7 @@ def _inside(
         jnp.square(0.5 / wave.suction_duration),
         6.75 * wave.suction,
     )
-    # behind a barrier, or XLA computes them again for each sample
+    # behind a barrier, because XLA would recompute them for each sample
     return _by_piece(middle, *lax.optimization_barrier(of_wave))
 
 
@@ -331,10 +338,10 @@ def _by_piece(
 
 
 class GroundPulse(NamedTuple):
-    r"""One pulse, or many: fields broadcast.
+    r"""One pulse of the ground, or several. The fields broadcast.
 
     Attributes:
-        arrival_time: Start $t_0$ [s]; infinite: never.
+        arrival_time: Start $t_0$ [s]; infinite for no pulse.
         amplitude: $A$ [m].
         time_constant: $\tau$ [s].
     """
@@ -350,7 +357,7 @@ def ground_pulse_of(
     displacement: Float[ArrayLike, "..."],
     velocity: Float[ArrayLike, "..."],
 ) -> GroundPulse:
-    """Return the pulse that has a peak displacement and a peak velocity.
+    """Return the pulse with given peak displacement and peak velocity.
 
     Args:
         arrival_time: Start [s].
@@ -362,6 +369,7 @@ def ground_pulse_of(
     )
     amplitude = AMPLITUDE_OVER_PEAK * displacement
     moves = velocity > 0.0
+    # a pulse of zero amplitude has any time constant; 1 keeps gradients finite
     tau = PEAK_VELOCITY_FACTOR * amplitude / jnp.where(moves, velocity, 1.0)
     return GroundPulse(arrival_time, amplitude, jnp.where(moves, tau, 1.0))
 
@@ -370,7 +378,7 @@ def ground_pulse_of(
 def ground_pulse_displacement(
     pulse: GroundPulse, time: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:
-    """Return the displacement at some instants [m]; zero before the arrival."""
+    """Return the displacement at times [m]; zero before the arrival."""
     u = _since_arrival(pulse, time) / pulse.time_constant
     return pulse.amplitude * u**2 * jnp.exp(-u)
 
@@ -379,7 +387,7 @@ def ground_pulse_displacement(
 def ground_pulse_velocity(
     pulse: GroundPulse, time: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:
-    """Return the velocity at some instants [m/s]; zero before the arrival."""
+    """Return the velocity at times [m/s]; zero before the arrival."""
     u = _since_arrival(pulse, time) / pulse.time_constant
     return pulse.amplitude / pulse.time_constant * u * (2.0 - u) * jnp.exp(-u)
 
@@ -390,17 +398,17 @@ def ground_pulse_velocity_mean(
     start: Float[ArrayLike, "..."],
     stop: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Return the mean velocity between two instants [m/s].
+    r"""Return the mean velocity between two times [m/s].
 
-    The difference of the displacements, written so that nothing cancels:
+    It is the difference of the displacements, written without cancellation:
 
     $$s(u + \delta) - s(u) = A\,e^{-u}\left[u^2 (e^{-\delta} - 1)
       + (2 u \delta + \delta^2)\,e^{-\delta}\right]$$
 
     Args:
         pulse: The pulse.
-        start: Beginnings [s].
-        stop: Ends [s], after them.
+        start: Starts of the intervals [s].
+        stop: Ends of the intervals [s].
     """
     start, stop = as_float_arrays(start, stop)
     first = _since_arrival(pulse, start)

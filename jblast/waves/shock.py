@@ -91,14 +91,16 @@ from jblast.waves.arguments import checked
 from jblast.waves.curves import Segment
 from jblast.waves.scaling import scaled_distance
 
+# Median of recorded peaks over the law, each shot relative to its own level: 0.97 to
+# 1.04 in all bins up to here, 0.50 from 300 to 450
+# (`calibration/results/far_pressure.txt`).
 FAR_END = 300.0
-"""Scaled distance where laws for still, uniform air end, for peak, impulse and duration
-[m/kg^(1/3)]. Recorded peaks over the law, each shot over its own level: the median is
-0.97 to 1.04 in all bins up to here and 0.50 from 300 to 450
-(`calibration/results/far_pressure.txt`)."""
+"""Largest scaled distance of the laws for still, uniform air, for peak, impulse and
+duration [m/kg^(1/3)]."""
+# The calibration prints the likelihoods of 2, 4 and 8. An exponent of 8 fits the peaks
+# somewhat better, but makes the scatter a step at the weather of one site.
 FAR_SCATTER_EXPONENT = 4.0
-"""Of $Z_k/Z$. The likelihoods of 2, 4 and 8 are printed by the calibration; 8 fits the
-peaks somewhat better, and would make the scatter a step at one site's weather."""
+"""Exponent of $Z_k/Z$ in the far scatter [-]."""
 
 
 @checked
@@ -220,9 +222,9 @@ def oblique_reflected_pressure(
 
     Args:
         peak_overpressure: Incident $p_{so}$ [Pa], positive.
-        reflected_pressure: On a face turned to the charge $p_r$ [Pa], positive.
-        incidence_angle: Between the face's normal and the way to the charge $\alpha$
-            [rad], 0 to pi/2.
+        reflected_pressure: Pressure on a face towards the charge $p_r$ [Pa], positive.
+        incidence_angle: Angle between the normal of the face and the direction of the
+            charge, $\alpha$ [rad], 0 to pi/2.
     """
     incident, reflected, angle = as_float_arrays(
         peak_overpressure, reflected_pressure, incidence_angle
@@ -238,15 +240,15 @@ def oblique_reflected_pressure_arl(
     reflected_pressure: Float[ArrayLike, "..."],
     incidence_angle: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Return the same by the form printed in ARL-TR-1310, for comparison [Pa].
+    r"""Return the peak overpressure on a face by the form printed in ARL-TR-1310 [Pa].
 
     $$p = p_r \cos^2\alpha + p_{so}\,(1 + \cos^2\alpha - 2\cos\alpha)$$
 
     Args:
         peak_overpressure: Incident $p_{so}$ [Pa], positive.
-        reflected_pressure: On a face turned to the charge $p_r$ [Pa], positive.
-        incidence_angle: Between the face's normal and the way to the charge $\alpha$
-            [rad], 0 to pi/2.
+        reflected_pressure: Pressure on a face towards the charge $p_r$ [Pa], positive.
+        incidence_angle: Angle between the normal of the face and the direction of the
+            charge, $\alpha$ [rad], 0 to pi/2.
     """
     incident, reflected, angle = as_float_arrays(
         peak_overpressure, reflected_pressure, incidence_angle
@@ -257,10 +259,10 @@ def oblique_reflected_pressure_arl(
 
 @dataclass(frozen=True)
 class WeakShockTail:
-    """The tail of one pressure curve.
+    """Weak-shock tail of a pressure curve.
 
     Attributes:
-        join: Scaled distance of its start [m/kg^(1/3)].
+        join: Scaled distance at the start of the tail [m/kg^(1/3)].
         amplitude: $A$ [Pa m/kg^(1/3)].
         length: $b$ [m/kg^(1/3)].
     """
@@ -270,7 +272,7 @@ class WeakShockTail:
     length: float
 
     def log_pressure(self, log_z: Any) -> Any:
-        """Return ln p (p in Pa), NumPy and JAX arrays alike; log_z lies past ln b."""
+        """Return ln p (p in Pa) for NumPy and JAX arrays; log_z must exceed ln b."""
         log = jnp.log if isinstance(log_z, jax.Array) else np.log
         return (
             math.log(self.amplitude) - log_z - 0.5 * log(log_z - math.log(self.length))
@@ -281,12 +283,12 @@ def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
     r"""Return the tail from a point: $b$ follows from the slope, then $A$ from $p$.
 
     Args:
-        join: Distance there, in any unit; $b$ has the same.
-        pressure: $p$ there, in any unit; $A$ has its product with that of distance.
-        slope: $d\ln p/d\ln Z$ there [-].
+        join: Distance of the point, in any unit; $b$ has the same unit.
+        pressure: $p$ at the point, in any unit; the unit of $A$ is the product.
+        slope: $d\ln p/d\ln Z$ at the point [-].
 
     Raises:
-        InputError: The slope is flatter than that of 1/Z, so no tail has it.
+        InputError: The slope is flatter than that of 1/Z; no tail has this slope.
     """
     if not slope < -1.0:
         raise InputError(f"slope at join must be steeper than -1, got {slope:g}")
@@ -299,14 +301,14 @@ def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
 
 
 def weak_shock_tail(pressure: Segment, join: float) -> WeakShockTail:
-    """Return the tail that meets a pressure curve in value and slope.
+    """Return the tail that joins a pressure curve in value and slope.
 
     Args:
         pressure: The curve, ln Pa against ln Z.
         join: Scaled distance of the junction [m/kg^(1/3)].
 
     Raises:
-        InputError: The curve is flatter than 1/Z there, so no tail meets it.
+        InputError: The curve is flatter than 1/Z at the join.
     """
     log_z = math.log(join)
     return tail_from(
@@ -315,12 +317,12 @@ def weak_shock_tail(pressure: Segment, join: float) -> WeakShockTail:
 
 
 class FarScatter(NamedTuple):
-    """Scatter of one quantity far away.
+    """Scatter of one quantity at large distances.
 
     Attributes:
-        shared: $F$, of the effect common to the far rows of a shot [ln].
+        shared: $F$, sd of the effect common to the far rows of a shot [ln].
         record: $R$, scale of each record [ln].
-        knee: $Z_k$, where both have half their final value [m/kg^(1/3)].
+        knee: $Z_k$, at which both have half their final value [m/kg^(1/3)].
     """
 
     shared: float
@@ -331,7 +333,7 @@ class FarScatter(NamedTuple):
         self, z: Float[ArrayLike, "..."]
     ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
         """Return both standard deviations in ln at a scaled distance."""
-        # Of Z/Z_k, not of its inverse: the power is finite at Z = 0, and so its slope.
+        # In Z/Z_k, not in its inverse: power and slope are finite at Z = 0.
         power = (as_float_array(z) / self.knee) ** FAR_SCATTER_EXPONENT
         share = power / (1.0 + power)
         return self.shared * share, self.record * share

@@ -126,26 +126,30 @@ from jblast.waves.laws.shock_kinematics import (
 )
 from jblast.waves.scaling import sachs_distance_factor
 
+# 10 and 90 % of a step $1 - (1 + x)\,e^{-x}$ are at x = 0.5318116 and 3.8897202.
 RISE_OVER_LAG = 3.3579086
-r"""From 10 to 90 % of a step $1 - (1 + x)\,e^{-x}$: x from 0.5318116 to 3.8897202."""
+r"""Rise time of two equal lags over one lag $\tau$ [-]."""
+# 1 ms at 1 psf, the rule of thumb of sonic booms, from memory: good to a factor of 3.
 RISE_TIME_TIMES_PEAK = 1e-3 * 47.88
-"""Of a weak shock in air, declared [Pa s]."""
+"""Rise time times peak of a weak shock in air [Pa s]."""
+# The first omitted term is below 1/(20 x 18!) = 8e-18, the rounding of float64.
 SERIES_TERMS = 18
-"""Terms of the series: the first left out is below 1/(20 x 18!) = 8e-18."""
+"""Terms of the series in b, used for |b| < 1."""
+# Four reach rounding for k from 1e-6 to 1e12; one is a margin.
 NEWTON_STEPS = 5
-"""Newton steps. Four reach rounding for k from 1e-6 to 1e12; one is to spare."""
+"""Newton steps for the decay."""
 
 
 class BlastPulse(NamedTuple):
     r"""Parameters of one blast at a position.
 
     Attributes:
-        arrival_time: From detonation to the front [s].
+        arrival_time: Travel time of the front [s].
         peak: Overpressure at the front $P_s$ [Pa].
-        duration: Of the positive phase $t_d$ [s].
+        duration: Duration of the positive phase $t_d$ [s].
         decay: Friedlander's $b$, which gives the positive impulse [-].
-        suction: Greatest underpressure $P^-$ [Pa].
-        suction_impulse: Of the negative phase, $i^-$ [Pa s].
+        suction: Largest underpressure $P^-$ [Pa].
+        suction_impulse: Impulse of the negative phase, $i^-$ [Pa s].
     """
 
     arrival_time: Float[Array, "..."]
@@ -195,7 +199,7 @@ def suction_of(
     speed: Float[Array, "..."],
     burst: str,
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """Return greatest underpressure [Pa] and impulse [Pa s] of the negative phase.
+    """Return the largest underpressure [Pa] and impulse [Pa s] of the negative phase.
 
     Args:
         distance: Range $R$ [m], positive.
@@ -204,10 +208,12 @@ def suction_of(
         speed: $c_0$ [m/s], positive.
         burst: "surface" or "free-air".
     """
-    seen_mass = mass
+    # the table is for free air: on the ground it is evaluated for the mass that has
+    # the same peak in free air
+    effective_mass = mass
     if burst == "surface":
-        seen_mass = ground_factor(distance, mass, ambient) * mass
-    last = LAST_SUCTION * sachs_distance_factor(seen_mass, ambient)
+        effective_mass = ground_factor(distance, mass, ambient) * mass
+    last = LAST_SUCTION * sachs_distance_factor(effective_mass, ambient)
     known = jnp.minimum(distance, last)
 
     def share(law, *air):
@@ -216,9 +222,9 @@ def suction_of(
         return here / there
 
     return (
-        ufc_negative_pressure(known, seen_mass, ambient)
+        ufc_negative_pressure(known, effective_mass, ambient)
         * share(shock_kinematics_pressure, ambient),
-        ufc_negative_impulse(known, seen_mass, ambient, speed)
+        ufc_negative_impulse(known, effective_mass, ambient, speed)
         * share(shock_kinematics_impulse, ambient, speed),
     )
 
@@ -271,9 +277,9 @@ def friedlander_pressure(
     $$p = P_s (1 - t/t_d)\,e^{-t/t_d}$$
 
     Args:
-        time: $t$ since arrival [s]; negative before.
+        time: Time $t$ since arrival [s], negative before it.
         peak_overpressure: $P_s$ [Pa], positive.
-        duration: Of the positive phase, $t_d$ [s], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
     """
     return modified_friedlander_pressure(time, peak_overpressure, duration, 1.0)
 
@@ -290,15 +296,16 @@ def modified_friedlander_pressure(
     $$p = P_s (1 - t/t_d)\,e^{-b\,t/t_d}$$
 
     Args:
-        time: $t$ since arrival [s]; negative before.
+        time: Time $t$ since arrival [s], negative before it.
         peak_overpressure: $P_s$ [Pa], positive.
-        duration: Of the positive phase, $t_d$ [s], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
         decay: $b$ [-].
     """
     time, peak, duration, decay = as_float_arrays(
         time, peak_overpressure, duration, decay
     )
     before = time < 0
+    # zero on the input, so that a negative decay does not overflow before the arrival
     phase = jnp.where(before, 0.0, time) / duration
     pressure = peak * (1.0 - phase) * jnp.exp(-decay * phase)
     return jnp.where(before, 0.0, pressure)
@@ -318,7 +325,7 @@ def friedlander_impulse(
 
     Args:
         peak_overpressure: $P_s$ [Pa], positive.
-        duration: Of the positive phase, $t_d$ [s], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
         decay: $b$ [-].
     """
     peak, duration, decay = as_float_arrays(peak_overpressure, duration, decay)
@@ -339,8 +346,8 @@ def friedlander_decay(
 
     Args:
         peak_overpressure: $P_s$ [Pa], positive.
-        impulse: Of the positive phase, $i$ [Pa s], positive.
-        duration: Of the positive phase, $t_d$ [s], positive.
+        impulse: Impulse of the positive phase $i$ [Pa s], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
     """
     peak, impulse, duration = as_float_arrays(peak_overpressure, impulse, duration)
     return decay_of_fraction(impulse / (peak * duration))
@@ -365,7 +372,7 @@ def friedlander_spectrum(
     Args:
         frequency: $f$ [Hz].
         peak_overpressure: $P_s$ [Pa], positive.
-        duration: Of the positive phase, $t_d$ [s], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
         decay: $b$ [-], positive.
 
     Raises:
@@ -391,6 +398,7 @@ def _spectrum(
     )
     decaying = decay > 0
     angle = 2.0 * jnp.pi * frequency * duration
+    # the inverse is squared, not sigma, which would overflow at high frequencies
     inverse = 1.0 / jax.lax.complex(jnp.where(decaying, decay, 1.0), angle)
     scale = jnp.where(decaying, peak * duration, jnp.nan)
     late = jax.lax.complex(scale * (decay - 1.0), scale * angle)
@@ -408,11 +416,11 @@ def finite_rise_pressure(
     r"""Return the overpressure of a pulse with a finite rise [Pa].
 
     Args:
-        time: $t$ since its first arrival [s]; negative before.
+        time: Time $t$ since the first arrival [s], negative before it.
         peak_overpressure: $P_s$ of the sharp pulse [Pa], positive.
-        duration: Of its positive phase, $t_d$ [s], positive.
-        decay: Its $b$ [-].
-        rise_time: From 10 to 90 % of a step [s], positive: $3.358\,\tau$.
+        duration: Duration of its positive phase $t_d$ [s], positive.
+        decay: Decay $b$ of the sharp pulse [-].
+        rise_time: Time from 10 to 90 % of a step [s], positive: $3.358\,\tau$.
     """
     time, peak, duration, decay, rise_time = as_float_arrays(
         time, peak_overpressure, duration, decay, rise_time
@@ -441,10 +449,10 @@ def negative_phase_pressure(
     r"""Return the overpressure in the negative phase [Pa]; zero before and after it.
 
     Args:
-        time: $t$ since arrival [s]; negative before.
-        duration: Of the positive phase, $t_d$ [s], positive.
-        negative_pressure: Greatest underpressure $P^-$ [Pa], positive.
-        negative_duration: Of the negative phase, $t^-$ [s], positive.
+        time: Time $t$ since arrival [s], negative before it.
+        duration: Duration of the positive phase $t_d$ [s], positive.
+        negative_pressure: Largest underpressure $P^-$ [Pa], positive.
+        negative_duration: Duration of the negative phase $t^-$ [s], positive.
     """
     time, duration, pressure, length = as_float_arrays(
         time, duration, negative_pressure, negative_duration
@@ -461,12 +469,12 @@ def weak_shock_rise_time(
     impulse: Float[ArrayLike, "..."],
     duration: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    """Return the time from zero to the peak [s].
+    """Return the rise time of a weak shock, from zero to the peak [s].
 
     Args:
         peak_overpressure: $P$ [Pa], positive.
-        impulse: Of the positive phase $i$ [Pa s], less than peak times duration.
-        duration: Of the positive phase $t_d$ [s], positive.
+        impulse: Impulse of the positive phase $i$ [Pa s], less than $P t_d$.
+        duration: Duration of the positive phase $t_d$ [s], positive.
     """
     peak, impulse, duration = as_float_arrays(peak_overpressure, impulse, duration)
     filled = impulse / peak
@@ -490,7 +498,7 @@ def late_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return $g(b)$, the integral weighted with time."""
     series = [(-1.0) ** n / (math.factorial(n) * (n + 2)) for n in range(SERIES_TERMS)]
     near, b = _split(decay)
-    # it cancels near b = 0, where the series takes its place
+    # this form cancels near b = 0, where the series replaces it
     far = (-jnp.expm1(-b) / b - jnp.exp(-b)) / b
     return jnp.where(near, _polynomial(series, jnp.where(near, decay, 0.0)), far)
 
@@ -524,15 +532,15 @@ def decay_of_fraction(fraction: Float[Array, "..."]) -> Float[Array, "..."]:
     def step(_, decay):
         k, slope = _fraction_and_slope(decay)
         ratio = k / fraction
-        left = jnp.where(rising, -jnp.log(ratio), 1.0 - ratio)
-        return decay + left * (k / slope)
+        residual = jnp.where(rising, -jnp.log(ratio), 1.0 - ratio)
+        return decay + residual * (k / slope)
 
     return jax.lax.fori_loop(0, NEWTON_STEPS, step, decay)
 
 
 @decay_of_fraction.defjvp
 def _decay_of_fraction_jvp(primals, tangents):
-    """Of the implicit function: db/dk = 1/k'(b)."""
+    """Return the derivative of the implicit function: db/dk = 1/k'(b)."""
     (fraction,), (tangent,) = primals, tangents
     decay = decay_of_fraction(fraction)
     return decay, -tangent / middle_fraction(decay)
@@ -544,7 +552,8 @@ def _fraction_and_slope(decay):
 
 
 def _split(decay):
-    """Return where the series is used, and the decay, replaced by 1 there."""
+    """Return True where the series is used, and the decay, replaced by 1 there."""
+    # at |b| < 1 the closed forms lose digits; the replacement keeps 0/0 out of them
     near = jnp.abs(decay) < 1.0
     return near, jnp.where(near, 1.0, decay)
 

@@ -133,7 +133,7 @@ def test_no_sigma_asks_for_the_best_there_is():
     [
         (("height", 0.1), "unknown quantity 'height'; expected one of flash_time_s"),
         ((PRESSURE, 0.1), f"no sensor of the scene records {PRESSURE}"),
-        (("arrival_difference_s", 0.1), "is made of air_arrival_s and ground_arrival"),
+        (("arrival_difference_s", 0.1), "consists of air_arrival_s and ground_arrival"),
         ((ARRIVAL, 0.0), "tolerance: expected a positive number, got 0"),
         ((ARRIVAL, math.nan), "tolerance: expected a positive number, got nan"),
         ((ARRIVAL, math.inf), "tolerance: expected a positive number, got inf"),

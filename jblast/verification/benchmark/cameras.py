@@ -53,24 +53,28 @@ from jblast.verification.simulated_recordings import (
 )
 
 FRAMES = 32
-"""Of the film that is timed."""
+"""Frames of the timed film."""
+# Eight views of the set, as many as are left out for the comparison between sides.
 EVERY = 4
-"""Of the views that are looked at between frames."""
+"""Stride of the views compared between frames."""
 Pair = tuple[ExplosionViews, int, int]
-"""The set that has a view, the view, and the frame."""
+"""A set of views, a view of it and a frame."""
 # The least of five: other load can only lengthen a call.
 REPEATS = 5
 # Frames a call: as many as the film has, so that one call is timed.
 BLOCK = 32
 BOTH = (THRESHOLD, THRESHOLD)
+"""Positive and negative contrast threshold [-]."""
 # From slow motion of a telephone to a laboratory camera.
 FPS = (100, 300, 1000, 3000, 10000)
 SOLVED = 1e-9
-"""Crossings are solved for to this [s]: no error below it is told."""
-STILL_TO = 1.0
-"""So long does the real camera look [s]."""
+"""Tolerance of the crossing times [s], the smallest reported error."""
+# 0.92 s of rest, so that events of noise alone are part of the cost.
+RECORDING_S = 1.0
+"""Duration of the recording of the real camera [s]."""
+# A fifth of a frame at 1,000 frames/s; interpolated times of equal events agree better.
 SAME_EVENT_S = 0.2e-3
-"""Events of one pixel and sign are the same within this [s]."""
+"""Largest time difference of equal events of one pixel and sign [s]."""
 USUAL = NoiseModel()
 EFFECTS = {
     "none of them": IDEAL,
@@ -89,18 +93,18 @@ EFFECTS = {
 
 
 class NearerFrame(ExplosionViews):
-    """The same pictures, of which the nearer one in time is shown."""
+    """Views that show the nearer frame in time instead of a mixture of two."""
 
     def frames_at(
         self, phase: Float[Array, ""]
     ) -> tuple[Int[Array, "1"], Float[Array, "1"]]:
-        """Return the nearer of the two frames, and how much of it is there."""
+        """Return the nearer of the two frames, and its weight."""
         frames, parts = super().frames_at(phase)
         return frames[jnp.argmax(parts)][None], jnp.sum(parts)[None]
 
 
 def nearer(views: ExplosionViews) -> NearerFrame:
-    """Return pictures of which the nearer one in time is shown."""
+    """Return the same views with the nearer frame in time."""
     return NearerFrame(
         **{part.name: getattr(views, part.name) for part in fields(views)}
     )
@@ -118,7 +122,7 @@ def thinned(views: ExplosionViews) -> ExplosionViews:
 def likeness(
     views: ExplosionViews, pairs: Iterator[Pair]
 ) -> tuple[Float[np.ndarray, " picture"], Float[np.ndarray, " picture"]]:
-    """Return PSNR [dB] and SSIM of pictures that a set shows, one for each pair."""
+    """Return PSNR [dB] and SSIM of the pictures of a set, one for each pair."""
     found = []
     for shown, view, frame in pairs:
         true, seen = (close_up(one, shown, view, frame) for one in (shown, views))
@@ -131,25 +135,30 @@ def likeness(
 
 
 def between_sides(left_out: ExplosionViews) -> Iterator[Pair]:
-    """Yield the pictures left out."""
+    """Yield all pictures of the left-out set."""
     for view in range(len(left_out.direction)):
         for frame in range(len(left_out.phase)):
             yield left_out, view, frame
 
 
 def between_frames(views: ExplosionViews, every: int = EVERY) -> Iterator[Pair]:
-    """Yield the pictures between those of every second frame, of some views."""
+    """Yield the pictures between those of every second frame.
+
+    Args:
+        views: The full set.
+        every: Stride of the views.
+    """
     for view in range(0, len(views.direction), every):
         for frame in range(1, len(views.phase) - 1, 2):
             yield views, view, frame
 
 
 def view_points() -> list[BenchmarkPoint]:
-    """Return what each way costs a frame, and how unlike the truth it is."""
-    tell, views = in_words(), explosion_views()
+    """Return the cost of a frame by each method, and its dissimilarity."""
+    progress, views = in_words(), explosion_views()
     three, left_out = replace(views, sides=3), explosion_views(LEFT_OUT)
     few = thinned(views)
-    ways: tuple[
+    methods: tuple[
         tuple[str, str, ExplosionViews, ExplosionViews, Callable[[], Iterator[Pair]]],
         ...,
     ] = (
@@ -177,8 +186,8 @@ def view_points() -> list[BenchmarkPoint]:
         ("two mixed", "between frames", views, few, lambda: between_frames(views)),
     )
     points = []
-    for name, panel, timed, shows, pairs in ways:
-        tell(name)
+    for name, panel, timed, shows, pairs in methods:
+        progress(name)
         peak, structure = likeness(shows, pairs())
         text = (
             f"SSIM {structure.mean():.3f}, {structure.min():.3f} to "
@@ -195,8 +204,8 @@ register_benchmark(
     Benchmark(
         name="views",
         title="Views of an explosion: cost against likeness",
-        cost="time of a processor for a frame of 640 x 480 pixels, float64",
-        error="1 - SSIM over the fire's pixels",
+        cost="processor time of a frame of 640 x 480 pixels, float64",
+        error="1 - SSIM over the pixels of the fire",
         measure=view_points,
         relative=False,
     )
@@ -207,8 +216,8 @@ class Sent(NamedTuple):
     """Events in any order.
 
     Attributes:
-        pixel: Row by row.
-        time: Seconds.
+        pixel: Number of the pixel, row by row.
+        time: Time of the event [s].
         sign: +1 brighter, -1 darker.
     """
 
@@ -234,25 +243,30 @@ def _blocks(times: np.ndarray, frames: np.ndarray) -> Iterator[tuple]:
 
 
 def of_frames(fps: int) -> Sent:
-    """Return events of float frames, the logarithm of light linear between them."""
+    """Return events of float frames, with ln(light) linear between frames."""
     times, logs = film(fps)
     return sent(stream_events(_blocks(times, logs), BOTH, in_logarithms=True))
 
 
 def of_bytes(fps: int) -> Sent:
-    """Return the same of frames of 8 bits."""
+    """Return events of frames of 8 bits."""
     times, logs = film(fps)
     return sent(stream_events(_blocks(times, grey(logs)), BOTH))
 
 
 def of_bytes_stamped(fps: int) -> Sent:
-    """Return these events with the time of the frame that shows them."""
+    """Return events of 8 bits with the time of the frame after each."""
     found = of_bytes(fps)
+    # the margin keeps an event exactly at a frame in that frame
     return found._replace(time=np.ceil(found.time * fps - 1e-6) / fps)
 
 
 def of_functions(fps: int) -> Sent:
-    """Return events without frames, of light first sampled so often a second."""
+    """Return events without frames.
+
+    Args:
+        fps: Rate of the first samples [Hz].
+    """
     times = np.linspace(0.0, DURATION, max(2, round(DURATION * fps) + 1))
     return sent(iter([frameless_events(disc_light, SHAPE, times, BOTH)]))
 
@@ -262,7 +276,7 @@ def grey(logs: Float[np.ndarray, "..."]) -> np.ndarray:
     return np.round(255.0 * np.exp(logs)).astype(np.uint8)
 
 
-WAYS: tuple[tuple[str, Callable[[int], Sent], int], ...] = (
+METHODS: tuple[tuple[str, Callable[[int], Sent], int], ...] = (
     *((f"frames, {fps:,}/s", of_frames, fps) for fps in FPS),
     ("8 bits, 1,000/s", of_bytes, 1000),
     ("8 bits at frame's end, 1,000/s", of_bytes_stamped, 1000),
@@ -272,11 +286,11 @@ WAYS: tuple[tuple[str, Callable[[int], Sent], int], ...] = (
 
 
 def stamp_errors(found: Sent) -> tuple[Float[np.ndarray, " event"], int, int]:
-    """Compare events with those known, where the edge passed wholly.
+    """Compare events with the known ones, in pixels that the edge has passed.
 
     Returns:
-        How far off each time is [s], of pixels that sent as many as they should; how
-        many pixels there are; how many of them sent another number.
+        Errors of the times in pixels with the right number of events [s], the number of
+        pixels, and the number of pixels with a wrong number of events.
     """
     whole = passed_wholly()
     known, _, when = analytic()
@@ -284,36 +298,36 @@ def stamp_errors(found: Sent) -> tuple[Float[np.ndarray, " event"], int, int]:
     pixel, time = found.pixel[order], found.time[order]
     events, truth = (np.bincount(p, minlength=whole.size) for p in (pixel, known))
     right = whole & (events == truth)
-    off = np.abs(time[right[pixel]] - when[right[known]])
-    return off, int(whole.sum()), int((whole & ~right).sum())
+    error = np.abs(time[right[pixel]] - when[right[known]])
+    return error, int(whole.sum()), int((whole & ~right).sum())
 
 
 def stamp_points(repeats: int = REPEATS) -> list[BenchmarkPoint]:
-    """Return what each way costs, and how far its times are off.
+    """Return the cost of each method, and the mean error of its times.
 
     Args:
-        repeats: How often each is timed.
+        repeats: Number of timed repetitions.
     """
-    tell = in_words()
+    progress = in_words()
     points = []
-    for name, way, fps in WAYS:
-        tell(name)
-        took, found = best_of(functools.partial(way, fps), repeats)
-        off, pixels, wrong = stamp_errors(found)
-        most = f"{off.max() * 1e6:.2g} us at most"
-        text = f"{most}; count wrong in {wrong} of {pixels:,} pixels"
+    for name, method, fps in METHODS:
+        progress(name)
+        took, found = best_of(functools.partial(method, fps), repeats)
+        errors, pixels, wrong = stamp_errors(found)
+        largest = f"{errors.max() * 1e6:.2g} us at most"
+        text = f"{largest}; count wrong in {wrong} of {pixels:,} pixels"
         cost = took / (SHAPE[0] * SHAPE[1])
-        error = max(float(off.mean()), SOLVED)
+        error = max(float(errors.mean()), SOLVED)
         points.append(BenchmarkPoint(name, cost, error * 1e6, text))
     return points
 
 
-def looked(effects: NoiseModel, fps: int = 1000) -> Sent:
-    """Return what a real camera sends, the same pixels and noise for the same effects.
+def noisy_events(effects: NoiseModel, fps: int = 1000) -> Sent:
+    """Return the events of a real camera, with the same random pixels for all effects.
 
     Args:
-        effects: Which.
-        fps: Frames a second.
+        effects: Effects of the camera.
+        fps: Frame rate [Hz].
     """
     times, frames = _long_film(fps)
     key, blocks = jax.random.key(0), _blocks(times, frames)
@@ -322,17 +336,17 @@ def looked(effects: NoiseModel, fps: int = 1000) -> Sent:
 
 @functools.cache
 def _long_film(fps: int) -> tuple[np.ndarray, np.ndarray]:
-    times = np.arange(round(STILL_TO * fps) + 1) / fps
+    times = np.arange(round(RECORDING_S * fps) + 1) / fps
     return times, grey(disc_frames(times))
 
 
 def unlike(found: Sent, known: Sent) -> tuple[int, int]:
-    """Return how many events only the known has, and how many only the other."""
+    """Return the numbers of missing and of extra events, relative to the known ones."""
 
     def alone(ours: Sent, theirs: Sent) -> int:
-        # one line of time for each pixel and sign, far from the next
+        # one axis: the offset between pixels and signs exceeds any time difference
         a, b = (
-            np.sort((2 * e.pixel + (e.sign > 0)) * (2.0 * STILL_TO) + e.time)
+            np.sort((2 * e.pixel + (e.sign > 0)) * (2.0 * RECORDING_S) + e.time)
             for e in (ours, theirs)
         )
         if not b.size:
@@ -345,21 +359,21 @@ def unlike(found: Sent, known: Sent) -> tuple[int, int]:
 
 
 def effect_points(repeats: int = REPEATS) -> list[BenchmarkPoint]:
-    """Return what each effect costs, and how unlike a real camera's the events are.
+    """Return the cost of each effect, and the share of wrong events without the others.
 
     Args:
-        repeats: How often each is timed.
+        repeats: Number of timed repetitions.
     """
-    tell = in_words()
-    points, known = [], looked(USUAL)
+    progress = in_words()
+    points, known = [], noisy_events(USUAL)
     pixel_frames = SHAPE[0] * SHAPE[1] * len(_long_film(1000)[0])
     for name, effects in {**EFFECTS, "all": USUAL}.items():
-        tell(name)
-        took, found = best_of(functools.partial(looked, effects), repeats)
+        progress(name)
+        took, found = best_of(functools.partial(noisy_events, effects), repeats)
         missing, extra = unlike(found, known)
         both = known.time.size + found.time.size
         share = max(missing + extra, 0.5) / both
-        text = f"{missing:,} missing, {extra:,} not sent, of {both:,} of both"
+        text = f"{missing:,} missing, {extra:,} extra, of {both:,} of both"
         cost, full = took / pixel_frames, effects == USUAL
         points.append(BenchmarkPoint(name, cost, share, text, is_reference=full))
     return points
@@ -369,7 +383,7 @@ register_benchmark(
     Benchmark(
         name="events",
         title="Times of events: cost against error",
-        cost=f"time of a pixel over {1e3 * DURATION:g} ms, with the light's own",
+        cost=f"time of a pixel over {1e3 * DURATION:g} ms, with that of the light",
         error="mean error of a time [us], not below 0.001; a disc whose edge moves at "
         "260 px/s",
         measure=stamp_points,
@@ -379,10 +393,10 @@ register_benchmark(
 register_benchmark(
     Benchmark(
         name="event_effects",
-        title="Effects of a real event camera: what it costs to leave them out",
+        title="Effects of a real event camera: cost against error without them",
         cost="time of a pixel in a frame, 8 bits at 1,000 frames/s",
-        error="share of its events and of those of a camera with all effects that the "
-        "other has not, to 0.2 ms; half an event if none",
+        error="share of events without a counterpart within 0.2 ms, relative to a "
+        "camera with all effects; half an event if none",
         measure=effect_points,
     )
 )

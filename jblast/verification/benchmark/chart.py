@@ -13,16 +13,16 @@ from jaxtyping import Bool
 
 @dataclass(frozen=True)
 class BenchmarkPoint:
-    """One method as measured.
+    """Measured cost and error of one method.
 
     Attributes:
-        method: Its name.
-        cost_s: Seconds of this machine, of what the benchmark counts.
-        error: What the benchmark counts, positive.
-        range: Over what it was measured, in words.
-        panel: Which part of the figure it belongs to; methods compete within one.
-        whole: Whether it covers all of the panel; only such can be on its Pareto front.
-        is_reference: Whether the others of the panel are held against it.
+        method: Name of the method.
+        cost_s: Cost as defined by the benchmark, on this machine [s].
+        error: Error as defined by the benchmark, positive.
+        range: Description of the range of the measurement.
+        panel: Panel of the figure; methods compete within one panel.
+        whole: True if the range covers the panel; others are not on its Pareto front.
+        is_reference: True if the other methods of the panel are compared with this one.
     """
 
     method: str
@@ -36,17 +36,18 @@ class BenchmarkPoint:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """One chart: methods that compete, and how they are measured.
+    """One chart: competing methods and their measurement.
 
     Attributes:
-        name: As on the command line.
-        title: Of the figure.
-        cost: What a cost is of, for the axis.
-        error: What an error is of, for the axis.
-        relative: Whether an error is a share, to be read in per cent.
-        measure: Measures all points, and reports its progress (`jblast.progress`).
-        orders: Of convergence, by the word with which the names of a method's points
-            begin: how its errors should fall as its costs rise, for the figure.
+        name: Name on the command line.
+        title: Title of the figure.
+        cost: Definition of the cost, for the axis.
+        error: Definition of the error, for the axis.
+        relative: True if an error is a share, printed in per cent.
+        measure: Function that measures all points and reports its progress
+            (`jblast.progress`).
+        orders: Expected orders of convergence for the figure, by the first word of the
+            names of the points.
     """
 
     name: str
@@ -62,7 +63,7 @@ BENCHMARKS: dict[str, Benchmark] = {}
 
 
 def register_benchmark(benchmark: Benchmark) -> Benchmark:
-    """Enter a benchmark; one of the same name is replaced."""
+    """Register a benchmark, in place of any with the same name."""
     BENCHMARKS[benchmark.name] = benchmark
     return benchmark
 
@@ -76,9 +77,9 @@ def panels(points: Sequence[BenchmarkPoint]) -> dict[str, list[BenchmarkPoint]]:
 
 
 def on_pareto_front(points: Sequence[BenchmarkPoint]) -> Bool[np.ndarray, " point"]:
-    """Return which points no other point of their panel beats in cost and error both.
+    """Return True for points that no other point of their panel dominates.
 
-    Of several equal in both, all are on it.
+    Points with equal cost and error do not dominate one another.
     """
     front = np.zeros(len(points), bool)
     for i, one in enumerate(points):

@@ -1,14 +1,14 @@
 """Fits, samplers and Monte Carlo: cost against error.
 
 Fit: methods to find the optimum of a log, their cost against the share of failures. The
-logs are those of `verification.stability.fits`: eight arrivals, each of a charge of its
-own, and poor starts, with the mass to a factor of 1,000 and the position to a square of
-200 m. `fit_many` and `solve` also run from starts of their own choice.
+logs are those of `verification.stability.fits`: eight arrivals of one charge each, with
+poor starts from 1 to 1,000 kg and from a square of 200 m. `fit_many` and `solve` also
+run from starts of their own choice.
 
 Sampler: methods to compute 90 % intervals of a posterior. The case is that of five
 microphones (`verification.sampling_cases`), whose optimum is known. The reference is a
-long run of the compiled sampler; its own error is half the difference between its first
-and second half.
+long run of the compiled sampler; its error is half the difference between its first and
+second half.
 
 Monte Carlo: draws by key, Sobol' points and importance sampling, for a pressure of
 three uncertain parameters whose mean and probabilities are known
@@ -60,7 +60,7 @@ from jblast.verification.sampling_cases import (
     timed_walk,
 )
 from jblast.verification.stability.fits import (
-    OFF,
+    MISFIT_LIMIT,
     Logs,
     best_known,
     costs,
@@ -71,34 +71,41 @@ from jblast.verification.stability.fits import (
 )
 
 DIMENSIONS = 3
+"""Uncertain parameters of the pressure: mass, range and scatter."""
 # Powers of two: a Sobol sequence is balanced only there.
 SAMPLES = (1 << 10, 1 << 14, 1 << 18)
+"""Samples of an estimate."""
 RARE_SAMPLES = (1 << 18, 1 << 22)
-"""Plain draws of a rare event; fewer meet it hardly once."""
-# Estimates with other seeds; their spread is known to 18 %, 1/sqrt(2 x 16).
+"""Random samples for the rare event; fewer contain hardly one."""
+# Estimates with other seeds; the standard error of their rms is 18 %, 1/sqrt(2 x 16).
 REPETITIONS = 16
 COMMON_PA = 12e3
-"""A pressure that one sample in twenty passes, about."""
+"""Pressure that about one sample in twenty exceeds [Pa]."""
 IMPORTANCE: dict[str, Points] = {"importance": "random", "both": "sobol"}
 Estimate = Callable[[int], float]
-"""From a seed to an estimate."""
+"""Function from a seed to an estimate."""
+# Factors of five or more: the slope of error against cost is visible on the chart.
 STEPS = (200, 1000, 5000)
+"""Steps of the walks."""
 DRAWS = (500, 4000, 30_000)
+"""Draws of importance sampling."""
+# Four times the longest compared walk, so that the error of the reference is half.
 REFERENCE = 20_000
-"""Steps of the walk that the others are held against."""
+"""Steps of the reference walk."""
 RUNS = 3
-"""Runs of the longest, which differ by the seed."""
-MOST_RUNS = 5
-"""Shorter ones are run more often, as chance tells more in them."""
+"""Runs of the longest walk, which differ by the seed."""
+MAX_RUNS = 5
+"""Largest number of runs of shorter walks, whose errors vary more."""
 REFERENCE_SEED = 100
-"""Of no other run."""
+"""Seed of the reference walk, different from those of all other runs."""
 Interval = Float[np.ndarray, "2 free"]
-# With so many a failure rate of 1 % is known to 0.2 %.
+# The standard error of a failure rate of 1 % is then 0.2 %.
 LOGS = 2000
 SOLVED = 100
-"""Logs for `solve`, which takes one at a time."""
+"""Logs for `solve`, which fits one at a time."""
 LOOPED = 500
-"""Logs for scipy, which does so too."""
+"""Logs for scipy, which also fits one at a time."""
+# The least of three: other load can only lengthen a call.
 REPEATS = 3
 STOCK = (
     ("Gauss-Newton", "float64"),
@@ -108,8 +115,8 @@ STOCK = (
     ("Levenberg-Marquardt", "float32"),
     ("BFGS", "float32"),
 )
-SHORT = {"Levenberg-Marquardt": "LM"}
-OWN, POOR = "starts of its own", "poor starts"
+ABBREVIATIONS = {"Levenberg-Marquardt": "LM"}
+OWN_STARTS, POOR_STARTS = "own starts", "poor starts"
 
 
 def montecarlo_points(
@@ -117,28 +124,28 @@ def montecarlo_points(
     rare_samples: tuple[int, ...] = RARE_SAMPLES,
     repetitions: int = REPETITIONS,
 ) -> list[BenchmarkPoint]:
-    """Return cost and error of each way to a mean and to two probabilities.
+    """Return cost and error of each estimate of a mean and of two probabilities.
 
     Args:
-        samples: Of an estimate.
-        rare_samples: Of plain draws of a rare event.
-        repetitions: Of each estimate, which differ by the seed.
+        samples: Numbers of samples of an estimate.
+        rare_samples: Numbers of random samples for the rare event.
+        repetitions: Repetitions of each estimate, which differ by the seed.
     """
-    tell = in_words()
+    progress = in_words()
     found: list[BenchmarkPoint] = []
 
     def add(panel: str, method: str, number: int, true: float, estimate: Estimate):
-        tell(f"{panel}: {method}, {number:,}")
+        progress(f"{panel}: {method}, {number:,}")
         seconds, _ = best_of(lambda: estimate(0), 3)
-        off = [estimate(seed) / true - 1 for seed in range(repetitions)]
-        error = float(np.sqrt(np.mean(np.square(off))))
-        how = ": importance by Sobol' points" if method == "both" else ""
-        said = f"{number:,} samples, {repetitions} repetitions{how}"
+        deviations = [estimate(seed) / true - 1 for seed in range(repetitions)]
+        error = float(np.sqrt(np.mean(np.square(deviations))))
+        points = ": importance by Sobol' points" if method == "both" else ""
+        span = f"{number:,} samples, {repetitions} repetitions{points}"
         short = f"{number / 2**20:g}M" if number >= 2**20 else f"{number / 2**10:g}k"
-        found.append(BenchmarkPoint(f"{method} {short}", seconds, error, said, panel))
+        found.append(BenchmarkPoint(f"{method} {short}", seconds, error, span, panel))
 
-    ways = {"plain": random_scores_of, "Sobol": sobol_scores}
-    for name, scores in ways.items():
+    generators = {"plain": random_scores_of, "Sobol": sobol_scores}
+    for name, scores in generators.items():
         for number in samples:
             add(
                 "mean pressure",
@@ -155,7 +162,7 @@ def montecarlo_points(
     ):
         true, edge = probability_above(threshold), margin_at(threshold)
         title = f"probability of {true:.2g}"
-        for name, scores in ways.items():
+        for name, scores in generators.items():
             for number in numbers:
                 add(
                     title,
@@ -183,7 +190,7 @@ def montecarlo_points(
 
 
 def random_scores_of(count: int, dimensions: int, seed: int) -> np.ndarray:
-    """Return draws by the keys of their numbers."""
+    """Return standard normal scores, each by the key of its number."""
     return random_scores(np.arange(count), dimensions, seed)
 
 
@@ -206,22 +213,22 @@ register_benchmark(
     Benchmark(
         name="montecarlo",
         title="Monte Carlo: cost against standard error, by number of samples",
-        cost="time of an estimate, the search for the event included",
-        error="rms over repetitions, of the exact value",
+        cost="time of an estimate, with the search for the event",
+        error="rms over repetitions, relative to the exact value",
         measure=montecarlo_points,
     )
 )
 
 
 class Solved(NamedTuple):
-    """What every sampler starts from.
+    """Common input of all samplers.
 
     Attributes:
-        posterior: It.
-        identified: Directions that its log identifies.
-        normal: Its normal approximation.
-        seconds: What that takes, with the optimum known.
-        density: The posterior in coordinates in which it is round.
+        posterior: The posterior.
+        identified: Directions that the log identifies.
+        normal: Normal approximation.
+        seconds: Time of the normal approximation, with the optimum known.
+        density: The posterior in whitened coordinates.
     """
 
     posterior: Posterior
@@ -244,9 +251,9 @@ def solved() -> Solved:
 
 
 def weighted_ends(found: Importance, normal: Laplace) -> Interval:
-    """Return the ends that weighted draws give, from the optimum."""
-    away = (found.z - normal.z).T
-    return np.array([weighted_quantiles(x, found.weights, SHARES) for x in away]).T
+    """Return the interval bounds of weighted draws, relative to the optimum."""
+    deviation = (found.z - normal.z).T
+    return np.array([weighted_quantiles(x, found.weights, SHARES) for x in deviation]).T
 
 
 def sampler_points(
@@ -255,44 +262,44 @@ def sampler_points(
     reference: int = REFERENCE,
     runs: int = RUNS,
 ) -> list[BenchmarkPoint]:
-    """Return the cost of every sampler at some lengths, and the error of its intervals.
+    """Return the cost of every sampler at several lengths, and the interval error.
 
-    The error is that of the worst end of any unknown, rms over the runs; one below what
-    the reference itself may be off counts as that.
+    The error is that of the worst bound of any parameter, rms over the runs. Errors
+    below the uncertainty of the reference are set to that uncertainty.
 
     Args:
-        steps: Of walks, a hundred and more.
-        draws: Of importance sampling.
-        reference: Steps of the walk that the others are held against.
-        runs: Of the longest of each; of a shorter one up to `MOST_RUNS`.
+        steps: Steps of walks, 100 or more.
+        draws: Draws of importance sampling.
+        reference: Steps of the reference walk.
+        runs: Runs of the longest of each method; shorter ones have up to `MAX_RUNS`.
     """
-    tell = in_words()
-    tell("the optimum")
-    what = solved()
-    free, axes = what.normal.z.size, np.asarray(what.density.root)
-    tell("the reference")
-    long, took = timed_walk(Scan(), what.density, free, reference, REFERENCE_SEED)
+    progress = in_words()
+    progress("the optimum")
+    case = solved()
+    free, axes = case.normal.z.size, np.asarray(case.density.root)
+    progress("the reference")
+    long, took = timed_walk(Scan(), case.density, free, reference, REFERENCE_SEED)
     long = long @ axes.T
     true, sd = interval_ends(long), long.reshape(-1, free).std(axis=0)
     half = len(long) // 2
     halves = interval_ends(long[:half]) - interval_ends(long[half:])
-    own = 0.5 * float(np.max(np.abs(halves) / sd))
-    over = f"{free} unknowns, 90 % intervals"
+    uncertainty = 0.5 * float(np.max(np.abs(halves) / sd))
+    over = f"{free} parameters, 90 % intervals"
     points = []
 
     def add(method: str, seconds: float, ends: list[Interval], words: str = "") -> None:
         worst = [np.max(np.abs(one - true) / sd) for one in ends]
-        error = max(own, float(np.sqrt(np.mean(np.square(worst)))))
+        error = max(uncertainty, float(np.sqrt(np.mean(np.square(worst)))))
         points.append(
-            BenchmarkPoint(method, what.seconds + seconds, error, over + words)
+            BenchmarkPoint(method, case.seconds + seconds, error, over + words)
         )
 
     for name, sampler in (("emcee", Emcee()), ("one scan", Scan())):
         for number in steps:
-            tell(f"{name}, {number} steps")
-            times = min(runs * max(steps) // number, MOST_RUNS)
+            progress(f"{name}, {number} steps")
+            times = min(runs * max(steps) // number, MAX_RUNS)
             walked = [
-                timed_walk(sampler, what.density, free, number, seed)
+                timed_walk(sampler, case.density, free, number, seed)
                 for seed in range(times)
             ]
             add(
@@ -302,12 +309,12 @@ def sampler_points(
                 f", {WALKERS} walkers, {times} runs",
             )
     for number in draws:
-        tell(f"importance sampling, {number} draws")
-        times = min(runs * max(draws) // number, MOST_RUNS)
+        progress(f"importance sampling, {number} draws")
+        times = min(runs * max(draws) // number, MAX_RUNS)
         drawn = [
             best_of(
                 lambda number=number, seed=seed: importance(
-                    what.posterior, what.normal, seed=seed, draws=number
+                    case.posterior, case.normal, seed=seed, draws=number
                 ),
                 1,
             )
@@ -316,16 +323,16 @@ def sampler_points(
         add(
             f"importance, {number:,} draws",
             min(seconds for seconds, _ in drawn),
-            [weighted_ends(found, what.normal) for _, found in drawn],
+            [weighted_ends(found, case.normal) for _, found in drawn],
             f", {times} runs",
         )
-    sds = np.sqrt(np.diag(what.normal.covariance))
+    sds = np.sqrt(np.diag(case.normal.covariance))
     add("Laplace", 0.0, [np.outer([-NORMAL_Q95, NORMAL_Q95], sds)])
     points.append(
         BenchmarkPoint(
             f"one scan, {reference:,} steps",
-            what.seconds + took,
-            own,
+            case.seconds + took,
+            uncertainty,
             f"{over}, {WALKERS} walkers",
             is_reference=True,
         )
@@ -337,8 +344,8 @@ register_benchmark(
     Benchmark(
         name="sampler",
         title="Sampling a posterior: cost against error",
-        cost="time of a run, the optimum known",
-        error="worst end of a 90 % interval [posterior sd], or that of the reference",
+        cost="time of a run, with the optimum known",
+        error="worst bound of a 90 % interval [posterior sd], or that of the reference",
         measure=sampler_points,
         relative=False,
     )
@@ -346,13 +353,13 @@ register_benchmark(
 
 
 class FitOutcome(NamedTuple):
-    """Where the fits of a method ended.
+    """Fits of the first logs by one method.
 
     Attributes:
-        method: Its name.
-        start: Where from, in words.
-        seconds: For all fits.
-        z: Fitted coordinates of the first so many logs.
+        method: Name of the method.
+        start: Description of the starts.
+        seconds: Time of all fits.
+        z: Fitted coordinates, one row for each fitted log.
     """
 
     method: str
@@ -362,38 +369,38 @@ class FitOutcome(NamedTuple):
 
 
 def fit_outcomes(logs: Logs, solved: int, looped: int) -> list[FitOutcome]:
-    """Fit the logs by every way.
+    """Fit the logs by every method.
 
     Args:
-        logs: What to fit.
-        solved: Logs for `solve`.
-        looped: Logs for scipy.
+        logs: The logs.
+        solved: Number of logs for `solve`.
+        looped: Number of logs for scipy.
     """
-    tell = in_words()
+    progress = in_words()
     outcomes = []
     for name, start, given in (
-        ("fit_many", OWN, None),
-        ("fit_many, poor starts", POOR, logs.starts),
+        ("fit_many", OWN_STARTS, None),
+        ("fit_many, poor starts", POOR_STARTS, logs.starts),
     ):
-        tell(name)
+        progress(name)
         took, fits = best_of(lambda given=given: ours(logs, given), REPEATS)
         outcomes.append(FitOutcome(name, start, took, np.asarray(fits.z)))
     for name, precision in STOCK:
-        words = SHORT.get(name, name)
+        words = ABBREVIATIONS.get(name, name)
         words += "" if precision == "float64" else f", {precision}"
-        tell(words)
+        progress(words)
         took, stock = best_of(
             lambda name=name, precision=precision: stock_fits(
                 name, logs.blank, logs.readings, logs.starts, precision
             ),
             REPEATS,
         )
-        outcomes.append(FitOutcome(words, POOR, took, stock.z))
+        outcomes.append(FitOutcome(words, POOR_STARTS, took, stock.z))
     for name, start, fit, number in (
-        ("scipy, lm", POOR, by_scipy, looped),
-        ("solve", OWN, by_solve, solved),
+        ("scipy, lm", POOR_STARTS, by_scipy, looped),
+        ("solve", OWN_STARTS, by_solve, solved),
     ):
-        tell(name)
+        progress(name)
         took, z = best_of(
             lambda fit=fit, number=number: fit(logs, number),
             1,
@@ -408,7 +415,7 @@ def by_scipy(logs: Logs, count: int) -> Float[np.ndarray, "log free"]:
     function = jax.jit(lambda z, measured: residuals(z, (logs.blank, measured)))
     slopes = jax.jit(jax.jacfwd(lambda z, m: residuals(z, (logs.blank, m))))
 
-    def jacobian(measured) -> Any:  # scipy's types know of no function here
+    def jacobian(measured) -> Any:  # the stubs of scipy accept no function here
         return lambda z: np.asarray(slopes(z, measured))
 
     return np.array(
@@ -443,12 +450,12 @@ def by_solve(logs: Logs, count: int) -> Float[np.ndarray, "log free"]:
 
 
 def missed(logs: Logs, outcomes: list[FitOutcome]) -> list[int]:
-    """Count the fits off the optimum of each method.
+    """Return the number of fits of each method that miss the optimum.
 
-    Off is an end less probable, beside the best that any method found or that a fit
-    from the truth ends at, than 0.1 standard deviations of one number would make it. In
-    float64 the count is the same for any limit down to 1e-9 in cost; rounding alone
-    takes float32 over that.
+    The optimum is the best fit of any method or from the truth. A fit misses it if its
+    likelihood is lower than a shift of one parameter by 0.1 standard deviations would
+    make it. In float64 the count is the same for any limit down to 1e-9 in cost. In
+    float32 rounding alone exceeds that.
     """
 
     def cost(z: Float[np.ndarray, "log free"]) -> Float[np.ndarray, " log"]:
@@ -459,7 +466,9 @@ def missed(logs: Logs, outcomes: list[FitOutcome]) -> list[int]:
     each = [cost(outcome.z) for outcome in outcomes]
     for found in each:
         least[: len(found)] = np.fmin(least[: len(found)], found)
-    return [int(np.sum(~(found - least[: len(found)] <= OFF))) for found in each]
+    return [
+        int(np.sum(~(found - least[: len(found)] <= MISFIT_LIMIT))) for found in each
+    ]
 
 
 def fit_points(
@@ -469,23 +478,23 @@ def fit_points(
 ) -> list[BenchmarkPoint]:
     """Return the cost of a fit by every method, and the share that misses the optimum.
 
-    None of N counts as half a log of N.
+    No miss in N logs counts as half a log, since the chart is logarithmic.
 
     Args:
-        count: How many logs.
-        solved: Logs for `solve`.
-        looped: Logs for scipy.
+        count: Number of logs.
+        solved: Number of logs for `solve`.
+        looped: Number of logs for scipy.
     """
     logs = draw(count)
     outcomes = fit_outcomes(logs, solved, looped)
     return [
         BenchmarkPoint(
-            of.method,
-            of.seconds / len(of.z),
-            max(off, 0.5) / len(of.z),
-            f"{off} of {len(of.z):,} off, {of.start}",
+            outcome.method,
+            outcome.seconds / len(outcome.z),
+            max(misses, 0.5) / len(outcome.z),
+            f"{misses} of {len(outcome.z):,} missed, {outcome.start}",
         )
-        for of, off in zip(outcomes, missed(logs, outcomes), strict=True)
+        for outcome, misses in zip(outcomes, missed(logs, outcomes), strict=True)
     ]
 
 
@@ -493,8 +502,8 @@ register_benchmark(
     Benchmark(
         name="fit",
         title="Finding the optimum of a log: cost against misses",
-        cost=f"time of a fit, {LOGS:,} at once; scipy's and solve's one by one",
-        error="share that ends off the optimum; half a log if none does",
+        cost=f"time of a fit, {LOGS:,} at once; scipy and solve one by one",
+        error="share that misses the optimum; half a log if none does",
         measure=fit_points,
     )
 )

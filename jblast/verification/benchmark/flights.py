@@ -34,27 +34,35 @@ from jblast.verification.benchmark.chart import (
 )
 
 VEHICLES = 64
-"""Few enough that one core takes them at once."""
+"""Vehicles in a batch, few enough that one core integrates them together."""
+# Two periods of the slowest wind, 0.6 Hz, and the return of a vehicle after the blast.
 DURATION = 2.5
+"""Duration of a flight [s]."""
 PERIOD = 10e-3
-"""Of the controller, and between the rows that are compared [s]."""
-FINEST = 5e-5
+"""Period of the controller and of the compared rows [s]."""
+# Half the smallest compared step: with RK4 its error is 16 times smaller.
+REFERENCE_STEP = 5e-5
+"""Step of the reference flights [s]."""
 STEPS = (1e-4, 5e-4, 2e-3, 5e-3, 1e-2)
-FEWER = (5e-4, 2e-3, 1e-2)
-"""Of the blast: each step is a program of its own, which takes 10 s to compile."""
+"""Steps of the flights in the wind [s]; each divides `PERIOD`."""
+BLAST_STEPS = (5e-4, 2e-3, 1e-2)
+"""Steps of the flights in the blast [s]; each needs 10 s of compilation."""
 INTEGRATORS = {"RK4": "rk4", "Euler": "euler"}
 DTYPES = ("float64", "float32")
 HOME = (0.0, 0.0, 5.0)
+"""Target position [m]."""
+HOVER_SPEED = 1788.5
+"""Rotor speed of a hovering Crazyflie [rad/s]."""
 
 
 class Case(NamedTuple):
-    """Flights that every way is to repeat: their starts and what acts on them.
+    """Flights that every method repeats.
 
     Attributes:
-        name: In words.
-        state: Where each begins.
-        steps: Of the integrators, from small to large [s].
-        options: Of `simulate`.
+        name: Name for the chart.
+        state: Initial states.
+        steps: Steps of the integrators, in rising order [s].
+        options: Options of `simulate`.
     """
 
     name: str
@@ -66,7 +74,7 @@ class Case(NamedTuple):
 def swinging_wind(
     time_s: Float[Array, ""], position_m: Float[Array, "3"]
 ) -> Float[Array, "3"]:
-    """Air that swings at 1 and 0.6 Hz, and slower where it is higher [m/s]."""
+    """Return a wind that oscillates at 1 and 0.6 Hz, with a phase by height [m/s]."""
     fast = jnp.sin(2 * jnp.pi * time_s + 0.1 * position_m[2])
     slow = jnp.cos(1.2 * jnp.pi * time_s)
     return jnp.stack([5 * fast, 4 * slow, fast * slow])
@@ -76,15 +84,16 @@ def cases(count: int = VEHICLES) -> list[Case]:
     """Return the two cases, drawn from a seed.
 
     Args:
-        count: How many vehicles.
+        count: Number of vehicles.
     """
     rng = np.random.default_rng(0)
     home, still = np.tile(HOME, (count, 1)), np.zeros((count, 3))
-    level, hover = np.tile([0.0, 0, 0, 1], (count, 1)), np.full((count, 4), 1788.5)
-    turning = rng.uniform(-2.0, 2.0, (count, 3))
-    thrown = State(home, rng.uniform(-2.0, 2.0, (count, 3)), level, turning, hover)
-    away = rng.uniform([-2.0, -2.0, -1.0], [2.0, 2.0, 1.0], (count, 3))
-    held = State(home + away, still, level, still, hover)
+    level = np.tile([0.0, 0, 0, 1], (count, 1))
+    hover = np.full((count, 4), HOVER_SPEED)
+    body_rate = rng.uniform(-2.0, 2.0, (count, 3))
+    moving = State(home, rng.uniform(-2.0, 2.0, (count, 3)), level, body_rate, hover)
+    offset = rng.uniform([-2.0, -2.0, -1.0], [2.0, 2.0, 1.0], (count, 3))
+    controlled = State(home + offset, still, level, still, hover)
     hold = PositionHold(HOME, named_gains("crazyflie"))
     blast = blast_load(
         Scene(
@@ -94,11 +103,11 @@ def cases(count: int = VEHICLES) -> list[Case]:
         )
     )
     return [
-        Case("swinging wind", thrown, STEPS, {"wind": swinging_wind}),
+        Case("swinging wind", moving, STEPS, {"wind": swinging_wind}),
         Case(
             "blast, held in place",
-            held,
-            FEWER,
+            controlled,
+            BLAST_STEPS,
             {"control": hold, "loads": (blast,), "command_step_s": PERIOD},
         ),
     ]
@@ -108,9 +117,9 @@ def fly(case: Case, integrator: str, step: float, dtype: str) -> Trajectory:
     """Fly a case; a row is stored every `PERIOD`.
 
     Args:
-        case: Which.
+        case: Initial states and options.
         integrator: "rk4" or "euler".
-        step: Its step [s].
+        step: Step of the integrator [s].
         dtype: Precision of the flight.
     """
     return simulate(
@@ -125,9 +134,9 @@ def fly(case: Case, integrator: str, step: float, dtype: str) -> Trajectory:
 
 
 def farthest(found: Trajectory, truth: Trajectory) -> float:
-    """Return the greatest distance between two flights of a batch [m]."""
-    off = np.asarray(found.position_m, float) - np.asarray(truth.position_m)
-    return float(np.linalg.norm(off, axis=-1).max())
+    """Return the largest distance between two flights of a batch [m]."""
+    error = np.asarray(found.position_m, float) - np.asarray(truth.position_m)
+    return float(np.linalg.norm(error, axis=-1).max())
 
 
 def order(errors: Sequence[float], steps: Sequence[float]) -> float:
@@ -136,8 +145,8 @@ def order(errors: Sequence[float], steps: Sequence[float]) -> float:
     Rounding flattens it at the smallest steps, the limit of stability at the largest.
 
     Args:
-        errors: Of each step.
-        steps: The steps, from small to large.
+        errors: Error at each step.
+        steps: Steps in rising order [s].
     """
     return float(np.max(np.diff(np.log(errors)) / np.diff(np.log(steps))))
 
@@ -146,30 +155,32 @@ def flight_points(
     count: int = VEHICLES,
     repeats: int = 1,
 ) -> list[BenchmarkPoint]:
-    """Return what a second of flight costs at each step, and the largest error.
+    """Return the cost of a second of flight at each step, and the largest error.
 
     Args:
         count: Vehicles in each case.
-        repeats: How often each is timed.
+        repeats: Number of timed repetitions.
     """
-    tell = in_words()
+    progress = in_words()
     return [
-        point for case in cases(count) for point in _points(case, tell, count, repeats)
+        point
+        for case in cases(count)
+        for point in _points(case, progress, count, repeats)
     ]
 
 
 def _points(
-    case: Case, tell: Callable[[str], None], count: int, repeats: int
+    case: Case, progress: Callable[[str], None], count: int, repeats: int
 ) -> Iterator[BenchmarkPoint]:
-    tell(f"{case.name}, the truth")
-    truth = fly(case, "rk4", FINEST, "float64")
+    progress(f"{case.name}, the reference")
+    truth = fly(case, "rk4", REFERENCE_STEP, "float64")
     for dtype in DTYPES:
         for words, integrator in INTEGRATORS.items():
             measured = []
             for step in case.steps:
-                tell(f"{case.name}, {words} {1e3 * step:g} ms, {dtype}")
-                way = functools.partial(fly, case, integrator, step, dtype)
-                took, found = best_of(way, repeats)
+                progress(f"{case.name}, {words} {1e3 * step:g} ms, {dtype}")
+                flight = functools.partial(fly, case, integrator, step, dtype)
+                took, found = best_of(flight, repeats)
                 measured.append((took / (count * DURATION), farthest(found, truth)))
             slope = order([error for _, error in measured], case.steps)
             for step, (cost, error) in zip(case.steps, measured, strict=True):
@@ -187,7 +198,7 @@ register_benchmark(
         name="vehicle",
         title="Flights: cost against error",
         cost=f"time of a second of flight, one of {VEHICLES} Crazyflies at once",
-        error=f"largest distance from the truth over {DURATION:g} s [mm]",
+        error=f"largest distance from the reference over {DURATION:g} s [mm]",
         measure=flight_points,
         relative=False,
         orders={"RK4": 4, "Euler": 1},

@@ -9,8 +9,8 @@ up to 800 cells and agrees with an independent one by the method of characterist
 Pressure histories are compared with a gauge in a run of the solver with `REFERENCE`
 cells: a point source in air of gamma 1.4 with $P_0 = \rho_0 = E = 1$, so that the
 distance is $\lambda = R\,(P_0/E)^{1/3}$ and the overpressure is over $P_0$. The closed
-forms are given the peak, durations, impulses and underpressure of that history, and
-time counts from the arrival of each run, so only the shape is compared.
+forms have the peak, durations, impulses and underpressure of that history, and time
+counts from the arrival of each run. Therefore only the shape is compared.
 """
 
 import dataclasses
@@ -61,40 +61,51 @@ from jblast.waves.waveform import (
     negative_phase_pressure,
 )
 
-PLACES = (0.5, 2.0, 10.0)
-"""Scaled distances lambda of the gauges: 1.9, 0.17 and 0.02 ambient pressures."""
+# From a strong to a nearly acoustic shock: 1.9, 0.17 and 0.02 ambient pressures.
+GAUGES = (0.5, 2.0, 10.0)
+"""Scaled distances lambda of the gauges [-]."""
+# A run that ends earlier cuts the negative phase at the last gauge; `waveforms` raises.
 END = 12.5
-"""Lambda of the shock when the negative phase at the last of them is over."""
+"""Lambda of the shock at the end of a run [-]."""
 # Meshes that double, so that the order of convergence can be read from them.
 CELLS = (50, 100, 200)
 # Twice the finest measured mesh.
 REFERENCE = 400
+# Fine enough that the rms no longer depends on it, small enough for a batch in cache.
 SAMPLES = 256
-MANY = 4096
-"""Waveforms a call, when a closed form is timed."""
+"""Samples of a waveform."""
+# A million samples: the time of the call itself does not count.
+BATCH = 4096
+"""Waveforms in a timed call of a closed form."""
 STRIDE = 4
-"""Steps between records: with 50 cells some 20 of them in a positive phase."""
+"""Steps between records: with 50 cells some 20 records in a positive phase."""
 GAMMA = 1.4
+"""Ratio of specific heats of air [-]."""
 SOLVER_CELLS = (50, 100, 200, 400)
+"""Meshes of the solver chart."""
+# One decade each: errors of the strong, middle and weak shock differ.
 SPANS = ((0.1, 1.0), (1.0, 10.0), (10.0, 100.0))
 """Scaled distances lambda of the panels; the run begins at 0.02."""
+# 40 is the end of the Kingery-Bulmash table.
 BANDS = ((0.5, 3.0), (3.0, 40.0), (40.0, 1000.0))
 """Scaled distances of the panels [m/kg^(1/3)]."""
+# So many that the time of the call itself does not count.
 POINTS = 1 << 17
-"""Readings a call, when a law is timed."""
+"""Readings in a timed call of a law."""
+# With fewer, the largest error of a band depends on the choice of the nodes.
 MIN_NODES = 5
-"""Smallest number of nodes of a method in a band that is drawn."""
+"""Smallest number of valid nodes of a method in a band."""
 
 
 class PulseParameters(NamedTuple):
-    """What a closed form needs of a waveform, in any units that go together.
+    """Parameters of a closed form of a waveform, in any consistent units.
 
     Attributes:
         peak: Overpressure at the front.
-        duration: Of the positive phase.
-        impulse: Of the positive phase.
-        suction: Greatest underpressure, positive.
-        suction_impulse: Of the negative phase, positive.
+        duration: Duration of the positive phase.
+        impulse: Impulse of the positive phase.
+        suction: Largest underpressure, positive.
+        suction_impulse: Impulse of the negative phase, positive.
     """
 
     peak: Float[Array, "..."]
@@ -105,15 +116,15 @@ class PulseParameters(NamedTuple):
 
 
 Form = Callable[[Float[Array, "..."], PulseParameters], Float[Array, "..."]]
-"""The overpressure by the time since arrival, which is not negative."""
+"""Overpressure as a function of the time since arrival, which is not negative."""
 
 
 def form_seconds(form: Form) -> float:
-    """Return what a waveform of `SAMPLES` samples costs, many at once, in float64."""
+    """Return the time of a waveform of `SAMPLES` samples in a float64 batch [s]."""
     rng = np.random.default_rng(0)
     peak, duration, fraction, suction, length = (
-        jnp.asarray(rng.uniform(*ends, (MANY, 1)))
-        for ends in ((1e3, 1e5), (1e-3, 1e-1), (0.2, 0.5), (0.05, 0.4), (1.0, 5.0))
+        jnp.asarray(rng.uniform(*bounds, (BATCH, 1)))
+        for bounds in ((1e3, 1e5), (1e-3, 1e-1), (0.2, 0.5), (0.05, 0.4), (1.0, 5.0))
     )
     pulse = PulseParameters(
         peak,
@@ -124,16 +135,16 @@ def form_seconds(form: Form) -> float:
     )
     time = jnp.linspace(0.0, 4.0, SAMPLES)[None, :] * duration
     compiled = jax.jit(form)
-    return seconds(lambda: compiled(time, pulse)) / MANY
+    return seconds(lambda: compiled(time, pulse)) / BATCH
 
 
 class Waveform(NamedTuple):
-    r"""What passes a gauge; times in $\sqrt{\rho_0/P_0}\,(E/P_0)^{1/3}$.
+    r"""Pressure history at a gauge; times in $\sqrt{\rho_0/P_0}\,(E/P_0)^{1/3}$.
 
     Attributes:
         pressure: Overpressure against the time since arrival.
-        pulse: Its peak, durations and so on.
-        end: Of the negative phase, since arrival.
+        pulse: Parameters of the history.
+        end: End of the negative phase, since arrival.
     """
 
     pressure: PchipInterpolator
@@ -148,58 +159,59 @@ def form_error(form: Form, true: Waveform, end: float) -> float:
 
 
 def _rms(pressure: Float[np.ndarray, " sample"], true: Waveform, end: float) -> float:
-    off = pressure - true.pressure(np.linspace(0.0, end, SAMPLES))
-    return float(np.sqrt(np.mean(np.square(off)))) / float(true.pulse.peak)
+    error = pressure - true.pressure(np.linspace(0.0, end, SAMPLES))
+    return float(np.sqrt(np.mean(np.square(error)))) / float(true.pulse.peak)
 
 
-def _apart(one: Waveform, true: Waveform, end: float) -> float:
+def _difference(one: Waveform, true: Waveform, end: float) -> float:
     return _rms(one.pressure(np.linspace(0.0, end, SAMPLES)), true, end)
 
 
 def reference_uncertainty(
     coarse: Waveform, middle: Waveform, fine: Waveform, end: float
 ) -> float:
-    """Return how far the finest of three runs may be off, by their observed order."""
-    last = _apart(middle, fine, end)
-    ratio = _apart(coarse, middle, end) / last
+    """Return the error of the finest of three runs by Richardson extrapolation."""
+    last = _difference(middle, fine, end)
+    # the observed order is bounded: near a zero of the error its estimate is arbitrary
+    ratio = _difference(coarse, middle, end) / last
     return last / (np.clip(ratio, *(2.0**order for order in ORDERS)) - 1.0)
 
 
 def waveform_points(
-    places: Sequence[float] = PLACES,
+    gauges: Sequence[float] = GAUGES,
     end: float = END,
     cells: Sequence[int] = (*CELLS, REFERENCE),
 ) -> list[BenchmarkPoint]:
-    """Return cost and error of every way, for both phases at each place.
+    """Return cost and error of every method, for both phases at each gauge.
 
-    An error below what the reference itself may be off counts as that.
+    Errors below the uncertainty of the reference are set to that uncertainty.
 
     Args:
-        places: Lambda of the gauges [-].
+        gauges: Lambda of the gauges [-].
         end: Lambda of the shock at the end of a run [-].
-        cells: Of the runs, three and more, each twice the one before; the last is the
-            reference.
+        cells: Cells of three or more runs, each twice the one before; the last run is
+            the reference.
     """
-    tell = in_words()
+    progress = in_words()
     costs, runs = {}, {}
     for number in cells:
-        tell(f"{number} cells")
-        costs[number], run = best_of(lambda n=number: gauge_march(n, places, end), 1)
-        runs[number] = waveforms(run, places)
+        progress(f"{number} cells")
+        costs[number], run = best_of(lambda n=number: gauge_march(n, gauges, end), 1)
+        runs[number] = waveforms(run, gauges)
     forms = {}
     for name, form in {**POSITIVE, **WHOLE}.items():
         if form not in forms:
-            tell(name)
+            progress(name)
             forms[form] = form_seconds(form)
     points = []
-    for column, place in enumerate(places):
+    for column, gauge in enumerate(gauges):
         waves = [runs[number][column] for number in cells]
         true = waves[-1]
         for what, allowed, until in (
             ("positive phase", POSITIVE, float(true.pulse.duration)),
             ("both phases", WHOLE, true.end),
         ):
-            panel = f"{what}, lambda = {place:g}"
+            panel = f"{what}, lambda = {gauge:g}"
             span = f"{panel}, peak {float(true.pulse.peak):.2g} ambient pressures"
             uncertainty = reference_uncertainty(waves[-3], waves[-2], true, until)
             points += [
@@ -216,7 +228,7 @@ def waveform_points(
                 BenchmarkPoint(
                     f"{number} cells",
                     costs[number],
-                    max(uncertainty, _apart(wave, true, until)),
+                    max(uncertainty, _difference(wave, true, until)),
                     span,
                     panel,
                     is_reference=wave is true,
@@ -231,36 +243,37 @@ register_benchmark(
         name="waveform",
         title="Pressure history: cost against error",
         cost=f"time of a waveform of {SAMPLES} samples, many at once; of the solver, "
-        "of a run with gauges at all places",
-        error="rms over the phases, in peaks, or how far the reference may be off",
+        "of a run with all gauges",
+        error="rms over the phases, in peaks, or the uncertainty of the reference",
         measure=waveform_points,
     )
 )
 
 
-def gauge_march(cells: int, places: Sequence[float], end: float) -> March:
+def gauge_march(cells: int, gauges: Sequence[float], end: float) -> March:
     r"""Run a point source with gauges.
 
     Args:
-        cells: How many.
-        places: $\lambda$ of the gauges [-].
+        cells: Number of cells.
+        gauges: $\lambda$ of the gauges [-].
         end: $\lambda$ of the shock at the end [-].
     """
-    return point_source_march(cells, end, stride=STRIDE, gauges=tuple(places))
+    return point_source_march(cells, end, stride=STRIDE, gauges=tuple(gauges))
 
 
-def waveforms(run: March, places: Sequence[float]) -> list[Waveform]:
-    """Return what passed each gauge of a run.
+def waveforms(run: March, gauges: Sequence[float]) -> list[Waveform]:
+    """Return the pressure history at each gauge of a run.
 
     Arrival and peak are those of the fitted shock when it is at the gauge.
 
     Raises:
         InputError: The run ends before a negative phase does.
     """
-    fronts = decay_at(np.asarray(places), run, GAMMA)
+    fronts = decay_at(np.asarray(gauges), run, GAMMA)
+    # decay_at counts time in ambient sound speeds, the history in sqrt(P_0/rho_0)
     arrivals = fronts.arrival / np.sqrt(GAMMA)
     found = []
-    for column, (place, arrival) in enumerate(zip(places, arrivals, strict=True)):
+    for column, (gauge, arrival) in enumerate(zip(gauges, arrivals, strict=True)):
         past = run.history.time > arrival
         since = np.concatenate([[0.0], run.history.time[past] - arrival])
         record = np.asarray(run.history.pressure)[past, column] - 1.0
@@ -270,7 +283,7 @@ def waveforms(run: March, places: Sequence[float]) -> list[Waveform]:
         if len(crossings) < 2:
             raise InputError(
                 f"end: expected a run past the end of the negative phase at lambda = "
-                f"{place:g}, got one to {run.history.clock[-1]:.3g}"
+                f"{gauge:g}, got one to {run.history.clock[-1]:.3g}"
             )
         duration, end = crossings[:2]
         turns = pressure.derivative().roots(extrapolate=False)
@@ -293,35 +306,36 @@ def waveforms(run: March, places: Sequence[float]) -> list[Waveform]:
 
 
 def triangle(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
-    """Return a straight fall to zero, and nothing after."""
+    """Return a linear fall to zero, and zero after the positive phase."""
     return pulse.peak * jnp.maximum(1.0 - time / pulse.duration, 0.0)
 
 
 def decay_one(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
-    """Return Friedlander's pulse of decay 1 with its own tail."""
+    """Return the Friedlander pulse with decay 1 and its own tail."""
     return friedlander_pressure(time, pulse.peak, pulse.duration)
 
 
 def decay_of_impulse(
     time: Float[Array, "..."], pulse: PulseParameters
 ) -> Float[Array, "..."]:
-    """Return Friedlander's pulse that has the impulse, with its own tail."""
+    """Return the Friedlander pulse with the given impulse and its own tail."""
     decay = friedlander_decay(pulse.peak, pulse.impulse, pulse.duration)
     return modified_friedlander_pressure(time, pulse.peak, pulse.duration, decay)
 
 
 def cut(time: Float[Array, "..."], pulse: PulseParameters) -> Float[Array, "..."]:
-    """Return Friedlander's pulse that has the impulse, and nothing after."""
+    """Return the Friedlander pulse with the given impulse, and zero after it."""
     return jnp.where(time < pulse.duration, decay_of_impulse(time, pulse), 0.0)
 
 
 def with_suction(
     time: Float[Array, "..."], pulse: PulseParameters
 ) -> Float[Array, "..."]:
-    """Return Friedlander's pulse that has the impulse, and the cubic negative phase.
+    """Return the Friedlander pulse with the given impulse, and a cubic negative phase.
 
-    Its duration is the cubic's own for its underpressure and impulse.
+    The duration of the negative phase follows from its underpressure and impulse.
     """
+    # the cubic 6.75 s (1 - s)^2 has an area of 9/16
     length = 16.0 / 9.0 * pulse.suction_impulse / pulse.suction
     after = negative_phase_pressure(time, pulse.duration, pulse.suction, length)
     return jnp.where(time < pulse.duration, decay_of_impulse(time, pulse), after)
@@ -332,19 +346,19 @@ POSITIVE: dict[str, Form] = {
     "Friedlander, b = 1": decay_one,
     "Friedlander, b of impulse": decay_of_impulse,
 }
-"""For the positive phase."""
+"""Closed forms of the positive phase."""
 WHOLE: dict[str, Form] = {
     "b = 1, own tail": decay_one,
     "b of impulse, own tail": decay_of_impulse,
     "b of impulse, then nothing": cut,
     "b of impulse, then cubic": with_suction,
 }
-"""For both phases."""
+"""Closed forms of both phases."""
 
 
 def solver_points() -> list[BenchmarkPoint]:
-    """Return the cost of a run and its largest error in pressure and arrival."""
-    tell = in_words()
+    """Return the cost of each run, and its largest errors of pressure and arrival."""
+    progress = in_words()
     log_lambda = jnp.log(errors.SOLVER_NODES)
     exact = {
         "pressure": log_overpressure_ratio(log_lambda),
@@ -353,7 +367,7 @@ def solver_points() -> list[BenchmarkPoint]:
     exact = {what: np.asarray(value) for what, value in exact.items()}
     costs, runs = {}, {}
     for cells in SOLVER_CELLS:
-        tell(f"{cells} cells")
+        progress(f"{cells} cells")
         costs[cells] = errors.seconds_of_run(cells)
         run = errors.solver_decay(cells)
         runs[cells] = {
@@ -365,9 +379,9 @@ def solver_points() -> list[BenchmarkPoint]:
         inside = (start <= errors.SOLVER_NODES) & (end >= errors.SOLVER_NODES)
         for what, value in exact.items():
             span = f"{what}, lambda = {start:g} to {end:g}"
-            for cells, said in runs.items():
-                off = np.abs(np.expm1(said[what] - value))[inside]
-                worst = float(off.max())
+            for cells, logs in runs.items():
+                error = np.abs(np.expm1(logs[what] - value))[inside]
+                worst = float(error.max())
                 points.append(
                     BenchmarkPoint(f"{cells} cells", costs[cells], worst, span, span)
                 )
@@ -379,24 +393,24 @@ register_benchmark(
         name="solver",
         title="Shock solver: cost of a run against error",
         cost="a run of the point source from lambda = 0.02 to 100",
-        error="the largest over the span, beside the exact point source",
+        error="the largest over the span, relative to the exact point source",
         measure=solver_points,
     )
 )
 
 
 def method_seconds(quantity: str, method: str) -> float:
-    """Return what a reading by a method costs [s]."""
+    """Return the time of a reading by a method [s]; for the solver, of a run."""
     if method == errors.SOLVER:
         return errors.seconds_of_run()
     law = law_for(quantity, method)
-    path = _many_paths()
+    path = _random_paths()
     compiled = eqx.filter_jit(lambda path: call(law.function, path))
     return seconds(lambda: compiled(path)) / POINTS
 
 
-def _many_paths() -> Path:
-    """Return paths to random places, about Z = 0.07 to 40."""
+def _random_paths() -> Path:
+    """Return `POINTS` paths of random mass, pressure and range, Z about 0.07 to 40."""
     rng = np.random.default_rng(0)
     z, mass = (
         jnp.asarray(np.exp(rng.uniform(math.log(low), math.log(high), POINTS)))
@@ -416,15 +430,15 @@ def _many_paths() -> Path:
 def law_points(quantity: str) -> list[BenchmarkPoint]:
     """Return the cost and the largest error of every method, by burst and band.
 
-    An error below what the reference itself may be off counts as that.
+    Errors below the uncertainty of the reference are set to that uncertainty.
 
     Args:
-        quantity: One of `REFERENCES`.
+        quantity: A key of `REFERENCES`.
     """
-    tell = in_words()
+    progress = in_words()
     costs = {}
     for method in methods_for(quantity):
-        tell(method)
+        progress(method)
         costs[method] = method_seconds(quantity, method)
     points = []
     for start, end in BANDS:
@@ -438,7 +452,7 @@ def law_points(quantity: str) -> list[BenchmarkPoint]:
 def _point(
     quantity: str, method: str, cost: float, burst: Burst, start: float, end: float
 ) -> BenchmarkPoint | None:
-    """Return one method in one panel; None where it does not hold."""
+    """Return one method in one panel; None if too few nodes are valid."""
     first = start * JUST_PAST
     z = np.unique([first, *NODES[(first < NODES) & (end > NODES)], end])
     path = standard_path(z, burst)
@@ -479,7 +493,7 @@ for _name, _quantity in (
             name=_name,
             title=f"{QUANTITIES[_quantity].words.capitalize()}: cost against error",
             cost="time of a reading, many at once; of the solver, of a run",
-            error="the largest over the span, or how far the reference may be off",
+            error="the largest over the span, or the uncertainty of the reference",
             measure=lambda quantity=_quantity: law_points(quantity),
         )
     )

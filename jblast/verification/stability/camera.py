@@ -32,19 +32,29 @@ from jblast.verification.stability.failure import (
 )
 
 BOTH = (THRESHOLD, THRESHOLD)
+"""Positive and negative contrast threshold [-]."""
+# A count of 1,000 gives a share of lost events to about 0.02.
 RAMPS = 1000
+"""Number of random ramps."""
+# 40 thresholds of up to 0.5: a factor of e^20 in light, more than any scene has.
 MAX_STEPS = 40
 """Largest number of thresholds in a ramp."""
-LOST = 0.01
-"""A reference off by more than this share of a threshold has lost its digits."""
+# Thresholds of real pixels differ by some per cent, so a smaller error is not visible.
+REFERENCE_ERROR = 0.01
+"""Largest accepted error of a reference, as a share of a threshold."""
+# At 1,000 events/s a pixel needs 17 minutes for so many.
 MAX_EVENTS = 1 << 20
-"""Largest number of events of a pixel that are followed."""
+"""Largest simulated number of events of one pixel."""
+# Five cuts in the film of 81 frames.
 BLOCK = 16
-FALSE = 0.01
-"""Events a frame that a still pixel should not send."""
+"""Frames in a block."""
+# 10 events/s at 1,000 frames/s; the noise of a real pixel is lower.
+STILL_PIXEL_EVENTS = 0.01
+"""Largest accepted number of events of a still pixel [1/frame]."""
 _convert = jax.jit(ideal_events, static_argnames="capacity")
+# k1 = -0.3 is usual for a wide lens; the fold, at 1/sqrt(0.9), is inside its view.
 BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)
-"""A wide lens's distortion, whose formula folds over inside the view."""
+"""Distortion coefficients of a wide lens [-]."""
 
 
 def event_failures() -> list[FailureMode]:
@@ -55,15 +65,16 @@ def event_failures() -> list[FailureMode]:
         _cut(),
         _short(),
         _warm(),
-        *[behind_failure(), fold_failure()],
+        behind_failure(),
+        fold_failure(),
     ]
 
 
 def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " event"]]:
-    """Return errors of a reference in float32 after so many events, in thresholds.
+    """Return the float32 error of a reference by the number of events [thresholds].
 
-    Light goes up by three thresholds and down by two, 1.5 times as large, for ever.
-    First of a sum that runs on, then of whole counts.
+    The light rises by three thresholds and falls by two larger ones (1.5 times), again
+    and again. The first array is for a running sum, the second for whole counts.
     """
     up, down = np.float32(THRESHOLD), np.float32(1.5 * THRESHOLD)
     rises = np.resize([True, True, True, False, False], MAX_EVENTS)
@@ -76,33 +87,37 @@ def summed_errors() -> tuple[Float[np.ndarray, " event"], Float[np.ndarray, " ev
     )
     level = np.asarray(counted.level((jnp.asarray(up), jnp.asarray(down))))
     exact = float(first) + ups * float(up) - downs * float(down)
-    off = [np.abs(v.astype(float) - exact) / THRESHOLD for v in (running, level)]
-    return off[0], off[1]
+    sums, counts = (
+        np.abs(value.astype(float) - exact) / THRESHOLD for value in (running, level)
+    )
+    return sums, counts
 
 
 def _sum() -> FailureMode:
     running, counted = summed_errors()
-    begin = first_failure(running > LOST, "sum of thresholds in float32")
-    lost = np.flatnonzero(counted > LOST)
+    begin = first_failure(running > REFERENCE_ERROR, "sum of thresholds in float32")
+    lost = np.flatnonzero(counted > REFERENCE_ERROR)
     ours = int(lost[0]) if lost.size else MAX_EVENTS
-    message = f"{LOST:.0%} after {ours:,} events" if lost.size else "no such error"
+    message = (
+        f"{REFERENCE_ERROR:.0%} after {ours:,} events" if lost.size else "no error"
+    )
     return FailureMode(
         area="events",
         method="reference of a pixel in float32",
-        failure="a sum of thresholds gathers rounding errors",
+        failure="a sum of thresholds accumulates rounding errors",
         boundary=float(begin),
         unit="events",
-        beyond=f"off by {LOST:.0%} of a threshold there, by {running.max():.0%} within "
-        f"{MAX_EVENTS:,} events",
+        beyond=f"off by {REFERENCE_ERROR:.0%} of a threshold there, by "
+        f"{running.max():.0%} within {MAX_EVENTS:,} events",
         response=verified("holds", ours > 10 * begin, "references"),
         message=f"whole counts: {message} in float32; streams count in float64",
     )
 
 
 def lost_to_rounding() -> tuple[int, int]:
-    """Return how many of `RAMPS` ramps of k thresholds lack an event: bare, and ours.
+    """Return the number of `RAMPS` ramps with a lost event, by division and by jblast.
 
-    A ramp goes up by exactly k thresholds, written as floats.
+    A ramp rises by exactly k thresholds, in floating-point numbers.
     """
     rng = np.random.default_rng(0)
     threshold = rng.uniform(0.05, 0.5, RAMPS)
@@ -132,13 +147,13 @@ def _rounded() -> FailureMode:
 
 
 def cut_counts() -> tuple[int, int, int]:
-    """Return events of a film whole, of its parts on their own, and of the stream."""
+    """Return the events of a film, of its parts converted alone, and of the stream."""
     times, logs = film(1000)
     parts = [slice(a, a + BLOCK) for a in range(0, len(times), BLOCK)]
 
     def count(part: slice) -> int:
-        given = jnp.asarray(logs[part]), jnp.asarray(times[part])
-        return int(_convert(*given, BOTH, capacity=1 << 14).count)
+        light, clock = jnp.asarray(logs[part]), jnp.asarray(times[part])
+        return int(_convert(light, clock, BOTH, capacity=1 << 14).count)
 
     blocks = ((times[part], logs[part]) for part in parts)
     stream = stream_events(blocks, BOTH, in_logarithms=True)
@@ -150,21 +165,21 @@ def _cut() -> FailureMode:
     whole, alone, together = cut_counts()
     return FailureMode(
         area="events",
-        method="a recording in blocks, each on its own",
-        failure="what began before a block is forgotten",
+        method="a recording in separate blocks",
+        failure="a change that began before a block is lost",
         boundary=1.0,
         unit="cuts and more",
         beyond=f"blocks of {BLOCK} frames: {alone:,} of {whole:,} events",
         response=verified("holds", together == whole, "blocks"),
-        message="stream_events carries the references over: the events of the whole",
+        message="stream_events passes the references on: the events of the whole film",
     )
 
 
 def pulse_counts(width: float) -> tuple[int, int]:
-    """Return events of a pulse five thresholds high: of frames, and without.
+    """Return the events of a pulse five thresholds high, from frames and without.
 
     Args:
-        width: Its standard deviation, in frames; its middle is that of a frame.
+        width: Standard deviation of the pulse [frames], centred between two frames.
     """
     times = np.arange(7.0)
 
@@ -184,7 +199,7 @@ def _short() -> FailureMode:
     return FailureMode(
         area="events",
         method="events of frames, linear between them",
-        failure="light that comes and goes between two frames is not seen",
+        failure="a flash between two frames is missed",
         boundary=boundary,
         unit="frames, pulse's sigma, and less",
         beyond=f"sigma = {seen:g} frames: {frames} of 10 events",
@@ -194,28 +209,30 @@ def _short() -> FailureMode:
 
 
 def still_count(temperature: float) -> float:
-    """Return smooth events of either sign that a still pixel sends in a frame."""
+    """Return the number of smooth events of a still pixel in a frame, of both signs."""
     up, down = smooth_counts(jnp.zeros((2, 1, 1)), BOTH, temperature)
     return float((up + down).sum())
 
 
 def _warm() -> FailureMode:
-    boundary = crossing(lambda t: still_count(t) - FALSE, 0.05, 1.0)
+    boundary = crossing(lambda t: still_count(t) - STILL_PIXEL_EVENTS, 0.05, 1.0)
     last = STAGES[-1][0]
     return FailureMode(
         area="events",
         method="smooth counts",
-        failure=f"a still pixel sends {FALSE:g} events a frame",
+        failure=f"a still pixel sends {STILL_PIXEL_EVENTS:g} events a frame",
         boundary=boundary,
         unit="= temperature and above",
         beyond=f"{still_count(0.3):.2g} a frame at 0.3, {still_count(0.5):.2g} at 0.5",
-        response=verified("holds", still_count(last) < 0.1 * FALSE, "smooth counts"),
+        response=verified(
+            "holds", still_count(last) < 0.1 * STILL_PIXEL_EVENTS, "smooth counts"
+        ),
         message=f"fit_events cools down to {last:g}: {still_count(last):.1g} a frame",
     )
 
 
 def wide_camera(distortion=BARREL) -> Camera:
-    """Return a camera at the origin that looks north, 90 degrees wide and more."""
+    """Return a wide camera (over 90 degrees) at the origin that looks north."""
     return Camera(
         position=jnp.zeros(3),
         quaternion=jnp.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]),
@@ -228,10 +245,10 @@ def wide_camera(distortion=BARREL) -> Camera:
 
 
 def behind_failure() -> FailureMode:
-    """Measure what the pinhole's formula makes of a place behind the camera."""
+    """Measure the pixel that the pinhole formula gives a point behind the camera."""
     camera = wide_camera((0.0,) * 5)
-    place = jnp.array([1.0, -5.0, 0.5])  # behind, to the right, above
-    found = project(camera, place)
+    point = jnp.array([1.0, -5.0, 0.5])  # behind, to the right, above
+    found = project(camera, point)
     (fx, fy), (cx, cy) = np.asarray(camera.focal), np.asarray(camera.center)
     x, y, z = 1.0, -0.5, -5.0
     ahead = project(camera, jnp.array([1.0, 5.0, 0.5]))
@@ -239,18 +256,18 @@ def behind_failure() -> FailureMode:
     return FailureMode(
         area="events",
         method="pinhole projection x/z",
-        failure="a place behind the camera has a pixel",
+        failure="a point behind the camera has a pixel",
         boundary=0.0,
         unit="m ahead and less",
         beyond=f"5 m behind: pixel ({fx * x / z + cx:.0f}, {fy * y / z + cy:.0f}) of "
         "640 x 480, upside down",
-        response=verified("marks", seen, "a place behind the camera"),
+        response=verified("marks", seen, "a point behind the camera"),
         message="seen false, and a finite pixel, so that gradients stay finite",
     )
 
 
 def fold_failure() -> FailureMode:
-    """Measure where the distortion of a wide lens folds over."""
+    """Measure the angle at which the distortion of a wide lens folds over."""
     camera = wide_camera()
     edge = float(fold_radius(camera.distortion, jnp.array([1.0, 0.0])))
     out = 1.4 * edge
@@ -270,8 +287,8 @@ def fold_failure() -> FailureMode:
         failure="the formula folds over: two directions have one pixel",
         boundary=float(np.degrees(np.arctan(edge))),
         unit="degrees off the axis",
-        beyond=f"{np.degrees(np.arctan(out)):.0f} degrees off the axis are put at "
-        f"x = {bent:.2f}, inside the {most:.2f} of the fold",
+        beyond=f"{np.degrees(np.arctan(out)):.0f} degrees off the axis are projected "
+        f"to x = {bent:.2f}, inside the {most:.2f} of the fold",
         response=verified("marks", seen, "the fold"),
         message="seen false; unproject refuses a pixel past the fold",
     )

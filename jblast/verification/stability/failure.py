@@ -16,18 +16,18 @@ from jblast.errors import InputError, nearest, shown, whole_number
 from jblast.lazy import resolved
 
 Response = Literal["marks", "refuses", "falls back", "holds"]
-"""What jblast does where a method fails; "holds" where that is avoided altogether."""
+"""Response of jblast where a method fails; "holds" if jblast avoids the failure."""
 
 
 def crossing(
     function: Callable[[float], float], low: float, high: float, *, to: float = 1e-12
 ) -> float:
-    """Return where a function passes through zero.
+    """Return the zero of a function.
 
     Args:
-        function: Of one number; its signs at `low` and `high` differ.
-        low: One side.
-        high: The other.
+        function: Function of one number, with different signs at `low` and `high`.
+        low: Lower bound.
+        high: Upper bound.
         to: Relative precision.
     """
     return float(root_scalar(function, bracket=(low, high), rtol=to).root)
@@ -40,14 +40,15 @@ def switching_point(
     *,
     to: float = 1e-12,
 ) -> float:
-    """Return where a question is answered otherwise, by bisection.
+    """Return the point at which a condition changes, by bisection.
 
     Args:
-        answer: Yes at one of `low` and `high`, no at the other.
-        low: One side.
-        high: The other.
+        answer: Condition, true at one of `low` and `high` only.
+        low: Lower bound.
+        high: Upper bound.
         to: Relative precision.
     """
+    # +-0.5 gives the root finder the sign change that a truth value lacks
     found = root_scalar(
         lambda x: 0.5 - bool(answer(x)), bracket=(low, high), method="bisect", rtol=to
     )
@@ -58,8 +59,8 @@ def first_failure(failed: Bool[np.ndarray, " level"], what: str) -> int:
     """Return the first level at which a method fails.
 
     Args:
-        failed: By level, from harmless to hopeless.
-        what: Method, for the message.
+        failed: True where the method fails, by level, easiest first.
+        what: Name of the method, for the message.
 
     Raises:
         RuntimeError: It fails at no level, so the levels contain no boundary.
@@ -78,17 +79,18 @@ def boundary_at(
     levels: Float[np.ndarray, " level"],
     what: str,
 ) -> float:
-    """Return the level at which a rising measure passes a limit, linear in between.
+    """Return the level at which a rising measure reaches a limit, interpolated.
 
     Args:
-        limit: Largest harmless value of the measure.
-        measured: By level, rising.
-        levels: From harmless to hopeless.
-        what: Method, for the message.
+        limit: Largest accepted value of the measure.
+        measured: Measure at each level, rising.
+        levels: Levels, easiest first.
+        what: Name of the method, for the message.
 
     Raises:
         RuntimeError: The measure does not pass the limit between two of the levels.
     """
+    # np.interp would return an end of the levels without a warning
     if not measured[0] <= limit < measured[-1]:
         raise RuntimeError(
             f"{what}: expected {measured[0]:g} to {measured[-1]:g}, measured at "
@@ -99,18 +101,17 @@ def boundary_at(
 
 @dataclass(frozen=True)
 class FailureMode:
-    """One failure mode of one method, as measured.
+    """One measured failure mode of one method.
 
     Attributes:
-        area: Where it belongs: "laws", "wave forms", "solver", "clocks", "fits",
-            "walks" and so on.
+        area: A key of `AREAS`.
         method: The method, or the law and its quantity.
-        failure: What goes wrong, in a few words.
-        boundary: Where it begins, in the unit; a share of cases has the unit "of N".
+        failure: Short description of the failure.
+        boundary: Begin of the failure, in the unit; a share of cases has "of N".
         unit: Unit of the boundary; "" for a pure number.
-        beyond: What the method alone does past it, with the figure measured.
-        response: What jblast does there.
-        message: How: the mark, the message, or what takes over.
+        beyond: Measured behaviour of the method alone past the boundary.
+        response: Response of jblast past the boundary.
+        message: The mark, the message, or the method that takes over.
     """
 
     area: str
@@ -124,25 +125,26 @@ class FailureMode:
 
     @property
     def cases(self) -> int:
-        """Of how many cases the boundary is a count; 0 if it is none."""
+        """Number N of a unit "of N"; 0 for any other unit."""
         of, _, number = self.unit.partition(" ")
         return whole_number(number) or 0 if of == "of" else 0
 
 
 def verified(response: Response, seen: bool | np.bool_, what: str) -> Response:
-    """Return a response, once it was seen: a table claims no other.
+    """Return a response that was observed, so that no table states any other.
 
     Args:
         response: Stated response of jblast.
-        seen: Whether it did, just now.
-        what: Where, for the message.
+        seen: True if the measurement has shown this response.
+        what: Subject, for the message.
 
     Raises:
-        RuntimeError: It did not.
+        RuntimeError: The response was not observed.
     """
     if not seen:
         raise RuntimeError(
-            f"{what}: jblast was seen not to do what it should: {response}"
+            f'{what}: expected the response "{response}", got another one: the table '
+            "of failure modes no longer describes jblast"
         )
     return response
 
@@ -209,14 +211,13 @@ def measures_of(area: str) -> tuple[Callable[[], FailureMode | list[FailureMode]
 
 
 def failure_modes_of(area: str) -> list[FailureMode]:
-    """Measure the failure modes of one area, here and now.
+    """Measure the failure modes of one area.
 
     Args:
         area: A name of `AREAS`.
     """
-    found = [measure() for measure in measures_of(area)]
-    return [
-        mode
-        for one in found
-        for mode in ([one] if isinstance(one, FailureMode) else one)
-    ]
+    modes = []
+    for measure in measures_of(area):
+        found = measure()
+        modes += [found] if isinstance(found, FailureMode) else found
+    return modes

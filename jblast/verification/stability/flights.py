@@ -3,7 +3,7 @@ r"""Failure modes of flights: steps, controllers, kernels, pulses.
 The limit at which a position controller becomes unstable is measured against the stated
 limit. Near hover the loop depends on times only as multiples of the step: a step longer
 by $s$ is the same step with motors and gains faster by $s$, $\tau_m/s$, $s^2 k_p$,
-$s k_d$, $s^2 k_R$, $s k_\omega$. So one program flies every vehicle at every step.
+$s k_d$, $s^2 k_R$, $s k_\omega$. Therefore one program flies all vehicles at all steps.
 
 The other failure modes are a blast too close for the laws or too strong for a vehicle,
 a step longer than the pulse, and derivatives by a Warp kernel whose loop overwrites its
@@ -49,61 +49,80 @@ from jblast.verification.stability.failure import (
     verified,
 )
 
+# A flight of an hour then loses 4e-6 of its energy.
 DRIFT = 1e-9
-"""Of the energy, relative, that a second of free tumble may lose."""
+"""Largest accepted relative change of the energy of a free tumble [1/s]."""
 # From a slow turn to 50 turns a second, far above what gyroscopes of vehicles measure
 # [rad/s].
 RATES = np.geomspace(1.0, 300.0, 12)
 STEP = 5e-4
+"""Default step of a flight [s]."""
 # After an hour a clock in float32 resolves 0.24 ms, half of the usual step [s].
 HOUR = 3600.0
+# Absurd speeds: quadratic drag is stiff at a step of 0.5 ms only far above real ones.
 SPEEDS = np.geomspace(1e4, 1e7, 100)
-"""Starts that may be too fast for the step [m/s]."""
+"""Initial speeds of the stiff flights [m/s]."""
 LOOPS = (1, 2, 3, 5, 10, 20, 40)
-WRONG = 1e-3
-"""Share by which a derivative may be off."""
+"""Numbers of steps of the loop whose adjoint is tested."""
+# Far above the rounding of float64, far below what an optimiser would notice.
+GRADIENT_ERROR = 1e-3
+"""Largest accepted relative error of a derivative."""
 # From twenty times the usual step to so short a one that rounding in float32 outweighs
 # the error of the integrator [s].
 STEPS = np.array([1e-2, 2e-3, 5e-4, 1e-4, 2e-5])
+# A fall of 31 m; 1 mm is below the error of any position sensor of a small vehicle.
 FALL_S, ALLOWED_M = 2.5, 1e-3
+"""Duration of the fall [s], and largest accepted error of its end [m]."""
+# The literal in `grow` must be the same: a kernel reads no Python constants.
 EULER_STEP = 0.02
+"""Step of the loop in `grow` [-]."""
 RATIOS = np.geomspace(0.03, 100.0, 15)
-"""Steps, over the positive phase."""
+"""Ratios of the step to the positive phase."""
 PHASES = (np.arange(8) + 0.5) / 8
-"""Where in a step the front arrives."""
-LOST = 0.1
+"""Arrivals of the front within a step, as shares of the step."""
+# Of the order of the scatter of the impulse laws; a smaller loss is hidden by it.
+LOST_IMPULSE = 0.1
+"""Largest accepted relative error of the impulse."""
+# Six times finer than the shortest step under test.
 FINE = 200
-"""Steps to a positive phase, of the truth."""
+"""Steps to a positive phase of the reference impulse."""
+# The negative phase is over after a few positive ones.
 AFTER = 20.0
-"""Positive phases after which the wave is over."""
+"""End of the wave [positive phases after the arrival]."""
+# Above the 8 x 702 steps at the shortest ratio and the 4,200 of the reference.
 SIZE = 6144
-"""Steps that are asked about at once, at most."""
+"""Steps of one call, always as many, so that one program serves all."""
+# So short that the pressure is constant, so long that no digits are lost.
 INSTANT = 1e-4
-"""Of a phase: so long is a force looked at where it is sampled."""
+"""Duration over which a sampled force is averaged [positive phases]."""
 NEAR_DISTANCES = np.array([0.0, 0.01, 0.1, 0.2, 0.5, 1.0, 2.0])
 """Distances from a charge of 1 kg [m]."""
 CHARGES = np.geomspace(1.0, 1000.0, 31)
-"""TNT 5 m away [kg]."""
+"""Masses of TNT at 5 m from the vehicle [kg]."""
 NAMES = tuple(PARAMETERS)
+# Only the ratio to the limit matters: gains and motor lag are scaled instead.
 CONTROLLER_STEP = 1e-3
+"""Step of the flights at the stability limit [s]."""
+# Steps of 1 % about the limit, coarser beyond, where the growth is fast.
 SHARES = np.append(np.linspace(0.9, 1.1, 21), np.arange(1.15, 2.01, 0.05))
-"""Steps, as shares of the claimed limit."""
+"""Steps, as shares of the stated limit."""
+# So small that the loop is linear, far above the rounding of float64.
 START = 1e-6
-"""About the turn they start with [rad/s]."""
+"""Order of the initial body rate [rad/s]."""
+# A mode 1 % past its limit grows visibly between 1,500 and 6,000 steps.
 CONTROLLER_STEPS = 6000
+"""Steps of each flight at the stability limit."""
 EARLY, LATE = slice(15, 30), slice(45, 61)
-"""Rows of a hundred steps between which a swing grows or dies away."""
+"""Early and late stored rows, one per hundred steps, that show growth or decay."""
 HOME = (0.0, 0.0, 5.0)
+"""Target position [m]: above the ground, so that no small motion touches it."""
 
 
 def flight_failures() -> list[FailureMode]:
     """Measure every failure mode."""
     return [
-        *[
-            mode
-            for integrator, words in (("rk4", "RK4"), ("euler", "semi-implicit Euler"))
-            for mode in _failures(integrator, words)
-        ],
+        *_limit_failures("rk4", "RK4"),
+        *_limit_failures("euler", "semi-implicit Euler"),
         pulse_failure(),
         _tumble(),
         _clock(),
@@ -117,12 +136,13 @@ def flight_failures() -> list[FailureMode]:
 
 
 def tumble_drift(integrator: str) -> Float[np.ndarray, " rate"]:
-    """Return the share of its energy that a free tumble at `RATES` loses a second.
+    """Return the relative energy change of a free tumble in 1 s, by `RATES`.
 
     Args:
         integrator: "rk4" or "euler".
     """
     vehicle = named("hummingbird")  # its three moments of inertia differ
+    # neither drag nor rotors, so that the energy of the exact motion is constant
     bare = eqx.tree_at(
         lambda v: (v.frame_drag, v.translational_lift),
         vehicle,
@@ -162,10 +182,10 @@ def _tumble() -> FailureMode:
 
 
 def clock_errors(until_s: float = HOUR) -> tuple[Float[np.ndarray, " step"], float]:
-    """Return errors of a clock summed in float32 at each step, and our largest.
+    """Return the error of a summed float32 clock at each step, and jblast's largest.
 
     Args:
-        until_s: So long do the clocks run [s].
+        until_s: Duration of the flight [s].
     """
     exact = (np.arange(round(until_s / STEP)) + 1) * STEP
     summed = np.cumsum(np.full(exact.size, STEP, np.float32), dtype=np.float32)
@@ -186,9 +206,9 @@ def _clock() -> FailureMode:
         unit="s of flight",
         beyond=f"after an hour {summed[-1]:.2g} s off",
         response=verified("holds", ours <= STEP / 2, "clock"),
-        message="times are counted, n steps, in float64 and rounded last: at most "
-        f"{1e3 * ours:.1g} ms off within an hour; from {coarse:,.0f} s on steps are "
-        "not told apart",
+        message="step numbers are multiplied in float64 and rounded last: at most "
+        f"{1e3 * ours:.1g} ms off within an hour; from {coarse:,.0f} s on float32 does "
+        "not resolve a step",
     )
 
 
@@ -205,23 +225,23 @@ def shortest_quaternion(dtype: type = np.float32) -> float:
 def _quaternion() -> FailureMode:
     turned = np.asarray(unit(tuple(jnp.zeros(4))))
     shortest = {t.__name__: shortest_quaternion(t) for t in (np.float32, np.float64)}
-    said = [_refusal(length) for length in (0.0, shortest["float32"])]
-    refused = all("length 1, got" in words for words in said)
+    messages = [_refusal(length) for length in (0.0, shortest["float32"])]
+    refused = all("length 1, got" in message for message in messages)
     return FailureMode(
         area="flights",
         method="quaternion scaled to length 1, float32",
         failure="its square is zero",
         boundary=shortest["float32"],
         unit="long and shorter",
-        beyond=f"length 0: {np.isnan(turned).sum()} of 4 numbers are NaN, and so the "
-        f"flight for ever; in float64 from {shortest['float64']:.0e}",
+        beyond=f"length 0: {np.isnan(turned).sum()} of 4 numbers are NaN, and the "
+        f"flight stays NaN; in float64 from {shortest['float64']:.0e}",
         response=verified("refuses", refused, "zero quaternion"),
-        message=f"{said[0]}; {said[1].partition(', ')[2]}",
+        message=f"{messages[0]}; {messages[1].partition(', ')[2]}",
     )
 
 
 def _refusal(length: float) -> str:
-    """Return the message on a quaternion of a length in float32, "" without one."""
+    """Return the message on a quaternion of a length in float32, "" if accepted."""
     level = hovering(named("crazyflie"))
     try:
         short = np.array([0.0, 0.0, 0.0, length], np.float32)
@@ -232,7 +252,7 @@ def _refusal(length: float) -> str:
 
 
 def lost_speeds() -> tuple[Bool[np.ndarray, " speed"], bool]:
-    """Return which starts diverge, and whether the rest fly on bit for bit."""
+    """Return True where a flight diverges, and True if the rest is bit-identical."""
     vehicle = named("hummingbird")
     level = hovering(vehicle)
 
@@ -258,37 +278,38 @@ def lost_speeds() -> tuple[Bool[np.ndarray, " speed"], bool]:
 
 def _lost() -> FailureMode:
     lost, alike = lost_speeds()
-    first = first_failure(lost, "a batch of ever faster vehicles")
+    first = first_failure(lost, "a batch with ever faster vehicles")
     seen = alike and lost[first::2].all() and not lost[::2].any()
     return FailureMode(
         area="flights",
-        method="a batch of 100, one vehicle of two ever faster",
-        failure="drag by the square, too stiff for a step of 0.5 ms: it diverges",
+        method="a batch of 100, every other vehicle faster than the one before",
+        failure="quadratic drag, too stiff for a step of 0.5 ms: it diverges",
         boundary=float(SPEEDS[first]),
         unit="m/s",
         beyond=f"{int(lost.sum())} of 50 end in NaN",
         response=verified("marks", seen, "a batch"),
-        message="those are named as lost, rows NaN; the others fly on as without them, "
-        "bit for bit",
+        message="those are reported as lost, with NaN rows; the flights of the rest "
+        "are bit-identical to those without them",
     )
 
 
 def adjoint_failure() -> FailureMode:
-    """Measure when an adjoint of a loop in registers is wrong."""
+    """Measure the number of steps at which the adjoint of a loop is wrong."""
     errors = np.array(
         [abs(slope_by_tape(1.0, n) / slope_of_steps(1.0, n) - 1) for n in LOOPS]
     )
-    first = first_failure(errors > WRONG, "adjoint of a loop")
-    said = _kernel_refusal()
+    first = first_failure(errors > GRADIENT_ERROR, "adjoint of a loop")
+    message = _kernel_refusal()
     return FailureMode(
         area="flights",
         method="Warp, adjoint of a loop that overwrites its state",
-        failure=f"the derivative is off by more than {WRONG:.1%}, and nothing says so",
+        failure=f"the derivative is off by more than {GRADIENT_ERROR:.1%}, without a "
+        "warning",
         boundary=float(LOOPS[first]),
         unit="steps",
         beyond=f"{LOOPS[-1]} steps: off by {errors[-1]:.0%}",
-        response=verified("refuses", "no derivatives" in said, "gradient by Warp"),
-        message=f"{said}; those of JAX keep or repeat every state",
+        response=verified("refuses", "no derivatives" in message, "gradient by Warp"),
+        message=f"{message}; those of JAX store or recompute every state",
     )
 
 
@@ -311,10 +332,10 @@ def _kernel_refusal() -> str:
 
 
 def falls() -> tuple[Float[np.ndarray, " step"], Float[np.ndarray, " step"]]:
-    """Return how far a fall of 2.5 s in float32 ends off, by step [m].
+    """Return the float32 error of a fall of 2.5 s, by `STEPS` [m].
 
-    First by plain sums of semi-implicit Euler's exact gain in place, then by the
-    kernel, rotors at rest and no drag.
+    The first array is for plain sums of the exact increments of each step, the second
+    for the kernel, with rotors at rest and without drag.
     """
     vehicle = eqx.tree_at(
         lambda v: (v.frame_drag, v.translational_lift),
@@ -348,7 +369,7 @@ def falls() -> tuple[Float[np.ndarray, " step"], Float[np.ndarray, " step"]]:
 
 
 def _plain_fall(up: float, step: float) -> float:
-    """Return the height after a fall, each step's exact gain summed in float32 [m]."""
+    """Return the height after a fall, exact increments summed in float32 [m]."""
     x, v = np.float32(up), np.float32(0.0)
     h, g = np.float32(step), np.float32(FLIGHT_GRAVITY)
     for _ in range(round(FALL_S / step)):
@@ -358,7 +379,7 @@ def _plain_fall(up: float, step: float) -> float:
 
 
 def sum_failure() -> FailureMode:
-    """Measure at which step float32 rounds a flight away."""
+    """Measure the step below which plain float32 sums lose a flight to rounding."""
     plain, ours = falls()
     first = first_failure(plain > ALLOWED_M, "fall in float32")
     kept = bool((ours < ALLOWED_M).all())
@@ -370,7 +391,7 @@ def sum_failure() -> FailureMode:
         unit="ms and shorter steps",
         beyond=f"{1e6 * STEPS[-1]:g} us: {1e3 * plain[-1]:.2g} mm",
         response=verified("holds", kept, "sums in float32"),
-        message="what a sum rounds away is added to the next: "
+        message="compensated sums carry the rounding error over: "
         f"{1e3 * ours.max():.1g} mm at most, steps of 20 us to 10 ms",
     )
 
@@ -386,7 +407,7 @@ def grow(start: wp.array[wp.float64], steps: int, end: wp.array[wp.float64]):
 
 
 def slope_by_tape(x: float, steps: int) -> float:
-    """Return the derivative of the end by the start that Warp's tape gives."""
+    """Return the derivative of the end by the start from Warp's tape."""
     start = wp.array([x], dtype=wp.float64, device="cpu", requires_grad=True)
     end = wp.zeros(1, dtype=wp.float64, device="cpu", requires_grad=True)
     with wp.Tape() as tape:
@@ -397,7 +418,7 @@ def slope_by_tape(x: float, steps: int) -> float:
 
 
 def slope_of_steps(x: float, steps: int) -> float:
-    """Return it as the product of the steps' own derivatives."""
+    """Return the same derivative as the product of the derivatives of the steps."""
     slope = 1.0
     for _ in range(steps):
         slope *= 1 + 2 * EULER_STEP * x
@@ -413,15 +434,16 @@ def impulse_errors() -> tuple[
 ]:
     """Return ratios of step to positive phase, and errors of the whole impulse.
 
-    First of a force looked at where RK4 does, at both ends and in the middle, then of
-    the load's own impulse; the largest of `PHASES`. Drag alone: the vehicle stays, 7 m
-    from 1 kg of TNT.
+    The first error is that of a force sampled by RK4, at both ends and in the middle of
+    a step. The second is that of the impulse of the load. Each is the largest over
+    `PHASES`. The vehicle stays 7 m from 1 kg of TNT and has drag loads only.
     """
     load = blast_load(
         Scene(charge=Charge(mass_kg=1.0, position_m=(5.0, 0.0, 0.0))),
         front=False,
         rotors=False,
     )
+    # so heavy that it stays in place, and every step sees the same wave
     heavy = eqx.tree_at(lambda v: v.mass_kg, named("crazyflie"), jnp.asarray(1e9))
     state = hovering(heavy)
     wave = load.wave_of(load.blasts[0], state.position_m)
@@ -430,7 +452,8 @@ def impulse_errors() -> tuple[
     given = jax.jit(jax.vmap(lambda a, b: load.impulse(a, b, state, heavy)[0]))
 
     def impulses(starts: np.ndarray, length: float) -> Float[np.ndarray, "..."]:
-        # one size for all, so that it is compiled once; before the blast there is none
+        # one size for all, so that it is compiled once; the padding, before the blast,
+        # has no impulse
         filled = np.full(SIZE, -1.0)
         filled[: starts.size] = starts.ravel()
         ends = jnp.asarray(filled + length)
@@ -456,59 +479,59 @@ def impulse_errors() -> tuple[
 
 
 def pulse_failure() -> FailureMode:
-    """Measure at which step a sampled force loses a hundredth of the impulse."""
+    """Measure the step at which a sampled force loses a tenth of the impulse."""
     ratio, bare, ours = impulse_errors()
-    begins = float(ratio[first_failure(bare > LOST, "pulse as a force")])
+    begins = float(ratio[first_failure(bare > LOST_IMPULSE, "pulse as a force")])
     ten = int(np.argmin(abs(ratio - 10.0)))
     return FailureMode(
         area="flights",
         method="blast pulse as a force, RK4",
-        failure=f"{LOST:.0%} of its impulse is lost or made up between the stages",
+        failure=f"{LOST_IMPULSE:.0%} of its impulse is lost or added between stages",
         boundary=begins,
         unit="positive phases, the step",
         beyond=f"a step of {ratio[ten]:.0f} positive phases: wrong by {bare[ten]:.0%}",
         response=verified("holds", ours.max() < 1e-3, "pulses"),
-        message="a step takes its share of the impulse: wrong by "
+        message="each step receives its share of the impulse: wrong by "
         f"{ours.max():.1g} at most, steps of {ratio[0]:g} to {ratio[-1]:g} phases",
     )
 
 
 def near_impulses() -> tuple[Float[np.ndarray, " place"], Bool[np.ndarray, " place"]]:
-    """Return impulses of 1 kg on a Crazyflie near it [N s], and the marks."""
+    """Return impulses of 1 kg of TNT on a Crazyflie [N s], and True if in range."""
     load = blast_load(Scene(charge=Charge(mass_kg=1.0)))
     level = hovering(named("crazyflie"))
 
     def given(distance):
-        place = jnp.array([1.0, 0.0, 0.0]) * distance
-        state = dataclasses.replace(level, position_m=place)
+        position = jnp.array([1.0, 0.0, 0.0]) * distance
+        state = dataclasses.replace(level, position_m=position)
         push, _ = load.impulse(jnp.zeros(()), jnp.ones(()), state, named("crazyflie"))
-        return jnp.linalg.norm(push), load.in_range(place)[0]
+        return jnp.linalg.norm(push), load.in_range(position)[0]
 
-    sizes, held = jax.jit(jax.vmap(given))(jnp.asarray(NEAR_DISTANCES))
-    return np.asarray(sizes), np.asarray(held)
+    sizes, in_range = jax.jit(jax.vmap(given))(jnp.asarray(NEAR_DISTANCES))
+    return np.asarray(sizes), np.asarray(in_range)
 
 
 def near_failure() -> FailureMode:
-    """Measure from where on a load is no longer by the laws."""
-    sizes, held = near_impulses()
+    """Measure the distance below which a load is outside the range of the laws."""
+    sizes, in_range = near_impulses()
     load = blast_load(Scene(charge=Charge(mass_kg=1.0)))
 
     def inside(distance: float) -> float:
-        place = jnp.array([distance, 0.0, 0.0])
-        return float(load.in_range(place)[0]) - 0.5
+        position = jnp.array([distance, 0.0, 0.0])
+        return float(load.in_range(position)[0]) - 0.5
 
     begins = crossing(inside, 0.1, 1.0)
     finite = bool(np.isfinite(sizes).all())
     return FailureMode(
         area="flights",
         method="blast load of 1 kg on the ground",
-        failure="nearer than the laws' fits reach",
+        failure="nearer than the range of the laws",
         boundary=begins,
         unit="m from the charge",
-        beyond=f"{NEAR_DISTANCES[1]:g} m: {sizes[1]:.2g} N s, as if it were at "
-        f"Z = 0.07; {sizes[0]:.2g} at the charge, without a direction",
+        beyond=f"{NEAR_DISTANCES[1]:g} m: {sizes[1]:.2g} N s, the value at Z = 0.07; "
+        f"{sizes[0]:.2g} at the charge, without a direction",
         response=verified(
-            "marks", finite and not held[:3].any() and held[4:].all(), "near"
+            "marks", finite and not in_range[:3].any() and in_range[4:].all(), "near"
         ),
         message="in_range is false there; the load stays finite",
     )
@@ -517,10 +540,10 @@ def near_failure() -> FailureMode:
 def fly_on() -> tuple[
     Bool[np.ndarray, "vehicle charge"], Float[np.ndarray, "vehicle charge"]
 ]:
-    """Return after which `CHARGES` each held vehicle flies on, and peak deviations [m].
+    """Return True where a controlled vehicle flies on, and its peak deviation [m].
 
-    They hover 5 m up and 5 m from the charge, in the air; to come down or to turn over
-    is a crash.
+    The vehicles hover 5 m above the ground and 5 m from each of `CHARGES` in the air. A
+    vehicle that touches the ground or turns over has crashed.
     """
     vehicles, holds, loads = [], [], []
     for name in NAMES:
@@ -548,34 +571,34 @@ def fly_on() -> tuple[
 
 
 def charge_failures() -> list[FailureMode]:
-    """Measure the least charge after which each held vehicle does not fly on."""
+    """Measure the smallest charge after which each controlled vehicle crashes."""
     modes = []
     for name, alive, peak in zip(NAMES, *fly_on(), strict=True):
         first = int(np.argmin(alive))
         modes.append(
             FailureMode(
                 area="flights",
-                method=f"{name}, position hold, 5 m from a charge",
-                failure="it turns over or comes down",
+                method=f"{name}, position controller, 5 m from a charge",
+                failure="it turns over or touches the ground",
                 boundary=float(CHARGES[first]),
                 unit="kg of TNT",
                 beyond=f"{CHARGES[first - 1]:.2g} kg moves it {peak[first - 1]:.2g} m; "
                 f"it flies on after {int(alive[first:].sum())} of "
                 f"{CHARGES.size - first - 1} larger charges",
                 response=verified("marks", first > 0 and not alive[first], name),
-                message="crashed, in the metrics of the flight",
+                message="reported as crashed in the metrics of the flight",
             )
         )
     return modes
 
 
 class Swings(NamedTuple):
-    """What became of small turns near hover.
+    """Growth of small body rates near hover.
 
     Attributes:
-        limit_s: The claimed limits.
-        early: Largest body rate in a stretch of each flight, at each share [rad/s].
-        late: The same at its end; infinite where the flight is lost.
+        limit_s: Stated limits of the step.
+        early: Largest body rate over the rows `EARLY`, at each share [rad/s].
+        late: Largest body rate over the rows `LATE`; infinite where a flight is lost.
     """
 
     limit_s: Float[np.ndarray, " vehicle"]
@@ -583,13 +606,13 @@ class Swings(NamedTuple):
     late: Float[np.ndarray, "vehicle share"]
 
     def up(self) -> Bool[np.ndarray, "vehicle share"]:
-        """Return which swing up: rounding is left of those that died away."""
+        """Return True where the rate grows; a decayed rate is rounding alone."""
         grows = (self.late > self.early) & (self.late > 1e-3 * START)
         return grows | (self.late > 1e3 * START)
 
 
 def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
-    """Return a vehicle level and at rest, but for a turn [rad/s]."""
+    """Return the state of a level vehicle at rest with a body rate [rad/s]."""
     speed = jnp.sqrt(vehicle.mass_kg * 9.81 / 4 / vehicle.thrust_coefficient)
     level = jnp.array([0.0, 0.0, 0.0, 1.0])
     still, turn = jnp.zeros(3), jnp.asarray(body_rate)
@@ -597,7 +620,7 @@ def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
 
 
 def quickened(gains: Gains, times: Float[Array, ""]) -> Gains:
-    """Return gains of a loop so many times faster."""
+    """Return the gains of a loop that is `times` times faster."""
     square = times * times
     return Gains(
         position=square * gains.position,
@@ -610,7 +633,7 @@ def quickened(gains: Gains, times: Float[Array, ""]) -> Gains:
 
 
 def swings(integrator: str) -> Swings:
-    """Fly every named vehicle at every share of its limit, asked at every step.
+    """Fly every named vehicle at every share of its limit, with control at each step.
 
     Args:
         integrator: "rk4" or "euler".
@@ -627,7 +650,7 @@ def swings(integrator: str) -> Swings:
             holds.append(PositionHold(HOME, quickened(gains, times)))
     starts = [hovering(vehicle, (START, 2 * START, START)) for vehicle in vehicles]
 
-    @jax.jit  # the steps past a limit fly only where the limit is not known
+    @jax.jit  # simulate refuses steps past a limit unless the limit is a tracer
     def rates(fleet, starts, holds):
         flown = simulate(
             fleet,
@@ -641,7 +664,7 @@ def swings(integrator: str) -> Swings:
         return jnp.linalg.norm(flown.body_rate_rad_s, axis=-1)
 
     spin = np.asarray(rates(stacked(vehicles), stacked(starts), stacked(holds)))
-    # a lane that is lost has grown without end
+    # a lost flight has grown without bound
     spin = np.where(np.isfinite(spin), spin, np.inf)
     early, late = (
         spin[:, rows].max(axis=1).reshape(len(NAMES), SHARES.size)
@@ -650,34 +673,34 @@ def swings(integrator: str) -> Swings:
     return Swings(np.array(limits), early, late)
 
 
-def _failures(integrator: str, words: str) -> list[FailureMode]:
+def _limit_failures(integrator: str, words: str) -> list[FailureMode]:
     found, modes = swings(integrator), []
     for name, limit, up, late in zip(
         NAMES, found.limit_s, found.up(), found.late, strict=True
     ):
-        first = first_failure(up[:-1], f"{name}, position hold, {words}")
+        first = first_failure(up[:-1], f"{name}, position controller, {words}")
         last = "lost" if np.isinf(late[first + 1]) else f"{late[first + 1]:.1g} rad/s"
-        kept = SHARES[first] > 0.99 and up[first:].any()
-        kept = kept and _refused(name, integrator, limit)
+        reached = SHARES[first] > 0.99 and up[first:].any()
+        reached = reached and _refused(name, integrator, limit)
         modes.append(
             FailureMode(
                 area="flights",
-                method=f"{name}, position hold, {words}",
-                failure="a step too long: a turn of 1e-6 rad/s swings up",
+                method=f"{name}, position controller, {words}",
+                failure="a step too long: a body rate of 1e-6 rad/s grows",
                 boundary=1e3 * float(limit * SHARES[first]),
                 unit="ms",
                 beyond=f"{1e3 * limit * SHARES[first + 1]:.3g} ms: {last} after "
                 f"{CONTROLLER_STEPS:,} steps",
-                response=verified("refuses", kept, f"{name}, {integrator}"),
-                message=f"past {1e3 * limit:.4g} ms, motors' and loop's eigenvalues, "
-                "with that limit",
+                response=verified("refuses", reached, f"{name}, {integrator}"),
+                message=f"refused above {1e3 * limit:.4g} ms, the limit by the "
+                "eigenvalues of motors and loop",
             )
         )
     return modes
 
 
 def _refused(name: str, integrator: str, limit: float) -> bool:
-    """Whether a step just past a limit is refused, and one just within it is not."""
+    """Return True if a step 0.1 % above a limit is refused and one below is not."""
     vehicle, hold = named(name), PositionHold(HOME, named_gains(name))
 
     def flies(step: float) -> bool:
@@ -698,7 +721,7 @@ def _refused(name: str, integrator: str, limit: float) -> bool:
 
 
 def stacked(trees: list) -> Any:
-    """Return trees with the same leaves as one, a row each; names are dropped."""
+    """Return trees of one structure as one tree, with a leading axis of rows."""
     first = jax.tree.structure(trees[0])
     leaves = [
         jnp.stack(part) for part in zip(*map(jax.tree.leaves, trees), strict=True)

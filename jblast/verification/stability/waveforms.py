@@ -54,18 +54,24 @@ from jblast.waves.euler.run import COURANT
 from jblast.waves.euler.step import step
 from jblast.waves.waveform import blast_pressure
 
+# The usual resolution of Sod's tube: the error of the grid is small but measurable.
 CELLS = 100
+# Sod's tube at its usual end; the simple wave before its characteristics cross.
 SOD_TIME, WAVE_TIME = 0.2, 1.5
-"""When Sod's tube [1] and the simple wave are looked at."""
-SHORT = 0.1
-"""A fraction of the largest stable step whose error is that of the grid alone."""
-MOST_STEPS = 5000
-CLOSE = 0.02
-"""Edges are found to this, relative."""
+"""End times of the two test problems [-]."""
+SHORT_STEP = 0.1
+"""Courant number at which the error is that of the grid alone."""
+# Several times what the shortest step needs; bounds a run whose step shrinks to zero.
+MAX_STEPS = 5000
+"""Largest number of steps of one run."""
+# Boundaries are printed to two digits.
+BOUNDARY_TOLERANCE = 0.02
+"""Relative precision of a boundary of the solver."""
 SOUND = np.sqrt(1.4)
-"""Speed of sound of the gas that is torn apart, of density and pressure 1."""
-LOST = 1e-3
-"""An impulse off by more than this has lost its digits [-]."""
+"""Speed of sound of a gas of unit density and pressure and gamma = 1.4."""
+# Far below the scatter of measured impulses, far above the rounding of float32, 1e-7.
+LOST_DIGITS = 1e-3
+"""Largest accepted relative error of an impulse [-]."""
 METHOD = "Friedlander's pulse"
 
 
@@ -76,21 +82,21 @@ def solver_failures() -> list[FailureMode]:
 
 @eqx.filter_jit
 def advance_barely(state: FlowState, flow: Flow, end, courant) -> FlowState:
-    """Step to an end with any fraction of the largest stable step: none is refused."""
+    """Advance a flow to a time with any Courant number; none is refused."""
 
     def body(carry):
         state, count = carry
         return step(state, flow, courant, end)[0], count + 1
 
-    def goes_on(carry):
+    def unfinished(carry):
         state, count = carry
-        return (state.clock < end) & state.alive & (count < MOST_STEPS)
+        return (state.clock < end) & state.alive & (count < MAX_STEPS)
 
-    return jax.lax.while_loop(goes_on, body, (state, jnp.asarray(0)))[0]
+    return jax.lax.while_loop(unfinished, body, (state, jnp.asarray(0)))[0]
 
 
 def sod_end(courant: float) -> tuple[bool, float]:
-    """Return whether Sod's tube came to its end, and the L1 error of its density."""
+    """Return True if Sod's tube reached its end, and the L1 error of its density."""
     flow, state = start_sod(CELLS)
     end = advance_barely(state, flow, jnp.asarray(SOD_TIME), jnp.asarray(courant))
     left, right = (Primitives(*map(jnp.asarray, q)) for q in (SOD_LEFT, SOD_RIGHT))
@@ -100,7 +106,7 @@ def sod_end(courant: float) -> tuple[bool, float]:
 
 
 def wave_error(courant: float) -> float:
-    """Return the L1 error of a smooth wave's density; infinite if it was lost."""
+    """Return the L1 error of the density of a smooth wave; infinite if it is lost."""
     flow, state = start_simple_wave(CELLS)
     end = advance_barely(state, flow, jnp.asarray(WAVE_TIME), jnp.asarray(courant))
     if not end.alive:
@@ -109,8 +115,8 @@ def wave_error(courant: float) -> float:
 
 
 def _error(end: FlowState, flow: Flow, exact) -> float:
-    off = jnp.abs(primitives(end, flow.gas).density - exact)
-    return float(jnp.sum(off * jnp.diff(end.radius)))
+    error = jnp.abs(primitives(end, flow.gas).density - exact)
+    return float(jnp.sum(error * jnp.diff(end.radius)))
 
 
 def _refused(attempt: Callable[[], object]) -> bool:
@@ -122,7 +128,7 @@ def _refused(attempt: Callable[[], object]) -> bool:
 
 
 def _unstable() -> FailureMode:
-    boundary = switching_point(lambda c: sod_end(c)[0], 0.7, 2.0, to=CLOSE)
+    boundary = switching_point(lambda c: sod_end(c)[0], 0.7, 2.0, to=BOUNDARY_TOLERANCE)
     flow, state = start_sod(CELLS)
 
     def attempt(courant):
@@ -144,8 +150,11 @@ def _unstable() -> FailureMode:
 
 
 def _inaccurate() -> FailureMode:
-    least = wave_error(SHORT)
-    boundary = crossing(lambda c: wave_error(c) / least - 2.0, SHORT, 1.0, to=CLOSE)
+    least = wave_error(SHORT_STEP)
+    # at twice the error of the grid the step contributes as much as the grid
+    boundary = crossing(
+        lambda c: wave_error(c) / least - 2.0, SHORT_STEP, 1.0, to=BOUNDARY_TOLERANCE
+    )
     limit, usual = wave_error(1.0) / least, wave_error(COURANT) / least
     return FailureMode(
         area="solver",
@@ -155,13 +164,13 @@ def _inaccurate() -> FailureMode:
         unit="stable steps and longer",
         beyond=f"error {limit:.1f} times that of short steps at 1, with {CELLS} cells",
         response=verified("holds", usual < 2.0 < limit, "usual step"),
-        message=f"the usual fraction is {COURANT:g}: {usual:.1f} times; up to 1 if "
-        "asked",
+        message=f"the default fraction is {COURANT:g}: {usual:.1f} times; up to 1 on "
+        "request",
     )
 
 
 def fewest_cells() -> int:
-    """Return with how many cells a point source is not refused any more."""
+    """Return the least number of cells that a point source accepts."""
 
     def attempt(cells):
         return lambda: point_source_march(cells, 0.03)
@@ -174,22 +183,26 @@ def _coarse() -> FailureMode:
     at = np.array([0.3, 1.0])
     fine = decay_at(at, point_source_march(4 * fewest, 1.01)).overpressure_ratio
     coarse = decay_at(at, point_source_march(fewest, 1.01)).overpressure_ratio
-    off = 100.0 * (coarse / fine - 1.0)
+    error = 100.0 * (coarse / fine - 1.0)
     return FailureMode(
         area="solver",
         method="grid, point source",
-        failure="too coarse to hold the source",
+        failure="too coarse to resolve the source",
         boundary=float(fewest - 1),
         unit="cells and fewer",
-        beyond=f"with one more the pressure is {off[0]:+.2f} % off that of "
-        f"{4 * fewest} cells at lambda = 0.3, {off[1]:+.2f} % at 1",
+        beyond=f"with one more the pressure is {error[0]:+.2f} % off that of "
+        f"{4 * fewest} cells at lambda = 0.3, {error[1]:+.2f} % at 1",
         response=verified("refuses", fewest > 1, "cells"),
         message=f"expects at least {fewest} cells; a sphere, 10",
     )
 
 
 def torn(mach: float) -> str:
-    """Return what `march` says of gas whose halves part, each at a Mach number."""
+    """Return the message of `march` for a gas whose halves separate; "" if none.
+
+    Args:
+        mach: Mach number of each half, in opposite directions.
+    """
     faces = jnp.linspace(-1.0, 1.0, 41)
     velocity = jnp.where(jnp.arange(40) < 20, -1.0, 1.0) * mach * SOUND
     filled = Primitives(jnp.ones(40), velocity, jnp.ones(40))
@@ -198,20 +211,23 @@ def torn(mach: float) -> str:
 
 
 def _torn() -> FailureMode:
-    boundary = switching_point(lambda m: bool(torn(m)), 0.05, 4.9, to=CLOSE)
-    said = torn(1.1 * boundary)
+    boundary = switching_point(
+        lambda m: bool(torn(m)), 0.05, 4.9, to=BOUNDARY_TOLERANCE
+    )
+    message = torn(1.1 * boundary)
     return FailureMode(
         area="solver",
-        method="positivity, halves of a tube torn apart",
+        method="positivity, separating halves of a tube",
         failure="a pressure below zero",
         boundary=boundary,
         unit="Mach and above, each half",
-        beyond="the scheme finds a pressure below zero; the exact flow opens a vacuum "
-        "at Mach 5 only",
+        # vacuum at u = 2 c/(gamma - 1), which is Mach 5 at gamma = 1.4
+        beyond="the scheme computes a pressure below zero; the exact flow has a vacuum "
+        "from Mach 5 on",
         response=verified(
-            "refuses", said.startswith("positivity lost at r ="), "march"
+            "refuses", message.startswith("positivity lost at r ="), "march"
         ),
-        message="march stops there, says where and when, and keeps the records until "
+        message="march stops, reports radius and time, and returns the records until "
         "then",
     )
 
@@ -222,7 +238,7 @@ def wave_form_failures() -> list[FailureMode]:
 
 
 def closed_form(decay: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    r"""Return $1/b - (1 - e^{-b})/b^2$ as it stands, in the precision it comes in."""
+    r"""Return $1/b - (1 - e^{-b})/b^2$ as printed, in the precision of the input."""
     one = decay.dtype.type(1)
     return one / decay - (one - np.exp(-decay)) / (decay * decay)
 
@@ -230,8 +246,8 @@ def closed_form(decay: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
 def impulse_errors() -> tuple[
     Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]
 ]:
-    """Return decays, and the errors of the closed form and of ours in float32 there."""
-    # single-precision numbers themselves, so that rounding b is no error
+    """Return decays, and the float32 errors of the closed form and of jblast there."""
+    # decays that float32 represents exactly, so that rounding b is no error
     single = np.geomspace(1e-6, 10.0, 2001).astype(np.float32)
     decay = single.astype(float)
     exact = np.asarray(friedlander_impulse(1.0, 1.0, decay))
@@ -242,7 +258,7 @@ def impulse_errors() -> tuple[
 
 def _near_zero() -> FailureMode:
     decay, bare, ours = impulse_errors()
-    boundary = float(decay[bare > LOST].max())
+    boundary = float(decay[bare > LOST_DIGITS].max())
 
     def worst(low, high):
         return bare[(decay >= low) & (decay < high)].max()
@@ -253,7 +269,7 @@ def _near_zero() -> FailureMode:
         failure="impulse in closed form, decay near 0, float32",
         boundary=boundary,
         unit="= b and below",
-        beyond=f"{100 * LOST:g} % off there; near b = 0.001 up to "
+        beyond=f"{100 * LOST_DIGITS:g} % off there; near b = 0.001 up to "
         f"{100 * worst(9e-4, 1.1e-3):.0f} %, near 1e-6 up to {worst(0.0, 1.1e-6):.0e} "
         "times",
         response=verified("holds", bool(ours.max() < 1e-6), METHOD),
@@ -270,7 +286,7 @@ def _negative() -> FailureMode:
         refusal = str(error)
     else:
         refusal = ""
-    # where the peak of Kingery's and Bulmash's last stretch asks for a negative decay
+    # at this range peak, duration and impulse of Kingery-Bulmash need a negative decay
     arrival = kingery_bulmash_arrival_time(38.0, 1.0, burst="free-air")
     duration = kingery_bulmash_duration(38.0, 1.0, burst="free-air")
     end = blast_pressure(arrival + 50.0 * duration, 38.0, 1.0, burst="free-air")
@@ -283,8 +299,8 @@ def _negative() -> FailureMode:
         unit="= b and below",
         beyond=f"b = -0.5: {late:.0f} times the peak ten durations after arrival",
         response=verified("refuses", ends, METHOD),
-        message="friedlander_spectrum refuses it; blast_pressure has the negative "
-        "phase in place of the tail",
+        message="friedlander_spectrum refuses it; blast_pressure replaces the tail by "
+        "the negative phase",
     )
 
 
@@ -302,16 +318,17 @@ def _rising_front() -> FailureMode:
         boundary=-1.0,
         unit="= b and below",
         beyond=f"impulse above {fraction:.3f} Ps td; b = -2: {largest:.2f} times the "
-        "peak given",
+        "stated peak",
         response=verified("marks", marked, METHOD),
-        message="the decay is given, valid false: no such pulse has that peak",
+        message="the decay is returned with valid false: this pulse has a higher peak",
     )
 
 
 def conwep_decay(fraction: float) -> float:
-    """Return the decay as programs after ConWep find it: Newton from $q - 1$.
+    """Return the decay that programs after ConWep find: Newton from $q - 1$.
 
-    Of $b^2 = q (b - 1 + e^{-b})$ with $q = P_s t_d/i$, which $b = 0$ always solves.
+    The equation is $b^2 = q (b - 1 + e^{-b})$ with $q = P_s t_d/i$; $b = 0$ is always
+    a solution.
 
     Args:
         fraction: Impulse over peak times duration [-].
@@ -328,10 +345,11 @@ def conwep_decay(fraction: float) -> float:
 
 def _too_much_impulse() -> FailureMode:
     def fraction(z):
-        of = {"slant_range": z, "charge_mass": 1.0, "burst": "free-air"}
-        area = kingery_bulmash_pressure(**of) * kingery_bulmash_duration(**of)
-        return float(kingery_bulmash_impulse(**of) / area)
+        case = {"slant_range": z, "charge_mass": 1.0, "burst": "free-air"}
+        area = kingery_bulmash_pressure(**case) * kingery_bulmash_duration(**case)
+        return float(kingery_bulmash_impulse(**case) / area)
 
+    # 0.5 is the impulse of a triangle, the limit of b = 0
     distance = crossing(lambda z: fraction(z) - 0.5, 20.0, 40.0)
     given = 0.6
     naive = conwep_decay(given)

@@ -13,31 +13,32 @@ the cells by Gauss's quadrature in $x^k$, $k = 3(\gamma-1)/(2\gamma+1)$, in whic
 centre is smooth.
 
 Sedov's air is cold. Adding the ambient pressure everywhere gives the whole the energy
-$E$ and that of the air swept up, exactly; what is left of the ambient pressure's effect
-on the profile is of the order of $P_0/p_s$ at the start and fades.
+$E$ and that of the air swept up, exactly. The remaining effect of the ambient pressure
+on the profile is of the order of $P_0/p_s$ at the start and decays.
 
-A sphere of compressed gas is released with a shock that is fitted from the first
-moment. When its wall vanishes the sphere's surface is Riemann's problem, with the
-contact at $u^*$ and a shock ahead of it. The start is a moment later: between contact
-and shock lies a thin shell of air in that state, in it all the cells of the air. The
-sphere keeps its own cells, of fixed mass; the outermost has given the shell its energy
+A sphere of compressed gas is released with a shock that is fitted from the beginning.
+When its wall vanishes, the surface of the sphere is a Riemann problem, with the contact
+at $u^*$ and a shock ahead of it. The start is slightly later: a thin shell of air in
+that state, with all the cells of the air, lies between contact and shock. The sphere
+has separate cells of fixed mass. The outermost of them has given the shell its energy
 and momentum.
 
-A straight tube with rigid ends holds Sod's initial values or any profile given by its
-cells. One such profile is an exact wave that steepens, a smooth flow by which the order
-of the scheme is measured. A wave running to the right into gas at rest keeps each
-velocity on a straight path, with $c = c_0 + \frac{\gamma-1}{2}u$ (Riemann 1860; Whitham
+A straight tube with rigid ends contains Sod's initial values or any profile given by
+its cells. One such profile is an exact wave that steepens, a smooth flow that measures
+the order of the scheme. A wave running to the right into gas at rest has constant
+velocity on straight paths, with $c = c_0 + \frac{\gamma-1}{2}u$ (Riemann 1860; Whitham
 1974, section 6.8),
 
 $$u(x,t) = u_0\big(x - (u+c)\,t\big), \quad \rho = \rho_0 (c/c_0)^{2/(\gamma-1)}, \quad
 p = p_0 (c/c_0)^{2\gamma/(\gamma-1)}$$
 
-until paths meet. Here $u_0 = A\cos^4(\pi x/2)$ within $|x| < 1$: four times smooth.
+until paths meet. Here $u_0 = A\cos^4(\pi x/2)$ within $|x| < 1$, with three continuous
+derivatives.
 
 Riemann's problem in an ideal gas is solved exactly: it starts the sphere, and is the
 reference of the tube. Toro (2009), *Riemann Solvers and Numerical Methods for Fluid
-Dynamics*, chapter 4. The velocity that each side takes at a pressure $p$ differs from
-its own by (eqs. 4.6, 4.7)
+Dynamics*, chapter 4. At a pressure $p$ the velocity of each side changes by (eqs. 4.6,
+4.7)
 
 $$f(p) = (p-p_k)\sqrt{\frac{A_k}{p+B_k}} \;\; (p>p_k), \qquad
 f(p) = \frac{2c_k}{\gamma-1}\left[\left(\frac{p}{p_k}\right)^{\frac{\gamma-1}{2\gamma}}
@@ -70,34 +71,46 @@ from jblast.waves.euler.state import (
 from jblast.waves.euler.step import sound_speed
 from jblast.waves.laws.sedov_taylor import sedov_alpha
 
+# With fewer cells the shocked layer, a sixth of the radius in labels, is not resolved.
 FEWEST_SEDOV_CELLS = 20
-"""With fewer the shocked layer, a sixth of the radius in labels, has no profile."""
+"""Smallest number of cells of a point source."""
+# Sedov's solution neglects the ambient pressure: an error of the order of 1/300.
 STRONG_START = 300.0
-"""Least pressure over ambient at the start, for an error of the order of 1/300."""
+"""Smallest ratio of shock pressure to ambient pressure at the start."""
 START_FRACTION = 0.02
-"""Usual radius of the start over $(E/P_0)^{1/3}$: 20,000 ambient pressures."""
-# Near the root each step squares the error; the others bring distant starts there.
+"""Default radius of the start over $(E/P_0)^{1/3}$: 20,000 ambient pressures."""
+# Near the root each step squares the error; the first ones approach from far starts.
 NEWTON_STEPS = 30
-# Gauss points a cell: exact to degree 15, as profiles are smooth in the chosen
+# Gauss points of a cell: exact to degree 15, as profiles are smooth in the chosen
 # parameter.
 QUADRATURE = 8
+# With fewer cells neither the fan nor the air behind the shock is resolved.
 FEWEST_SPHERE_CELLS = 10
-"""In the sphere, and in the air."""
+"""Smallest number of cells in the sphere, and in the air."""
+# Small against a cell, so that curvature does not yet matter; the shell must not be
+# empty, since all cells of the air lie in it.
 SHELL = 0.25
-"""Way of the shock before the start, in cells of the sphere."""
+"""Distance of the shock from the sphere at the start, in cells of the sphere."""
 SOD_LEFT = (1.0, 0.0, 1.0)
 SOD_RIGHT = (0.125, 0.0, 0.1)
 """Density, velocity, pressure; G. A. Sod (1978), J. Comput. Phys. 27:1."""
+# The first paths meet at t = 4.1; a larger amplitude steepens earlier.
 WAVE_AMPLITUDE = 0.1
-"""Of the velocity, in speeds of sound: the first paths meet at t = 4.1."""
+"""Amplitude of the velocity of the simple wave, in speeds of sound."""
 # The ratio of diatomic air; the closed form of the wave holds for any.
 WAVE_GAMMA = 1.4
+# The wave does not reach the ends before t = 3.
 WAVE_REACH = (-2.0, 4.0)
-"""The tube; the wave does not come to its end before t = 3."""
+"""Ends of the tube of the simple wave."""
+# Each step reduces the error to t/4.1 of it: by half at t = 2, to 1e-18 in the end.
 FIXED_POINT_STEPS = 60
-"""Each leaves the share t/4.1 of the error: half at t = 2, 1e-18 of it in the end."""
+"""Iterations for the velocity of the simple wave."""
+# The function is concave and rising, so that Newton from below converges; in ln p it
+# does so for any ratio of pressures.
 RIEMANN_NEWTON_STEPS = 30
-"""Concave and rising, so Newton from below arrives; from ln p it does so for any."""
+"""Newton steps for the pressure at the contact."""
+# Gauss points of a cell of the smooth wave: exact to degree 11, far above its order.
+MEAN_QUADRATURE = 6
 
 
 def start_sedov(
@@ -109,24 +122,24 @@ def start_sedov(
     length: Float[ArrayLike, ""] | None = None,
     limited: bool = True,
 ) -> tuple[Flow, FlowState]:
-    r"""Return a point source whose shock has come to a radius.
+    r"""Return the flow of a point source when its shock is at a radius.
 
     Args:
         energy: $E$ [J].
-        ambient: The air around.
-        radius: Of the shock [m]; the time is Sedov's.
-        cells: How many.
-        length: Over which the mesh is graded far out [m]; $(E/P_0)^{1/3}$ if not given.
-        limited: Whether slopes are limited.
+        ambient: Ambient air.
+        radius: Radius of the shock [m]; the time is Sedov's.
+        cells: Number of cells.
+        length: Length over which the mesh is graded [m]; by default $(E/P_0)^{1/3}$.
+        limited: True for limited slopes.
 
     Raises:
-        InputError: There are too few cells to hold the source, or the shock is not
-            strong any more at that radius.
+        InputError: There are too few cells to resolve the source, or the shock is no
+            longer strong at that radius.
     """
     energy, radius = as_float_array(energy), as_float_array(radius)
     if cells < FEWEST_SEDOV_CELLS:
         raise InputError(
-            f"cells: expected at least {FEWEST_SEDOV_CELLS} to hold a point source, "
+            f"cells: expected at least {FEWEST_SEDOV_CELLS} to resolve a point source, "
             f"got {cells}"
         )
     gamma = ambient.gas.gamma
@@ -185,10 +198,10 @@ def sedov_cells(
     Float[Array, " cell"],
     Float[Array, " cell"],
 ]:
-    r"""Return faces, and volumes, momenta and energies in cells, in units of the shock.
+    r"""Return faces, and volumes, momenta and energies of cells, in units of the shock.
 
     Args:
-        labels: Of the faces over the radius of the shock, from 0 to 1.
+        labels: Labels of the faces over the radius of the shock, from 0 to 1.
         gamma: Ratio of specific heats $\gamma$ [-].
 
     Returns:
@@ -205,6 +218,7 @@ def sedov_cells(
         jnp.asarray(array, labels.dtype)
         for array in np.polynomial.legendre.leggauss(QUADRATURE)
     )
+    # quadrature in x^k, in which the profile is smooth at the centre
     width = jnp.diff(ends)[:, None] / 2.0
     power = ends[:-1, None] + width * (nodes[None, :] + 1.0)
     place_at, velocity, density, pressure, stretch = _profile(jnp.log(power) / k, gamma)
@@ -251,6 +265,7 @@ def _parameter_at(log_mass, gamma):
     Near the centre the two are in proportion, with $k + a_3$ as slope.
     """
     slope = 3.0 * gamma / (2.0 * gamma + 1.0)
+    # at x = 1e-20 the proportion is exact to rounding: it gives the constant
     deep = jnp.full_like(gamma, -20.0 * math.log(10.0))
     offset = _log_mass(deep, gamma) - slope * deep
     log_x = jnp.minimum((log_mass - offset) / slope, 0.0)
@@ -258,6 +273,7 @@ def _parameter_at(log_mass, gamma):
 
     def closer(_, log_x):
         value, rise = jax.jvp(lambda y: _log_mass(y, gamma), (log_x,), (along,))
+        # x = 1 is the shock: a step beyond it would leave the domain of the logarithms
         return jnp.minimum(log_x - (value - log_mass) / rise, 0.0)
 
     return jax.lax.fori_loop(0, NEWTON_STEPS, closer, log_x)
@@ -273,27 +289,27 @@ def start_sphere(
     air_cells: int,
     length: Float[ArrayLike, ""] | None = None,
 ) -> tuple[Flow, FlowState]:
-    r"""Return a sphere of the ambient gas at rest, compressed, a moment after release.
+    r"""Return a sphere of compressed ambient gas shortly after its release from rest.
 
     Args:
-        radius: Of the sphere [m].
-        pressure: In it [Pa], above the ambient.
-        density: In it [kg/m3].
-        ambient: The air around.
+        radius: Radius of the sphere [m].
+        pressure: Pressure in the sphere [Pa], above the ambient one.
+        density: Density in the sphere [kg/m3].
+        ambient: Ambient air.
         core_cells: Cells in the sphere.
-        air_cells: Cells in the air that the shock has overtaken.
-        length: Over which the mesh of the air is graded far out [m];
-            $\sqrt[3]{E/P_0}$ of the sphere's energy if not given.
+        air_cells: Cells in the air behind the shock.
+        length: Length over which the mesh of the air is graded [m]; by default
+            $\sqrt[3]{E/P_0}$ with the energy of the sphere.
 
     Raises:
-        InputError: There are too few cells to hold the source, or the pressure is not
-            above the ambient.
+        InputError: There are too few cells to resolve the source, or the pressure is
+            not above the ambient one.
     """
     for name, cells in (("core_cells", core_cells), ("air_cells", air_cells)):
         if cells < FEWEST_SPHERE_CELLS:
             raise InputError(
-                f"{name}: expected at least {FEWEST_SPHERE_CELLS} to hold the source, "
-                f"got {cells}"
+                f"{name}: expected at least {FEWEST_SPHERE_CELLS} to resolve the "
+                f"source, got {cells}"
             )
     radius, pressure, density = map(as_float_array, (radius, pressure, density))
     _refuse_low(pressure, ambient.pressure)
@@ -314,6 +330,7 @@ def start_sphere(
         length = jnp.cbrt(work / ((gamma - 1.0) * ambient.pressure))
     mesh = GradedMesh(
         label=radius,
+        # the spacing of the mesh is no property of the flow: it has no derivative
         length=jax.lax.stop_gradient(as_float_array(length)),
         density=ambient.density,
         cells=air_cells,
@@ -338,6 +355,8 @@ def start_sphere(
         + 0.5 * contact_speed**2 * air_mass
     )
     cold = gas.energy(ambient.density, ambient.pressure) * (clock**3 - radius**3) / 3.0
+    # the shell takes its energy and momentum from the outermost cell of the sphere,
+    # so that the total is conserved to rounding
     given = jnp.sum(air_energy) - cold
     pushed = (pressure - star) * radius**2 * time
     state = FlowState(
@@ -380,15 +399,15 @@ def start_tube(
     rate: Float[Array, " face"] | None = None,
     limited: bool = True,
 ) -> tuple[Flow, FlowState]:
-    """Return a tube filled cell by cell.
+    """Return a tube with given means of its cells.
 
     Args:
-        faces: Of the cells, ascending [m].
-        cells: What is in them: mean density, momentum over mass, and the pressure of
-            the mean internal energy.
-        gas: What it is.
-        rate: Mass that each face overtakes [kg/s]; none if not given.
-        limited: Whether slopes are limited.
+        faces: Positions of the faces, ascending [m].
+        cells: Means of the cells: density, momentum over mass, and the pressure of the
+            mean internal energy.
+        gas: Gas of all cells.
+        rate: Mass that each face overtakes [kg/s]; by default zero.
+        limited: True for limited slopes.
 
     Raises:
         InputError: There are fewer than three cells.
@@ -415,15 +434,15 @@ def start_tube(
 def start_sod(
     cells: int, length: Float[ArrayLike, ""] = 1.0, *, limited: bool = True
 ) -> tuple[Flow, FlowState]:
-    """Return Sod's shock tube, the diaphragm in its middle.
+    """Return Sod's shock tube with the diaphragm in the middle.
 
     Args:
-        cells: How many, even.
-        length: Of the tube [m].
-        limited: Whether slopes are limited.
+        cells: Number of cells, even.
+        length: Length of the tube [m].
+        limited: True for limited slopes.
 
     Raises:
-        InputError: The number of cells is odd, so the diaphragm would be inside one.
+        InputError: The number of cells is odd: the diaphragm would be inside a cell.
     """
     if cells % 2:
         raise InputError(f"cells: expected an even number, got {cells}")
@@ -443,8 +462,9 @@ def start_sod(
 def simple_wave(
     place: Float[Array, "..."], time: Float[Array, ""] | float
 ) -> Primitives:
-    """Return the flow at places and a time, with density and sound speed 1 ahead."""
+    """Return the simple wave at positions and a time (density and speed 1 ahead)."""
 
+    # u = u0(x - (u + c) t), by fixed-point iteration: a contraction before paths meet
     def closer(_, velocity):
         start = place - (1.0 + (WAVE_GAMMA + 1.0) / 2.0 * velocity) * time
         shape = jnp.cos(0.5 * jnp.pi * jnp.clip(start, -1.0, 1.0)) ** 4
@@ -461,7 +481,8 @@ def simple_wave_means(
 ) -> Primitives:
     """Return mean density, momentum over mass, and pressure of the mean energy."""
     nodes, weights = (
-        jnp.asarray(array, faces.dtype) for array in np.polynomial.legendre.leggauss(6)
+        jnp.asarray(array, faces.dtype)
+        for array in np.polynomial.legendre.leggauss(MEAN_QUADRATURE)
     )
     width = jnp.diff(faces)[:, None]
     flow = simple_wave(faces[:-1, None] + width * (nodes[None] + 1.0) / 2.0, time)
@@ -475,6 +496,7 @@ def simple_wave_means(
         )
     )
     velocity = momentum / density
+    # kinetic energy of the variation within a cell counts as internal, as in a cell
     rest = kinetic - 0.5 * momentum * velocity
     return Primitives(density, velocity, pressure + (WAVE_GAMMA - 1.0) * rest)
 
@@ -482,13 +504,13 @@ def simple_wave_means(
 def start_simple_wave(
     cells: int, *, overtaking: float = 0.0, limited: bool = True
 ) -> tuple[Flow, FlowState]:
-    """Return the wave in a tube.
+    """Return the simple wave in a tube.
 
     Args:
-        cells: How many.
-        overtaking: Mass flux through the faces halfway, in density times sound speed;
-            it falls to zero at the ends.
-        limited: Whether slopes are limited.
+        cells: Number of cells.
+        overtaking: Mass flux through the faces at the middle, over density times sound
+            speed; it falls to zero at the ends.
+        limited: True for limited slopes.
     """
     faces = as_float_array(jnp.linspace(*WAVE_REACH, cells + 1))
     along = (faces - WAVE_REACH[0]) / (WAVE_REACH[1] - WAVE_REACH[0])
@@ -516,17 +538,19 @@ def star_state(
 
     Args:
         left: State on the left.
-        right: State on the right; the two do not draw apart so fast as to leave vacuum.
-        gas: On both sides.
+        right: State on the right; the two do not separate so fast that vacuum appears.
+        gas: Gas on both sides.
     """
 
-    def apart(log_pressure):
+    def velocity_gap(log_pressure):
         pressure = jnp.exp(log_pressure)
         waves = [_velocity_change(pressure, side, gas.gamma) for side in (left, right)]
         return waves[0] + waves[1] + right.velocity - left.velocity
 
     def closer(_, log_pressure):
-        value, slope = jax.jvp(apart, (log_pressure,), (jnp.ones_like(log_pressure),))
+        value, slope = jax.jvp(
+            velocity_gap, (log_pressure,), (jnp.ones_like(log_pressure),)
+        )
         return log_pressure - value / slope
 
     start = jnp.log(jnp.minimum(left.pressure, right.pressure))
@@ -548,8 +572,8 @@ def riemann_profile(
     Args:
         left: State on the left.
         right: State on the right.
-        gas: On both sides.
-        speed: Of the rays, distance from the first interface over time [m/s].
+        gas: Gas on both sides.
+        speed: Speed of each ray: distance from the interface over time [m/s].
     """
     pressure, velocity = star_state(left, right, gas)
     inside = [
@@ -561,7 +585,7 @@ def riemann_profile(
 
 
 def _riemann_side(side: Primitives, sign, pressure, velocity, gamma, speed):
-    """Return what rays on one side of the contact meet, the right side mirrored."""
+    """Return the state on rays on one side of the contact, the right side mirrored."""
     xi, u, star = sign * speed, sign * side.velocity, sign * velocity
     sound = jnp.sqrt(gamma * side.pressure / side.density)
     ratio = pressure / side.pressure
@@ -574,6 +598,7 @@ def _riemann_side(side: Primitives, sign, pressure, velocity, gamma, speed):
     # or a fan, eqs. 4.53 to 4.56
     thin = side.density * ratio ** (1.0 / gamma)
     tail = star - sound * ratio ** ((gamma - 1.0) / (2.0 * gamma))
+    # rays outside the fan would give a negative base; their value is not used
     within = jnp.maximum(2.0 / (gamma + 1.0) + weak / sound * (u - xi), 1e-12)
     fan = Primitives(
         side.density * within ** (2.0 / (gamma - 1.0)),
@@ -584,8 +609,8 @@ def _riemann_side(side: Primitives, sign, pressure, velocity, gamma, speed):
     undisturbed = xi < jnp.where(is_shock, front, u - sound)
     behind = Primitives(jnp.where(is_shock, dense, thin), star, pressure)
     at_star = is_shock | (xi > tail)
-    met = [
+    density, velocity, pressure = (
         jnp.where(undisturbed, q, jnp.where(at_star, s, f))
         for q, s, f in zip((side.density, u, side.pressure), behind, fan, strict=True)
-    ]
-    return Primitives(met[0], sign * met[1], met[2])
+    )
+    return Primitives(density, sign * velocity, pressure)

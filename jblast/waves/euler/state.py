@@ -1,13 +1,13 @@
-r"""The flow that a run changes, and what stays fixed: gas, mesh and geometry.
+r"""State of the flow, and the constants of a run: gas, mesh and geometry.
 
-The solver uses a gas through four methods alone, so another equation of state (JWL for
-the products of TNT) is another class like `IdealGas`.
+The solver uses four methods of a gas only. Another equation of state (JWL for the
+products of TNT) is therefore another class like `IdealGas`.
 
-Meshes are laid out by mass, not by position. A face is identified by the mass inside
-it. It stands in the gas, or moves outward through it at a rate given beforehand; where
-it is in space follows from the volumes. So contacts stay sharp in a mesh that stands,
-the hot and empty core of a point source takes a few large cells by itself, and mass is
-conserved exactly.
+Meshes are defined by mass, not by position. A face is identified by the mass inside it.
+It is at rest in the gas, or moves outward through it at a prescribed rate. Its position
+in space follows from the volumes. Therefore contacts stay sharp in a mesh at rest, the
+hot and thin core of a point source has a few large cells, and mass is conserved
+exactly.
 
 With a fitted shock the mesh is a function of the shock's radius $R$ alone. Air ahead of
 it has its radius $a$ as label, and the faces behind it have the labels
@@ -36,19 +36,19 @@ Geometry = Literal["planar", "spherical"]
 
 
 class FlowState(eqx.Module):
-    """The flow at one instant; masses, volumes and energies a steradian (or m2).
+    """The flow at one instant; masses, volumes and energies per steradian (or m2).
 
     Attributes:
-        radius: Of the faces [m].
-        mass: In each cell [kg].
-        volume: Of the cells [m3]. The faces give it too, but with few digits in float32
-            where a cell is thin.
-        momentum: In each cell, outward [kg m/s].
-        energy: In each cell, kinetic and internal [J].
-        clock: Radius of the fitted shock [m], or time [s] where none is fitted.
-        time: [s].
-        alive: Whether all densities and pressures are positive, looked at as a step
-            begins and at the end of a run; without, the state stays as it is.
+        radius: Radii of the faces [m].
+        mass: Mass of each cell [kg].
+        volume: Volume of each cell [m3]. The faces give it too, but with few digits in
+            float32 if a cell is thin.
+        momentum: Outward momentum of each cell [kg m/s].
+        energy: Kinetic and internal energy of each cell [J].
+        clock: Radius of the fitted shock [m], or time [s] if none is fitted.
+        time: Time [s].
+        alive: True if all densities and pressures are positive, checked at the begin of
+            each step and at the end of a run. If False, the state no longer changes.
     """
 
     radius: Float[Array, "face ..."]
@@ -62,10 +62,10 @@ class FlowState(eqx.Module):
 
 
 class Gas(eqx.Module):
-    """What the solver asks of a gas; densities in kg/m3, pressures in Pa."""
+    """Equation of state of a gas; densities in kg/m3, pressures in Pa."""
 
     def of_cells(self, cells: slice | tuple[int, ...]) -> "Gas":
-        """Return the gas of some of the cells: itself, if it is the same in all."""
+        """Return the gas of some cells; `self` if it is the same in all."""
         del cells
         return self
 
@@ -73,13 +73,13 @@ class Gas(eqx.Module):
     def pressure(
         self, density: Float[Array, "..."], energy: Float[Array, "..."]
     ) -> Float[Array, "..."]:
-        """Return the pressure of an internal energy a volume [J/m3]."""
+        """Return the pressure [Pa] for an internal energy per volume [J/m3]."""
 
     @abstractmethod
     def energy(
         self, density: Float[Array, "..."], pressure: Float[Array, "..."]
     ) -> Float[Array, "..."]:
-        """Return the internal energy a volume [J/m3] of a pressure."""
+        """Return the internal energy per volume [J/m3] for a pressure [Pa]."""
 
     @abstractmethod
     def stiffness(
@@ -109,7 +109,7 @@ class IdealGas(Gas):
         return (self.gamma - 1.0) * energy
 
     def energy(self, density, pressure):
-        """Return the internal energy a volume [J/m3]."""
+        """Return the internal energy per volume [J/m3]."""
         del density
         return pressure / (self.gamma - 1.0)
 
@@ -128,12 +128,12 @@ class IdealGas(Gas):
 
 
 class Ambient(eqx.Module):
-    """The still air that a fitted shock runs into.
+    """Air at rest ahead of a fitted shock.
 
     Attributes:
-        pressure: [Pa].
-        density: [kg/m3].
-        gas: An ideal one, for its jump has a closed form.
+        pressure: Ambient pressure [Pa].
+        density: Ambient density [kg/m3].
+        gas: Ideal gas, whose jump conditions have a closed form.
     """
 
     pressure: Float[Array, "..."]
@@ -142,10 +142,10 @@ class Ambient(eqx.Module):
 
 
 class Mesh(eqx.Module):
-    """Which mass each face overtakes, as a function of the clock that drives the run.
+    """Mass that each face overtakes, as a function of the clock of a run.
 
-    The clock is the radius of the fitted shock [m], or time [s] where none is fitted.
-    Cells and faces are the first axis; a batch may follow.
+    The clock is the radius of the fitted shock [m], or time [s] if none is fitted.
+    Cells and faces are the first axis; batch axes may follow.
     """
 
     @abstractmethod
@@ -160,15 +160,15 @@ class Mesh(eqx.Module):
 
 
 class Flow(eqx.Module):
-    """What stays the same throughout a run.
+    """Constants of a run.
 
     Attributes:
-        mesh: The masses of the cells.
-        gas: What is in them.
-        ambient: What a fitted shock runs into; None for a rigid wall at the outer end.
+        mesh: Masses of the cells.
+        gas: Gas of the cells.
+        ambient: Air ahead of a fitted shock; None for a rigid wall at the outer end.
             The inner end is a rigid wall, or the centre.
         geometry: "planar" or "spherical".
-        limited: Whether slopes are limited; without, only smooth flow stays smooth.
+        limited: True for limited slopes; False for smooth flow only.
     """
 
     mesh: Mesh
@@ -182,9 +182,9 @@ class Primitives(NamedTuple):
     """Means over cells, or values at faces.
 
     Attributes:
-        density: [kg/m3].
-        velocity: Outward [m/s].
-        pressure: [Pa].
+        density: Density [kg/m3].
+        velocity: Outward velocity [m/s].
+        pressure: Pressure [Pa].
     """
 
     density: Float[Array, "..."]
@@ -193,7 +193,7 @@ class Primitives(NamedTuple):
 
 
 def primitives(state: FlowState, gas: Gas) -> Primitives:
-    """Return what is in each cell."""
+    """Return density, velocity and pressure of each cell."""
     density = state.mass / state.volume
     velocity = state.momentum / state.mass
     internal = (state.energy - 0.5 * velocity * state.momentum) / state.volume
@@ -201,14 +201,14 @@ def primitives(state: FlowState, gas: Gas) -> Primitives:
 
 
 def is_positive(state: FlowState, gas: Gas) -> Bool[Array, "..."]:
-    """Return whether all densities and pressures are positive."""
+    """Return True if all densities and pressures are positive."""
     cells = primitives(state, gas)
     least = jnp.minimum(cells.density, cells.pressure)
     return jnp.all(least > 0.0, axis=0)
 
 
 class SlidingMesh(Mesh):
-    """Faces that stand in the gas, or overtake it at constant rates; no shock fitted.
+    """Faces at rest in the gas, or with constant rates; without a fitted shock.
 
     Attributes:
         rate: Mass that each face overtakes [kg/s], not negative; zero at both ends.
@@ -228,14 +228,14 @@ class SlidingMesh(Mesh):
 
 
 class GradedMesh(Mesh):
-    """Cells graded towards a fitted shock, around a core of cells that stand.
+    """Cells graded towards a fitted shock, around a core of cells of fixed mass.
 
     Attributes:
         label: Outermost label of the core $a_0$ [m]; zero if there is none.
         length: $L$ [m].
-        density: Of the air ahead [kg/m3].
-        cells: How many lie between the core and the shock.
-        core: How many lie in the core.
+        density: Density of the air ahead [kg/m3].
+        cells: Number of cells between the core and the shock.
+        core: Number of cells in the core.
         geometry: "planar" or "spherical".
     """
 
@@ -265,7 +265,8 @@ class GradedMesh(Mesh):
     def masses(self, clock: Float[Array, "..."]) -> Float[Array, "cell ..."]:
         """Return the mass in each cell outside the core [kg]."""
         reach, crowding = (clock - self.label)[None], self._crowding(clock)
-        # The depths' difference in closed form: thin cells are none of large numbers.
+        # The difference of depths in closed form: for thin cells a subtraction of the
+        # labels would lose all digits.
         stretch = reach * (1.0 + reach / self.length[None]) / self.cells
         widths = stretch * crowding[1:] * crowding[:-1]
         shells = volume_between(self.labels(clock)[:-1], widths, self.geometry)
@@ -274,8 +275,8 @@ class GradedMesh(Mesh):
     def swept(self, clock, advance):
         """Return the mass that each face overtakes [kg]."""
         crowding = self._crowding(clock) * self._crowding(clock + advance)
-        way = advance[None] * (1.0 - self._eta(clock) * crowding)
-        return self._with_core(volume_between(self.labels(clock), way, self.geometry))
+        path = advance[None] * (1.0 - self._eta(clock) * crowding)
+        return self._with_core(volume_between(self.labels(clock), path, self.geometry))
 
     def sweeping(self, clock):
         """Return the mass that each face overtakes per metre of the shock [kg/m]."""
@@ -283,7 +284,7 @@ class GradedMesh(Mesh):
         return self._with_core(area(self.labels(clock), self.geometry) * speed)
 
     def _with_core(self, volume):
-        """Return masses at all faces: those of the core stand, and the innermost."""
+        """Return masses at all faces, with zero for the core and the innermost face."""
         mass = self.density[None] * volume
         none = jnp.zeros_like(mass[:1])
         return jnp.concatenate([none] * (self.core + 1) + [mass[1:]])
@@ -303,8 +304,7 @@ def volume_between(
 
     Args:
         inner: Inner radius $r$ [m].
-        thickness: $h$ [m]; given by itself, so that no thin shell is a difference of
-            large numbers.
+        thickness: $h$ [m]; not as a difference of radii, which loses digits.
         geometry: "planar" or "spherical".
     """
     if geometry == "planar":
@@ -315,11 +315,11 @@ def volume_between(
 def swept_radius(
     radius: Float[Array, "..."], volume: Float[Array, "..."], geometry: Geometry
 ) -> Float[Array, "..."]:
-    r"""Return where a face lies once it has swept a volume, $\sqrt[3]{r^3+3V}$ [m].
+    r"""Return the radius of a face after it has swept a volume, $\sqrt[3]{r^3+3V}$ [m].
 
     Args:
-        radius: Where it was $r$ [m].
-        volume: What it swept $V$ [m3], small against $r^3$.
+        radius: Radius before $r$ [m].
+        volume: Swept volume $V$ [m3], small compared with $r^3$.
         geometry: "planar" or "spherical".
     """
     if geometry == "planar":

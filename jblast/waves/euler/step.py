@@ -1,4 +1,4 @@
-r"""One step of the flow: all faces, all cells, and the clock.
+r"""One step of the flow for all faces, all cells and the clock.
 
 In a cell of mass $M$, between faces of area $A$ that overtake the mass $\dot M$,
 
@@ -6,13 +6,13 @@ $$\frac{dV}{dt} = [A\dot V], \qquad \frac{d(Mu)}{dt} = [A\dot P] + p\,[A], \qqua
 \frac{dE}{dt} = [A\dot E]$$
 
 with the brackets outer face minus inner face and the fluxes below. $p[A]$ is the
-pressure of the sides of a cone; it balances the faces exactly where the pressure is
-uniform. Through a fitted shock come the ambient mass, its energy and $-P_0 A$: Rankine
-and Hugoniot, so energy is conserved to rounding whatever the shock does.
+pressure on the sides of a cone; it balances the faces exactly if the pressure is
+uniform. The ambient mass, its energy and $-P_0 A$ enter through a fitted shock (Rankine
+and Hugoniot), so that energy is conserved to rounding for any speed of the shock.
 
-The clock is the radius of the fitted shock, $dt = dR/U$, so that the mesh is known
-before the step, a run ends at a given radius, and a derivative is taken at fixed
-radius. Both in $R$ and in $t$: Heun's method (SSP-RK2; Shu and Osher 1988).
+The clock is the radius of the fitted shock, $dt = dR/U$. Therefore the mesh is known
+before the step, a run ends at a given radius, and derivatives are at fixed radius. The
+method is Heun's in $R$ and in $t$ (SSP-RK2; Shu and Osher 1988).
 
 Values at the faces follow from means in the cells by MUSCL with a smooth limiter. With
 $a$ and $b$ the differences to the neighbours and van Albada's limiter
@@ -22,9 +22,9 @@ $$s = \frac{2\,ab}{a^2 + b^2} \text{ if } ab > 0, \text{ else } 0$$
 a cell's value at its outer face is $q + \tfrac{s}{4}[(1-\kappa s)a + (1+\kappa s)b]$,
 at its inner face $q - \tfrac{s}{4}[(1+\kappa s)a + (1-\kappa s)b]$, with
 $\kappa = \tfrac13$: van Leer's schemes with the limiter of Anderson, Thomas and van
-Leer (1986), AIAA J. 24:1453. It has no switch but at extrema, so it differentiates.
+Leer (1986), AIAA J. 24:1453. It has switches at extrema only, so it is differentiable.
 
-Fluxes through a face that overtakes mass are those of HLLC, seen from the mass. Two
+Fluxes through a face that overtakes mass are those of HLLC in mass coordinates. Two
 waves of mass flux $Q_l$ and $Q_r$ leave the contact (Toro 2009, *Riemann Solvers
 and Numerical Methods for Fluid Dynamics*, section 10.4, with $Q = \rho|S - u|$), where
 
@@ -35,27 +35,27 @@ A wave is as fast as the shock that would take the whole difference in velocity,
 $Q = \rho b + \sqrt{\rho\cdot\rho c^2 + (\rho b)^2}$ with $b = s \max(u_l - u_r, 0)$
 ($s$: `Gas`): never too slow, so positivity is kept.
 
-A face that stands in the gas is the contact: $u^*$, $p^*$, $p^*u^*$. One that overtakes
-the mass flux $m \ge 0$ samples the star state outside the contact, or past
-$m = Q_r$ the undisturbed one. Both are, with $\theta = \min(m/Q_r, 1)$,
+A face at rest in the gas is the contact: $u^*$, $p^*$, $p^*u^*$. A face that overtakes
+the mass flux $m \ge 0$ has the star state outside the contact, or the undisturbed
+one for $m \ge Q_r$. Both are, with $\theta = \min(m/Q_r, 1)$,
 
 $$\dot V = m/\rho_r + u^* - \theta(u^*-u_r), \quad
 \dot P = m u_r - [p^* - \theta(p^*-p_r)], \quad
 \dot E = m E_r - [p^*u^* - \theta(p^*u^* - p_ru_r)]$$
 
-All is given through an area and in a time, whose product is called impulse here.
+All fluxes are integrals over an area and a time, whose product is called impulse here.
 
 The speed of the fitted shock follows from the flow behind it, which reaches the front
-along a characteristic that carries $J = p + Z u$ with $Z = \rho c$. Across the front,
-in an ideal gas at rest,
+along a characteristic with constant $J = p + Z u$, $Z = \rho c$. Across the front, in
+an ideal gas at rest,
 
 $$\frac{p}{P_0} = 1 + \frac{2\gamma}{\gamma+1}(M^2-1), \qquad
 u = \frac{2c_0}{\gamma+1}\left(M - \frac1M\right)$$
 
-and $p(M) + Z u(M) = J$ decides the Mach number $M$ by Newton's method: the solution of
-the Riemann problem between the flow and the air, with its inner wave an acoustic one
-(Toro 2009, section 9.3). What is behind the front at its face is extrapolated from the
-last three cells, third order.
+and Newton's method solves $p(M) + Z u(M) = J$ for the Mach number $M$. This is the
+Riemann problem between the flow and the air with an acoustic inner wave (Toro 2009,
+section 9.3). The state behind the front is extrapolated from the last three cells, in
+third order.
 
 Intermediates are materialised, so that XLA does not recompute them. XLA fuses what it
 can, and recomputes a value for each neighbour that uses it shifted by a cell. On a CPU
@@ -86,22 +86,25 @@ from jblast.waves.euler.state import (
 # The upwind-biased scheme of third order (van Leer 1985): of the kappa family, the only
 # member whose interpolation is a parabola through cell means.
 KAPPA = 1.0 / 3.0
+# Far below the square of any difference that matters, above the least float32 (1e-38).
 DIVISION_GUARD = 1e-30
-"""Prevents 0/0 where nothing changes; far below any square that matters."""
+"""Guard against 0/0 in the limiter where neighbouring cells are equal."""
+# The first guess has third order already, and each step squares its error.
 NEWTON_STEPS = 3
-"""From the Mach number of the extrapolated pressure, third order itself."""
+"""Newton steps for the Mach number of the fitted shock."""
+# The guess needs M above 0 only; without a limit the root has an infinite slope at 1.
 WEAKEST = 1e-9
-"""Of $p/P_0 - 1$ for the first guess: Newton needs M above 0, not above 1."""
+"""Smallest $p/P_0 - 1$ of the first guess."""
 T = TypeVar("T")
 
 
 class Front(NamedTuple):
-    """The shock, or what stands for it at a wall.
+    """The fitted shock, or the state at a wall.
 
     Attributes:
-        speed: [m/s].
-        pressure: Behind it [Pa].
-        velocity: Behind it [m/s].
+        speed: Speed of the shock [m/s]; 1 at a wall, so that the clock is time.
+        pressure: Pressure behind it [Pa].
+        velocity: Velocity behind it [m/s].
     """
 
     speed: Float[Array, "..."]
@@ -110,7 +113,7 @@ class Front(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """What a step of the clock adds, and the front it was reckoned with.
+    """Changes in one step of the clock, with the front used.
 
     Attributes:
         swept: Volume that each face sweeps [m3].
@@ -118,7 +121,7 @@ class Rates(NamedTuple):
         volume: Gain of each cell [m3].
         momentum: Gain of each cell [kg m/s].
         energy: Gain of each cell [J].
-        time: [s].
+        time: Duration of the step [s].
         front: The shock or the wall.
     """
 
@@ -137,13 +140,13 @@ def step(
     courant: float | Float[Array, ""],
     end: Float[Array, "..."],
 ) -> tuple[FlowState, Front]:
-    """Advance by one step, and return what the front was at its beginning.
+    """Advance by one step; return the new state and the front at its begin.
 
     Args:
-        state: Where the flow is.
-        flow: What does not change.
+        state: State of the flow.
+        flow: Constants of the run.
         courant: Fraction of the largest stable step, above 0 and at most 1.
-        end: The clock does not pass it; once there, steps have no length.
+        end: Final clock; once it is reached, steps have zero length.
     """
     cells = primitives(state, flow.gas)
     front = _front(cells, flow)
@@ -155,24 +158,24 @@ def step(
     crossed = jnp.where(state.volume > 0.0, state.mass / crossing, 0.0)
     limit = courant * jnp.min(crossed, axis=0)
     alive = state.alive & (limit > 0.0)
-    wanted = jnp.minimum(jnp.where(alive, limit, 0.0), end - state.clock)
-    # The steps are held while parameters vary: a derivative is that of the steps taken.
+    length = jnp.minimum(jnp.where(alive, limit, 0.0), end - state.clock)
+    # Steps are constant while parameters vary: derivatives are those of the same steps.
     # The rounding of the clock is part of the step.
-    clock = state.clock + jnp.maximum(wanted, 0.0)
+    clock = state.clock + jnp.maximum(length, 0.0)
     advance = jax.lax.stop_gradient(clock - state.clock)
     clock = state.clock + advance
     overtaken = flow.mesh.swept(state.clock, advance)
     first = _rates(state, flow, cells, front, overtaken, advance)
-    middle = materialized(_moved(state, first, clock, flow))
+    middle = materialized(_advanced(state, first, clock, flow))
     cells = primitives(middle, flow.gas)
     second = _rates(middle, flow, cells, _front(cells, flow), overtaken, advance)
     both = materialized(jax.tree.map(lambda a, b: 0.5 * (a + b), first, second))
-    moved = _moved(state, both, clock, flow)
-    new = jax.tree.map(lambda a, b: jnp.where(alive, a, b), moved, state)
+    advanced = _advanced(state, both, clock, flow)
+    new = jax.tree.map(lambda a, b: jnp.where(alive, a, b), advanced, state)
     return eqx.tree_at(lambda s: s.alive, new, alive), front
 
 
-def _moved(state: FlowState, rates: Rates, clock: Float[Array, "..."], flow: Flow):
+def _advanced(state: FlowState, rates: Rates, clock: Float[Array, "..."], flow: Flow):
     return FlowState(
         radius=swept_radius(state.radius, rates.swept, flow.geometry),
         mass=state.mass + rates.mass,
@@ -186,7 +189,7 @@ def _moved(state: FlowState, rates: Rates, clock: Float[Array, "..."], flow: Flo
 
 
 def _front(cells: Primitives, flow: Flow) -> Front:
-    """Return the shock, or the pressure on the wall."""
+    """Return the fitted shock, or the pressure on the wall."""
     if flow.ambient is not None:
         return fitted_front(cells, flow.gas.of_cells(slice(-1, None)), flow.ambient)
     still = jnp.zeros_like(cells.velocity[-1])
@@ -201,7 +204,7 @@ def _rates(
     overtaken: Float[Array, "face ..."],
     advance: Float[Array, "..."],
 ) -> Rates:
-    """Return what a step adds if the flow stays what it is."""
+    """Return the changes in one explicit step."""
     cells = materialized(cells)
     left, right = materialized(
         reconstruct(cells, fitted=flow.ambient is not None, limited=flow.limited)
@@ -210,8 +213,8 @@ def _rates(
     areas = area(state.radius, flow.geometry)
     impulse = areas * time[None]
     number = cells.density.shape[0]
-    # On a CPU fluxes are worked out at the two ends too, and dropped: cutting the ends
-    # off first would keep XLA from joining the loops.
+    # On a CPU fluxes are computed at the two ends too, and discarded: removing the ends
+    # first would prevent XLA from fusing the loops.
     at = slice(None) if jax.default_backend() == "cpu" else slice(1, -1)
     flux = face_flux(
         Primitives(*(q[at] for q in left)),
@@ -244,7 +247,7 @@ def _rates(
 def _ends(left, right, flow: Flow, overtaken, impulse):
     """Return volume, momentum and energy through the innermost and outermost face.
 
-    What goes through a wall is nothing to the last digit, but for the pressure.
+    Fluxes through a wall are exactly zero, except for the pressure.
     """
     none = jnp.zeros_like(impulse[0])
     centre = -_wall_pressure(right, 0, -1.0, flow.gas) * impulse[0]
@@ -262,7 +265,7 @@ def _ends(left, right, flow: Flow, overtaken, impulse):
 
 
 def _wall_pressure(faces: Primitives, face: int, outward: float, gas: Gas):
-    """Return the pressure on a rigid wall: the mirrored flow is its other side."""
+    """Return the pressure on a rigid wall, with the mirrored flow on its other side."""
     at = Primitives(*(q[face] for q in faces))
     towards = outward * at.velocity
     approach = jnp.maximum(2.0 * towards, 0.0)
@@ -279,10 +282,10 @@ def face_values(
     """Return each cell's values at its inner and at its outer face.
 
     Args:
-        means: Of the cells.
-        inner: What stands for a cell within the first.
-        outer: What stands for a cell beyond the last.
-        limited: Whether slopes are limited.
+        means: Means of the cells.
+        inner: Value of the ghost cell inside the first.
+        outer: Value of the ghost cell beyond the last.
+        limited: True for limited slopes.
     """
     around = materialized(jnp.concatenate([inner[None], means, outer[None]]))
     a, b = means - around[:-2], around[2:] - means
@@ -299,16 +302,16 @@ def reconstruct(
 ) -> tuple[Primitives, Primitives]:
     """Return values on the inner and on the outer side of each face.
 
-    Beyond the centre or a wall lies the mirrored flow. Towards a fitted shock the flow
-    goes on straight, densities and pressures not below zero. Between positive means
-    limited values are positive: none is off its mean by more than 0.55 of the
-    difference to the lesser neighbour. Without the limiter, where a density or pressure
-    would not be positive, both faces of the cell take its mean.
+    The ghost cell beyond the centre or a wall is the mirrored flow. Towards a fitted
+    shock the flow is extrapolated linearly, with densities and pressures not below
+    zero. Limited values between positive means are positive: none differs from its mean
+    by more than 0.55 of the difference to the lesser neighbour. Without the limiter,
+    both faces of a cell have its mean if a density or pressure would not be positive.
 
     Args:
         cells: Means of the cells.
-        fitted: Whether a fitted shock is the outer end, not a wall.
-        limited: Whether slopes are limited.
+        fitted: True if the outer end is a fitted shock, False for a wall.
+        limited: True for limited slopes.
     """
     mirror = (1.0, -1.0, 1.0)
     faces = []
@@ -325,7 +328,7 @@ def reconstruct(
             tuple(jnp.where(good, f, q) for f in pair)
             for pair, q in zip(faces, cells, strict=True)
         ]
-    # Joined, so that a CPU keeps it: `layout.py`.
+    # Concatenated arrays stay in memory on a CPU (see the docstring of the module).
     signed = list(zip(mirror, faces, strict=True))
     left = [jnp.concatenate([sign * i[:1], o]) for sign, (i, o) in signed]
     right = [jnp.concatenate([i, sign * o[-1:]]) for sign, (i, o) in signed]
@@ -333,12 +336,12 @@ def reconstruct(
 
 
 class Flux(NamedTuple):
-    """What the cell inside a face gains through it.
+    """Gain of the cell inside a face through the face.
 
     Attributes:
-        volume: [m3]; what the face itself sweeps.
-        momentum: [kg m/s].
-        energy: [J].
+        volume: Volume that the face sweeps [m3].
+        momentum: Momentum [kg m/s].
+        energy: Energy [J].
     """
 
     volume: Float[Array, "..."]
@@ -352,9 +355,9 @@ def wave_mass_flux(
     r"""Return $Q$ of the wave that enters a side [kg/(m2 s)].
 
     Args:
-        side: The state there.
+        side: State of that side.
         approach: $\max(u_l - u_r, 0)$ [m/s].
-        gas: Of that side.
+        gas: Gas of that side.
     """
     steep = side.density * (gas.shock_slope() * approach)
     sound = side.density * gas.stiffness(side.density, side.pressure)
@@ -369,15 +372,15 @@ def face_flux(
     left_gas: Gas,
     right_gas: Gas,
 ) -> Flux:
-    """Return what goes through faces.
+    """Return volume, momentum and energy through faces.
 
     Args:
         left: State just inside.
         right: State just outside.
-        overtaken: Mass that goes through the moving face [kg], not negative.
+        overtaken: Mass through the moving face [kg], not negative.
         impulse: Area of the face times time [m2 s].
-        left_gas: The gas inside.
-        right_gas: The gas outside.
+        left_gas: Gas inside.
+        right_gas: Gas outside.
     """
     approach = jnp.maximum(left.velocity - right.velocity, 0.0)
     q_l = wave_mass_flux(left, approach, left_gas)
@@ -386,9 +389,10 @@ def face_flux(
         q_l * left.velocity + q_r * right.velocity + (left.pressure - right.pressure)
     ) / (q_l + q_r)
     p = left.pressure + q_l * (left.velocity - u)
-    # A step of no length sweeps nothing: 0/0 is kept out, also of the derivative.
-    most = jnp.where(impulse > 0.0, impulse, 1.0) * q_r
-    theta = jnp.minimum(overtaken / most, 1.0)
+    # A step of zero length sweeps nothing. The guard is on the input, so that neither
+    # the value nor the derivative is 0/0.
+    capacity = jnp.where(impulse > 0.0, impulse, 1.0) * q_r
+    theta = jnp.minimum(overtaken / capacity, 1.0)
     internal = right_gas.energy(right.density, right.pressure)
     carried = overtaken / right.density
     energy = internal * carried + 0.5 * overtaken * right.velocity * right.velocity
@@ -400,7 +404,7 @@ def face_flux(
 
 
 def extrapolated(means: Float[Array, "cell ..."]) -> Float[Array, "..."]:
-    """Return the value at the outer face of a parabola with the last three means."""
+    """Return the value of a parabola with the last three means at the outer face."""
     return (11.0 * means[-1] - 7.0 * means[-2] + 2.0 * means[-3]) / 6.0
 
 
@@ -409,6 +413,7 @@ def jump(
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """Return pressure [Pa] and velocity [m/s] behind a shock of a Mach number."""
     gamma, sound = ambient.gas.gamma, sound_speed(ambient)
+    # (M - 1)(M + 1), not M^2 - 1, which has no digits for a weak shock
     rise = 2.0 * gamma / (gamma + 1.0) * (mach - 1.0) * (mach + 1.0)
     velocity = 2.0 * sound / (gamma + 1.0) * (mach - 1.0) * (mach + 1.0) / mach
     return ambient.pressure * (1.0 + rise), velocity
@@ -420,12 +425,12 @@ def sound_speed(ambient: Ambient) -> Float[Array, "..."]:
 
 
 def fitted_front(cells: Primitives, gas: Gas, ambient: Ambient) -> Front:
-    """Return the shock that the outermost cells drive.
+    """Return the shock driven by the outermost cells.
 
     Args:
         cells: Means of the cells.
-        gas: Of the last cells.
-        ambient: The still air ahead.
+        gas: Gas of the last cells.
+        ambient: Air at rest ahead.
     """
     behind = Primitives(*(extrapolated(q) for q in cells))
     # Right after a start the parabola may overshoot; the last mean is always positive.
@@ -444,14 +449,14 @@ def fitted_front(cells: Primitives, gas: Gas, ambient: Ambient) -> Front:
         slope = ambient.pressure * 4.0 * gamma * mach + impedance * 2.0 * sound * (
             1.0 + 1.0 / (mach * mach)
         )
-        away = pressure + impedance * velocity - drive
-        mach = mach - (gamma + 1.0) * away / slope
+        residual = pressure + impedance * velocity - drive
+        mach = mach - (gamma + 1.0) * residual / slope
     pressure, velocity = jump(mach, ambient)
     return Front(mach * sound, pressure, velocity)
 
 
 def materialized(values: T) -> T:
-    """Return the values, put into memory; on other machines than a CPU, backward only.
+    """Return the values, stored in memory; except on a CPU, in reverse mode only.
 
     Args:
         values: Arrays.

@@ -49,16 +49,16 @@ def test_events_without_a_partner_are_counted_on_both_sides():
 
 @pytest.mark.slow
 def test_a_camera_with_all_effects_is_like_itself_and_unlike_an_ideal_one():
-    full = cameras.looked(cameras.USUAL)
+    full = cameras.noisy_events(cameras.USUAL)
     assert unlike(full, full) == (0, 0)
-    missing, extra = unlike(cameras.looked(IDEAL), full)
+    missing, extra = unlike(cameras.noisy_events(IDEAL), full)
     assert missing + extra > 0.5 * full.time.size
 
 
 @pytest.mark.slow
 def test_every_way_is_measured_and_only_frameless_is_solved():
     stamps = cameras.stamp_points(1)
-    assert len(stamps) == len(cameras.WAYS)
+    assert len(stamps) == len(cameras.METHODS)
     solved = {p.method for p in stamps if p.error == pytest.approx(1e-3)}
     assert solved == {"frameless from 30/s", "frameless from 1,000/s"}
     effects = cameras.effect_points(1)

@@ -75,7 +75,7 @@ def test_every_way_is_measured_and_fit_many_is_on_the_front():
     # none, which counts as half a log
     assert by_name["fit_many"].error == 0.5 / LOGS
     assert by_name["solve"].error == 0.5 / SOLVED
-    assert by_name["solve"].range == f"0 of {SOLVED} off, starts of its own"
+    assert by_name["solve"].range == f"0 of {SOLVED} missed, own starts"
     front = [
         p.method for p, on in zip(points, on_pareto_front(points), strict=True) if on
     ]

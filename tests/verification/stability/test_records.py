@@ -48,7 +48,7 @@ def test_a_row_begins_where_more_than_a_twentieth_fail():
 
 def test_what_is_far_off_and_called_good_is_not_claimed_to_be_marked():
     shares = Shares(np.array([0.3]), np.array([0.2]), np.array([0.1]))
-    with pytest.raises(RuntimeError, match="was seen not to do"):
+    with pytest.raises(RuntimeError, match='expected the response "marks"'):
         detectors._row("a", (4.0,), shares, "m", words="{:g}".format)
 
 

@@ -94,5 +94,5 @@ def test_a_count_of_cases_is_one_only_with_a_number():
 
 def test_a_deed_that_was_not_seen_is_not_claimed():
     assert verified("marks", True, "a law") == "marks"
-    with pytest.raises(RuntimeError, match="a law: jblast was seen not to do"):
+    with pytest.raises(RuntimeError, match='a law: expected the response "marks"'):
         verified("marks", False, "a law")

@@ -15,9 +15,9 @@ def test_events_are_entered_into_the_map():
 
 def test_whole_counts_keep_their_digits_ten_times_as_long_as_a_sum():
     running, counted = camera.summed_errors()
-    begin = np.argmax(running > camera.LOST)
+    begin = np.argmax(running > camera.REFERENCE_ERROR)
     assert begin > 1000
-    assert counted[: 10 * begin].max() < camera.LOST
+    assert counted[: 10 * begin].max() < camera.REFERENCE_ERROR
 
 
 def test_a_bare_floor_loses_events_of_exact_ramps_and_ours_none():

@@ -41,12 +41,12 @@ def best(logs):
 def test_stock_solvers_end_off_the_optimum_and_report_success(
     logs, best, name, precision
 ):
-    of = fits.by_stock(logs, best, name, precision)
+    of = fits.stock_misses(logs, best, name, precision)
     # shares of 400: a standard error of 0.025 at most
-    assert of.off.mean() > {"Gauss-Newton": 0.4, "BFGS": 0.25}.get(name, 0.05)
-    assert of.falsely() > 0
+    assert of.missed.mean() > {"Gauss-Newton": 0.4, "BFGS": 0.25}.get(name, 0.05)
+    assert of.false_successes() > 0
     if name != "Gauss-Newton":  # the flag hardly tells one from the other
-        assert of.falsely() > 0.8 * of.off.sum()
+        assert of.false_successes() > 0.8 * of.missed.sum()
     # none of those that start near the charge: the start is what is poor
     assert of.nearest > 10
 
@@ -57,29 +57,29 @@ def test_the_best_ends_known_are_as_good_as_the_truth(logs, best):
     assert np.isfinite(best).all()
     # 0.1 ms tells the mass to about 1 % and the place to about 2 cm
     assert np.abs(away).max() < 1.0
-    assert not fits.off(logs, best, best, np.ones(len(best), bool)).off.any()
+    assert not fits.missed_fits(logs, best, best, np.ones(len(best), bool)).missed.any()
 
 
 @pytest.mark.slow
 def test_fit_many_and_solve_end_at_the_optimum_of_the_same_logs(logs, best):
     own = fits.ours(logs)
-    of = fits.off(logs, best, own.z, own.converged)
-    assert not of.off.any()
+    of = fits.missed_fits(logs, best, own.z, own.converged)
+    assert not of.missed.any()
     assert own.converged.all()
     assert not own.doubtful.any()
-    assert fits.solved_off(logs, best) == 0
+    assert fits.solve_misses(logs, best) == 0
 
 
 @pytest.mark.slow
 def test_fit_many_doubts_the_ends_that_poor_starts_lead_to(logs, best):
     poor = fits.ours(logs, logs.starts)
-    of = fits.off(logs, best, poor.z, ~poor.doubtful)
-    assert of.off.sum() > 10
-    assert of.falsely() == 0
+    of = fits.missed_fits(logs, best, poor.z, ~poor.doubtful)
+    assert of.missed.sum() > 10
+    assert of.false_successes() == 0
     # an optimum all the same, some of them: converged alone would not have told
-    assert (of.off & np.asarray(poor.converged)).any()
+    assert (of.missed & np.asarray(poor.converged)).any()
     # and none is doubted that is good
-    assert not (~of.off & np.asarray(poor.doubtful)).any()
+    assert not (~of.missed & np.asarray(poor.doubtful)).any()
 
 
 @pytest.mark.slow
@@ -114,7 +114,7 @@ def test_the_mirror_image_is_told_apart_past_the_boundary_and_not_before():
 def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says():
     mode = fits.one_place_failure()
     assert mode.boundary == 4  # mass and place are three; a mirror image is left at 3
-    one = fits.at_places(1)
+    one = fits.log_at_positions(1)
     ends = fits.stock_solutions(one.solution, fits.poor_starts())
     assert ends.good > 300
     assert np.ptp(ends.z[:, 0]) > np.log(1e6)
@@ -126,33 +126,33 @@ def test_sensors_at_one_place_tell_neither_mass_nor_place_whatever_a_solver_says
 
 @pytest.mark.slow
 def test_one_outlier_moves_normal_errors_without_bound_and_student_errors_hardly():
-    by = fits.moved()
+    by = fits.outlier_shifts()
     mode = fits.outlier_failure()
     # least squares follows a reading in proportion, but for what the law bends
     far = np.abs(by.normal[-1]) / np.abs(by.normal[len(by.normal) // 4])
     assert far == pytest.approx(4.0, rel=0.1)
-    at = np.interp(mode.boundary, fits.FINE, np.abs(by.normal))
+    at = np.interp(mode.boundary, fits.FINE_SIZES, np.abs(by.normal))
     assert at == pytest.approx(NORMAL_Q95, rel=1e-6)
     assert np.abs(by.student).max() < NORMAL_Q95
-    assert by.named[fits.SIZES >= 10].all()
-    assert not by.named[fits.SIZES <= 3].any()
+    assert by.suspected[fits.SIZES >= 10].all()
+    assert not by.suspected[fits.SIZES <= 3].any()
 
 
 @pytest.mark.slow
 def test_an_outlier_is_named_in_the_answer():
     clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")
     value = clean.log.value.copy()
-    value[fits.WHICH] += fits.REPORTED_SD * 1e-4
+    value[fits.OUTLIER_ROW] += fits.REPORTED_SD * 1e-4
     answer = fit(dataclasses.replace(clean.log, value=value), clean.uncertain).summary
     suspects = answer.suspected_outliers
-    assert [o.sensor for o in suspects] == [clean.log.sensor[fits.WHICH]]
+    assert [o.sensor for o in suspects] == [clean.log.sensor[fits.OUTLIER_ROW]]
 
 
 @pytest.mark.slow
 def test_wu_hao_tells_no_mass_while_the_solver_reports_success_at_many():
     mode = fits.null_direction_failure()
     assert mode.boundary > 1000  # starts spread over 1e4; it stays near where it began
-    found = fits.wu_hao_told()
+    found = fits.wu_hao_solution()
     (null,) = found.identifiability.null
     np.testing.assert_allclose(null, fits.WU_HAO_NULL, atol=1e-6)
     assert not any(found.identifiability.determined)

@@ -14,12 +14,12 @@ from jblast.report.fit.findings import all_words
 from jblast.verification.stability import fits
 from jblast.verification.stability.failure import measures_of
 from jblast.verification.stability.fits import (
-    LESSER,
+    MINOR_SHARE,
     SEPARATED_SD,
-    STEPS,
+    TWO_MODE_STEPS,
     circle,
     solved_log,
-    wu_hao_told,
+    wu_hao_solution,
 )
 
 
@@ -30,28 +30,32 @@ def test_walks_are_entered_into_the_map():
 
 @pytest.mark.slow
 def test_the_stretch_move_finds_a_near_mode_and_misses_a_far_one():
-    near = fits.share_beyond(fits.from_one(4.0).kept(), 4.0)
+    near = fits.second_mode_share(fits.from_one_mode(4.0).kept(), 4.0)
     # 750 steps of 64 walkers, some 85 steps to a draw: a standard error of 0.02
-    assert near == pytest.approx(LESSER, abs=0.1)
-    far = fits.share_beyond(fits.from_one(SEPARATED_SD).kept(), SEPARATED_SD)
-    assert far < 0.1 * LESSER
+    assert near == pytest.approx(MINOR_SHARE, abs=0.1)
+    far = fits.second_mode_share(fits.from_one_mode(SEPARATED_SD).kept(), SEPARATED_SD)
+    assert far < 0.1 * MINOR_SHARE
 
 
 def test_walkers_started_in_both_modes_stay_and_emcee_finds_nothing_wrong():
-    walk = fits.from_both(SEPARATED_SD)
-    assert fits.share_beyond(walk.kept(), SEPARATED_SD) == pytest.approx(0.5, abs=0.02)
-    assert walk.own_tau * LONG_ENOUGH < STEPS  # emcee's own condition is met
-    assert walk.judged.tau.max() * LONG_ENOUGH > 10 * STEPS
+    walk = fits.from_both_modes(SEPARATED_SD)
+    assert fits.second_mode_share(walk.kept(), SEPARATED_SD) == pytest.approx(
+        0.5, abs=0.02
+    )
+    assert walk.own_tau * LONG_ENOUGH < TWO_MODE_STEPS  # emcee's own condition is met
+    assert walk.judged.tau.max() * LONG_ENOUGH > 10 * TWO_MODE_STEPS
     assert not walk.judged.reached(1.0)
 
 
 @pytest.mark.slow  # by default inference/mcmc/test_run.py: from mode to mode
 def test_the_walk_of_jblast_gives_each_mode_its_share():
-    found = fits.by_jblast(SEPARATED_SD)
+    found = fits.jblast_walk(SEPARATED_SD)
     assert found.reached
-    share = fits.share_beyond(found.chain[found.convergence.warm_up :], SEPARATED_SD)
-    error = np.sqrt(LESSER * (1 - LESSER) / found.convergence.ess[0])
-    assert share == pytest.approx(LESSER, abs=4 * error)
+    share = fits.second_mode_share(
+        found.chain[found.convergence.warm_up :], SEPARATED_SD
+    )
+    error = np.sqrt(MINOR_SHARE * (1 - MINOR_SHARE) / found.convergence.ess[0])
+    assert share == pytest.approx(MINOR_SHARE, abs=4 * error)
 
 
 @pytest.mark.slow
@@ -75,12 +79,12 @@ def test_no_walker_sees_a_mirror_image_that_jblast_gives_its_half():
 
 @pytest.mark.slow
 def test_a_walk_over_a_null_direction_looks_converged_and_is_refused():
-    walk = fits.along_the_null(fits.LONG)
-    assert walk.judged.tau.max() * LONG_ENOUGH < fits.LONG
+    walk = fits.null_walk(fits.LONG_CHAIN)
+    assert walk.judged.tau.max() * LONG_ENOUGH < fits.LONG_CHAIN
     assert walk.judged.r_hat.max() < 1.01
     # ln of a mass: from nothing to more than there is
     assert np.ptp(walk.kept()[..., 0]) > 1000
-    found = wu_hao_told()
+    found = wu_hao_solution()
     with pytest.raises(InputError, match=r"improper along charge_mass_kg.*a prior"):
         ensemble(found.posterior, found.laplace, found.identifiability)
     asked = uncertainty(found, "emcee")
@@ -102,10 +106,11 @@ def test_a_ridge_without_end_is_walked_on_and_on_and_called_improper():
 @pytest.mark.slow
 def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
     mode = fits.bent_failure()
-    assert fits.off_at(1.5 * mode.boundary) < MAX_QUANTILE_ERROR
-    assert fits.off_at(mode.boundary / 1.5) > MAX_QUANTILE_ERROR
+    assert fits.interval_error(1.5 * mode.boundary) < MAX_QUANTILE_ERROR
+    assert fits.interval_error(mode.boundary / 1.5) > MAX_QUANTILE_ERROR
     close, wide = (
-        solved_log(circle(radius), 30.0, 60.0, 0.0) for radius in (fits.CLOSE, 10.0)
+        solved_log(circle(radius), 30.0, 60.0, 0.0)
+        for radius in (fits.BENT_RADIUS, 10.0)
     )
     answers = [
         fit(asked.log, asked.uncertain, noise="gaussian", posterior=method).summary
