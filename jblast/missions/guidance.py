@@ -45,7 +45,7 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.types import as_float_array
 from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
-from jblast.vehicle.control.position_hold import Readied
+from jblast.vehicle.control.position_hold import PreparedController
 from jblast.vehicle.state import three
 
 IDLE_SHARE = 0.2
@@ -312,7 +312,7 @@ def replay(
 Memory = tuple[Float[Array, "3"], Progress]
 
 
-class MissionControl(Readied):
+class MissionControl(PreparedController):
     """Flies a mission unattended.
 
     Attributes:
