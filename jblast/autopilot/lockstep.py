@@ -58,7 +58,7 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
-from jblast.vehicle.rollout import INWARD, Flight, Now, OneStep, Ticks
+from jblast.vehicle.rollout import INWARD, Flight, FlightState, OneStep, Ticks
 from jblast.vehicle.state import four, joined
 from jblast.waves.propagation import ambient
 
@@ -194,7 +194,7 @@ class Carried(NamedTuple):
         held: What its instruments keep.
     """
 
-    now: Now
+    now: FlightState
     before: State
     held: Held
 

@@ -43,7 +43,7 @@ from jblast.vehicle.controllers import gains_controller
 from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
 from jblast.vehicle.quadrotor import in_precision
-from jblast.vehicle.rollout import Now
+from jblast.vehicle.rollout import FlightState
 from jblast.vehicle.state import Vector, turned_back
 from jblast.world import Blasts
 
@@ -220,7 +220,7 @@ def begin(
     zero = jnp.zeros_like(params.step_s)
     none = (zero, zero, zero)
     single = zero.dtype == jnp.float32
-    now = Now(
+    now = FlightState(
         motion=motion,
         excess=(zero, zero, zero, zero) if single else None,
         command=motion.rotor_speed,
@@ -333,7 +333,7 @@ class Moved(NamedTuple):
         info: `bad_action`, `diverged`, `deviation_m`, `peak_deviation_m`.
     """
 
-    now: Now
+    now: FlightState
     steps: Array
     queue: tuple[Action, ...]
     task: PyTree[Array]
@@ -408,7 +408,7 @@ def moved(
     )
     tick = tick_of(params, state)
 
-    def go_on() -> Now:
+    def go_on() -> FlightState:
         return one_step(params, state.episode).moved(now, tick)
 
     # always taken; a program of its own, and what it calculates stays in it

@@ -41,7 +41,7 @@ from jblast.vehicle import BlastLoad, Controller, Gains, Vehicle, blast_load
 from jblast.vehicle.control.allocation import speeds_within
 from jblast.vehicle.loads.blast_wave import crossing_time
 from jblast.vehicle.quadrotor import required_body
-from jblast.vehicle.rollout import INWARD, Flight, Now, OneStep, Ticks
+from jblast.vehicle.rollout import INWARD, Flight, FlightState, OneStep, Ticks
 from jblast.vehicle.state import (
     Four,
     Number,
@@ -246,7 +246,7 @@ class EnvironmentState(NamedTuple):
         number: Of the episode, from 0.
     """
 
-    now: Now
+    now: FlightState
     steps: Int[Array, ""]
     queue: tuple[tuple[Float[Array, ""], ...], ...]
     episode: Episode

@@ -117,9 +117,9 @@ TILT_SLOPE = math.tan(math.radians(45.0))
 
 @runtime_checkable
 class Controller(Protocol):
-    """A controller of the rotors, sampled at fixed times; its command is constant
-    between.
+    """A controller of the rotors, sampled at fixed times.
 
+    Its command is constant between two samples.
     It may also have a method `ready(vehicle)` that returns a controller for flights of
     that vehicle, with everything precomputed that does not change in flight.
     """
