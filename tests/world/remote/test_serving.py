@@ -164,7 +164,12 @@ def registration(**values):
 
 
 REFUSED = {
-    "garbage": ("Register", b"\xff" * 40, "INVALID_ARGUMENT", "40 bytes that cannot be decoded"),
+    "garbage": (
+        "Register",
+        b"\xff" * 40,
+        "INVALID_ARGUMENT",
+        "40 bytes that cannot be decoded",
+    ),
     "a large message": (
         "Register",
         b"\0" * (MOST_BYTES + 1),
