@@ -300,13 +300,13 @@ def jblast_environments() -> dict[str, tuple[float, float]]:
 
     from calibration.benchmark_environments import begun, rollout
     from jblast.environments import environment_params
-    from jblast.environments.lanes import CHUNK
+    from jblast.environments.lanes import CHUNK_LANES
 
     jax.config.update("jax_enable_x64", False)
     params = environment_params("Hover", command="hold")
     devices = len(jax.devices())
     states = begun(params, LANES)
-    program = rollout(CHUNK, devices).lower(states, params).compile()
+    program = rollout(CHUNK_LANES, devices).lower(states, params).compile()
 
     def go() -> None:
         jax.block_until_ready(program(states, params))

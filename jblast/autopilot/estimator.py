@@ -1,10 +1,10 @@
-r"""An error-state Kalman filter of a vehicle's own state, and control by it.
+r"""Error-state Kalman filter of a vehicle's state, and control with its estimate.
 
-At each turn of the controller the instruments are sampled, the estimate is predicted
-and corrected, and the controller is given the estimate in place of the state. Rotor
-speeds are known; a switch detects contact with the ground. The memory
-of a controller is not stored: where a row is stored at each of its turns, the estimate
-along a flight is computed again from the stored states.
+At each sample of the controller the instruments are read, the estimate is predicted and
+corrected, and the controller receives the estimate in place of the state. Rotor speeds
+are measured exactly; a switch detects contact with the ground. Controller states are
+not stored. If a row is stored at each sample, the estimate along a flight is recomputed
+from the stored states.
 
 **Prediction** over one sample of the inertial unit. With its mean rate and specific
 force, each less the estimated bias, and the attitude in the middle of the sample,
@@ -13,7 +13,7 @@ $R_m = R\exp(\omega\,\Delta t/2)$,
 $$R' = R\exp(\omega\,\Delta t), \quad v' = v + (R_m f - g\hat z)\Delta t, \quad
 p' = p + (v + v')\Delta t/2.$$
 
-The first two are exact for what `flight_sensors` measures. The error, with attitude
+The first two are exact for the samples of `flight_sensors`. The error, with attitude
 about the body's axes, is propagated to first order (Sola 2017, Quaternion kinematics
 for the error-state Kalman filter, section 5.3, with the middle of the sample in place
 of its beginning):
@@ -26,19 +26,19 @@ $$\delta v' = \delta v - R_m [f]_\times \Delta t\,(R_h^T\delta\theta -
 with $R_h = \exp(\omega\,\Delta t/2)$, and $\delta p' = \delta p + (\delta v +
 \delta v')\Delta t/2$.
 
-**Correction** by a barometer, a magnetometer, and position fixes that come late.
-Numbers have independent errors and are used one by one, so no matrix is inverted. The
-innovation of each is limited to `GATE` standard deviations: the pressure of a blast on
-the barometer hardly moves the estimate, and an estimate that is far off still recovers,
-which it might not if such numbers were rejected.
+**Correction** by a barometer, a magnetometer, and delayed position fixes. Measurements
+have independent errors and are used one by one, so no matrix is inverted. Each
+innovation is limited to `GATE` standard deviations. The pressure of a blast on the
+barometer then hardly changes the estimate, and an estimate with a large error still
+recovers, which it might not if such measurements were rejected.
 
 A fix measures the position a time $d$ earlier. The error then was, to first order,
 
 $$\delta v_d = \delta v + d\,e, \qquad \delta p_d = \delta p - d\,\delta v -
   d^2 e/2, \qquad e = [\bar a]_\times R\,\delta\theta + R\,\delta b_f$$
 
-with the mean specific force $\bar a$ since then, from the velocities estimated then and
-now. Corrections since then are applied to the stored state as well.
+with the mean specific force $\bar a$ since then, from the estimated velocities then and
+now. Corrections since then are also applied to the stored state.
 """
 
 import math
@@ -65,33 +65,36 @@ from jblast.types import as_float_array
 from jblast.vehicle import State, Trajectory, Vehicle
 
 WATCHED_S = 10.0
-"""Time after its arrival over which errors are attributed to a blast, until the next
-blast at most."""
+"""Time after its arrival in which errors are attributed to a blast [s]; declared.
+
+Position errors by a blast decay with the fixes within some seconds. The interval ends
+at the next blast.
+"""
 BEFORE_S = 1.0
-"""Time before an arrival over which the error before it is computed."""
-_ALIGNMENT = 2**32 - 1
-"""Folded into the key of the first error: past the numbers of the instruments."""
+"""Time before an arrival for the error before it [s]: five position fixes."""
+_ALIGNMENT_KEY = 2**32 - 1
+"""Folded into the key of the initial error; above the numbers of the instruments."""
 GATE = 5.0
-"""PX4's for its barometer and for fixes (EKF2_BARO_GATE, EKF2_GPS_P_GATE)."""
-HEIGHT_SHARE = 0.083
-"""Metres that a pascal is near the ground."""
+"""PX4's gate of barometer and fixes (EKF2_BARO_GATE, EKF2_GPS_P_GATE) [-]."""
+METRES_PER_PASCAL = 0.083
+"""Height per pressure near the ground [m/Pa]: 1 / (1.225 kg/m3 x 9.81 m/s2)."""
 TURN, PLACE, MOVES, RATE_BIAS, FORCE_BIAS = (slice(3 * n, 3 * n + 3) for n in range(5))
-"""Parts of an error: attitude about the body's axes [rad], position [m], velocity
-[m/s], what gyroscope [rad/s] and accelerometer [m/s2] are off by."""
+"""Slices of the error vector: attitude about the body's axes [rad], position [m],
+velocity [m/s], biases of gyroscope [rad/s] and accelerometer [m/s2]."""
 SIZE = 15
-"""Of an error: five vectors."""
+"""Length of the error vector: five vectors of three."""
 
 
 class Thrown(NamedTuple):
-    """Errors of an estimate by blast: root mean square before, greatest after.
+    """Errors of an estimate by blast: root mean square before, maximum after.
 
     Attributes:
-        place_before_m: Of the position.
-        place_m: Likewise, after.
-        moves_before_m_s: Of the velocity.
-        moves_m_s: Likewise, after.
-        turn_before_rad: Of the attitude.
-        turn_rad: Likewise, after.
+        place_before_m: Position error before the arrival.
+        place_m: Position error after the arrival.
+        moves_before_m_s: Velocity error before.
+        moves_m_s: Velocity error after.
+        turn_before_rad: Attitude error before.
+        turn_rad: Attitude error after.
     """
 
     place_before_m: Float[Array, "*batch blast"]
@@ -106,9 +109,9 @@ class Followed(NamedTuple):
     """An estimate along a flight.
 
     Attributes:
-        shown: What who flew took for the state.
-        error: That takes it to the truth, by the parts of `estimate`.
-        deviation: How sure it was: one standard deviation of each.
+        shown: Estimated states, as passed to the controller.
+        error: Error vectors from the estimate to the truth.
+        deviation: Standard deviations of the error vector.
     """
 
     shown: State
@@ -119,12 +122,12 @@ class Followed(NamedTuple):
 def thrown(
     followed: Followed, time_s: Float[Array, " time"], arrival_s: Float[Array, " blast"]
 ) -> Thrown:
-    """Return what blasts did to an estimate; NaN of one that the flight does not meet.
+    """Return the errors of an estimate by blast; NaN for blasts outside the flight.
 
     Args:
         followed: The estimate along a flight.
-        time_s: Of its rows.
-        arrival_s: Of the blasts at the vehicle; infinite: never.
+        time_s: Times of its rows.
+        arrival_s: Arrival times of the blasts at the vehicle; infinite: never.
     """
     later = jnp.where(
         arrival_s[None, :] > arrival_s[:, None], arrival_s[None, :], jnp.inf
@@ -140,7 +143,7 @@ def thrown(
         after = (time_s >= came) & (time_s < end)
         found = []
         for size in sizes:
-            found += [_rms(size, before), _most(size, after)]
+            found += [_rms(size, before), _maximum(size, after)]
         return found
 
     return Thrown(*jax.vmap(of)(arrival_s, until))
@@ -154,22 +157,23 @@ def _rms(values: Float[Array, " time"], rows: Bool[Array, " time"]) -> Array:
     return jnp.sqrt(mean)
 
 
-def _most(values: Float[Array, " time"], rows: Bool[Array, " time"]) -> Array:
-    # one that is lost has no size: it stays NaN
+def _maximum(values: Float[Array, " time"], rows: Bool[Array, " time"]) -> Array:
+    # A diverged estimate has NaN, which the maximum preserves.
     greatest = jnp.max(jnp.where(rows, values, -1.0))
     return jnp.where(greatest < 0, jnp.nan, greatest)
 
 
 class Alignment(eqx.Module):
-    """How sure a vehicle is of its state as it begins: one standard deviation each.
+    """Standard deviations of the initial estimate.
 
-    Declared: aligned and calibrated at rest, its heading by the field.
+    Declared for a vehicle aligned and calibrated at rest, with its heading from the
+    magnetic field.
 
     Attributes:
-        tilt: Of roll and pitch [rad].
-        heading: [rad].
-        place: Along each axis [m].
-        moves: Likewise [m/s].
+        tilt: Roll and pitch [rad].
+        heading: Heading [rad].
+        place: Position along each axis [m].
+        moves: Velocity along each axis [m/s].
     """
 
     tilt: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.01)
@@ -180,11 +184,11 @@ class Alignment(eqx.Module):
     def deviations(
         self, rate_bias: Float[Array, ""], force_bias: Float[Array, ""]
     ) -> Float[Array, "15"]:
-        """Return one standard deviation of each number of the error.
+        """Return the standard deviations of the error vector.
 
         Args:
-            rate_bias: Of what the gyroscope is off by, calibrated [rad/s].
-            force_bias: Of what the accelerometer is off by [m/s2].
+            rate_bias: Bias of the calibrated gyroscope [rad/s].
+            force_bias: Bias of the calibrated accelerometer [m/s2].
         """
         one = jnp.ones(3)
         turn = jnp.stack([self.tilt, self.tilt, self.heading])
@@ -202,7 +206,7 @@ class Past(NamedTuple):
     Attributes:
         position_m: East, north, up.
         velocity_m_s: East, north, up.
-        age_s: How long ago.
+        age_s: Age of this estimate.
     """
 
     position_m: Float[Array, "3"]
@@ -211,16 +215,17 @@ class Past(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """An estimate.
+    """An estimate with its covariance.
 
     Attributes:
         position_m: East, north, up.
         velocity_m_s: East, north, up.
         quaternion: Body to world (x, y, z, w), of length 1.
-        rate_bias: What the gyroscope is off by [rad/s].
-        force_bias: What the accelerometer is off by [m/s2].
-        covariance: Of the error: the truth is the estimate turned and moved on by it.
-        past: What a late fix is compared with.
+        rate_bias: Estimated bias of the gyroscope [rad/s].
+        force_bias: Estimated bias of the accelerometer [m/s2].
+        covariance: Covariance of the error vector, which takes the estimate to the
+            truth (`moved_on`).
+        past: Estimate at the time of the pending fix.
     """
 
     position_m: Float[Array, "3"]
@@ -233,13 +238,14 @@ class Estimate(NamedTuple):
 
 
 class Known(NamedTuple):
-    """The estimator's memory at a turn.
+    """State of the estimator at a sample.
 
     Attributes:
-        estimate: Of the state.
-        held: What the instruments keep.
-        before: The true state at the turn before, which they feel from.
-        rate_rad_s: About the body's axes, as it was read and corrected.
+        estimate: Estimate of the vehicle's state.
+        held: Internal state of the instruments.
+        before: True state at the previous sample, where the instruments' interval
+            begins.
+        rate_rad_s: Measured body rate without the estimated bias.
     """
 
     estimate: Estimate
@@ -249,14 +255,14 @@ class Known(NamedTuple):
 
 
 class EstimatedControl(eqx.Module):
-    """Flies by an error-state Kalman filter of a vehicle's instruments.
+    """Controller that uses the estimate of an error-state Kalman filter.
 
     Attributes:
-        control: Who flies by it.
-        suite: The instruments; a turn of the control is a sample of them.
-        initial: The state of the start.
-        seed: Of all draws of the instruments, and of the first error.
-        alignment: How sure it is of its state at the start.
+        control: Controller of the estimated state.
+        suite: Instruments, read at each sample of the controller.
+        initial: True initial state.
+        seed: Seed of the instruments' errors and of the initial error.
+        alignment: Standard deviations of the initial estimate.
         ground_m: Height of the ground.
 
     Example:
@@ -272,27 +278,27 @@ class EstimatedControl(eqx.Module):
 
     @property
     def gains(self) -> Any:
-        """Of who flies: by them the step is checked."""
+        """Gains of the controller; the step limit depends on them."""
         return self.control.gains
 
     def start(self) -> tuple[PyTree[Array], Known]:
-        """Return the memory of who flies, and what is known."""
+        """Return the initial states of controller and estimator."""
         return self.control.start(), self.known()
 
     def known(self) -> Known:
-        """Return what is known before the first turn."""
+        """Return the state of the estimator before the first sample."""
         key, imu = self._key(), self.suite.imu
         deviations = self.alignment.deviations(
             CALIBRATED * imu.gyroscope_bias, CALIBRATED * imu.accelerometer_bias
         )
         estimate = aligned(
-            jax.random.fold_in(key, _ALIGNMENT), self.initial, deviations
+            jax.random.fold_in(key, _ALIGNMENT_KEY), self.initial, deviations
         )
         held = self.suite.start(key, self.initial)
         return Known(estimate, held, self.initial, jnp.zeros(3))
 
     def ready(self, vehicle: Vehicle) -> "EstimatedControl":
-        """Return the same with whatever does not change in flight calculated."""
+        """Return the same with a prepared controller."""
         control = self.control
         if hasattr(control, "ready"):
             control = control.ready(vehicle)
@@ -306,7 +312,7 @@ class EstimatedControl(eqx.Module):
         memory: tuple[PyTree[Array], Known],
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], tuple[PyTree[Array], Known]]:
-        """Return rotor speeds to ask for [rad/s], and the memory afterwards."""
+        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
         inner, known = memory
         known = self.sensed(time_s, state, known, period_s)
         shown = self.shown(known, state)
@@ -314,11 +320,11 @@ class EstimatedControl(eqx.Module):
         return speeds, (inner, known)
 
     def shown(self, known: Known, state: State) -> State:
-        """Return what who flies takes for the state.
+        """Return the estimated state, as passed to the controller.
 
         Args:
-            known: At this turn.
-            state: The vehicle, in truth: of it come the rotors, and the switch.
+            known: State of the estimator at this sample.
+            state: True state, for rotor speeds and the contact switch.
         """
         estimate = known.estimate
         stands = state.position_m[2] <= self.ground_m
@@ -338,13 +344,13 @@ class EstimatedControl(eqx.Module):
         known: Known,
         period_s: Float[Array, ""],
     ) -> Known:
-        """Return what is known once the instruments have been read.
+        """Return the state of the estimator after reading the instruments.
 
         Args:
-            time_s: Of the turn.
-            state: The vehicle, in truth.
-            known: At the turn before.
-            period_s: Since then.
+            time_s: Time of the sample.
+            state: True state of the vehicle.
+            known: State of the estimator at the previous sample.
+            period_s: Time since then.
         """
         turn = jnp.round(time_s / period_s).astype(jnp.int32)
         sample, held = self.suite(
@@ -361,19 +367,20 @@ class EstimatedControl(eqx.Module):
 def followed(
     control: EstimatedControl, trajectory: Trajectory, period_s: Float[Array, ""]
 ) -> Followed:
-    """Return what was believed along a flight.
+    """Return the estimate along a flight, recomputed from the true states.
 
     Args:
-        control: Of the flight.
-        trajectory: One flight, a row each time that its controller was asked.
-        period_s: Between two.
+        control: Controller of the flight.
+        trajectory: A single flight with one row per sample of its controller.
+        period_s: Period of the controller.
     """
 
     def turn(known: Known, row: tuple[Array, State]) -> tuple[Known, Followed]:
         time_s, state = row
         known = control.sensed(time_s, state, known, period_s)
         estimate = known.estimate
-        # after the turn's walk the instruments are off by what they keep
+        # The biases after this sample's random walk are those of the instruments'
+        # state.
         error = error_of(estimate, state, known.held.biases)
         return known, Followed(
             control.shown(known, state),
@@ -392,20 +399,20 @@ def estimated(
     moves: Array,
     period_s: Float[Array, ""],
 ) -> Estimate:
-    """Return the estimate after a sample.
+    """Return the estimate after a sample: prediction, then correction.
 
     Args:
         suite: The instruments.
-        estimate: Before.
-        sample: Their readings.
-        moves: Whether time has gone on since the last: at the first turn it has not.
-        period_s: Of the sample.
+        estimate: Estimate before the sample.
+        sample: Readings of the instruments.
+        moves: False at the first sample, which no interval precedes.
+        period_s: Length of the interval.
     """
     later = predicted(
         estimate, sample.force_m_s2, sample.rate_rad_s, suite.imu, period_s
     )
     estimate = jax.tree.map(lambda a, b: jnp.where(moves, a, b), later, estimate)
-    # at four turns of five nothing comes but the inertial unit's
+    # Four of five samples have inertial data only: the branch skips their correction.
     comes = sample.has_fix | sample.has_field | sample.has_pressure
     estimate = jax.lax.cond(
         comes,
@@ -417,13 +424,13 @@ def estimated(
 
 
 class Numbers(NamedTuple):
-    """What was read, number by number.
+    """Scalar measurements of a sample.
 
     Attributes:
-        off: Less what was expected.
-        rows: By how much an error changes it.
-        deviation: One standard deviation of its noise.
-        comes: Whether it was read at all.
+        off: Innovations: measured minus expected.
+        rows: Rows of the measurement matrix.
+        deviation: Standard deviations of the noise.
+        comes: False for measurements that this sample lacks.
     """
 
     off: Float[Array, " number"]
@@ -433,24 +440,24 @@ class Numbers(NamedTuple):
 
 
 def corrected(estimate: Estimate, numbers: Numbers) -> Estimate:
-    """Return an estimate after some numbers were read."""
+    """Return an estimate corrected by scalar measurements."""
 
     def take(
         carried: tuple[Array, Array], one: Numbers
     ) -> tuple[tuple[Array, Array], None]:
         error, spread = carried
-        # numbers one after another: their noises are independent, so no matrix is
-        # inverted
+        # Sequential scalar updates: the noises are independent, so no matrix inverse.
         left = one.off - one.rows @ error
         across = spread @ one.rows
         expected = one.rows @ across + jnp.square(one.deviation)
-        # a straggler counts as if it were `GATE` standard deviations off: a fix that is
-        # far off moves the estimate slowly, where a filter that refused it would never
-        # return
+        # The variance of a straggler is increased until its innovation is `GATE`
+        # standard deviations. The estimate then converges slowly to persistent fixes,
+        # where a filter that rejects them would never return.
         expected = jnp.maximum(expected, jnp.square(left / GATE))
         gain = jnp.where(one.comes, across / expected, 0.0)
         after = spread - jnp.outer(gain, across)
-        # rounding makes it asymmetric, and after thousands of turns indefinite
+        # Rounding makes the covariance asymmetric and, after thousands of samples,
+        # indefinite.
         return (error + gain * left, (after + after.T) / 2), None
 
     start = (jnp.zeros(SIZE), estimate.covariance)
@@ -466,7 +473,7 @@ def numbers_read(estimate: Estimate, suite: Suite, sample: Sample) -> Numbers:
     """Return the innovations of a sample: fix, field, height.
 
     Args:
-        estimate: Carried on to the sample.
+        estimate: Estimate predicted to the time of the sample.
         suite: The instruments.
         sample: Their readings.
     """
@@ -483,7 +490,7 @@ def numbers_read(estimate: Estimate, suite: Suite, sample: Sample) -> Numbers:
     ]
     rows = [past_rows(estimate), field_rows(estimate, field), height_row(lag)]
     one = jnp.ones(3)
-    height_noise = HEIGHT_SHARE * suite.barometer.noise
+    height_noise = METRES_PER_PASCAL * suite.barometer.noise
     deviation = [suite.gps.noise(), magnetometer.noise * one, height_noise[None]]
     comes = [
         jnp.repeat(sample.has_fix, 6),
@@ -494,10 +501,10 @@ def numbers_read(estimate: Estimate, suite: Suite, sample: Sample) -> Numbers:
 
 
 def fix_taken(estimate: Estimate, takes: Bool[Array, ""]) -> Estimate:
-    """Return an estimate that keeps what it is now, if a fix is taken now."""
+    """Return the estimate, with itself as its past if a fix is measured now."""
     now = Past(estimate.position_m, estimate.velocity_m_s, jnp.zeros(()))
-    kept = jax.tree.map(lambda a, b: jnp.where(takes, a, b), now, estimate.past)
-    return estimate._replace(past=kept)
+    past = jax.tree.map(lambda a, b: jnp.where(takes, a, b), now, estimate.past)
+    return estimate._replace(past=past)
 
 
 def height_expected(estimate: Estimate, lag_s: Float[Array, ""]) -> Float[Array, ""]:
@@ -506,7 +513,7 @@ def height_expected(estimate: Estimate, lag_s: Float[Array, ""]) -> Float[Array,
 
 
 def height_row(lag_s: Float[Array, ""]) -> Float[Array, "1 15"]:
-    """Return by how much an error changes that height."""
+    """Return the derivative of that height with respect to the error vector."""
     row = jnp.zeros((1, SIZE)).at[0, PLACE.start + 2].set(1.0)
     return row.at[0, MOVES.start + 2].set(-lag_s)
 
@@ -514,25 +521,25 @@ def height_row(lag_s: Float[Array, ""]) -> Float[Array, "1 15"]:
 def field_expected(
     estimate: Estimate, field_gauss: Float[Array, "3"]
 ) -> Float[Array, "3"]:
-    """Return the field that should be read, body axes [gauss]."""
+    """Return the expected magnetic field, body axes [gauss]."""
     return quaternion_matrix(estimate.quaternion).T @ field_gauss
 
 
 def field_rows(
     estimate: Estimate, field_gauss: Float[Array, "3"]
 ) -> Float[Array, "3 15"]:
-    """Return by how much an error changes the field that is read."""
+    """Return the derivative of that field with respect to the error vector."""
     turned = cross_matrix(field_expected(estimate, field_gauss))
     return jnp.zeros((3, SIZE)).at[:, TURN].set(turned)
 
 
 def past_rows(estimate: Estimate) -> Float[Array, "6 15"]:
-    """Return by how much an error changes place and velocity of the past."""
+    """Return the derivative of past position and velocity by the error vector."""
     past = estimate.past
     age, known = past.age_s, past.age_s > 0
     attitude = quaternion_matrix(estimate.quaternion)
-    # the mean acceleration since the fix stands for all of it: the past needs no
-    # history of its own
+    # The mean acceleration since the fix replaces its history, so the past needs no
+    # buffer of states.
     gained = (estimate.velocity_m_s - past.velocity_m_s) / jnp.where(known, age, 1.0)
     pull = jnp.where(known, gained, 0.0) + jnp.array([0.0, 0.0, FLIGHT_GRAVITY])
     one = jnp.eye(3)
@@ -551,14 +558,14 @@ def predicted(
     imu: Imu,
     period_s: Float[Array, ""],
 ) -> Estimate:
-    """Return an estimate a sample later.
+    """Return the estimate and covariance one sample later.
 
     Args:
-        estimate: At its beginning.
-        force_m_s2: Specific force that was read, body axes.
-        rate_rad_s: Rate that was read, body axes.
-        imu: How noisy it is.
-        period_s: Of the sample.
+        estimate: Estimate at the beginning of the sample.
+        force_m_s2: Measured specific force, body axes.
+        rate_rad_s: Measured body rate.
+        imu: Noise parameters.
+        period_s: Length of the sample.
     """
     on = transition(estimate, force_m_s2, rate_rad_s, period_s)
     noise = noise_gained(estimate, rate_rad_s, imu, period_s)
@@ -576,9 +583,10 @@ def carried_on(
     rate_rad_s: Float[Array, "3"],
     period_s: Float[Array, ""],
 ) -> Estimate:
-    """Return where an estimate goes in a sample; its spread stays."""
+    """Return the estimate one sample later, with unchanged covariance."""
     turn = (rate_rad_s - estimate.rate_bias) * period_s
-    # by the attitude in the middle of the sample: of second order in its length
+    # The attitude in the middle of the sample makes the step second order in its
+    # length.
     half = quaternion_product(estimate.quaternion, rotation_quaternion(turn / 2))
     pull = quaternion_matrix(half) @ (force_m_s2 - estimate.force_bias)
     gain = (pull - jnp.array([0.0, 0.0, FLIGHT_GRAVITY])) * period_s
@@ -598,7 +606,7 @@ def transition(
     rate_rad_s: Float[Array, "3"],
     period_s: Float[Array, ""],
 ) -> Float[Array, "15 15"]:
-    """Return the matrix that carries an error on over a sample."""
+    """Return the transition matrix of the error vector over a sample."""
     rate = rate_rad_s - estimate.rate_bias
     force = force_m_s2 - estimate.force_bias
     half = rotation_quaternion(rate * period_s / 2)
@@ -611,7 +619,7 @@ def transition(
     half_way = period_s / 2
     ways = [half_way * part for part in gains]
     ways[1:3] = [one, period_s * one]
-    # by rows, in the order of the parts: to set them one by one costs ten times that
+    # Concatenated blocks: setting them one by one with `.at` costs ten times as much.
     return jnp.concatenate(
         [
             jnp.concatenate(parts, axis=1)
@@ -632,7 +640,8 @@ def noise_gained(
     imu: Imu,
     period_s: Float[Array, ""],
 ) -> Float[Array, "15 15"]:
-    """Return what a sample's noise adds to the spread."""
+    """Return the covariance that the noise of a sample adds."""
+    # A white density n sampled at a rate f has the standard deviation n sqrt(f / 2).
     half = math.sqrt(imu.rate / 2)
     turn = half * imu.gyroscope_noise * period_s
     push = half * imu.accelerometer_noise * period_s
@@ -646,14 +655,15 @@ def noise_gained(
             jnp.square(imu.accelerometer_walk) * period_s * one,
         ]
     )
-    # a push moves velocity and, half a sample's worth, position: both errors are one
+    # One error of force changes velocity and, by half a sample, position: the errors
+    # are fully correlated.
     both = jnp.square(push) * period_s / 2 * jnp.eye(3)
     spread = jnp.diag(gained)
     return spread.at[PLACE, MOVES].set(both).at[MOVES, PLACE].set(both)
 
 
 def cross_matrix(v: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """Return the matrix whose product with a vector is the vector product by it."""
+    """Return the matrix of the vector product with a vector."""
     zero = jnp.zeros_like(v[0])
     return jnp.stack(
         [
@@ -665,11 +675,11 @@ def cross_matrix(v: Float[Array, "3"]) -> Float[Array, "3 3"]:
 
 
 def moved_on(estimate: Estimate, error: Float[Array, "15"]) -> Estimate:
-    """Return an estimate turned and moved on by an error; its past stays.
+    """Return an estimate corrected by an error vector; its past is unchanged.
 
     Args:
-        estimate: Any.
-        error: By the parts of it.
+        estimate: The estimate.
+        error: Error vector.
     """
     turned = quaternion_product(estimate.quaternion, rotation_quaternion(error[TURN]))
     return estimate._replace(
@@ -682,12 +692,12 @@ def moved_on(estimate: Estimate, error: Float[Array, "15"]) -> Estimate:
 
 
 def error_of(estimate: Estimate, true: State, biases: Biases) -> Float[Array, "15"]:
-    """Return the error that takes an estimate to the truth.
+    """Return the error vector from an estimate to the truth.
 
     Args:
-        estimate: What is believed.
-        true: The vehicle's state.
-        biases: What its instruments are off by.
+        estimate: The estimate.
+        true: True state of the vehicle.
+        biases: True biases of its instruments.
     """
     return jnp.concatenate(
         [
@@ -701,17 +711,17 @@ def error_of(estimate: Estimate, true: State, biases: Biases) -> Float[Array, "1
 
 
 def aligned(key: PRNGKeyArray, true: State, deviations: Float[Array, "15"]) -> Estimate:
-    """Return the estimate that a flight begins with: the truth, less a drawn error.
+    """Return the initial estimate: the truth with a random error.
 
-    The estimated biases of its instruments begin at 0.
+    The estimated biases of the instruments are 0.
 
     Args:
-        key: Of the error.
-        true: The vehicle's state.
-        deviations: One standard deviation of each number of the error.
+        key: Key of the error.
+        true: True state of the vehicle.
+        deviations: Standard deviations of the error vector.
     """
     off = deviations * jax.random.normal(key, (SIZE,))
-    # the instruments draw their own biases: the estimate of these begins at zero
+    # The instruments sample their own biases, so the estimated biases begin at zero.
     off = off.at[RATE_BIAS].set(0.0).at[FORCE_BIAS].set(0.0)
     zero = jnp.zeros(3)
     exact = Estimate(
@@ -723,7 +733,7 @@ def aligned(key: PRNGKeyArray, true: State, deviations: Float[Array, "15"]) -> E
         jnp.diag(jnp.square(deviations)),
         Past(true.position_m, true.velocity_m_s, jnp.zeros(())),
     )
-    believed = moved_on(exact, off)
-    return believed._replace(
-        past=Past(believed.position_m, believed.velocity_m_s, jnp.zeros(()))
+    initial = moved_on(exact, off)
+    return initial._replace(
+        past=Past(initial.position_m, initial.velocity_m_s, jnp.zeros(()))
     )

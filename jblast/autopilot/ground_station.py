@@ -1,16 +1,16 @@
-"""A vehicle on a ground station's screen: telemetry and the mission protocol.
+"""Vehicle for a ground station: telemetry and the mission protocol.
 
-The vehicle stands until a command to arm or to begin its mission. The flight is then
-computed whole and sent row by row at the pace of the wall clock.
+The vehicle waits for a command to arm or to start its mission. The flight is then
+computed as a whole and sent row by row at the pace of the wall clock.
 
-Numbers of telemetry are those of MAVLink's common.xml: MAV_TYPE_QUADROTOR,
+Constants of telemetry are those of MAVLink's common.xml: MAV_TYPE_QUADROTOR,
 MAV_AUTOPILOT_PX4, and PX4's modes of the main mode AUTO (px4_custom_mode.h).
 
-The mission protocol is mavlink.io/en/services/mission.html, from the vehicle's side: a
-station that uploads sends the number of items, which are then requested one by one. An
-item out of turn is ignored and the right one requested again, as is one that does not
-arrive within `RETRY_S`, up to `RETRIES` times. A mission that cannot be flown is
-rejected as a whole, and the previous one remains.
+The mission protocol is mavlink.io/en/services/mission.html, from the vehicle's side. To
+upload, a station sends the number of items, which the vehicle then requests one by one.
+An item out of sequence is ignored and the right one requested again. An item that does
+not arrive within `RETRY_S` is requested again, up to `RETRIES` times. An invalid
+mission is rejected as a whole, and the previous one remains.
 """
 
 import math
@@ -40,7 +40,7 @@ ACCEPTED, REFUSED, DENIED, UNSUPPORTED, IN_PROGRESS = 0, 1, 2, 3, 5
 """MAV_RESULT; REFUSED is TEMPORARILY_REJECTED."""
 WARNING = 4
 """MAV_SEVERITY."""
-# as PX4 sends: MAV_COMP_ID_AUTOPILOT1 of the first vehicle
+# As sent by PX4: MAV_COMP_ID_AUTOPILOT1 of the first vehicle.
 SYSTEM, COMPONENT = 1, 1
 # MAV_TYPE and MAV_AUTOPILOT
 QUADROTOR, PX4 = 2, 12
@@ -50,14 +50,14 @@ MODE_MISSION, MODE_LOITER = 4 << 16 | 4 << 24, 4 << 16 | 3 << 24
 """PX4's custom modes: main mode AUTO in the third byte, its sub-mode in the fourth."""
 STANDBY, ACTIVE = 3, 4
 """MAV_STATE."""
-EACH_S = 0.1
-"""Between two rows of telemetry."""
+TELEMETRY_STEP_S = 0.1
+"""Interval between two rows of telemetry: 10 Hz, as usual over a radio link."""
 HEARTBEAT_S = 1.0
-"""Between two heartbeats: the protocol's rate."""
+"""Interval between two heartbeats: the protocol's rate."""
 RETRY_S, RETRIES = 1.5, 5
-"""As the protocol recommends."""
-MOST_ITEMS = 1000
-"""Of an uploaded mission; declared."""
+"""Timeout and number of retries recommended by the protocol."""
+MAX_ITEMS = 1000
+"""Maximum number of items of an uploaded mission; declared, above any autopilot's."""
 MISSION_ACCEPTED, ERROR, MISSION_UNSUPPORTED, NO_SPACE, INVALID, SEQUENCE = (
     0,
     1,
@@ -68,19 +68,19 @@ MISSION_ACCEPTED, ERROR, MISSION_UNSUPPORTED, NO_SPACE, INVALID, SEQUENCE = (
 )
 """MAV_MISSION_RESULT."""
 FLIGHT_PLAN = 0
-"""MAV_MISSION_TYPE; fences and rally points are others."""
-WHOLE_FRAMES = {5: 0, 6: 3}
-"""Frames whose places are whole numbers, and the frames that they are."""
+"""MAV_MISSION_TYPE of a mission; geofences and rally points have other numbers."""
+INTEGER_FRAMES = {5: 0, 6: 3}
+"""Frames with integer coordinates, and the equivalent float frames."""
 UPLOADED = "uploaded mission"
 
 
 @dataclass
-class Watched:
-    """What a ground station was served.
+class ServiceResult:
+    """Result of serving a ground station.
 
     Attributes:
-        flights: How many were flown.
-        ended: Why it ended.
+        flights: Number of flights.
+        ended: Reason of the end.
     """
 
     flights: int = 0
@@ -88,16 +88,16 @@ class Watched:
 
 
 class Missions:
-    """The mission that a vehicle holds.
+    """Mission of a vehicle, and the vehicle's side of the mission protocol.
 
     Attributes:
-        plan: It; None: there is none.
+        plan: Current mission; None: no mission.
 
     Args:
-        plan: What it holds at first.
-        home: Where the vehicle stands.
-        check: Refuses a plan that cannot be flown, by an `InputError`.
-        say: Receives text for the ground station.
+        plan: Initial mission.
+        home: Position of the vehicle.
+        check: Raises `InputError` for an invalid plan.
+        report_text: Receives text for the ground station.
     """
 
     def __init__(
@@ -105,54 +105,54 @@ class Missions:
         plan: Plan | None,
         home: Place,
         check: Callable[[Plan], object],
-        say: Callable[[str], object],
+        report_text: Callable[[str], object],
     ):
         self.plan = plan
-        self._home, self._check, self._say = home, check, say
+        self._home, self._check, self._report_text = home, check, report_text
         self._items: list[Item] | None = None
         self._count = self._tries = 0
-        self._asked_s = 0.0
+        self._requested_s = 0.0
         self._from = (0, 0)
 
     @property
     def items(self) -> tuple[Item, ...]:
-        """Of the plan."""
+        """Items of the plan."""
         return () if self.plan is None else self.plan.items
 
     def answer(self, sender: Sender, message: Message, now_s: float) -> list[bytes]:
-        """Return what is answered to a message of the protocol.
+        """Return the answers to a message of the protocol.
 
         Args:
-            sender: Packs it.
-            message: That came.
-            now_s: On the wall clock.
+            sender: Packs the answers.
+            message: Received message.
+            now_s: Time on the wall clock.
         """
-        said, who = message.values, (message.system, message.component)
-        if said.get("mission_type", FLIGHT_PLAN) != FLIGHT_PLAN:
+        values, who = message.values, (message.system, message.component)
+        if values.get("mission_type", FLIGHT_PLAN) != FLIGHT_PLAN:
             return self._other(sender, message)
         if message.name == "MISSION_REQUEST_LIST":
             return [_to(sender, who, "MISSION_COUNT", count=len(self.items))]
         if message.name in ("MISSION_REQUEST_INT", "MISSION_REQUEST"):
-            return [self._item(sender, who, said["seq"])]
+            return [self._item(sender, who, values["seq"])]
         if message.name == "MISSION_CLEAR_ALL":
             self.plan, self._items = None, None
             return [_ack(sender, who, MISSION_ACCEPTED)]
         if message.name == "MISSION_COUNT":
-            return self._begin(sender, who, said["count"], now_s)
+            return self._begin(sender, who, values["count"], now_s)
         if message.name == "MISSION_ITEM_INT" and self._items is not None:
             return self._take(sender, message, now_s)
         if message.name == "MISSION_ITEM_INT":
-            self._say("mission item: expected one that was asked for, got another")
+            self._report_text("mission item: expected a requested item, got another")
             return [_ack(sender, who, SEQUENCE)]
         return []
 
     def remind(self, sender: Sender, now_s: float) -> list[bytes]:
-        """Return the request of an item that did not come; after some, give up."""
-        if self._items is None or now_s - self._asked_s < RETRY_S:
+        """Return a repeated request for a missing item, or an error after retries."""
+        if self._items is None or now_s - self._requested_s < RETRY_S:
             return []
         self._tries += 1
         if self._tries > RETRIES:
-            self._say(f"upload: item {len(self._items)} did not come, given up")
+            self._report_text(f"upload: item {len(self._items)} missing, given up")
             self._items = None
             return [_ack(sender, self._from, ERROR)]
         return [self._ask(sender, now_s)]
@@ -160,8 +160,10 @@ class Missions:
     def _begin(
         self, sender: Sender, who: tuple[int, int], count: int, now_s: float
     ) -> list[bytes]:
-        if count > MOST_ITEMS:
-            self._say(f"upload: expected at most {MOST_ITEMS} items, got {count}")
+        if count > MAX_ITEMS:
+            self._report_text(
+                f"upload: expected at most {MAX_ITEMS} items, got {count}"
+            )
             return [_ack(sender, who, NO_SPACE)]
         if count == 0:
             self.plan, self._items = None, None
@@ -182,14 +184,14 @@ class Missions:
             plan = plan_of(items, self._home)
             self._check(plan)
         except InputError as error:
-            self._say(str(error))
+            self._report_text(str(error))
             whole, self._items = len(items) == self._count, None
             return [_ack(sender, self._from, INVALID if whole else MISSION_UNSUPPORTED)]
         self.plan, self._items = plan, None
         return [_ack(sender, self._from, MISSION_ACCEPTED)]
 
     def _ask(self, sender: Sender, now_s: float) -> bytes:
-        self._asked_s = now_s
+        self._requested_s = now_s
         sequence = len(self._items or [])
         return _to(sender, self._from, "MISSION_REQUEST_INT", seq=sequence)
 
@@ -200,7 +202,7 @@ class Missions:
         return _to(sender, who, "MISSION_ITEM_INT", **fields)
 
     def _other(self, sender: Sender, message: Message) -> list[bytes]:
-        """Answer for fences and rally points: there are none, and none are taken."""
+        """Answer for geofences and rally points: none exist and none are accepted."""
         who, kind = (
             (message.system, message.component),
             message.values["mission_type"],
@@ -215,14 +217,14 @@ class Missions:
 
 
 class GroundStation:
-    """A vehicle at one end of a link, a ground station at the other.
+    """Service of a vehicle for a ground station over a link.
 
     Args:
-        link: To the ground station.
-        standing: The vehicle as it stands.
-        missions: What it is to fly.
-        fly: Flies a plan; without one it holds its place.
-        speed: Seconds of flight a second of the wall clock.
+        link: Link to the ground station.
+        standing: Record of the vehicle at rest.
+        missions: Mission of the vehicle.
+        fly: Simulates a plan; None: position control at the target.
+        speed: Flight time per wall-clock time [-].
     """
 
     def __init__(
@@ -237,35 +239,37 @@ class GroundStation:
         self._sender = Sender(SYSTEM, COMPONENT)
         self._telemetry, self._begun_s = Telemetry(standing), None
         self._item = -1
-        self.watched = Watched()
+        self.watched = ServiceResult()
 
-    def say(self, text: str) -> None:
-        """Send a sentence to be read; what is past 50 letters is cut off there."""
+    def report_text(self, text: str) -> None:
+        """Send a text for the operator, cut to the 50 characters of STATUSTEXT."""
         if self._link.connected:
             frame = self._sender.pack("STATUSTEXT", severity=WARNING, text=text[:50])
             self._link.send(frame)
 
-    def serve(self, seconds: float | None = None) -> Watched:
-        """Serve until the ground station hangs up, or for some time.
+    def serve(self, seconds: float | None = None) -> ServiceResult:
+        """Serve until the ground station disconnects or the time is over.
 
         Args:
-            seconds: Of the wall clock; None: no end.
+            seconds: Wall-clock time; None: no end.
         """
         begin = time.monotonic()
         beat = reported = -1e9
         try:
             while seconds is None or time.monotonic() - begin < seconds:
                 now = time.monotonic()
-                if self._link.address.kind == "tcp" and not self._link.accept(EACH_S):
+                if self._link.address.kind == "tcp" and not self._link.accept(
+                    TELEMETRY_STEP_S
+                ):
                     continue
-                message = self._link.receive(EACH_S / 5)
+                message = self._link.receive(TELEMETRY_STEP_S / 5)
                 frames = self.missions.remind(self._sender, now)
                 if message is not None:
                     frames += self._answer(message, now)
                 if now - beat >= HEARTBEAT_S:
                     beat = now
                     frames.append(self._beat(now))
-                if now - reported >= EACH_S / max(self._speed, 1.0):
+                if now - reported >= TELEMETRY_STEP_S / max(self._speed, 1.0):
                     reported = now
                     frames += self._rows(now)
                 if frames and self._link.connected:
@@ -307,12 +311,12 @@ class GroundStation:
             return self.missions.answer(self._sender, message, now)
         if message.name != "COMMAND_LONG":
             return []
-        said = message.values
-        command = said["command"]
+        values = message.values
+        command = values["command"]
         if command not in (ARM, START):
             return [self._ack(command, UNSUPPORTED)]
-        if command == ARM and said["param1"] != 1:
-            # in flight nobody stops the rotors
+        if command == ARM and values["param1"] != 1:
+            # Disarming in flight would stop the rotors.
             return [self._ack(command, DENIED if self._flies(now) else ACCEPTED)]
         if self._flies(now):
             return [self._ack(command, REFUSED)]
@@ -320,7 +324,7 @@ class GroundStation:
         try:
             record = self._fly(self.missions.plan)
         except InputError as error:
-            self.say(str(error))
+            self.report_text(str(error))
             return [self._ack(command, DENIED)]
         self._telemetry, self._begun_s = Telemetry(record), time.monotonic()
         self._item = -1
@@ -350,23 +354,23 @@ def heartbeat(sender: Sender, *, armed: bool, has_mission: bool) -> bytes:
 
 
 class Telemetry:
-    """The messages of a flight's rows.
+    """Telemetry messages of a flight's rows.
 
     Args:
-        record: The flight, by the state that the vehicle estimates.
+        record: The flight; messages have its estimated state.
     """
 
     def __init__(self, record: FlightRecord):
         self.record = record
-        believed = record.believed
-        self._angles = euler(scalar_first(believed.quaternion))
+        state = record.estimated
+        self._angles = euler(scalar_first(state.quaternion))
         self._rates = right(record.body_rate_rad_s)
-        self._places = record.geodetic(believed.position_m)
-        self._ups = believed.position_m[:, 2] - believed.position_m[0, 2]
-        self._moves = down(believed.velocity_m_s)
+        self._places = record.geodetic(state.position_m)
+        self._ups = state.position_m[:, 2] - state.position_m[0, 2]
+        self._moves = down(state.velocity_m_s)
 
     def row_at(self, time_s: float) -> int:
-        """Return the last row at a time."""
+        """Return the last row up to a time."""
         after = np.searchsorted(self.record.time_s, time_s + 1e-9, side="right")
         return int(np.clip(after - 1, 0, self.record.time_s.size - 1))
 
@@ -378,7 +382,7 @@ class Telemetry:
         attitude = dict(zip(names, [*angles, *rates], strict=True))
         lat, lon, alt = self._places[row]
         heading = round(100 * float(np.degrees(angles[2]) % 360)) % 36_000
-        # whole centimetres a second, north, east, down, in 16 bits
+        # Integer centimetres per second, north, east, down, in 16 bits.
         moves = np.clip(np.round(100 * self._moves[row]), -32_767, 32_767).astype(int)
         return [
             sender.pack("ATTITUDE", time_boot_ms=boot, **attitude),
@@ -395,11 +399,11 @@ class Telemetry:
         ]
 
     def item(self, row: int) -> int:
-        """Return the number of the item that it is on the way to."""
+        """Return the number of the current mission item."""
         return int(self.record.item[row])
 
     def armed(self, row: int) -> bool:
-        """Return whether it is armed."""
+        """Return whether the vehicle is armed."""
         return bool(self.record.armed[row])
 
 
@@ -411,7 +415,7 @@ def telemetry_log(record: FlightRecord, *, has_mission: bool) -> bytes:
 def _stamped_frames(record: FlightRecord, has_mission: bool) -> Iterator[bytes]:
     sender, telemetry = Sender(SYSTEM, COMPONENT), Telemetry(record)
     beats, item = -np.inf, -1
-    for row in record.rows_each(EACH_S).tolist():
+    for row in record.rows_each(TELEMETRY_STEP_S).tolist():
         time_s = float(record.time_s[row])
         if time_s - beats >= HEARTBEAT_S - 1e-9:
             armed = telemetry.armed(row)
@@ -460,7 +464,7 @@ def item_of(fields: dict[str, Any]) -> Item:
         InputError: As in `checked_item`.
     """
     command, frame = fields["command"], fields["frame"]
-    frame = WHOLE_FRAMES.get(frame, frame)
+    frame = INTEGER_FRAMES.get(frame, frame)
     lat, lon = fields["x"] / 1e7, fields["y"] / 1e7
     params = [*(fields[f"param{n}"] for n in range(1, 5)), lat, lon, fields["z"]]
     return checked_item(
@@ -469,5 +473,5 @@ def item_of(fields: dict[str, Any]) -> Item:
 
 
 def plan_of(items: Sequence[Item], home: Place) -> Plan:
-    """Return the plan of items that were uploaded; home is where the vehicle stands."""
+    """Return the plan of uploaded items, with the vehicle's position as home."""
     return Plan(items=tuple(items), home=home, source=UPLOADED)

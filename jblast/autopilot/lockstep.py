@@ -1,23 +1,23 @@
 """A simulator for PX4: sensors out, rotor controls in, in lockstep.
 
-Until the first controls come, samples are sent by the wall clock, so that the autopilot
-can start. From then on each turn waits for the answer to its own HIL_SENSOR. The
-vehicle is held in place, and the clock of the blasts stopped, until the autopilot has
-armed: the flight does not depend on how long that took.
+Until the first controls arrive, samples are sent by the wall clock, so that the
+autopilot can start. From then on each step waits for the answer to its HIL_SENSOR.
+Until the autopilot has armed, the vehicle does not move and the clock of the blasts is
+stopped, so the flight does not depend on the start-up time.
 
-Equations, pulses and steps are those of `vehicle.simulate`: a flight by the same rotor
-speeds is the same flight. Units, axes and bits of messages are those of MAVLink's HIL
-messages as PX4 reads them (PX4-Autopilot, SimulatorMavlink.cpp and .hpp, commits
-000f5fd and 002cb24): integer fields are rounded, single-precision fields lose digits
-when they are packed. Temperature comes with the barometer.
+Equations, pulses and steps are those of `vehicle.simulate`, so equal rotor speeds give
+equal flights. Units, axes and bits of messages are those of MAVLink's HIL messages as
+PX4 reads them (PX4-Autopilot, SimulatorMavlink.cpp and .hpp, commits 000f5fd and
+002cb24). Integer fields are rounded, and single-precision fields lose digits when they
+are packed. The temperature is sent with the barometer.
 
-PX4's axes are north, east, down, and ahead, right, down for the body, with the scalar
-of a quaternion first; ours are east, north, up, and ahead, left, up, with the scalar
-last. PX4 numbers the motors of a quadrotor X: ahead right, behind left (both
-counter-clockwise), ahead left, behind right (clockwise). A control is a share of the
-greatest speed, 0 to 1. Thrust goes with its square (in PX4: THR_MDL_FAC = 1).
+PX4's axes are north, east, down, and forward, right, down for the body, with the scalar
+of a quaternion first. Axes here are east, north, up, and forward, left, up, with the
+scalar last. PX4 numbers the motors of a quadrotor X: front right, rear left (both
+counter-clockwise), front left, rear right (clockwise). A control is a share of the
+maximum speed, 0 to 1. Thrust is proportional to its square (in PX4: THR_MDL_FAC = 1).
 
-Latitudes and longitudes are computed within compiled programs, as by
+Latitudes and longitudes are computed within compiled programs, as in
 `missions.mission.level` and `geodetic`, but with heights above the origin, over level
 ground.
 """
@@ -58,29 +58,29 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
-from jblast.vehicle.rollout import INWARD, Flight, Now, OneStep, Ticks
+from jblast.vehicle.rollout import INWARD, Flight, FlightState, OneStep, Ticks
 from jblast.vehicle.state import four, joined
 from jblast.waves.propagation import ambient
 
 SYSTEM, COMPONENT = 1, 51
-"""Whom the simulator speaks for; MAV_COMP_ID_MISSIONPLANNER's neighbour, as others."""
-FIRST_S = 1.0
-"""How long the first answer is waited for: who is ready misses no turn."""
+"""MAVLink system and component of the simulator, as used by other simulators."""
+FIRST_ANSWER_S = 1.0
+"""Waiting time for the first answer [s]; an autopilot that is ready misses no step."""
 FIX_3D, SATELLITES = 3, 12
-"""GPS_FIX_TYPE_3D_FIX, and satellites as of an open sky."""
+"""GPS_FIX_TYPE_3D_FIX, and a number of satellites typical of an open sky."""
 STATE_LENGTH = 17
-"""Numbers of a state."""
+"""Length of a state vector: 3 + 3 + 4 + 3 + 4."""
 CORNERS = ((1, -1), (-1, 1), (1, 1), (-1, -1))
-"""Signs of ahead and left of PX4's motors 1 to 4."""
+"""Signs of the forward and left coordinates of PX4's motors 1 to 4."""
 MOTOR_WORDS = "1 ahead right, 2 behind left, 3 ahead left, 4 behind right"
 ARMED, LOCKSTEP = 128, 1
 """Bits of the mode, and of the flags, of HIL_ACTUATOR_CONTROLS."""
 PLACE = Place(47.397742, 8.545594, 0.0)
 """Default position of the origin: PX4's default home, at sea level."""
 PERIOD_S = 0.004
-"""Of a turn: PX4's simulators send 250 samples a second."""
+"""Period of a step: PX4's simulators send 250 samples per second."""
 PERIOD_US = round(1e6 * PERIOD_S)
-"""The same [us], as clocks of messages count."""
+"""The same [us], the unit of time stamps in messages."""
 INERTIAL, FIELD, AIR = 0b111111, 0b111000000, 0b1101000000000
 """Bits of `fields_updated`: accelerometer and gyroscope, magnetometer, barometer with
 its temperature."""
@@ -93,43 +93,42 @@ STATE = (
     *("q0", "q1", "q2", "q3", "rollspeed", "pitchspeed", "yawspeed", "lat", "lon"),
     *("alt", "vx", "vy", "vz", "ind_airspeed", "true_airspeed", "xacc", "yacc", "zacc"),
 )
-MOST_16 = 32_767.0
-"""Largest whole number of 16 bits, as messages hold."""
+MAX_INT16 = 32_767.0
+"""Largest signed 16-bit integer, the type of velocities in messages."""
 TURN = np.array([1.0, 1.0, 0.0, 0.0]) / np.sqrt(2)
-"""North-east-down to east-north-up (x, y, z, w): half a turn about their middle."""
+"""North-east-down to east-north-up (x, y, z, w): half a turn about (1, 1, 0)."""
 FLIP = np.array([1.0, 0.0, 0.0, 0.0])
-"""Ahead-right-down to ahead-left-up: half a turn about x."""
+"""Forward-right-down to forward-left-up: half a turn about x."""
 RADIUS_M, FLATTENING = 6_378_137.0, 1 / 298.257223563
-"""WGS84."""
-SQUARE = FLATTENING * (2 - FLATTENING)
-"""Of the eccentricity."""
+"""Semi-major axis and flattening of WGS84."""
+ECCENTRICITY_SQUARED = FLATTENING * (2 - FLATTENING)
+"""Squared first eccentricity of the ellipsoid."""
 
 
 class Row(NamedTuple):
-    """One turn of a flight.
+    """One step of a flight.
 
     Attributes:
-        time_s: On the clock of the blasts.
-        state: Position, velocity, quaternion, body rate, rotor speed, one after
-            another.
-        asked_rad_s: What the autopilot asked of the rotors.
+        time_s: Time on the clock of the blasts.
+        state: Position, velocity, quaternion, body rate and rotor speeds, concatenated.
+        command_rad_s: Rotor speed commands of the autopilot.
     """
 
     time_s: float
     state: Float[np.ndarray, "17"]
-    asked_rad_s: Float[np.ndarray, "4"]
+    command_rad_s: Float[np.ndarray, "4"]
 
 
 @dataclass
 class Lockstep:
-    """How a flight went, while it goes and afterwards.
+    """Progress and result of a flight.
 
     Attributes:
-        turns: Sent and answered.
-        flown: Of these, since the autopilot armed.
-        late: Answers that came for an earlier turn, and were passed over.
-        ended: Why it ended.
-        rows: Of the flight.
+        turns: Number of steps, sent and answered.
+        flown: Number of steps since the autopilot armed.
+        late: Number of ignored answers to earlier steps.
+        ended: Reason of the end.
+        rows: Rows of the flight.
     """
 
     turns: int = 0
@@ -140,38 +139,38 @@ class Lockstep:
 
     @property
     def seconds(self) -> float:
-        """How long the vehicle has flown [s]."""
+        """Duration of the flight so far [s]."""
         return self.flown * PERIOD_S
 
 
 class Rotors(NamedTuple):
-    """Which motor turns which rotor.
+    """Assignment of PX4's motors to rotors.
 
     Attributes:
-        of_motor: The rotor of each motor.
-        fastest_rad_s: The greatest speed.
+        of_motor: Index of the rotor of each motor.
+        fastest_rad_s: Maximum rotor speed.
     """
 
     of_motor: Int[np.ndarray, "4"]
     fastest_rad_s: float
 
     def speeds(self, controls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
-        """Return the rotors' speeds by the motors' controls; NaN is a motor at rest."""
+        """Return rotor speeds from motor controls; NaN is a motor at rest."""
         turned = np.zeros(4)
         turned[self.of_motor] = np.clip(np.nan_to_num(controls), 0.0, 1.0)
         return turned * self.fastest_rad_s
 
 
 def lockstep_record(flight: Lockstep, rotors: Rotors, place: Place) -> FlightRecord:
-    """Return the rows of a flight.
+    """Return the record of a flight.
 
     Args:
         flight: The flight.
-        rotors: Of the vehicle.
-        place: Where the scene's origin lies.
+        rotors: Rotors of the vehicle.
+        place: Geodetic position of the scene's origin.
     """
     rows = np.array([row.state for row in flight.rows])
-    asked = np.array([row.asked_rad_s for row in flight.rows])
+    commands = np.array([row.command_rad_s for row in flight.rows])
     return FlightRecord(
         time_s=np.array([row.time_s for row in flight.rows]),
         position_m=rows[:, :3],
@@ -179,37 +178,37 @@ def lockstep_record(flight: Lockstep, rotors: Rotors, place: Place) -> FlightRec
         quaternion=rows[:, 6:10],
         body_rate_rad_s=rows[:, 10:13],
         controls=rows[:, 13:] / rotors.fastest_rad_s,
-        armed=np.asarray(asked.any(axis=1)),
+        armed=np.asarray(commands.any(axis=1)),
         item=np.zeros(len(rows), int),
         frame=Frame(*place),
     )
 
 
-class Carried(NamedTuple):
-    """What is carried from turn to turn.
+class SimulatorState(NamedTuple):
+    """State of the simulator between two steps.
 
     Attributes:
-        now: The vehicle and what acts on it.
-        before: Its state a turn ago.
-        held: What its instruments keep.
+        now: State of the flight.
+        before: State of the vehicle one step earlier.
+        held: Internal state of the instruments.
     """
 
-    now: Now
+    now: FlightState
     before: State
     held: Held
 
 
 class Programs(NamedTuple):
-    """The compiled turns of one vehicle; both return carried state and message.
+    """Compiled steps of one vehicle; both return simulator state and message.
 
     Attributes:
-        first: Takes nothing.
-        after: Takes what is carried, the turn, the world's turn, whether the vehicle
-            moves, and its rotor speeds.
+        first: Function without arguments.
+        after: Function of simulator state, step number, step number of the world's
+            clock, a flag for a moving vehicle, and rotor speeds.
     """
 
-    first: Callable[[], tuple[Carried, Array]]
-    after: Callable[..., tuple[Carried, Array]]
+    first: Callable[[], tuple[SimulatorState, Array]]
+    after: Callable[..., tuple[SimulatorState, Array]]
 
 
 def fly_lockstep(
@@ -222,19 +221,19 @@ def fly_lockstep(
     patience_s: float = 60.0,
     each: Callable[[], object] = lambda: None,
 ) -> Lockstep:
-    """Fly until the autopilot hangs up, does not answer, or the time is over.
+    """Simulate until the autopilot disconnects, does not answer, or the time is over.
 
     Args:
-        made: The programs of the vehicle's turns.
-        link: To an autopilot that is there.
-        rotors: Which of the autopilot's motors turns which.
-        flight: Of nothing so far; it is filled as the flight goes on.
-        seconds: Of flight; None: no end.
-        patience_s: How long an answer may take.
-        each: Is called at the beginning of each turn.
+        made: Compiled steps of the vehicle.
+        link: Link to a connected autopilot.
+        rotors: Assignment of motors to rotors.
+        flight: Empty flight, filled during the simulation.
+        seconds: Duration of the flight; None: no end.
+        patience_s: Timeout of an answer.
+        each: Called at the beginning of each step.
 
     Returns:
-        The flight; whatever ended it, its rows until then are there.
+        The flight, with its rows up to its end, whatever the reason.
     """
     sender, still = Sender(SYSTEM, COMPONENT), np.zeros(4)
     carried, reported = made.first()
@@ -244,7 +243,7 @@ def fly_lockstep(
             each()
             stamp = (flight.turns + 1) * PERIOD_US
             link.send(*_frames(sender, numbers, stamp))
-            wait = patience_s if heard else PERIOD_S if flight.turns else FIRST_S
+            wait = patience_s if heard else PERIOD_S if flight.turns else FIRST_ANSWER_S
             answer = _answer(link, flight, stamp, wait)
             if answer is None and heard:
                 flight.ended = f"no answer came within {patience_s:g} s"
@@ -275,11 +274,11 @@ def fly_lockstep(
 
 
 def _answer(link: Link, flight: Lockstep, stamp: int, wait_s: float) -> Message | None:
-    """Return the controls that answer a turn; None where none come in time.
+    """Return the controls that answer a step; None after the waiting time.
 
     Raises:
-        LinkLost: The autopilot has gone.
-        InputError: It does not go in lockstep, or answers what was not asked.
+        LinkLost: The autopilot has disconnected.
+        InputError: It is not in lockstep, or answers a future step.
     """
     until = time.monotonic() + wait_s
     while (left := until - time.monotonic()) > 0:
@@ -288,19 +287,19 @@ def _answer(link: Link, flight: Lockstep, stamp: int, wait_s: float) -> Message 
             return None
         if message.name != "HIL_ACTUATOR_CONTROLS":
             continue
-        said = message.values
-        if not said["flags"] & LOCKSTEP:
+        values = message.values
+        if not values["flags"] & LOCKSTEP:
             raise InputError(
                 "expected an autopilot in lockstep, bit 0 of the flags of "
-                f"HIL_ACTUATOR_CONTROLS, got flags {said['flags']}: PX4 is to be built "
-                "with lockstep, as its SITL is by default"
+                f"HIL_ACTUATOR_CONTROLS, got flags {values['flags']}; build PX4 with "
+                "lockstep, as its SITL is by default"
             )
-        if said["time_usec"] > stamp:
+        if values["time_usec"] > stamp:
             raise InputError(
-                f"expected controls for {stamp} us at most, the time that was told, got"
-                f" some for {said['time_usec']} us: messages out of order"
+                f"expected controls for the sent time, {stamp} us, or earlier, got "
+                f"controls for {values['time_usec']} us: messages out of order"
             )
-        if said["time_usec"] < stamp:
+        if values["time_usec"] < stamp:
             flight.late += 1
             continue
         return message
@@ -310,11 +309,11 @@ def _answer(link: Link, flight: Lockstep, stamp: int, wait_s: float) -> Message 
 def _frames(
     sender: Sender, numbers: Float[np.ndarray, " number"], stamp: int
 ) -> list[bytes]:
-    """Return the messages of a turn; the sensors' comes last, as it is waited for."""
+    """Return the messages of a step; HIL_SENSOR is last, because PX4 answers it."""
     sensor, rest = numbers[: len(SENSOR)], numbers[len(SENSOR) :]
     fix, rest = rest[: len(FIX)], rest[len(FIX) :]
     state, has_fix = rest[: len(STATE)], rest[len(STATE)]
-    said = {name: int(x) for name, x in zip(STATE[7:], state[7:], strict=True)}
+    integers = {name: int(x) for name, x in zip(STATE[7:], state[7:], strict=True)}
     speeds = dict(zip(STATE[4:7], state[4:7].tolist(), strict=True))
     frames = []
     if has_fix:
@@ -334,7 +333,7 @@ def _frames(
             time_usec=stamp,
             attitude_quaternion=state[:4].tolist(),
             **speeds,
-            **said,
+            **integers,
         )
     )
     values: dict[str, float | int] = dict(zip(SENSOR, sensor.tolist(), strict=True))
@@ -343,17 +342,17 @@ def _frames(
 
 
 def rotors_of(vehicle: Vehicle) -> Rotors:
-    """Return which motor turns which rotor.
+    """Return the assignment of PX4's motors to a vehicle's rotors.
 
     Raises:
-        InputError: The rotors do not stand as those of an X.
+        InputError: The rotors are not at the corners of an X.
     """
     signs = np.sign(np.asarray(vehicle.rotor_position_m))[:, :2].astype(int)
     places = [(int(x), int(y)) for x, y in signs]
     if sorted(places) != sorted(CORNERS):
         raise InputError(
             f"vehicle {vehicle.name!r}: expected rotors at the corners of an X, as "
-            "PX4's generic quadrotor has them, got others"
+            f"PX4's generic quadrotor has them, got the signs {places} of (x, y)"
         )
     order = np.array([places.index(corner) for corner in CORNERS])
     return Rotors(order, float(vehicle.rotor_speed_max_rad_s))
@@ -363,11 +362,11 @@ def suite_of(scene: Scene, place: Place | None, load: object, rate: float) -> Su
     """Return the instruments of a scene's vehicle.
 
     Args:
-        scene: Its air, and its wind.
-        place: Where its origin lies; None: at `PLACE`.
-        load: Of the blasts, whose overpressure the barometer feels; one that is not
-            of jblast's own laws has none.
-        rate: Of their turns [Hz].
+        scene: Scene with air and wind.
+        place: Geodetic position of its origin; None: `PLACE`.
+        load: Load of the blasts, whose overpressure acts on the barometer; loads of
+            other laws have no overpressure.
+        rate: Sampling rate of the instruments [Hz].
     """
     where = PLACE if place is None else place
     temperature, pressure = ambient(scene.air)
@@ -388,12 +387,12 @@ def wind_of(scene: Scene) -> Float[Array, "3"]:
 
 
 class Origin(NamedTuple):
-    """Where east-north-up has its origin.
+    """Origin of the east-north-up axes.
 
     Attributes:
-        centred_m: The same from the Earth's centre.
-        axes: Rows: east, north, up from the Earth's centre.
-        height_m: Above the ellipsoid.
+        centred_m: Position relative to the Earth's centre.
+        axes: Rows: directions of east, north and up in Earth-centred axes.
+        height_m: Height above the ellipsoid.
     """
 
     centred_m: Float[np.ndarray, "3"]
@@ -401,14 +400,14 @@ class Origin(NamedTuple):
     height_m: float
 
 
-class Turns(eqx.Module):
-    """The turns of one vehicle.
+class SimulatorSteps(eqx.Module):
+    """Simulation steps of one vehicle.
 
     Attributes:
-        flight: The vehicle, its start, wind and loads; without a controller.
-        suite: Its instruments.
-        origin: Where the scene lies.
-        key: Of the instruments' draws.
+        flight: Vehicle, initial state, wind and loads, without a controller.
+        suite: Instruments.
+        origin: Geodetic origin of the scene.
+        key: Key of the instruments' errors.
     """
 
     flight: Flight
@@ -416,20 +415,22 @@ class Turns(eqx.Module):
     origin: Origin
     key: PRNGKeyArray
 
-    def start(self) -> Carried:
-        """Return what there is before the first turn."""
+    def start(self) -> SimulatorState:
+        """Return the state of the simulator before the first step."""
         state = self.flight.state
-        return Carried(self._step().start(), state, self.suite.start(self.key, state))
+        return SimulatorState(
+            self._step().start(), state, self.suite.start(self.key, state)
+        )
 
     def reported(
-        self, carried: Carried, turn: Int[Array, ""], world_turn: Int[Array, ""]
-    ) -> tuple[Carried, Float[Array, " number"]]:
-        """Return the carried state after a turn, and its message.
+        self, carried: SimulatorState, turn: Int[Array, ""], world_turn: Int[Array, ""]
+    ) -> tuple[SimulatorState, Float[Array, " number"]]:
+        """Return the simulator state after reading the instruments, and its message.
 
         Args:
-            carried: From the turn before.
-            turn: Counted since the instruments were switched on.
-            world_turn: Counted since the clock of the blasts goes.
+            carried: State after the previous step.
+            turn: Number of the step since the start of the instruments.
+            world_turn: Number of the step since the start of the blasts' clock.
 
         Returns:
             The numbers of `Readings`, then the state: position, velocity, quaternion,
@@ -450,23 +451,24 @@ class Turns(eqx.Module):
             self.suite.gps.noise(),
         )
         numbers = jnp.concatenate(
-            [*map(jnp.ravel, reported), *map(jnp.ravel, _of(state))]
+            [*map(jnp.ravel, reported), *map(jnp.ravel, _state_arrays(state))]
         )
-        return Carried(carried.now, state, held), numbers
+        return SimulatorState(carried.now, state, held), numbers
 
     def moved(
         self,
-        carried: Carried,
+        carried: SimulatorState,
         world_turn: Int[Array, ""],
         speeds_rad_s: Float[Array, "4"],
-    ) -> Carried:
-        """Return what there is after a turn.
+    ) -> SimulatorState:
+        """Return the simulator state after a step of the vehicle.
 
         Args:
-            carried: As `reported` left it.
-            world_turn: Counted since the clock of the blasts goes.
-            speeds_rad_s: Asked of the rotors.
+            carried: State returned by `reported`.
+            world_turn: Number of the step since the start of the blasts' clock.
+            speeds_rad_s: Rotor speed commands.
         """
+        # Stages inside the step, as in `rollout.timetable`.
         start = jnp.asarray(world_turn, float) * PERIOD_S
         inward = jnp.maximum(
             INWARD * PERIOD_S, 2 * np.finfo(float).eps * (start + PERIOD_S)
@@ -485,15 +487,15 @@ class Turns(eqx.Module):
 
 def turns_of(
     scene: Scene, spec: VehicleSpec, place: Place | None, seed: int, source: str = ""
-) -> Turns:
-    """Return the turns of a scene's vehicle, rotors at rest where it stands.
+) -> SimulatorSteps:
+    """Return the simulation steps of a scene's vehicle; on the ground its rotors rest.
 
     Args:
-        scene: What is there, without a number that is not known.
+        scene: Scene without unknown numbers.
         spec: The vehicle.
-        place: Where the origin lies; None: at `PLACE`.
-        seed: Of the instruments' draws.
-        source: The scene's file, for messages.
+        place: Geodetic position of the origin; None: `PLACE`.
+        seed: Seed of the instruments' errors.
+        source: File of the scene, for messages.
 
     Raises:
         InputError: The vehicle starts below ground.
@@ -513,23 +515,28 @@ def turns_of(
     )
     suite = suite_of(scene, place, load, 1 / PERIOD_S)
     where = PLACE if place is None else place
-    return Turns(flight, suite, origin_at(where), jax.random.key(seed))
+    return SimulatorSteps(flight, suite, origin_at(where), jax.random.key(seed))
 
 
-def programs(turns: Turns) -> Programs:
-    """Compile the turns of a vehicle, before anybody waits.
+def programs(turns: SimulatorSteps) -> Programs:
+    """Compile the steps of a vehicle, before a client connects.
 
-    Arrays are the programs' arguments: another scene of the same shape takes no other.
+    Arrays are arguments of the programs, so a scene of the same shapes reuses them.
     """
     arrays, rest = eqx.partition(turns, eqx.is_array)
 
-    def first(arrays: Turns) -> tuple[Carried, Array]:
+    def first(arrays: SimulatorSteps) -> tuple[SimulatorState, Array]:
         own = eqx.combine(arrays, rest)
         return own.reported(own.start(), jnp.asarray(0), jnp.asarray(0))
 
     def after(
-        arrays: Turns, carried: Carried, turn: Any, world: Any, goes: Any, speeds: Any
-    ) -> tuple[Carried, Array]:
+        arrays: SimulatorSteps,
+        carried: SimulatorState,
+        turn: Any,
+        world: Any,
+        goes: Any,
+        speeds: Any,
+    ) -> tuple[SimulatorState, Array]:
         own = eqx.combine(arrays, rest)
         moved = own.moved(carried, world, speeds)
         carried = jax.tree.map(lambda a, b: jnp.where(goes, a, b), moved, carried)
@@ -541,7 +548,7 @@ def programs(turns: Turns) -> Programs:
     return Programs(partial(begin, arrays), partial(goes_on, arrays))
 
 
-def _of(state: State) -> tuple[Array, ...]:
+def _state_arrays(state: State) -> tuple[Array, ...]:
     return (
         *(state.position_m, state.velocity_m_s, state.quaternion),
         *(state.body_rate_rad_s, state.rotor_speed_rad_s),
@@ -552,10 +559,10 @@ class Readings(NamedTuple):
     """Numbers of three messages, in the order of `SENSOR`, `FIX` and `STATE`.
 
     Attributes:
-        sensor: Of HIL_SENSOR.
-        fix: Of HIL_GPS.
-        state: Of HIL_STATE_QUATERNION.
-        has_fix: Whether a fix comes at this turn: 1 or 0.
+        sensor: Fields of HIL_SENSOR.
+        fix: Fields of HIL_GPS.
+        state: Fields of HIL_STATE_QUATERNION.
+        has_fix: 1 if this step has a fix, else 0.
     """
 
     sensor: Float[Array, "13"]
@@ -572,18 +579,19 @@ def readings_of(
     temperature_k: Float[Array, ""],
     noise_m: Float[Array, "6"],
 ) -> Readings:
-    """Return the message on a sample and the vehicle's true state.
+    """Return the message fields of a sample and of the vehicle's true state.
 
     Args:
-        origin: Where the scene lies.
-        sample: Of the instruments.
-        now: The vehicle.
-        air_velocity_m_s: Of the wind, east, north, up.
-        temperature_k: Of the air.
-        noise_m: One standard deviation of the numbers of a fix.
+        origin: Geodetic origin of the scene.
+        sample: Sample of the instruments.
+        now: True state of the vehicle.
+        air_velocity_m_s: Wind, east, north, up.
+        temperature_k: Air temperature.
+        noise_m: Standard deviations of a fix's numbers.
     """
     updated = INERTIAL + jnp.where(sample.has_field, FIELD, 0)
     updated = updated + jnp.where(sample.has_pressure, AIR, 0)
+    # The pressure altitude refers to the standard atmosphere, not to the scene's air.
     standard = height_of(sample.pressure_pa, *map(jnp.asarray, (101_325.0, 288.15)))
     force, rate = body(sample.force_m_s2), body(sample.rate_rad_s)
     sensor = [
@@ -616,10 +624,10 @@ def state_reported(
     """Return the numbers of HIL_STATE_QUATERNION.
 
     Args:
-        origin: Where the scene lies.
-        now: The vehicle.
+        origin: Geodetic origin of the scene.
+        now: True state of the vehicle.
         force_m_s2: Specific force, the autopilot's body axes.
-        air_velocity_m_s: Of the wind.
+        air_velocity_m_s: Wind, east, north, up.
     """
     through = jnp.linalg.norm(now.velocity_m_s - air_velocity_m_s)
     speed = jnp.round(100 * through)
@@ -641,9 +649,9 @@ def state_heard(
     """Return the state in the numbers of HIL_STATE_QUATERNION.
 
     Args:
-        origin: Where the scene lies.
-        reported: The numbers.
-        rotor_speed_rad_s: Not among these numbers.
+        origin: Geodetic origin of the scene.
+        reported: Fields of the message.
+        rotor_speed_rad_s: Rotor speeds, which the message lacks.
     """
     lat_lon_alt = reported[7:10] * jnp.array([1e-7, 1e-7, 1e-3])
     return State(
@@ -661,21 +669,21 @@ def _geodetic_whole(origin: Origin, place_m: Float[Array, "3"]) -> list[Array]:
 
 
 def _whole(numbers: Float[Array, " n"]) -> list[Array]:
-    return [*jnp.clip(jnp.round(numbers), -MOST_16, MOST_16)]
+    return [*jnp.clip(jnp.round(numbers), -MAX_INT16, MAX_INT16)]
 
 
 def world(vector: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Return a vector of one world in the other's axes; both ways."""
+    """Convert a vector between east-north-up and north-east-down; its own inverse."""
     return jnp.stack([vector[1], vector[0], -vector[2]])
 
 
 def body(vector: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Return a vector of one body in the other's axes; both ways."""
+    """Convert a vector between the body axes of both conventions; its own inverse."""
     return jnp.stack([vector[0], -vector[1], -vector[2]])
 
 
 def attitude_out(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
-    """Return a body's attitude (x, y, z, w) as (w, x, y, z) of an autopilot, w >= 0."""
+    """Return an attitude (x, y, z, w) in the autopilot's form (w, x, y, z), w >= 0."""
     turned = quaternion_product(
         quaternion_product(jnp.asarray(TURN), quaternion), jnp.asarray(FLIP)
     )
@@ -684,7 +692,7 @@ def attitude_out(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
 
 
 def attitude_in(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
-    """Return an autopilot's attitude (w, x, y, z) as (x, y, z, w) of ours."""
+    """Return an attitude (x, y, z, w) from the autopilot's form (w, x, y, z)."""
     ours = jnp.roll(quaternion, -1)
     return quaternion_product(
         quaternion_product(jnp.asarray(TURN), ours), jnp.asarray(FLIP)
@@ -692,7 +700,7 @@ def attitude_in(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
 
 
 def origin_at(place: Place) -> Origin:
-    """Return the origin at a place."""
+    """Return the origin at a geodetic position."""
     lat, lon = np.radians(place.lat_deg), np.radians(place.lon_deg)
     sin, cos, sine, cosine = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
     axes = np.array(
@@ -702,15 +710,15 @@ def origin_at(place: Place) -> Origin:
             [cos * cosine, cos * sine, sin],
         ]
     )
-    normal = RADIUS_M / np.sqrt(1 - SQUARE * sin * sin)
-    stretch = np.array([1.0, 1.0, 1 - SQUARE])
+    normal = RADIUS_M / np.sqrt(1 - ECCENTRICITY_SQUARED * sin * sin)
+    stretch = np.array([1.0, 1.0, 1 - ECCENTRICITY_SQUARED])
     return Origin((normal * stretch + place.alt_m) * axes[2], axes, float(place.alt_m))
 
 
 def geodetic_of(origin: Origin, place_m: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Return latitude, longitude [degree] and height [m] of a level place."""
+    """Return latitude, longitude [degree] and height [m] of a position."""
     flat = jnp.asarray(place_m).at[2].set(0.0)
-    # down to the ground, which lies below the plane: twice, to a millimetre at 20 km
+    # Project from the tangent plane to the ellipsoid: 2 iterations give 1 mm at 20 km.
     for _ in range(2):
         flat = flat.at[2].add(origin.height_m - _geodetic(origin, flat)[2])
     found = _geodetic(origin, flat)
@@ -718,28 +726,33 @@ def geodetic_of(origin: Origin, place_m: Float[Array, "3"]) -> Float[Array, "3"]
 
 
 def level_of(origin: Origin, geodetic: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Return the level place of a latitude, longitude [degree] and height [m]."""
+    """Return the position of a latitude, longitude [degree] and height [m]."""
     lat, lon = jnp.radians(geodetic[0]), jnp.radians(geodetic[1])
     out = jnp.stack(
         [jnp.cos(lat) * jnp.cos(lon), jnp.cos(lat) * jnp.sin(lon), jnp.sin(lat)]
     )
-    normal = RADIUS_M / jnp.sqrt(1 - SQUARE * out[2] * out[2])
-    stretch = jnp.array([1.0, 1.0, 1 - SQUARE])
+    normal = RADIUS_M / jnp.sqrt(1 - ECCENTRICITY_SQUARED * out[2] * out[2])
+    stretch = jnp.array([1.0, 1.0, 1 - ECCENTRICITY_SQUARED])
     centred = (normal * stretch + origin.height_m) * out
     flat = jnp.asarray(origin.axes) @ (centred - origin.centred_m)
     return flat.at[2].set(geodetic[2] - origin.height_m)
 
 
 def _geodetic(origin: Origin, enu_m: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Bowring's latitude (1976), exact to 1e-11 rad near the ground."""
+    """Return geodetic coordinates by Bowring (1976), to 1e-11 rad near the ground."""
     x, y, z = origin.centred_m + origin.axes.T @ enu_m
     across = jnp.hypot(x, y)
     short = 1 - FLATTENING
     reduced = jnp.arctan2(z, short * across)
     lat = jnp.arctan2(
-        z + SQUARE / (1 - SQUARE) * short * RADIUS_M * jnp.sin(reduced) ** 3,
-        across - SQUARE * RADIUS_M * jnp.cos(reduced) ** 3,
+        z
+        + ECCENTRICITY_SQUARED
+        / (1 - ECCENTRICITY_SQUARED)
+        * short
+        * RADIUS_M
+        * jnp.sin(reduced) ** 3,
+        across - ECCENTRICITY_SQUARED * RADIUS_M * jnp.cos(reduced) ** 3,
     )
-    normal = RADIUS_M / jnp.sqrt(1 - SQUARE * jnp.sin(lat) ** 2)
+    normal = RADIUS_M / jnp.sqrt(1 - ECCENTRICITY_SQUARED * jnp.sin(lat) ** 2)
     height = across * jnp.cos(lat) + z * jnp.sin(lat) - RADIUS_M**2 / normal
     return jnp.stack([jnp.degrees(lat), jnp.degrees(jnp.arctan2(y, x)), height])

@@ -1,13 +1,13 @@
 """Logs of flights: MAVLink's `.tlog` and PX4's ULog.
 
-A `.tlog` is a sequence of times and frames. A time is that of MAVLink's tools:
-microseconds in eight bytes, the highest byte first.
+A `.tlog` is a sequence of times and frames. A time has the format of MAVLink's tools:
+microseconds in eight bytes, big-endian.
 
 A ULog (docs.px4.io/main/en/dev_log/ulog_file_format.html, version 1) has a header;
-definitions (the formats of topics, facts); then subscriptions and rows. Fields are
-ordered from the widest to the narrowest, so that none needs padding. Topics are named
-and scaled as in PX4: the true state is in the topics of ground truth, the estimated one
-in those of the estimate.
+definitions (formats of topics, information); then subscriptions and rows. Fields are
+ordered from the widest to the narrowest, so that none needs padding. Names and units of
+topics are those of PX4: the true state is in the topics of ground truth, the estimated
+one in those of the estimate.
 """
 
 import struct
@@ -25,7 +25,7 @@ from jblast.missions.mission import geodetic
 from jblast.observations.places import Frame
 
 ROW_S = 0.02
-"""Between two rows, at least."""
+"""Minimum interval between two rows: 50 Hz, PX4's order for these topics."""
 MAGIC = b"ULog\x01\x12\x35\x01"
 _TYPES = {"float": "<f4", "double": "<f8", "bool": "?", "uint8_t": "u1"}
 _WIDTH = {"double": 8, "float": 4, "bool": 1, "uint8_t": 1}
@@ -33,7 +33,7 @@ _WIDTH = {"double": 8, "float": 4, "bool": 1, "uint8_t": 1}
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a vehicle took for its own state, at each row.
+    """Estimated state of a vehicle at each row.
 
     Attributes:
         position_m: East, north, up.
@@ -51,17 +51,17 @@ class FlightRecord:
     """A flight.
 
     Attributes:
-        time_s: Of its rows, from 0 on.
+        time_s: Times of the rows, from 0 on.
         position_m: East, north, up.
         velocity_m_s: East, north, up.
         quaternion: Body to world (x, y, z, w).
-        body_rate_rad_s: About the body's axes: ahead, left, up.
-        controls: Of the rotors: shares of their greatest speed, as they turn.
-        armed: Whether it was.
-        item: Number of the mission's item that it was on the way to; 0 without one.
-        frame: Where the origin lies.
-        set_point_m: Where it should have been; None: not known.
-        estimate: What it took for its state; None: the truth.
+        body_rate_rad_s: About the body's axes: forward, left, up.
+        controls: Rotor speeds as shares of the maximum speed.
+        armed: True where the vehicle is armed.
+        item: Number of the current mission item; 0 without a mission.
+        frame: Geodetic frame of the origin.
+        set_point_m: Position set point; None: unknown.
+        estimate: Estimated state; None: the true state is used.
     """
 
     time_s: Float[np.ndarray, " time"]
@@ -77,8 +77,8 @@ class FlightRecord:
     estimate: Estimate | None = None
 
     @property
-    def believed(self) -> Estimate:
-        """What it took for its state, the truth where nothing was estimated."""
+    def estimated(self) -> Estimate:
+        """Estimated state, or the true state without an estimate."""
         return self.estimate or Estimate(
             self.position_m, self.velocity_m_s, self.quaternion
         )
@@ -86,11 +86,11 @@ class FlightRecord:
     def geodetic(
         self, position_m: Float[np.ndarray, "*place 3"]
     ) -> Float[np.ndarray, "*place 3"]:
-        """Return latitude, longitude [degree] and height [m] of places."""
+        """Return latitude, longitude [degree] and height [m] of positions."""
         return geodetic(self.frame, position_m)
 
     def rows_each(self, step_s: float) -> Int[np.ndarray, " row"]:
-        """Return the rows that come next after even times, the first and last too."""
+        """Return the rows that follow multiples of a step, including first and last."""
         times = np.arange(0.0, self.time_s[-1], step_s)
         rows = np.searchsorted(self.time_s, times - 1e-9)
         return np.unique(np.append(rows, self.time_s.size - 1))
@@ -102,7 +102,7 @@ def flight_ulog(record: FlightRecord) -> bytes:
     time = record.time_s[rows]
     truth = Estimate(record.position_m, record.velocity_m_s, record.quaternion)
     topics = [
-        *_motion(record, record.believed, rows, ""),
+        *_motion(record, record.estimated, rows, ""),
         *_motion(record, truth, rows, "_groundtruth"),
         Topic(
             "vehicle_angular_velocity",
@@ -128,12 +128,12 @@ def flight_ulog(record: FlightRecord) -> bytes:
 
 
 class Topic(NamedTuple):
-    """Rows of one kind.
+    """Rows of one ULog topic.
 
     Attributes:
-        name: As PX4 calls it.
-        time_s: Of the rows.
-        fields: Type, as "float" or "float[4]", and values, by name.
+        name: PX4's name of the topic.
+        time_s: Times of the rows.
+        fields: Type, such as "float" or "float[4]", and values, by name.
     """
 
     name: str
@@ -178,15 +178,16 @@ def _motion(
 def ulog_bytes(
     topics: Sequence[Topic],
     facts: Mapping[str, str],
-    said: Sequence[tuple[float, str]] = (),
+    messages: Sequence[tuple[float, str]] = (),
 ) -> bytes:
     """Return the bytes of a log.
 
     Args:
-        topics: Its rows.
-        facts: Texts by name, as `sys_name`.
-        said: Times [s] and sentences that were said at them.
+        topics: Topics with their rows.
+        facts: Information texts by name, such as `sys_name`.
+        messages: Logged messages with their times [s].
     """
+    # Flag bits (B) must be the first message: no compatibility flags, no appended data.
     parts = [MAGIC, struct.pack("<Q", 0), _message("B", bytes(40))]
     for name, text in facts.items():
         value = text.encode()
@@ -198,10 +199,12 @@ def ulog_bytes(
         text += "".join(f"{kind} {name};" for name, (kind, _) in topic.fields.items())
         parts.append(_message("F", text.encode()))
     for number, topic in enumerate(ordered):
+        # Subscriptions (A): multi-instance id 0, then the number that rows of the topic
+        # refer to.
         head = struct.pack("<BH", 0, number)
         parts.append(_message("A", head + topic.name.encode()))
     rows = [row for n, topic in enumerate(ordered) for row in _rows(topic, n)]
-    for time_s, text in said:
+    for time_s, text in messages:
         stamp = _stamp(time_s)
         logged = struct.pack("<BQ", ord("6"), stamp) + text.encode()
         rows.append((stamp, _message("L", logged)))
@@ -253,13 +256,13 @@ def stamped(time_s: float, frame: bytes) -> bytes:
 
 
 class TelemetryLog:
-    """A log that is written as a flight goes on, so that what ends it leaves the rest.
+    """A log written during a flight, so that an interruption leaves a valid file.
 
     Args:
-        path: The file; what it held is lost.
+        path: The file, which is overwritten.
 
     Raises:
-        InputError: It cannot be written.
+        InputError: The file cannot be written.
     """
 
     def __init__(self, path: str | Path):
@@ -272,7 +275,7 @@ class TelemetryLog:
             ) from None
 
     def keep(self, frame: bytes) -> None:
-        """Write a frame at the time that it is now."""
+        """Write a frame with the current time."""
         self._file.write(stamped(self.now_s, frame))
 
     def __enter__(self) -> "TelemetryLog":
@@ -293,7 +296,7 @@ def down(vectors: Float[np.ndarray, "*row 3"]) -> Float[np.ndarray, "*row 3"]:
 
 
 def right(vectors: Float[np.ndarray, "*row 3"]) -> Float[np.ndarray, "*row 3"]:
-    """Return ahead, right, down of ahead, left, up."""
+    """Return forward, right, down of forward, left, up."""
     return vectors * np.array([1.0, -1.0, -1.0])
 
 
@@ -302,7 +305,8 @@ def scalar_first(
 ) -> Float[np.ndarray, "*row 4"]:
     """Return attitudes (x, y, z, w) as an autopilot's (w, x, y, z), w >= 0.
 
-    Half a turn about the middle of north and east before, half a one about ahead after.
+    The product of half a turn about (1, 1, 0) (world axes), the attitude, and half a
+    turn about x (body axes).
     """
     x, y, z, w = np.moveaxis(quaternion, -1, 0)
     whole = np.stack([-w - z, -x - y, y - x, z - w], axis=-1) * np.sqrt(0.5)

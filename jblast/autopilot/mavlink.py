@@ -14,20 +14,20 @@ from jblast.addresses import host_and_port, is_loopback
 from jblast.errors import InputError, argument, nearest, needed, shown
 
 MAGIC, MAGIC_1 = 0xFD, 0xFE
-"""First byte of a frame of version 2, and of version 1."""
+"""First byte of a frame of MAVLink 2, and of MAVLink 1."""
 
 
 class LinkLost(Exception):
-    """The peer has gone; the message states how."""
+    """The peer has disconnected; the message states the reason."""
 
 
 class Address(NamedTuple):
-    """Where to.
+    """Address of a link.
 
     Attributes:
         kind: "tcp" or "udp".
-        host: Of the loopback.
-        port: 0: any free one.
+        host: Loopback address.
+        port: Port; 0 selects a free one.
     """
 
     kind: str
@@ -40,14 +40,14 @@ class Address(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message that came.
+    """A received message.
 
     Attributes:
-        name: As `common.xml` has it; "" of one that is not known there.
-        system: Who sent it.
-        component: Which part of whom.
-        values: By field.
-        frame: Its bytes, with its signature if it has one.
+        name: Name in `common.xml`; "" if unknown.
+        system: MAVLink system of the sender.
+        component: MAVLink component of the sender.
+        values: Values by field.
+        frame: Bytes of the frame, including a signature.
     """
 
     name: str
@@ -60,23 +60,22 @@ class Message(NamedTuple):
 class Link:
     """Messages to and from one peer.
 
-    By TCP it listens and takes the first who comes; by UDP it sends to the address, and
-    what comes from there is the peer's; or, where it is to listen, whoever speaks first
-    is.
+    A TCP link listens and accepts the first client. A UDP link sends to the address and
+    receives from it; with `listens` the first sender becomes the peer.
 
     Attributes:
-        address: Where it listens, or sends to.
-        receiver: What came, and what was lost of it.
-        keep: Is given each frame that goes out or came in.
+        address: Address that it listens on or sends to.
+        receiver: Parser of received bytes, with counts of lost frames.
+        keep: Called with each sent or received frame.
 
     Args:
-        address: Where.
-        name: Of the argument, for messages.
-        listens: Whether a UDP peer speaks first.
+        address: Address.
+        name: Name of the argument, for messages.
+        listens: True if a UDP peer sends first.
         keep: As above; may be set later.
 
     Raises:
-        InputError: The port is taken.
+        InputError: The port is in use.
     """
 
     def __init__(
@@ -111,13 +110,13 @@ class Link:
             self._socket.close()
             raise InputError(
                 f"{argument(name)}: expected a free port of this machine, got {address}"
-                f", which is taken or cannot be listened on ({error.strerror})"
+                f", which is in use or not available ({error.strerror})"
             ) from None
         self.address = address
 
     @property
     def connected(self) -> bool:
-        """Whether there is somebody to send to."""
+        """True if there is a peer to send to."""
         return self._peer is not None and (
             self.address.kind == "tcp"
             or not self._listens
@@ -125,7 +124,7 @@ class Link:
         )
 
     def accept(self, timeout_s: float) -> bool:
-        """Wait for a peer by TCP; return whether one has come."""
+        """Wait for a TCP client; return whether one is connected."""
         if self._peer is None and self._ready(self._socket, timeout_s):
             self._peer, _ = self._socket.accept()
             self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -135,10 +134,10 @@ class Link:
         """Send some frames.
 
         Raises:
-            LinkLost: The peer has gone.
+            LinkLost: The peer has disconnected.
         """
         if self._peer is None:
-            raise LinkLost("nobody has connected")
+            raise LinkLost("no client has connected")
         for frame in frames:
             self.keep(frame)
         try:
@@ -152,16 +151,16 @@ class Link:
                         self._socket.sendto(frame, self._heard_from)  # type: ignore[arg-type]
         except ConnectionRefusedError:
             if self.receiver.heard:
-                raise LinkLost("nobody listens there any more") from None
+                raise LinkLost("the peer no longer listens") from None
         except OSError as error:
             raise LinkLost(error.strerror or str(error)) from None
 
     def receive(self, timeout_s: float) -> Message | None:
-        """Return the next message; None where none comes in time.
+        """Return the next message; None after the timeout.
 
         Raises:
-            LinkLost: The peer has gone.
-            InputError: It speaks MAVLink 1.
+            LinkLost: The peer has disconnected.
+            InputError: The peer sends MAVLink 1.
         """
         until = time.monotonic() + timeout_s
         while not self._waiting:
@@ -172,7 +171,7 @@ class Link:
         return self._waiting.popleft()
 
     def _take(self) -> None:
-        """Take in what has come."""
+        """Read available bytes into the receiver."""
         peer = self._peer
         if peer is None:
             return
@@ -189,7 +188,7 @@ class Link:
                     return
         except ConnectionRefusedError:
             if self.receiver.heard:
-                raise LinkLost("nobody listens there any more") from None
+                raise LinkLost("the peer no longer listens") from None
             return
         except OSError as error:
             raise LinkLost(error.strerror or str(error)) from None
@@ -198,7 +197,7 @@ class Link:
             self._waiting.append(message)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the link."""
         if self._peer is not None:
             self._peer.close()
         self._socket.close()
@@ -210,7 +209,7 @@ class Link:
 
 @functools.cache
 def dialect() -> ModuleType:
-    """Import the messages of `common.xml` as MAVLink's own generator wrote them.
+    """Import pymavlink's generated messages of `common.xml`.
 
     Raises:
         InputError: pymavlink is not installed.
@@ -242,11 +241,11 @@ def _zeros(name: str) -> dict[str, Any]:
 
 
 class Sender:
-    """Packs messages, and counts them.
+    """Packing of messages, with their sequence numbers.
 
     Args:
-        system: Who sends them.
-        component: Which part of whom.
+        system: MAVLink system of the sender.
+        component: MAVLink component of the sender.
 
     Raises:
         InputError: pymavlink is not installed.
@@ -256,22 +255,22 @@ class Sender:
         self._coder = dialect().MAVLink(None, system, component)
 
     def pack(self, name: str, **values: Any) -> bytes:
-        """Return a frame; fields that are not named are zero.
+        """Return a frame; missing fields are zero.
 
         Raises:
-            InputError: There is no such message or field, or a number does not fit.
+            InputError: The message or a field is unknown, or a number does not fit.
         """
         if name not in _kinds():
             raise InputError(f"message {name!r}: not known{nearest(name, _kinds())}")
         fields = _zeros(name)
         for field in values.keys() - fields.keys():
             raise InputError(f"{name} {field}: no such field{nearest(field, fields)}")
-        said = {
+        encoded = {
             field: value.encode("ascii", "replace") if isinstance(value, str) else value
             for field, value in values.items()
         }
         try:
-            frame = _kinds()[name](**fields | said).pack(self._coder)
+            frame = _kinds()[name](**fields | encoded).pack(self._coder)
         except (struct.error, OverflowError, IndexError) as error:
             raise InputError(
                 f"{name}: expected numbers that fit their fields, got {error}"
@@ -281,11 +280,11 @@ class Sender:
 
 
 class Receiver:
-    """Takes messages out of bytes as they come.
+    """Parser of messages in a stream of bytes.
 
     Attributes:
-        damaged: How many frames had a wrong checksum.
-        lost: How many are missing by the senders' own count.
+        damaged: Number of frames with a wrong checksum.
+        lost: Number of missing frames, by the senders' sequence numbers.
 
     Raises:
         InputError: pymavlink is not installed.
@@ -293,20 +292,20 @@ class Receiver:
 
     def __init__(self):
         self._parser = dialect().MAVLink(None)
-        self._parser.robust_parsing = True  # bytes between frames are passed over
+        self._parser.robust_parsing = True  # skips bytes between frames
         self._last: dict[tuple[int, int], int] = {}
         self.damaged = self.lost = 0
 
     @property
     def heard(self) -> bool:
-        """Whether anybody has been heard."""
+        """True after the first valid frame."""
         return bool(self._last)
 
     def feed(self, data: bytes) -> Iterator[Message]:
-        """Yield the messages that are whole with some more bytes.
+        """Yield the messages completed by additional bytes.
 
         Raises:
-            InputError: They are of MAVLink 1.
+            InputError: A message is of MAVLink 1.
         """
         came = self._parser.parse_char(data)
         while came is not None:
@@ -314,7 +313,7 @@ class Receiver:
             known = not kind.startswith("UNKNOWN_")
             if kind == "BAD_DATA" or (frame[0] == MAGIC_1 and not known):
                 self.damaged += frame[0] == MAGIC
-                self._look_again(frame)
+                self._recover(frame)
             elif frame[0] == MAGIC_1:
                 raise InputError(
                     "expected messages of MAVLink 2, got one of MAVLink 1 (first byte "
@@ -328,11 +327,9 @@ class Receiver:
                 yield Message(kind if known else "", system, component, values, frame)
             came = self._parser.parse_char(b"")
 
-    def _look_again(self, damaged: bytes) -> None:
-        """Give back what may begin a frame in bytes that were none.
-
-        A frame that breaks off is taken to reach into the next, which would be lost.
-        """
+    def _recover(self, damaged: bytes) -> None:
+        """Return the possible beginning of a frame in damaged bytes to the parser."""
+        # The parser extends a truncated frame into the next one, which would be lost.
         begin = damaged.find(MAGIC, 1)
         if begin > 0:
             parser = self._parser
@@ -341,22 +338,24 @@ class Receiver:
 
     def _count(self, who: tuple[int, int], sequence: int) -> None:
         if who in self._last:
+            # Sequence numbers are bytes and wrap around.
             self.lost += (sequence - self._last[who] - 1) % 256
         self._last[who] = sequence
 
 
 def read_address(text: str, name: str, port: int) -> Address:
-    """Read an address; what is left out is this machine, and the usual port.
+    """Read an address; defaults are this machine and the usual port.
 
     Args:
-        text: As it was given: "tcp", "tcp:HOST" or "tcp:HOST:PORT", and "udp" likewise.
-        name: Of the argument.
-        port: The usual one.
+        text: "tcp", "tcp:HOST" or "tcp:HOST:PORT", or the same with "udp".
+        name: Name of the argument, for messages.
+        port: Default port.
 
     Raises:
-        InputError: It is none, or others than this machine could be reached by it:
-            MAVLink asks nobody who he is.
+        InputError: The address is invalid or not loopback.
     """
+    # MAVLink has no authentication: any host that reaches the port controls the
+    # vehicle.
     where = argument(name)
     kind, _, rest = text.partition(":")
     expected = "tcp:HOST:PORT or udp:HOST:PORT"
@@ -367,8 +366,8 @@ def read_address(text: str, name: str, port: int) -> Address:
     host, number = host_and_port(whole, where, expected, got=text)
     if not is_loopback(host):
         raise InputError(
-            f"{where}: expected a loopback address, as {kind}:127.0.0.1:{port}: others "
-            f"could reach {shown(host)}, and MAVLink has no token to show; a tunnel by "
-            "ssh takes it to another machine"
+            f"{where}: expected a loopback address, as {kind}:127.0.0.1:{port}, got "
+            f"{shown(host)}; MAVLink has no authentication, so use an ssh tunnel to "
+            "another machine"
         )
     return Address(kind, "127.0.0.1" if host == "localhost" else host, number)

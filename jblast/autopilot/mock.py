@@ -1,8 +1,8 @@
 """An autopilot for testing a simulator: a position controller with a MAVLink link.
 
-It has the vehicle's parameters and takes the state from HIL_STATE_QUATERNION; it arms
-immediately. The same control without a network, on the same rounded numbers, is
-`RoundedHold`.
+It has the vehicle's parameters, reads the state from HIL_STATE_QUATERNION and arms
+immediately. `RoundedHold` is the same controller without a network, with the same
+rounded numbers.
 """
 
 import socket
@@ -32,9 +32,9 @@ class RoundedHold(eqx.Module):
     """A controller with inputs and outputs rounded as in MAVLink's messages.
 
     Attributes:
-        control: Who flies.
-        origin: Where the scene lies.
-        of_motor: Which rotor each motor turns.
+        control: The controller.
+        origin: Geodetic origin of the scene.
+        of_motor: Index of the rotor of each motor.
     """
 
     control: Any
@@ -43,11 +43,11 @@ class RoundedHold(eqx.Module):
 
     @property
     def gains(self) -> Any:
-        """Of the hold: by them the step is checked."""
+        """Gains of the controller; the step limit depends on them."""
         return self.control.gains
 
     def start(self) -> PyTree[Array]:
-        """Return the memory at the start."""
+        """Return the controller's state at the start."""
         return self.control.start()
 
     def __call__(
@@ -58,7 +58,7 @@ class RoundedHold(eqx.Module):
         memory: PyTree[Array],
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
-        """Return rotor speeds to ask for [rad/s], and the memory afterwards."""
+        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
         still = jnp.zeros(3)
         reported = state_reported(self.origin, state, still, still)
         controls, memory = self.answer(reported, vehicle, memory, time_s)
@@ -72,7 +72,7 @@ class RoundedHold(eqx.Module):
         memory: PyTree[Array],
         time_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
-        """Return the motors' controls for a message, and the memory afterwards."""
+        """Return motor controls for a message, and the controller's next state."""
         state = state_heard(self.origin, reported, jnp.zeros(4))
         control: Controller = self.control
         period = jnp.asarray(PERIOD_S, float)
@@ -82,11 +82,11 @@ class RoundedHold(eqx.Module):
 
 
 class Mock:
-    """Answers messages, whoever brings them.
+    """Autopilot that maps received messages to answers, without a link.
 
     Args:
-        hold: Who flies.
-        vehicle: Its model of the vehicle.
+        hold: The controller.
+        vehicle: The controller's model of the vehicle.
     """
 
     def __init__(self, hold: RoundedHold, vehicle: Vehicle):
@@ -102,15 +102,15 @@ class Mock:
         level = jnp.array([0.0, 0.0, 0.0, 1.0])
         at_rest = State(still, still, level, still, jnp.zeros(4))
         self._reported: Any = state_reported(hold.origin, at_rest, still, still)
-        # made before the simulator waits for it
+        # Compiled before the simulator waits for an answer.
         self._control(self._reported, self._memory, 0.0)
 
     def answer(self, message: Message) -> bytes | None:
-        """Return the controls that answer a message; None: it waits for more."""
+        """Return the answer to a message; None if the message needs none."""
         if message.name == "HIL_STATE_QUATERNION":
-            said = message.values
-            rest = (said[name] for name in STATE[4:])
-            self._reported = np.array([*said["attitude_quaternion"], *rest])
+            values = message.values
+            rest = (values[name] for name in STATE[4:])
+            self._reported = np.array([*values["attitude_quaternion"], *rest])
         if message.name != "HIL_SENSOR":
             return None
         stamp = message.values["time_usec"]
@@ -126,23 +126,23 @@ class Mock:
 
 
 def fly_mock(address: tuple[str, int], mock: Mock, turns: int) -> int:
-    """Connect by TCP, answer so many turns, hang up.
+    """Connect by TCP, answer a number of samples and disconnect.
 
     Args:
-        address: Of the simulator.
-        mock: Who answers.
-        turns: How many samples it answers.
+        address: Address of the simulator.
+        mock: The autopilot.
+        turns: Number of samples to answer.
 
     Returns:
-        How many it has answered: fewer where the simulator hung up.
+        Number of answered samples; fewer if the simulator disconnected.
     """
     receiver, answered = Receiver(), 0
     with socket.create_connection(address, timeout=60.0) as link:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         while answered < turns and (data := link.recv(65536)):
             for message in receiver.feed(data):
-                said = mock.answer(message)
-                if said is not None and answered < turns:
-                    link.sendall(said)
+                answer = mock.answer(message)
+                if answer is not None and answered < turns:
+                    link.sendall(answer)
                     answered += 1
     return answered

@@ -1,4 +1,4 @@
-"""Vehicles in blasts as environments for reinforcement learning (Gymnasium)."""
+"""Environments for reinforcement learning: vehicles in blasts (Gymnasium)."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -50,10 +50,10 @@ _imported = lazy_face(__name__, _HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name when it is first asked for: Gymnasium loads this room without JAX.
+    """Import a name at its first use: Gymnasium imports this package without JAX.
 
     Raises:
-        InputError: It needs Gymnasium, which is not installed.
+        InputError: The name needs Gymnasium, which is not installed.
     """
     try:
         return _imported(name)

@@ -1,10 +1,10 @@
-"""An environment: its parameters; reset and step of a lane, for jit, vmap and grad.
+"""Environment: parameters, reset and step of a lane, for jit, vmap and grad.
 
 A step converts the action to a command, adds the load of blasts within the step, and
-moves the vehicle by the step of every flight (`vehicle/rollout`): there is one physics.
-A lane that did not end does not depend on the other lanes.
+advances the vehicle with the step of flights (`vehicle/rollout`), so the physics is the
+same. Lanes are independent.
 
-The state consists of separate numbers: in a batch each is an array without other axes.
+The state consists of scalars: in a batch each is an array with the axis of lanes only.
 """
 
 from functools import reduce
@@ -23,7 +23,7 @@ from jblast.environments.episode import (
     EnvironmentState,
     Imu,
     Randomisation,
-    asked_for,
+    commanded,
     default_world,
     draw_episode,
     load_of,
@@ -43,14 +43,14 @@ from jblast.vehicle.controllers import gains_controller
 from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
 from jblast.vehicle.quadrotor import in_precision
-from jblast.vehicle.rollout import Now
+from jblast.vehicle.rollout import FlightState
 from jblast.vehicle.state import Vector, turned_back
 from jblast.world import Blasts
 
 STEP_S = 0.01
-"""Default of a step; declared: 100 actions a second."""
-MOST_DELAY = 10
-"""Steps that an action may be late."""
+"""Default step; declared: 100 actions per second."""
+MAX_DELAY = 10
+"""Maximum delay of an action in steps; declared, bounds the queue in the state."""
 
 
 def environment_params(
@@ -73,32 +73,32 @@ def environment_params(
     episode_s: float | None = None,
     step_s: float = STEP_S,
 ) -> EnvironmentParams:
-    """Return what lanes of an environment share.
+    """Return the common parameters of an environment's lanes.
 
     Args:
         task: "Hover", "Rates", "Mission" or "Detect".
-        vehicle: A vehicle's name.
-        command: What an action means, a name of `COMMANDS`; None: as the task has it.
-        world: What blasts are drawn by, their number among it; None: two of 5 to 15 kg,
-            12 to 40 m off.
-        air: What their waves go through.
-        randomisation: What else episodes draw; None: nothing.
-        guidance: Of the mission that is flown; for no other task.
-        controller: A name of `vehicle.CONTROLLERS` with the loops of the SE(3) hold; it
-            follows the commands "velocity" and "hold".
-        imu: Errors of an IMU that is observed; None: it is not.
-        target_m: Where a vehicle hovers: east, north, up; None: as the task has it.
-        spread_m: How far off it an episode may start, along each axis.
-        far_m: How far off an episode ends.
-        rate_rad_s: Most that a command or an aim asks for of body rates.
-        speed_m_s: Most that a command asks for of velocity.
-        reach_m: Farthest that a command moves the place to hold.
-        episode_s: How long an episode lasts; None: as the task has it.
-        step_s: Of environment and integrator.
+        vehicle: Name of the vehicle.
+        command: Meaning of an action, a name of `COMMANDS`; None: the task's default.
+        world: Distribution of the blasts, with a fixed number; None: two of 5 to 15
+            kg at 12 to 40 m.
+        air: Ambient air.
+        randomisation: Other random parameters of episodes; None: none.
+        guidance: Guidance of the mission, for the task "Mission" only.
+        controller: Name in `vehicle.CONTROLLERS` with the loops of the SE(3)
+            controller, for the commands "velocity" and "hold".
+        imu: Errors of an observed IMU; None: no IMU.
+        target_m: Hover target: east, north, up; None: the task's default.
+        spread_m: Maximum initial distance from the target along each axis.
+        far_m: Distance from the target at which an episode ends.
+        rate_rad_s: Maximum commanded body rate.
+        speed_m_s: Maximum commanded velocity.
+        reach_m: Maximum displacement of the target by a command.
+        episode_s: Duration of an episode; None: the task's default.
+        step_s: Step of environment and integrator.
 
     Raises:
-        InputError: A name is unknown, a number out of its range, a mission has no
-            guidance, or the number of blasts is left to chance.
+        InputError: A name is unknown, a number is out of range, a mission has no
+            guidance, or the number of blasts is random.
     """
     for what, name, known in (
         ("task", task, TASKS),
@@ -112,19 +112,19 @@ def environment_params(
     command = command or kind.command
     if kind.actions is not None and command != kind.command:
         raise InputError(
-            f"command: expected {kind.command!r} of the task {task}, whose vehicle "
-            f"holds its place by itself, got {command!r}"
+            f"command: expected {kind.command!r}, the only command of the task {task}, "
+            f"got {command!r}"
         )
     if (guidance is None) == (task == "Mission"):
         raise InputError(
-            "guidance: expected that of a mission for the task Mission, and none for "
-            f"another; got {'none' if guidance is None else 'one'} for {task}"
+            "guidance: expected a guidance for the task Mission and none for others, "
+            f"got {'none' if guidance is None else 'one'} for {task}"
         )
     world = default_world() if world is None else world
     if not isinstance(world.occurrence, ByCount) or world.occurrence.count < 1:
         raise InputError(
-            "world occurrence: expected ByCount of 1 or more: how many blasts an "
-            f"episode has is the same in all lanes, got {world.occurrence}"
+            "world occurrence: expected ByCount of 1 or more (all lanes have the same "
+            f"number of blasts), got {world.occurrence}"
         )
     flies = named(vehicle)
     gains = named_gains(vehicle, integral=True)
@@ -141,8 +141,8 @@ def environment_params(
     limit = step_limit("rk4", float(flies.motor_lag_s), gains, 1)
     if step_s > limit:
         raise InputError(
-            f"step_s: a hold asked every step is stable up to {limit:.4g} s with "
-            f"{vehicle}, got {step_s:g} s"
+            f"step_s: expected at most {limit:.4g} s, the stability limit of the "
+            f"position controller with {vehicle}, got {step_s:g} s"
         )
     randomisation = Randomisation() if randomisation is None else randomisation
     target = jnp.asarray(kind.target_m if target_m is None else target_m, float)
@@ -166,23 +166,23 @@ def environment_params(
         episode_steps=round(episode_s / step_s),
         task=task,
         command=command,
-        most_delay=_most_delay(randomisation.delay_s, step_s),
+        most_delay=_max_delay(randomisation.delay_s, step_s),
     )
     return in_precision(found, jnp.result_type(float))
 
 
 class Step(NamedTuple):
-    """What a step returns, in the order of Gymnasium.
+    """Result of a step, in Gymnasium's order.
 
     Attributes:
-        state: Afterwards.
-        observation: Of that.
-        reward: Of the step.
-        terminated: Whether the task ended the episode, or a number that is none did.
-        truncated: Whether its time is over.
-        info: Of each lane `bad_action`, whether an action was no number, which ends
-            the episode; `diverged`; `deviation_m` from where it should be;
-            `peak_deviation_m` of the episode.
+        state: State after the step.
+        observation: Observation of that state.
+        reward: Reward of the step.
+        terminated: True if the task, a NaN or an infinity ended the episode.
+        truncated: True if its time is over.
+        info: `bad_action` (the action was NaN or infinite, which ends the episode),
+            `diverged`, `deviation_m` from the target and `peak_deviation_m` of the
+            episode.
     """
 
     state: EnvironmentState
@@ -194,7 +194,7 @@ class Step(NamedTuple):
 
 
 def actions_of(params: EnvironmentParams) -> int:
-    """Return the numbers of an action."""
+    """Return the length of an action."""
     return TASKS[params.task].actions or COMMANDS[params.command]
 
 
@@ -204,8 +204,8 @@ def reset(
     """Begin the first episode of a lane.
 
     Args:
-        key: Of the lane; `fold_in(key(seed), lane)` in a batch.
-        params: Of the environment.
+        key: Key of the lane; `fold_in(key(seed), lane)` in a batch.
+        params: Parameters of the environment.
     """
     return begin(key, jnp.zeros((), jnp.int32), params)
 
@@ -220,7 +220,7 @@ def begin(
     zero = jnp.zeros_like(params.step_s)
     none = (zero, zero, zero)
     single = zero.dtype == jnp.float32
-    now = Now(
+    now = FlightState(
         motion=motion,
         excess=(zero, zero, zero, zero) if single else None,
         command=motion.rotor_speed,
@@ -256,14 +256,13 @@ def step(
 ) -> Step:
     """Take a step.
 
-    What stays as it is in an episode that has ended is the caller's: `step_lanes`
-    begins another.
+    The caller has to begin another episode after an end, as `step_lanes` does.
 
     Args:
-        state: Before.
-        action: Within -1 and 1; what is beyond counts as its bound. One that is no
-            number ends the episode.
-        params: Of the environment.
+        state: State before the step.
+        action: Numbers within -1 and 1, to which they are clipped; NaN or infinity
+            ends the episode.
+        params: Parameters of the environment.
     """
     zero = jnp.zeros_like(params.step_s)
 
@@ -285,7 +284,7 @@ def step(
 def in_blast(
     state: EnvironmentState, params: EnvironmentParams
 ) -> Bool[Array, " blast"]:
-    """Return whether each blast may push a lane in its next step."""
+    """Return whether each blast may act on a lane in its next step."""
     tick, place = tick_of(params, state), state.now.motion.position
     x, y, z = (a - b for a, b in zip(place, state.start_m, strict=True))
     off = jnp.sqrt(x * x + y * y + z * z)
@@ -295,12 +294,12 @@ def in_blast(
 def pushed_by(
     state: EnvironmentState, blast: Blasts, params: EnvironmentParams
 ) -> Wrench:
-    """Return mean force and moment that a blast gives a lane in its next step.
+    """Return mean force and moment of a blast on a lane in its next step.
 
     Args:
-        state: Of the lane.
-        blast: One of its episode.
-        params: Of the environment.
+        state: State of the lane.
+        blast: One blast of its episode.
+        params: Parameters of the environment.
     """
     tick = tick_of(params, state)
     wrench, _ = pulse_wrench(
@@ -316,24 +315,24 @@ def pushed_by(
 
 
 class Moved(NamedTuple):
-    """What changes in a step, in numbers that stand alone.
+    """Parts of the state that change in a step, and its results, as scalars.
 
     Attributes:
-        now: The vehicle, its command and its hold's memory, afterwards.
-        steps: Taken in this episode.
-        queue: Actions that are still to take effect.
-        task: Memory of the task.
+        now: Vehicle, command and controller state after the step.
+        steps: Number of steps in this episode.
+        queue: Pending actions.
+        task: State of the task.
         force_m_s2: Specific force along the body's axes, mean of the step.
-        farthest_m: Greatest distance from the aim so far.
-        ended: Whether the episode has.
+        farthest_m: Maximum distance from the target so far.
+        ended: True if the episode has ended.
         seen: Numbers of the observation.
-        reward: Of the step; 0 of a lane that is lost.
-        terminated: Whether the task ended the episode, or a number that is none.
-        truncated: Whether its time did.
+        reward: Reward of the step; 0 for a diverged lane.
+        terminated: True if the task, a NaN or an infinity ended the episode.
+        truncated: True if its time is over.
         info: `bad_action`, `diverged`, `deviation_m`, `peak_deviation_m`.
     """
 
-    now: Now
+    now: FlightState
     steps: Array
     queue: tuple[Action, ...]
     task: PyTree[Array]
@@ -348,11 +347,11 @@ class Moved(NamedTuple):
 
 
 def step_of(state: EnvironmentState, found: Moved) -> Step:
-    """Return what a step returns, with what stays as it was before.
+    """Return the result of a step, with the unchanged parts of the state.
 
     Args:
-        state: Before; of one lane or of many.
-        found: What changed.
+        state: State before the step, of one lane or of many.
+        found: Changed parts.
     """
     after = state._replace(
         now=found.now,
@@ -379,27 +378,27 @@ def moved(
     params: EnvironmentParams,
     wrench: Wrench,
 ) -> Moved:
-    """Take a step with the force and moment that the blasts give in it.
+    """Take a step with given force and moment of the blasts.
 
     Args:
-        state: Before.
-        action: Its numbers.
-        params: Of the environment.
-        wrench: Mean of the step.
+        state: State before the step.
+        action: Numbers of the action.
+        params: Parameters of the environment.
+        wrench: Mean force and moment of the blasts over the step.
     """
     task = TASKS[params.task]
     bad = ~reduce(jnp.logical_and, map(jnp.isfinite, action))
     dtype = params.step_s.dtype
-    now_asked: Action = tuple(
+    clipped: Action = tuple(
         jnp.clip(jnp.where(bad, 0.0, part.astype(dtype)), -1.0, 1.0) for part in action
     )
-    flown = now_asked
+    flown = clipped
     if task.actions is not None:
         flown = (jnp.zeros_like(params.step_s),) * COMMANDS[params.command]
     queue = (flown, *state.queue)
-    late = _late(queue, state.episode.delay_steps)
+    late = _delayed(queue, state.episode.delay_steps)
     aim, memory = task.aim(params, state)
-    command, integral = asked_for(params, state, late, aim)
+    command, integral = commanded(params, state, late, aim)
     before = state.now.motion
     now = state.now._replace(
         command=command,
@@ -408,10 +407,11 @@ def moved(
     )
     tick = tick_of(params, state)
 
-    def go_on() -> Now:
+    def go_on() -> FlightState:
         return one_step(params, state.episode).moved(now, tick)
 
-    # always taken; a program of its own, and what it calculates stays in it
+    # The condition is always true: a branch is a separate program of small arrays,
+    # which XLA runs sequentially (see `rollout.CHUNK_BYTES`).
     now = jax.lax.cond(tick.step > 0, go_on, lambda: now)
     gained = tuple(
         (b - a) / params.step_s
@@ -427,7 +427,7 @@ def moved(
         force_m_s2=turned_back(now.motion.quaternion, pulled),
         farthest_m=jnp.maximum(state.farthest_m, off),
     )
-    judged = task.judge(params, after, now_asked, aim)
+    judged = task.judge(params, after, clipped, aim)
     diverged = ~jnp.isfinite(sum(jax.tree.leaves(now.motion)))
     lost = bad | diverged
     terminated = judged.terminated | lost
@@ -454,26 +454,26 @@ def moved(
     )
 
 
-def _late(queue: tuple[Action, ...], delay: Array) -> Action:
-    """Return the action that takes effect now."""
+def _delayed(queue: tuple[Action, ...], delay: Array) -> Action:
+    """Return the action that takes effect in this step."""
     found = queue[0]
-    for steps, asked in enumerate(queue[1:], start=1):
+    for steps, earlier in enumerate(queue[1:], start=1):
         found = tuple(
             jnp.where(delay >= steps, old, new)
-            for old, new in zip(asked, found, strict=True)
+            for old, new in zip(earlier, found, strict=True)
         )
     return found
 
 
 def observed(params: EnvironmentParams, state: EnvironmentState) -> Seen:
-    """Return the numbers that a lane shows.
+    """Return the observation of a lane as scalars.
 
-    With an IMU six numbers follow those of the task: specific force, mean of the last
-    step [m/s2], and body rates [rad/s], along the body's axes, with bias and noise.
+    With an IMU six numbers follow those of the task: mean specific force of the last
+    step [m/s2] and body rates [rad/s], along the body's axes, with bias and noise.
 
     Args:
-        params: Of the environment.
-        state: Of the lane.
+        params: Parameters of the environment.
+        state: State of the lane.
     """
     seen = TASKS[params.task].observe(params, state)
     if params.imu is None:
@@ -497,11 +497,11 @@ def observed(params: EnvironmentParams, state: EnvironmentState) -> Seen:
     return (*seen, *forces, *rates)
 
 
-def _most_delay(delay: Float[Array, ""] | Prior, step_s: float) -> int:
-    """Return the steps that the latest action comes late.
+def _max_delay(delay: Float[Array, ""] | Prior, step_s: float) -> int:
+    """Return the maximum delay of an action in steps.
 
     Raises:
-        InputError: There may be more than `MOST_DELAY`, or there is no most.
+        InputError: It exceeds `MAX_DELAY`, or the prior has no upper bound.
     """
     if isinstance(delay, Uniform):
         low, high = float(delay.lo), float(delay.hi)
@@ -509,10 +509,10 @@ def _most_delay(delay: Float[Array, ""] | Prior, step_s: float) -> int:
         raise InputError(f"delay_s: expected a number or a Uniform, got {delay}")
     else:
         low = high = float(delay)
-    # nan and inf are refused, too: of them there is no number of steps
-    if not (low >= 0 and high / step_s < MOST_DELAY + 0.5):
+    # The negation also rejects NaN; an infinite bound fails the comparison.
+    if not (low >= 0 and high / step_s < MAX_DELAY + 0.5):
         raise InputError(
-            f"delay_s: expected 0 to {MOST_DELAY * step_s:g} s, {MOST_DELAY} steps, "
+            f"delay_s: expected 0 to {MAX_DELAY * step_s:g} s, {MAX_DELAY} steps, "
             f"got {low:g} to {high:g} s"
         )
     return round(high / step_s)

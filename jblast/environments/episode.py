@@ -1,25 +1,26 @@
-r"""The draws of an episode of an environment, and the state of a lane in it.
+r"""Random parameters of an episode, and the state of a lane.
 
-Actions lie within -1 and 1 and are clipped to these bounds. By the mode of command they
-mean:
+Actions lie within -1 and 1 and are clipped to these bounds. Their meaning by mode of
+command:
 
-- `rotor_speeds` (4): from the least to the greatest speed of each rotor;
+- `rotor_speeds` (4): from the minimum to the maximum speed of each rotor;
 - `thrust_rates` (4): collective thrust $T = m g (1 + a_0)$ and body rates
   $\omega_d = a \omega_{max}$, followed by $M = J k_\omega (\omega_d - \omega) + \omega
-  \times J \omega$ with $k_\omega$ of the hold;
-- `velocity` (3): $a v_{max}$, east, north, up, followed by the position hold without
-  its position;
-- `hold` (3): the place to hold moves by $a$ times a reach, about where the task has it:
-  an action of zero is the SE(3) hold itself.
+  \times J \omega$ with the controller's $k_\omega$;
+- `velocity` (3): $a v_{max}$, east, north, up, followed by the position controller
+  without its position term;
+- `hold` (3): the controller's target is displaced by $a$ times `reach_m` from that of
+  the task; an action of zero is the SE(3) controller itself.
 
-Mass, inertia and allocation are the nominal ones, without the episode's draws.
+Mass, inertia and allocation of controllers are the nominal ones, without the episode's
+random factors.
 
-Most steps are outside all blasts, and a bound of the times of a wave is cheaper than
-the load. Where the episode starts, a front comes at $t_0$ and its wave lasts $D$. At a
-distance $d$ from there it comes at $t_0 - d/c$ at the earliest and at $t_0 + 4.7 d/c$
-at the latest (`BlastLoad.quiet_until`), and lasts no longer than the longest wave at
-half, once and twice the start's distance from the charge, as long as $d$ is less than
-half of that distance. Farther away the blast is taken to act.
+Most steps are outside all blasts, and a bound on the times of a wave is cheaper than
+the load. At the start of the episode a front arrives at $t_0$ and its wave lasts $D$.
+At a distance $d$ from there it arrives between $t_0 - d/c$ and $t_0 + 4.7 d/c$
+(`BlastLoad.quiet_until`). If $d$ is less than half of the start's distance from the
+charge, the wave lasts no longer than the longest one at 0.5, 1 and 2 times that
+distance. Farther away the load is always evaluated.
 """
 
 from dataclasses import replace
@@ -41,7 +42,7 @@ from jblast.vehicle import BlastLoad, Controller, Gains, Vehicle, blast_load
 from jblast.vehicle.control.allocation import speeds_within
 from jblast.vehicle.loads.blast_wave import crossing_time
 from jblast.vehicle.quadrotor import required_body
-from jblast.vehicle.rollout import INWARD, Flight, Now, OneStep, Ticks
+from jblast.vehicle.rollout import INWARD, Flight, FlightState, OneStep, Ticks
 from jblast.vehicle.state import (
     Four,
     Number,
@@ -57,23 +58,25 @@ from jblast.vehicle.state import (
 from jblast.world import Blasts, blast_sequence
 
 COMMANDS = {"rotor_speeds": 4, "thrust_rates": 4, "velocity": 3, "hold": 3}
-"""Numbers of an action by the mode's name."""
+"""Length of an action by the name of its mode."""
 Action = tuple[Number, ...]
-OF_BLASTS, OF_VEHICLE, OF_IMU, OF_TASK, OF_READINGS = range(5)
-"""Folded into an episode's key: what each draw is for."""
-LATE = 4.7
-"""Most that a front comes later for each metre farther off, in units of 1/c."""
-LONGER = 1.05
-"""Of a wave, for the roundings of its tables."""
+BLASTS_KEY, VEHICLE_KEY, IMU_KEY, TASK_KEY, READINGS_KEY = range(5)
+"""Folded into an episode's key, one number per use."""
+MAX_DELAY_PER_METRE = 4.7
+"""Maximum increase of the end of a wave per metre, in units of 1/c; see
+`BlastLoad.quiet_until`."""
+DURATION_MARGIN = 1.05
+"""Factor on a wave's duration: 5 % for the error of its table between the three
+distances."""
 NumberOrPrior = Float[Array, ""] | Prior
-"""A number that every episode has, or the distribution that each draws its own from."""
+"""A number for all episodes, or the prior of each episode's number."""
 
 
 class Aim(eqx.Module):
-    """Where the vehicle should be in this step.
+    """Target of the vehicle in a step.
 
     Attributes:
-        point: Place, velocity and acceleration.
+        point: Set point of position, velocity and acceleration.
         yaw_rad: Heading.
     """
 
@@ -85,10 +88,10 @@ class Imu(eqx.Module):
     """Errors of accelerometer and gyroscope; all declared, as of a cheap MEMS part.
 
     Attributes:
-        force_noise_m_s2: Standard deviation of each reading.
-        rate_noise_rad_s: Likewise.
-        force_bias_m_s2: Standard deviation of a bias that lasts an episode.
-        rate_bias_rad_s: Likewise.
+        force_noise_m_s2: Standard deviation of each reading of specific force.
+        rate_noise_rad_s: Standard deviation of each reading of the body rate.
+        force_bias_m_s2: Standard deviation of an episode's bias of specific force.
+        rate_bias_rad_s: Standard deviation of an episode's bias of the body rate.
     """
 
     force_noise_m_s2: Float[Array, ""] = eqx.field(
@@ -108,17 +111,17 @@ def _number(value: ArrayLike | Prior) -> NumberOrPrior:
 
 
 class Randomisation(eqx.Module):
-    """Differences between episodes besides the blasts: numbers or priors.
+    """Random parameters of episodes other than blasts: numbers or priors.
 
-    The hold and the loop of the body's rates use the nominal vehicle.
+    Controllers use the nominal vehicle.
 
     Attributes:
-        mass_factor: On the vehicle's mass [-].
-        inertia_factor: On its inertia [-].
-        gain_factor: On all gains of its loops [-].
-        wind_east_m_s: Steady wind; it blows on the vehicle and carries the waves.
-        wind_north_m_s: Likewise.
-        delay_s: From an action to the rotors' command, in whole steps, rounded.
+        mass_factor: Factor on the vehicle's mass [-].
+        inertia_factor: Factor on its inertia [-].
+        gain_factor: Factor on all controller gains [-].
+        wind_east_m_s: Steady wind towards east, on the vehicle and the waves.
+        wind_north_m_s: Steady wind towards north.
+        delay_s: Delay from action to rotor command, rounded to whole steps.
     """
 
     mass_factor: NumberOrPrior = eqx.field(converter=_number, default=1.0)
@@ -130,30 +133,29 @@ class Randomisation(eqx.Module):
 
 
 class EnvironmentParams(eqx.Module):
-    """All that lanes of an environment share; `environment_params` makes one.
+    """Common parameters of an environment's lanes, as by `environment_params`.
 
     Attributes:
-        vehicle: What flies.
-        hold: The position hold, ready for that vehicle.
-        inverse: Of the vehicle's allocation.
-        world: What the blasts of an episode are drawn by: a number of them that is
-            known beforehand.
-        air: What their waves go through.
-        randomisation: What else episodes draw.
-        guidance: Of the mission; None where there is none.
-        imu: Errors of the IMU; None where it is not observed.
-        target_m: Where a vehicle hovers.
-        spread_m: How far off it an episode may start, along each axis.
-        far_m: How far off an episode ends.
-        rate_rad_s: Most that a command or an aim asks for of body rates.
-        speed_m_s: Most that a command asks for of velocity.
-        reach_m: Farthest that a command moves the place to hold.
+        vehicle: Nominal vehicle.
+        hold: Position controller, prepared for that vehicle.
+        inverse: Inverse of the vehicle's allocation matrix.
+        world: Distribution of an episode's blasts, with a fixed number.
+        air: Ambient air.
+        randomisation: Other random parameters of episodes.
+        guidance: Guidance of the mission; None without one.
+        imu: Errors of the IMU; None without one.
+        target_m: Hover target.
+        spread_m: Maximum initial distance from the target along each axis.
+        far_m: Distance from the target at which an episode ends.
+        rate_rad_s: Maximum commanded body rate.
+        speed_m_s: Maximum commanded velocity.
+        reach_m: Maximum displacement of the target by a command.
         ground_up_m: Height of the ground.
-        step_s: Of environment and integrator.
-        episode_steps: Most steps of an episode.
-        task: Its name.
-        command: What an action means, a name of `COMMANDS`.
-        most_delay: Steps that an action may be late.
+        step_s: Step of environment and integrator.
+        episode_steps: Maximum number of steps of an episode.
+        task: Name of the task.
+        command: Meaning of an action, a name of `COMMANDS`.
+        most_delay: Maximum delay of an action in steps.
     """
 
     vehicle: Vehicle
@@ -181,22 +183,22 @@ class EnvironmentParams(eqx.Module):
 
     @property
     def gains(self) -> Gains:
-        """Of the hold."""
-        return self.hold.hold.gains  # pyright: ignore[reportAttributeAccessIssue] (that of a ready hold)
+        """Gains of the position controller."""
+        return self.hold.hold.gains  # pyright: ignore[reportAttributeAccessIssue] (of a prepared controller)
 
 
 class Episode(NamedTuple):
-    """What an episode drew; it stays to its end.
+    """Sampled parameters of an episode.
 
     Attributes:
-        mass_factor: On the vehicle's mass.
-        inertia_factor: On its inertia.
-        gain_factor: On the gains of its loops.
+        mass_factor: Factor on the vehicle's mass.
+        inertia_factor: Factor on its inertia.
+        gain_factor: Factor on its controller gains.
         wind_m_s: East, north, up.
-        delay_steps: From an action to its command.
-        blasts: That may go off.
-        force_bias_m_s2: Of the accelerometer; zero without one.
-        rate_bias_rad_s: Of the gyroscope.
+        delay_steps: Delay from action to command.
+        blasts: Blasts of the episode.
+        force_bias_m_s2: Bias of the accelerometer; zero without an IMU.
+        rate_bias_rad_s: Bias of the gyroscope.
     """
 
     mass_factor: Number
@@ -210,14 +212,14 @@ class Episode(NamedTuple):
 
 
 class Windows(NamedTuple):
-    """Of each blast, about the place where an episode starts.
+    """Bounds on the times of each blast near the start of an episode.
 
     Attributes:
-        came_s: When the front comes there; infinite: never.
-        lasts_s: How long its wave may last thereabouts.
-        crossing_s: How long the front takes across the vehicle.
-        near_m: Up to where that holds.
-        slowness_s_m: One over the speed of sound, against any wind there is.
+        came_s: Arrival of the front at the start; infinite: never.
+        lasts_s: Bound on the duration of the wave.
+        crossing_s: Crossing time of the front over the vehicle.
+        near_m: Distance from the start up to which the bounds are valid.
+        slowness_s_m: Inverse of the minimum speed of sound, against the wind.
     """
 
     came_s: Float[Array, "*blast"]
@@ -228,25 +230,25 @@ class Windows(NamedTuple):
 
 
 class EnvironmentState(NamedTuple):
-    """A lane between two steps. Numbers stand alone: batches are one array each.
+    """State of a lane between two steps, as scalars: one array each in a batch.
 
     Attributes:
-        now: Vehicle, command, integral of the hold and pulse, as in a flight
+        now: Vehicle, command, controller integral and pulse, as in a flight
             (`vehicle/rollout`).
-        steps: Taken in this episode.
-        queue: Actions that are still to take effect, the newest first.
-        episode: What it drew.
-        windows: When its blasts may push the vehicle.
-        start_m: Where it started.
-        task: Memory of the task.
+        steps: Number of steps in this episode.
+        queue: Pending actions, the newest first.
+        episode: Sampled parameters of the episode.
+        windows: Bounds on the times of its blasts.
+        start_m: Initial position.
+        task: State of the task.
         force_m_s2: Specific force of the last step, body axes.
-        farthest_m: Greatest distance from where the vehicle should have been.
-        ended: Whether the next step begins another episode.
-        key: Of the lane; each episode folds its number into it.
-        number: Of the episode, from 0.
+        farthest_m: Maximum distance from the target so far.
+        ended: True if the next step begins another episode.
+        key: Key of the lane; each episode folds its number into it.
+        number: Number of the episode, from 0.
     """
 
-    now: Now
+    now: FlightState
     steps: Int[Array, ""]
     queue: tuple[tuple[Float[Array, ""], ...], ...]
     episode: Episode
@@ -260,16 +262,16 @@ class EnvironmentState(NamedTuple):
     number: Int[Array, ""]
 
 
-def asked_for(
+def commanded(
     params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
 ) -> tuple[Four, Vector]:
-    """Return rotor speeds to ask for [rad/s], and the hold's integral afterwards.
+    """Return rotor speed commands [rad/s] and the updated controller integral.
 
     Args:
-        params: Of the environment.
-        state: Of the lane.
-        action: Within -1 and 1.
-        aim: Where to be.
+        params: Parameters of the environment.
+        state: State of the lane.
+        action: Numbers within -1 and 1.
+        aim: Target of the vehicle.
     """
     if params.command == "rotor_speeds":
         low = params.vehicle.rotor_speed_min_rad_s
@@ -301,7 +303,7 @@ def _by_hold(
 ) -> tuple[Four, Vector]:
     flown = joined(state.now.motion)
 
-    # number by number: a step of many lanes has no arrays but theirs
+    # Scalar by scalar: in a batch every component is one array over the lanes.
     def by_factor(gain: Array) -> Array:
         parts = [part * state.episode.gain_factor for part in jnp.ravel(gain)]
         return jnp.stack(parts).reshape(gain.shape)
@@ -333,14 +335,14 @@ def _by_hold(
 
 
 def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
-    """Draw what an episode needs.
+    """Sample the parameters of an episode.
 
     Args:
-        key: Of the episode.
-        params: With priors, and numbers that stay.
+        key: Key of the episode.
+        params: Parameters of the environment, with priors.
     """
     one = params.randomisation
-    keys = iter(jax.random.split(jax.random.fold_in(key, OF_VEHICLE), 6))
+    keys = iter(jax.random.split(jax.random.fold_in(key, VEHICLE_KEY), 6))
     dtype = params.step_s.dtype
 
     def number(value: NumberOrPrior) -> Float[Array, ""]:
@@ -353,9 +355,9 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
     east, north = number(one.wind_east_m_s), number(one.wind_north_m_s)
     late = jnp.round(number(one.delay_s) / params.step_s).astype(jnp.int32)
     occurrence = params.world.occurrence
-    assert isinstance(occurrence, ByCount), "environment_params asks for it"
+    assert isinstance(occurrence, ByCount), "checked by environment_params"
     blasts = blast_sequence(
-        jax.random.fold_in(key, OF_BLASTS),
+        jax.random.fold_in(key, BLASTS_KEY),
         params.world,
         about(params),
         occurrence.count,
@@ -363,7 +365,7 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
     none = jnp.zeros((), dtype)
     force = rate = (none, none, none)
     if params.imu is not None:
-        drawn = jax.random.normal(jax.random.fold_in(key, OF_IMU), (2, 3), dtype)
+        drawn = jax.random.normal(jax.random.fold_in(key, IMU_KEY), (2, 3), dtype)
         force = three(params.imu.force_bias_m_s2 * drawn[0])
         rate = three(params.imu.rate_bias_rad_s * drawn[1])
     return Episode(
@@ -371,8 +373,8 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
         inertia_factor=inertia,
         gain_factor=gain,
         wind_m_s=(east, north, none),
-        # `most_delay` is rounded in float64: a draw next to the upper bound may round
-        # to one step more in float32, for which the queue of actions has no room
+        # `most_delay` is rounded in float64: in float32 a sample next to the upper
+        # bound may round to one more step, for which the queue has no room.
         delay_steps=jnp.minimum(late, params.most_delay),
         blasts=jax.tree.map(lambda x: x.astype(dtype), blasts),
         force_bias_m_s2=force,
@@ -381,7 +383,7 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
 
 
 def about(params: EnvironmentParams) -> Float[Array, "3"]:
-    """Return what the region of the blasts is about, on the ground for a ring."""
+    """Return the centre of the blasts' region."""
     if params.world.about == "world":
         return jnp.zeros_like(params.target_m)
     return params.target_m
@@ -390,7 +392,7 @@ def about(params: EnvironmentParams) -> Float[Array, "3"]:
 def vehicle_in(params: EnvironmentParams, episode: Episode) -> Vehicle:
     """Return the vehicle of an episode."""
     vehicle = params.vehicle
-    # number by number: a step of many lanes has no arrays but theirs
+    # Scalar by scalar, as in `_by_hold`.
     inertia = [
         [(part * episode.inertia_factor)[None, None] for part in row]
         for row in rows(vehicle.inertia_kg_m2)
@@ -406,9 +408,9 @@ def load_of(params: EnvironmentParams, wind: Vector, blast: Blasts) -> BlastLoad
     """Return the load of one blast of an episode.
 
     Args:
-        params: Of the environment.
-        wind: Of the episode.
-        blast: Its numbers alone.
+        params: Parameters of the environment.
+        wind: Wind of the episode.
+        blast: A single blast.
     """
     east, north, _ = wind
     charge = Charge(
@@ -419,7 +421,7 @@ def load_of(params: EnvironmentParams, wind: Vector, blast: Blasts) -> BlastLoad
 
 
 def one_step(params: EnvironmentParams, episode: Episode) -> OneStep:
-    """Return the step of a flight of an episode, blasts left out."""
+    """Return the step of an episode's flight, without blasts."""
     wind = episode.wind_m_s
 
     def steady(time_s: Array, position_m: Array) -> Array:
@@ -427,7 +429,7 @@ def one_step(params: EnvironmentParams, episode: Episode) -> OneStep:
 
     flight = Flight(
         vehicle=vehicle_in(params, episode),
-        state=None,  # pyright: ignore[reportArgumentType] (not asked for its start)
+        state=None,  # pyright: ignore[reportArgumentType] (its start is not used)
         commands=None,
         control=None,
         wind=steady,
@@ -438,7 +440,7 @@ def one_step(params: EnvironmentParams, episode: Episode) -> OneStep:
 
 
 def tick_of(params: EnvironmentParams, state: EnvironmentState) -> Ticks:
-    """Return the times of a lane's next step, as `timetable` has them."""
+    """Return the times of a lane's next step, as in `timetable`."""
     step = params.step_s
     start = state.steps.astype(step.dtype) * step
     inward = jnp.maximum(INWARD * step, 2 * jnp.finfo(step.dtype).eps * (start + step))
@@ -452,12 +454,12 @@ def tick_of(params: EnvironmentParams, state: EnvironmentState) -> Ticks:
 
 
 def window_of(load: BlastLoad, params: EnvironmentParams, start: Vector) -> Windows:
-    """Return when a blast may push a vehicle that starts at a place.
+    """Return the bounds on the times of a blast near a position.
 
     Args:
-        load: Of the one blast.
-        params: Of the environment.
-        start: Where the episode starts.
+        load: Load of the single blast.
+        params: Parameters of the environment.
+        start: Initial position of the episode.
     """
     (blast,) = load.blasts
     place, body = jnp.stack(start), required_body(params.vehicle.body)
@@ -469,7 +471,7 @@ def window_of(load: BlastLoad, params: EnvironmentParams, start: Vector) -> Wind
     sound = jnp.maximum(load.sound_speed_m_s - 2 * wind, 1.0)
     found = Windows(
         load.arrival_time_s(place)[0],
-        LONGER * jnp.max(waves.duration_s + waves.suction_s),
+        DURATION_MARGIN * jnp.max(waves.duration_s + waves.suction_s),
         crossing_time(body, slowest),
         jnp.sqrt(jnp.sum(jnp.square(way))) / 2,
         1 / sound,
@@ -480,23 +482,28 @@ def window_of(load: BlastLoad, params: EnvironmentParams, start: Vector) -> Wind
 def may_push(
     windows: Windows, off_m: Number, start_s: Number, end_s: Number
 ) -> Bool[Array, "*blast"]:
-    """Return whether each blast may push a vehicle between two times.
+    """Return whether each blast may act on a vehicle between two times.
 
     Args:
-        windows: Of its episode.
-        off_m: How far it is from where that started.
-        start_s: From when.
-        end_s: To when.
+        windows: Bounds of the episode's blasts.
+        off_m: Distance of the vehicle from the start.
+        start_s: Beginning of the interval.
+        end_s: End of the interval.
     """
     off = off_m * windows.slowness_s_m
     first = windows.came_s - windows.crossing_s - off
-    last = windows.came_s + windows.crossing_s + LATE * off + windows.lasts_s
+    last = (
+        windows.came_s
+        + windows.crossing_s
+        + MAX_DELAY_PER_METRE * off
+        + windows.lasts_s
+    )
     inside = (end_s >= first) & (start_s <= last)
     return inside | ~(off_m < windows.near_m)
 
 
 def default_world() -> WorldSpec:
-    """Return two blasts about the vehicle in each episode."""
+    """Return the default distribution: two blasts around the vehicle."""
     return WorldSpec(
         occurrence=ByCount(2),
         region=Ring(12.0, 40.0),

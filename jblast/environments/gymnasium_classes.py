@@ -1,4 +1,4 @@
-"""The classes that Gymnasium creates; Gymnasium itself is an optional extra."""
+"""Gymnasium classes of the environments; Gymnasium is an optional extra."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ _RESET_LANES, _STEP_LANES = eqx.filter_jit(reset_lanes), eqx.filter_jit(step_lan
 
 
 class QuadrotorEnv(gymnasium.Env):
-    """One quadrotor in blasts: the first lane of a `QuadrotorBlast` of the same seed.
+    """A single quadrotor in blasts: lane 0 of a `QuadrotorBlast` of the same seed.
 
     Args:
         task: "Hover", "Rates", "Mission" or "Detect".
@@ -85,14 +85,15 @@ class QuadrotorEnv(gymnasium.Env):
 
 
 class QuadrotorBlast(VectorEnv):
-    """Lanes of quadrotors in blasts, stepped at once; `AutoresetMode.NEXT_STEP`.
+    """Lanes of quadrotors in blasts, stepped together; `AutoresetMode.NEXT_STEP`.
 
-    What lane `n` does depends on seed, `n` and its actions, and not on how many there
-    are. An action that is no number ends its lane's episode: `infos["bad_action"]` says
-    which. `infos["peak_deviation_m"]` is the farthest so far of each episode.
+    Lane `n` depends on the seed, `n` and its actions only, not on the number of lanes.
+    An action of NaN or infinity ends its lane's episode and sets
+    `infos["bad_action"]`. `infos["peak_deviation_m"]` is the maximum distance from the
+    target in each episode so far.
 
     Args:
-        num_envs: How many lanes.
+        num_envs: Number of lanes.
         task: "Hover", "Rates", "Mission" or "Detect".
         params: Of the environment, in place of all that follows.
         options: As in `environment_params`.
@@ -177,7 +178,7 @@ class QuadrotorBlast(VectorEnv):
 
 
 def params_of(task: str, params: EnvironmentParams | None, options: dict) -> Any:
-    """Return the params that are given, or those of names and numbers.
+    """Return given params, or those of `environment_params` from options.
 
     Raises:
         InputError: Both are given, or as in `environment_params`.
@@ -185,7 +186,7 @@ def params_of(task: str, params: EnvironmentParams | None, options: dict) -> Any
     if params is not None:
         if options:
             raise InputError(
-                f"params: expected them alone, got {', '.join(options)} beside them"
+                f"params: expected no other options, got {', '.join(options)}"
             )
         return params
     if task == "Mission" and "guidance" not in options:
@@ -194,12 +195,12 @@ def params_of(task: str, params: EnvironmentParams | None, options: dict) -> Any
 
 
 def action_space(params: EnvironmentParams) -> Box:
-    """Return the actions of one lane."""
+    """Return the action space of one lane."""
     return Box(-1.0, 1.0, (actions_of(params),), np.float32)
 
 
 def observation_space(seen: int) -> Box:
-    """Return what one lane may show."""
+    """Return the observation space of one lane."""
     return Box(-np.inf, np.inf, (seen,), np.float32)
 
 
@@ -207,7 +208,7 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Return actions as an array.
 
     Raises:
-        InputError: They are no numbers, or of another shape.
+        InputError: They are not numbers, or have another shape.
     """
     try:
         array = np.asarray(actions, np.float32)

@@ -1,8 +1,7 @@
-"""Many lanes together; each is independent, and restarts with the step after its end.
+"""Steps of many independent lanes, which restart in the step after their end.
 
 In any step few lanes are in a blast, and few restart. Both cost more than the step
-itself, so both are computed for blocks of these lanes alone, as many blocks as needed.
-Each lane has the same result as by `step`.
+itself, so both are computed in blocks of these lanes only. Results are those of `step`.
 """
 
 from collections.abc import Callable
@@ -28,13 +27,18 @@ from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.rollout import CHUNK_BYTES, over_devices
 
 T = TypeVar("T")
-CHUNK = 1024
-"""Lanes that a processor takes through all their steps before it takes the next: the
-state of more does not stay in its cache, of fewer a block of those in a blast or at a
-beginning is mostly empty."""
+CHUNK_LANES = 1024
+"""Lanes that a processor advances through all steps before the next chunk.
+
+The state of more lanes does not stay in its cache; with fewer, blocks of lanes in a
+blast or at a beginning are mostly empty.
+"""
 PUSHED_SHARE, BEGUN_SHARE, LEAST_BLOCK = 128, 256, 8
-"""A block holds one in so many pairs of lane and blast, one in so many lanes that
-begin, and so many at least."""
+"""Block sizes: pairs of lane and blast over 128, lanes over 256, and at least 8.
+
+About the shares of lanes in a blast and at a beginning in a step: larger blocks compute
+empty rows, smaller ones need more iterations.
+"""
 
 
 def in_chunks(
@@ -43,17 +47,17 @@ def in_chunks(
     chunk: int,
     devices: int,
 ) -> T:
-    """Return what a function of a chunk of lanes gives for all of them.
+    """Map a function of a chunk of lanes over all lanes.
 
     Args:
-        function: Of arrays whose first axis are the lanes of a chunk; so are those that
-            it returns.
-        lanes: Of all.
-        chunk: Lanes of a chunk.
-        devices: Among how many chunks are shared.
+        function: Function of arrays with the lanes of a chunk along the first axis,
+            which it keeps.
+        lanes: Arrays of all lanes.
+        chunk: Lanes per chunk.
+        devices: Number of devices.
 
     Raises:
-        InputError: Lanes do not go up in chunks, or chunks in devices.
+        InputError: The number of lanes is not a multiple of chunks and devices.
     """
     count = jax.tree.leaves(lanes)[0].shape[0]
     if count < 1 or count % (chunk * devices):
@@ -71,7 +75,7 @@ def in_chunks(
 
 
 def lane_keys(key: PRNGKeyArray, lanes: Array) -> Key[Array, " lane"]:
-    """Return the keys of lanes, each its number folded into the seed's key."""
+    """Return the keys of lanes: the seed's key with the lanes' numbers folded in."""
     return jax.vmap(jax.random.fold_in, (None, 0))(key, lanes)
 
 
@@ -81,9 +85,9 @@ def reset_lanes(
     """Begin the first episodes of lanes.
 
     Args:
-        key: Of the seed.
-        lanes: Their numbers.
-        params: Of the environment.
+        key: Key of the seed.
+        lanes: Numbers of the lanes.
+        params: Parameters of the environment.
     """
     return jax.vmap(reset, (0, None))(lane_keys(key, lanes), params)
 
@@ -93,15 +97,15 @@ def step_lanes(
     actions: Float[Array, "lane action"],
     params: EnvironmentParams,
 ) -> Step:
-    """Take a step of every lane; those that ended begin their next episode instead.
+    """Take a step of every lane; ended lanes begin their next episode instead.
 
-    That is Gymnasium's `NEXT_STEP`: the observation at the end of an episode is
-    returned as such, the action after it is not looked at, and earns nothing.
+    This is Gymnasium's `NEXT_STEP`: the observation at the end of an episode is
+    returned unchanged; the action after it is ignored and has no reward.
 
     Args:
-        states: Of the lanes, a row each.
-        actions: Likewise.
-        params: Of the environment.
+        states: States of the lanes, one row each.
+        actions: Actions, one row per lane.
+        params: Parameters of the environment.
     """
     wrench = _pushed(states, params)
     taken = step_of(states, _moved(states, actions, params, wrench))
@@ -137,13 +141,11 @@ def _moved(
     params: EnvironmentParams,
     wrench: PyTree[Array],
 ) -> Moved:
-    """Return what the step of all lanes changes.
-
-    On a CPU XLA runs a program of small arrays alone in order, in one thread, which is
-    what so many small loops want; a branch is a program of its own. So there the step
-    is taken by pieces of so many lanes, in a branch that is always taken, by a
-    condition that XLA cannot know.
-    """
+    """Return the changed parts of the state of all lanes."""
+    # On a CPU, XLA runs a program of small arrays sequentially in one thread, which is
+    # fastest for many small loops, and a branch is a separate program. So the step is
+    # taken in pieces of `CHUNK_BYTES` per number, each in a branch whose condition is
+    # always true but unknown to XLA.
     given = (states, tuple(actions.T), wrench)
     lanes, number = actions.shape[0], states.farthest_m
     piece = CHUNK_BYTES // number.dtype.itemsize
@@ -170,7 +172,7 @@ def _moved(
 
 
 def _pushed(states: EnvironmentState, params: EnvironmentParams) -> PyTree[Array]:
-    """Return what the blasts give all lanes, a row each."""
+    """Return force and moment of the blasts, one row per lane."""
     pushes = jax.vmap(in_blast, (0, None))(states, params) & ~states.ended[:, None]
     zero = jnp.zeros_like(states.farthest_m)
 
@@ -200,16 +202,18 @@ def for_some(
     start: T,
     share: int,
 ) -> T:
-    """Return what is there with what a function gives for some rows put in.
+    """Apply a function to selected rows, in blocks, and store its results.
 
     Args:
-        mask: Which rows.
-        function: Of the number of one row.
-        put: Of what is there, the numbers of some rows and what the function gave.
-            Numbers past the end are to be dropped.
-        start: What is there before.
-        share: One in so many rows makes a block, but `LEAST_BLOCK` at least.
+        mask: Selected rows.
+        function: Function of a row number.
+        put: Function of the accumulated value, row numbers and results, which returns
+            the next value. It has to drop row numbers beyond the end.
+        start: Initial value.
+        share: A block has a `share`-th of the rows, and at least `LEAST_BLOCK`.
     """
+    # A loop over blocks with a data-dependent count: the cost follows the number of
+    # selected rows, where a masked `vmap` would compute all rows.
     count = mask.shape[0]
     size = min(count, max(LEAST_BLOCK, count // share))
     so_far = jnp.cumsum(mask, dtype=jnp.int32)
@@ -222,7 +226,8 @@ def for_some(
         ranks = done + jnp.arange(1, size + 1, dtype=jnp.int32)
         places = jnp.searchsorted(so_far, ranks, method="scan_unrolled")
         given = jax.vmap(function)(jnp.minimum(places, count - 1))
-        # those that fill up the block point past the end, whatever they are divided by
+        # Padding of a block gets the largest integer, which stays beyond the end even
+        # after a division by the number of blasts.
         past = jnp.where(places < count, places, jnp.iinfo(places.dtype).max)
         return done + size, put(found, past, given)
 

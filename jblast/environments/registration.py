@@ -1,4 +1,4 @@
-"""The registration of environments with Gymnasium, which loads it: no JAX here."""
+"""Registration with Gymnasium, which imports this module: it must not import JAX."""
 
 from importlib import import_module
 
@@ -7,10 +7,10 @@ VERSION = "v0"
 
 
 def register_environments() -> None:
-    """Register `jblast/Hover-v0` and the others; once, however often it is called.
+    """Register `jblast/Hover-v0` and the other environments; repeated calls are safe.
 
-    Gymnasium calls it by itself, where jblast is installed, and `jblast.environments`
-    when it is imported. Where there is no Gymnasium nothing happens.
+    Gymnasium calls this function through its entry point, and `jblast.environments`
+    at import. Without Gymnasium it does nothing.
     """
     try:
         registration = import_module("gymnasium.envs.registration")

@@ -3,12 +3,12 @@ r"""The tasks of environments: start, aim, observations and reward of each, by n
 **Hover**: hold a position through blasts. Observations: position and velocity relative
 to the target (3, 3), attitude as a matrix (9), body rates (3). Reward of a step: $1 -
 |e|$ with the distance $e$ in metres, less 0.02 times the body rate in rad/s. An episode
-ends where the vehicle is farther off than `far_m`, or on the ground.
+ends if the vehicle is farther away than `far_m`, or on the ground.
 
 **Rates**: follow requested body rates, the task of GymFC. An episode draws body rates,
-uniform within `rate_rad_s` about each axis; the vehicle flies freely. Observations:
+uniform within `rate_rad_s` about each axis; the position is free. Observations:
 requested less actual rates (3), actual rates (3), both over `rate_rad_s`, and rotor
-speeds over the greatest (4). Reward of a step: 1 less the mean of the absolute errors
+speeds over the maximum (4). Reward of a step: 1 less the mean of the absolute errors
 over `rate_rad_s`.
 
 **Mission**: follow the set point of a plan's legs (`jblast.missions`). An episode
@@ -18,10 +18,10 @@ leg's goal (3). Reward of a step: $1 - |e|$. An episode ends where the vehicle i
 farther off than `far_m`, or has landed at the mission's end.
 
 **Detect**: raise an alarm for a blast, from a microphone and an event camera on board.
-A controller holds the vehicle's position; the action (1) is an alarm where it is
-positive. Observations, of the last step:
+A position controller flies the vehicle; the action (1) is an alarm if it is positive.
+Observations of the last step:
 
-- level of the greatest overpressure at the vehicle, with noise of the rotors, over
+- level of the maximum overpressure at the vehicle, with noise of the rotors, over
   20 µPa, in units of 100 dB;
 - the natural logarithm of 1 plus the number of camera events. A flash gives five events
   for each pixel on the fireball's disc, $\frac{\pi}{4} (2 f r / R)^2$ pixels with $r =
@@ -44,7 +44,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.environments.episode import (
-    OF_READINGS,
+    READINGS_KEY,
     Action,
     Aim,
     EnvironmentParams,
@@ -68,14 +68,14 @@ from jblast.vehicle.state import (
 )
 from jblast.world import Blasts
 
-TURNING = 0.02
-"""Cost of a body rate of 1 rad/s in a step; declared."""
+BODY_RATE_COST = 0.02
+"""Cost of a body rate of 1 rad/s in a step; declared: small against the distance."""
 IN_TIME_S, FALSE_ALARM = 0.5, 0.1
 """Time for an alarm after an arrival [s], and the cost of a false one; declared."""
 REFERENCE_PA, NOISE_PA, BACKGROUND = 20e-6, 2.0, 10.0
 """Reference of sound levels [Pa]. Noise of the rotors [Pa] and camera events of the
 background in a step; both declared."""
-FIREBALL_M, FOCAL_PX, EVENTS_A_PIXEL = 1.75, 260.0, 5.0
+FIREBALL_M, FOCAL_PX, EVENTS_PER_PIXEL = 1.75, 260.0, 5.0
 """Fireball's radius of 1 kg [m], focal length [px], events of a lit pixel; declared."""
 
 Seen = tuple[Number, ...]
@@ -86,9 +86,9 @@ class Judged(NamedTuple):
     """Result of a step.
 
     Attributes:
-        reward: Of the step.
-        terminated: Whether the episode is over by itself.
-        task: Memory of the task afterwards.
+        reward: Reward of the step.
+        terminated: True if the task has ended the episode.
+        task: State of the task after the step.
     """
 
     reward: Float[Array, ""]
@@ -97,17 +97,17 @@ class Judged(NamedTuple):
 
 
 class Task(NamedTuple):
-    """A task, as functions without memory of their own.
+    """A task as pure functions.
 
     Attributes:
-        command: Its default mode of command.
+        command: Default mode of command.
         target_m: Target: east, north, up.
         episode_s: Duration of an episode.
-        actions: Numbers of an action; None: as many as the mode of command has.
-        start: Of a key and the params: motion and memory at the start.
-        aim: Of params and state: where to be in this step, and its memory afterwards.
-        observe: Of params and state: observations besides the motion.
-        judge: Of params, the state after the step, the action and the aim.
+        actions: Length of an action; None: that of the mode of command.
+        start: Function of key and params: initial motion and task state.
+        aim: Function of params and state: target in this step and next task state.
+        observe: Function of params and state: observations.
+        judge: Function of params, state after the step, action and target.
     """
 
     command: str
@@ -137,7 +137,7 @@ def _judge_hover(
 ) -> Judged:
     motion = state.now.motion
     off = distance(motion, aim)
-    reward = 1.0 - off - TURNING * _length(motion.body_rate)
+    reward = 1.0 - off - BODY_RATE_COST * _length(motion.body_rate)
     down = motion.position[2] <= params.ground_up_m
     return Judged(reward, (off > params.far_m) | down, ())
 
@@ -183,7 +183,7 @@ def default_guidance() -> Guidance:
 
 def _guidance(params: EnvironmentParams) -> Guidance:
     guidance = params.guidance
-    assert guidance is not None, "environment_params gives a mission its guidance"
+    assert guidance is not None, "checked by environment_params"
     return guidance
 
 
@@ -217,12 +217,12 @@ def _judge_mission(
     return Judged(1.0 - off, over, state.task)
 
 
-class Answered(NamedTuple):
-    """Alarms up to now.
+class AlarmState(NamedTuple):
+    """State of the task "Detect".
 
     Attributes:
-        blasts: Arrivals with an alarm, and missed ones.
-        since_s: Since the last alarm.
+        blasts: True for arrivals with an alarm, and for missed ones.
+        since_s: Time since the last alarm.
     """
 
     blasts: Bool[Array, " blast"]
@@ -230,15 +230,15 @@ class Answered(NamedTuple):
 
 
 def _start_detect(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
-    count = params.world.occurrence.count  # pyright: ignore[reportAttributeAccessIssue] (held by environment_params)
-    answered = Answered(jnp.zeros(count, bool), jnp.ones_like(params.step_s))
+    count = params.world.occurrence.count  # pyright: ignore[reportAttributeAccessIssue] (checked by environment_params)
+    answered = AlarmState(jnp.zeros(count, bool), jnp.ones_like(params.step_s))
     return _at_rest(params, params.target_m), answered
 
 
 def _observe_detect(params: EnvironmentParams, state: EnvironmentState) -> Seen:
     place, step = jnp.stack(state.now.motion.position), params.step_s
     end = state.steps.astype(step.dtype) * step
-    key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), OF_READINGS)
+    key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), READINGS_KEY)
     noise = jax.random.normal(jax.random.fold_in(key, state.steps), (2,), step.dtype)
 
     def of(numbers: Blasts) -> tuple[Array, Array]:
@@ -246,20 +246,22 @@ def _observe_detect(params: EnvironmentParams, state: EnvironmentState) -> Seen:
         (blast,) = load.blasts
         since = end - load.arrival_time_s(place)[0]
         begins = jnp.where(since < step, 0.0, since - step)
-        # the wave falls from its front on: the loudest of a step is at its beginning
+        # The pressure falls from the front on, so its maximum is at the step's
+        # beginning.
         share = overpressure(
             load.wave_of(blast, place), jnp.where(since < 0, -1.0, begins)
         )
         away = jnp.sqrt(jnp.sum(jnp.square(place - blast.position_m)))
         disc = 2 * FOCAL_PX * FIREBALL_M * jnp.cbrt(blast.mass_kg) / away
         flash = (blast.time_s <= end) & (blast.time_s > end - step)
-        lit = EVENTS_A_PIXEL * math.pi / 4 * jnp.square(disc)
+        lit = EVENTS_PER_PIXEL * math.pi / 4 * jnp.square(disc)
         return load.pressure_pa * jnp.abs(share), jnp.where(flash, lit, 0.0)
 
     pressures, flashes = jax.vmap(of)(state.episode.blasts)
     heard = jnp.abs(NOISE_PA * noise[0]) + jnp.sum(pressures)
     events = BACKGROUND + jnp.sum(flashes)
-    # a Poisson count as a normal one: a sampler of counts has no fixed cost in a batch
+    # A normal approximation of the Poisson count: a Poisson sampler rejects, so that a
+    # batch would wait for its slowest lane.
     events = jnp.maximum(events + jnp.sqrt(events) * noise[1], 0.0)
     decibels = 20 * jnp.log10(heard / REFERENCE_PA + 1.0)
     return decibels / 100, jnp.log1p(events), state.task.since_s
@@ -282,7 +284,7 @@ def _judge_detect(
     hit = alarm & jnp.any(open_now)
     reward = jnp.where(hit, 1.0, jnp.where(alarm, -FALSE_ALARM, 0.0))
     reward = reward - jnp.sum(missed.astype(step.dtype))
-    after = Answered(
+    after = AlarmState(
         answered.blasts | missed | (open_now & alarm),
         jnp.where(alarm, 0.0, jnp.minimum(answered.since_s + step, 1.0)),
     )
@@ -293,7 +295,7 @@ def _judge_detect(
 def _at_target(
     params: EnvironmentParams, state: EnvironmentState
 ) -> tuple[Aim, PyTree[Array]]:
-    """Return the aim of a vehicle that hovers at the target, and the same memory."""
+    """Return the aim of a vehicle at the target, and the unchanged task state."""
     still = jnp.zeros_like(params.target_m)
     point = SetPoint(params.target_m, still, still)
     return Aim(point, jnp.zeros_like(params.step_s)), state.task
@@ -302,7 +304,7 @@ def _at_target(
 def _at_rest(
     params: EnvironmentParams, place: Float[Array, "3"], *, stands: bool = False
 ) -> StateComponents:
-    """Return a level vehicle at rest, whose rotors carry its weight, or stand."""
+    """Return a level vehicle at rest, with rotors at hover speed or at rest."""
     vehicle = params.vehicle
     weight = vehicle.mass_kg * FLIGHT_GRAVITY / 4
     speed = jnp.sqrt(weight / vehicle.thrust_coefficient)
@@ -313,7 +315,7 @@ def _at_rest(
 
 
 def _attitude_and_rates(motion: StateComponents) -> Seen:
-    """Return the matrix, body to world, row by row, and the body's rates [rad/s]."""
+    """Return the attitude matrix by rows (body to world) and body rates [rad/s]."""
     x, y, z = rotation(motion.quaternion)
     return (*x, *y, *z, *motion.body_rate)
 
@@ -327,12 +329,12 @@ def _error_from(motion: StateComponents, aim: Aim) -> tuple[Vector, Vector]:
 
 
 def distance(motion: StateComponents, aim: Aim) -> Float[Array, ""]:
-    """Return the distance of a vehicle from its aim [m], with a slope of 0 there."""
+    """Return the distance of a vehicle from its aim [m], with a gradient of 0 at 0."""
     return _length(_error_from(motion, aim)[0])
 
 
 def _length(vector: Vector) -> Float[Array, ""]:
-    """Return the length of a vector, with a slope of 0 at 0."""
+    """Return the length of a vector, with a gradient of 0 at 0."""
     square = dot(vector, vector)
     some = square > 0
     return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
@@ -380,4 +382,4 @@ TASKS: dict[str, Task] = {
         _judge_detect,
     ),
 }
-"""The tasks by their names."""
+"""Tasks by name."""

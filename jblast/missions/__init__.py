@@ -1,4 +1,4 @@
-"""Missions without a pilot: the file of a plan, its legs, the guidance, the end."""
+"""Autonomous missions: plan files, legs and guidance."""
 
 from jblast.missions.guidance import (
     Guidance as Guidance,

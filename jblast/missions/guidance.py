@@ -1,35 +1,34 @@
-r"""The set point of a vehicle on a mission, and the controller that follows it.
+r"""Set point of a vehicle on a mission, and the controller that follows it.
 
-A plan is a table of legs: arrays, so that a batch flies a batch of plans. A leg is a
-path of constant curvature, straight or circular: $p(s) = p_0 + t\,\sin(\kappa s)/\kappa
-+ n\,(1 - \cos \kappa s)/\kappa$, with the velocity along $t\cos\kappa s + n\sin\kappa
-s$. The table is padded with legs that are never entered, because its last leg is a
-landing or a hold without end.
+A plan is a table of legs: arrays, so that a batch of vehicles can have a batch of
+plans. A leg is a path of constant curvature, straight or circular: $p(s) = p_0 +
+t\,\sin(\kappa s)/\kappa + n\,(1 - \cos \kappa s)/\kappa$, with the velocity along
+$t\cos\kappa s + n\sin\kappa s$. The table is padded with legs that are never entered,
+because its last leg is a landing or a hold without end.
 
-The phases come one after another: the rotors stand while the sensors are calibrated,
-idle once armed, fly the legs, and stand when the vehicle has landed. The set point
-moves along a leg at a speed that grows by $a$ at most and is never above
+The phases are calibration with rotors at rest, idling once armed, flight along the
+legs, and rotors at rest after the landing. The set point moves along a leg with an
+acceleration of at most $a$ and a speed of at most
 
-- the leg's own, and what can be braked for, $\sqrt{v_{end}^2 + 2 a l}$ with $l$ still
-  to go;
-- that times $1 - (e - e_0)/(e_1 - e_0)$, within 0 and 1, where the vehicle is $e$ away
-  from it: the set point waits for a vehicle that a blast has moved away (as in PX4,
-  PositionSmoothing; $e_1$ is its MPC_XY_ERR_MAX, from memory).
+- the leg's limit and the braking limit $\sqrt{v_{end}^2 + 2 a l}$ with the remaining
+  length $l$;
+- this times $1 - (e - e_0)/(e_1 - e_0)$, clipped to 0 and 1, with the distance $e$ of
+  the vehicle from the set point: the set point waits for a vehicle displaced by a blast
+  (as in PX4, PositionSmoothing; $e_1$ is its MPC_XY_ERR_MAX, from memory).
 
-At the end of a leg that waits, the set point stands until the vehicle has come within
-the acceptance radius and stayed for the time that the item specifies. The vehicle has
-landed when it has been slow and as low as the ground for some time.
+At the end of a leg that waits, the set point stops until the vehicle is within the
+acceptance radius and has stayed for the time of the item. The vehicle has landed after
+some time at low speed and ground height.
 
-The position hold follows the set point. Its velocity and acceleration are added to the
-velocity that the hold is given, $v - v_{sp} - a/k_d$, so that the hold requests
-$-k_p e_x - k_d (v - v_{sp}) + a$ and its integral depends on positions alone. $a$ has
-the set point's acceleration and the drag of the rotors at hover at that velocity in
-still air, $(c_d, c_d, c_z) \sum \Omega_i v_{sp} / m$ with the drag coefficients $c$ of
-a rotor. Without it an Iris trails 0.2 m behind at 5 m/s for as long as its integral
-needs.
+The position controller follows the set point. The velocity passed to it is
+$v - v_{sp} - a/k_d$, so it commands $-k_p e_x - k_d (v - v_{sp}) + a$ and its integral
+depends on positions only. $a$ includes the set point's acceleration and the drag of the
+rotors at hover speed, at that velocity in still air,
+$(c_d, c_d, c_z) \sum \Omega_i v_{sp} / m$ with the drag coefficients $c$ of a rotor.
+Without it an Iris lags 0.2 m behind at 5 m/s until its integral has compensated.
 
-The controller's memory is not stored. It is computed again from the states that it was
-given, which are the stored rows (or their estimates) where each turn is stored.
+The controller's state is not stored. It is recomputed from the states passed to it,
+which are the stored rows (or their estimates) if each sample is stored.
 """
 
 import dataclasses
@@ -45,25 +44,25 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.types import as_float_array
 from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
-from jblast.vehicle.control.position_hold import Readied
+from jblast.vehicle.control.position_hold import PreparedController
 from jblast.vehicle.state import three
 
 IDLE_SHARE = 0.2
-"""Of the speed at which the rotors carry the weight; declared."""
+"""Idle speed of armed rotors over their hover speed; declared."""
 CALIBRATING, ARMED, FLYING, ENDED = range(4)
-"""Phases, in their order."""
+"""Phases in order."""
 PHASES = ("calibrating", "armed", "flying", "disarmed")
 CALIBRATE_S, IDLE_S = 2.0, 1.0
-"""How long the first two last; declared (COM_SPOOLUP_TIME is 1 s)."""
+"""Durations of calibration and idling; declared (COM_SPOOLUP_TIME is 1 s)."""
 NEAR_M, FAR_M = 0.5, 2.0
-"""$e_0$ and $e_1$."""
+"""$e_0$ and $e_1$: distances at which the set point slows down and stops."""
 LOW_M, SLOW_M_S, LANDED_S = 0.05, 0.3, 0.5
-"""What counts as landed, and after how long; declared."""
-TURN_RAD_S = 0.7853981633974483
-"""Most that the heading turns [MPC_YAWRAUTO_MAX, 45 degrees a second]."""
-AT_END_M = 1e-6
-"""Rounding of the path length: the set point of a leg that waits reaches its end in the
-limit."""
+"""Height and speed of a landed vehicle, and their minimum duration; declared."""
+MAX_YAW_RATE_RAD_S = 0.7853981633974483
+"""Maximum yaw rate of the set point [MPC_YAWRAUTO_MAX, 45 degrees per second]."""
+END_TOLERANCE_M = 1e-6
+"""Tolerance of a leg's end: under the braking limit, the set point of a leg that waits
+reaches its end only asymptotically."""
 
 
 class Legs(eqx.Module):
@@ -72,19 +71,18 @@ class Legs(eqx.Module):
     Attributes:
         start_m: $p_0$: east, north, up.
         along: $t$: unit vector.
-        inward: $n$: unit vector to the middle of the circle; zero: straight.
+        inward: $n$: unit vector to the centre of the circle; zero: straight.
         curvature_per_m: $\kappa$.
-        length_m: To its end.
-        speed_m_s: Most on the way.
-        end_speed_m_s: Most at its end, so that what follows can be braked for.
+        length_m: Length.
+        speed_m_s: Maximum speed.
+        end_speed_m_s: Maximum speed at its end, for braking on following legs.
         goal_m: The waypoint.
-        acceptance_m: How near the vehicle must come to it.
-        hold_s: How long it stays there; infinite: for ever.
-        yaw_rad: Heading from east to north; NaN: as it is.
-        waits: Whether the set point stops at its end until the vehicle has come and
-            stayed; else it passes.
-        lands: Whether it ends on the ground.
-        visit: Which item it belongs to, as they are flown, from 0.
+        acceptance_m: Acceptance radius of the waypoint.
+        hold_s: Waiting time; infinite: unlimited.
+        yaw_rad: Heading from east to north; NaN: unchanged.
+        waits: True if the set point waits at the end for the vehicle.
+        lands: True if it ends on the ground.
+        visit: Index of its item in the order of execution, from 0.
     """
 
     start_m: Float[Array, "*batch leg 3"] = eqx.field(converter=as_float_array)
@@ -106,13 +104,13 @@ class Legs(eqx.Module):
 
     @property
     def count(self) -> int:
-        """Legs in the table, padding included."""
+        """Number of legs, padding included."""
         return self.length_m.shape[-1]
 
     def padded(self, count: int) -> "Legs":
-        """Return the table with its last leg repeated up to so many.
+        """Return the table padded with copies of its last leg.
 
-        The last is never left, so what stands behind it is never flown.
+        The last leg never ends, so the padding is never entered.
         """
         missing = count - self.count
         if missing < 0:
@@ -142,16 +140,16 @@ FIELDS = {
     "lands": 1,
     "visit": 1,
 }
-"""Of `Legs`, with their number of axes without a batch."""
+"""Fields of `Legs` with their number of axes without a batch."""
 
 
 class GuidanceHistory(NamedTuple):
     """Output of the guidance at each row.
 
     Attributes:
-        set_point_m: Where the vehicle should have been.
-        phase: Of `PHASES`.
-        leg: Which leg was flown.
+        set_point_m: Position set point.
+        phase: Index into `PHASES`.
+        leg: Index of the leg.
     """
 
     set_point_m: Float[Array, "time 3"]
@@ -160,15 +158,15 @@ class GuidanceHistory(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """How far a mission has come.
+    """State of the guidance.
 
     Attributes:
-        phase: Of `PHASES`.
-        leg: Which one is flown.
-        since_s: Of the phase, up to arming; then of the hold, or on the ground.
-        along_m: Of the set point, from the leg's start.
-        speed_m_s: Of the set point.
-        yaw_rad: Its heading.
+        phase: Index into `PHASES`.
+        leg: Index of the current leg.
+        since_s: Time in the phase before flight; then waiting time or time on ground.
+        along_m: Position of the set point along the leg.
+        speed_m_s: Speed of the set point.
+        yaw_rad: Heading of the set point.
     """
 
     phase: Int[Array, ""]
@@ -180,7 +178,7 @@ class Progress(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """Where the vehicle should be, and how it should move there."""
+    """Set point of position, velocity and acceleration: east, north, up."""
 
     position_m: Float[Array, "3"]
     velocity_m_s: Float[Array, "3"]
@@ -188,11 +186,11 @@ class SetPoint(NamedTuple):
 
 
 class Guidance(eqx.Module):
-    """The legs of a mission, and how they are followed.
+    """Guidance along the legs of a mission.
 
     Attributes:
-        legs: Of the plan.
-        acceleration_m_s2: Of the set point.
+        legs: Legs of the plan.
+        acceleration_m_s2: Maximum acceleration of the set point.
         yaw_rad: Heading at the start.
         ground_m: Height of the ground.
     """
@@ -203,32 +201,33 @@ class Guidance(eqx.Module):
     ground_m: Float[Array, "*batch"] = eqx.field(converter=as_float_array, default=0.0)
 
     def start(self) -> Progress:
-        """Return the progress before the first turn."""
+        """Return the state before the first sample."""
         none = jnp.zeros_like(self.yaw_rad)
         count = jnp.zeros_like(none, jnp.int32)
         return Progress(count, count, none, none, none, self.yaw_rad)
 
     def set_point(self, now: Progress) -> Float[Array, "3"]:
-        """Return where the vehicle should be [m]."""
+        """Return the position set point [m], shape (3,)."""
         return point_on(self.legs, now.leg, now.along_m)[0]
 
     def __call__(
         self, state: State, now: Progress, period_s: Float[Array, ""]
     ) -> tuple[SetPoint, Progress]:
-        """Return the set point of this turn, and the progress afterwards."""
+        """Return the set point of this sample and the next state."""
         legs, leg, rate = self.legs, now.leg, self.acceleration_m_s2
         place, way, inward = point_on(legs, leg, now.along_m)
         flies = now.phase == FLYING
         left = legs.length_m[leg] - now.along_m
         end = legs.end_speed_m_s[leg]
-        # a millionth of a metre a second more: the root has a slope there
+        # 1e-12 (1e-6 m/s) keeps the gradient of the root finite at zero.
         brake = jnp.sqrt(end * end + 2 * rate * jnp.maximum(left, 0.0) + 1e-12)
         away = _length(state.position_m - place)
         share = jnp.clip(1 - (away - NEAR_M) / (FAR_M - NEAR_M), 0.0, 1.0)
         most = share * jnp.minimum(legs.speed_m_s[leg], brake)
         change = rate * period_s
         speed = jnp.minimum(now.speed_m_s + change, most)
-        # thrown off, it brakes as it may; towards the leg's end as it must
+        # After a displacement the set point brakes with at most `rate`; towards the
+        # leg's end the braking limit below always applies.
         speed = jnp.maximum(
             speed, jnp.minimum(now.speed_m_s - change, legs.speed_m_s[leg])
         )
@@ -240,7 +239,7 @@ class Guidance(eqx.Module):
         )
         along = now.along_m + speed * period_s
         waits = legs.waits[leg]
-        at_end = along >= legs.length_m[leg] - AT_END_M
+        at_end = along >= legs.length_m[leg] - END_TOLERANCE_M
         along = jnp.where(waits, jnp.minimum(along, legs.length_m[leg]), along)
         return aim, self._after(state, now, speed, along, at_end & flies, period_s)
 
@@ -253,7 +252,7 @@ class Guidance(eqx.Module):
         at_end: Array,
         period_s: Float[Array, ""],
     ) -> Progress:
-        """Return the progress after a turn."""
+        """Return the state after a sample."""
         legs, leg, phase = self.legs, now.leg, now.phase
         flies, lands = phase == FLYING, legs.lands[leg]
         near = _length(state.position_m - legs.goal_m[leg]) <= legs.acceptance_m[leg]
@@ -261,7 +260,7 @@ class Guidance(eqx.Module):
         low = state.position_m[2] <= self.ground_m + LOW_M
         rests = lands & low & slow & flies
         since = now.since_s + period_s
-        # a hold once begun goes on, wherever a blast throws the vehicle
+        # A waiting time continues once begun, even if a blast displaces the vehicle.
         holds = legs.waits[leg] & at_end & (near | (now.since_s > 0)) & ~lands
         since = jnp.where(flies & ~(holds | rests), 0.0, since)
         comes_back = holds & (since >= legs.hold_s[leg]) & near
@@ -276,7 +275,7 @@ class Guidance(eqx.Module):
         aim = legs.yaw_rad[leg]
         off = jnp.where(jnp.isnan(aim), 0.0, aim - now.yaw_rad)
         turn = jnp.remainder(off + jnp.pi, 2 * jnp.pi) - jnp.pi
-        most = TURN_RAD_S * period_s
+        most = MAX_YAW_RATE_RAD_S * period_s
         turn = jnp.where(flies, jnp.clip(turn, -most, most), 0.0)
         follows = goes_on & flies
         last = jnp.minimum(leg + 1, legs.count - 1)
@@ -294,12 +293,12 @@ class Guidance(eqx.Module):
 def replay(
     guidance: Guidance, states: State, period_s: Float[Array, ""]
 ) -> GuidanceHistory:
-    """Return what the guidance said along a flight.
+    """Return the output of the guidance along a flight.
 
     Args:
-        guidance: Of the flight.
-        states: What the guidance was shown, a row each time that it was asked.
-        period_s: Between two.
+        guidance: Guidance of the flight.
+        states: States passed to the guidance, one row per sample.
+        period_s: Period of the controller.
     """
 
     def turn(now: Progress, state: State) -> tuple[Progress, GuidanceHistory]:
@@ -312,12 +311,12 @@ def replay(
 Memory = tuple[Float[Array, "3"], Progress]
 
 
-class MissionControl(Readied):
-    """Flies a mission unattended.
+class MissionControl(PreparedController):
+    """Controller of a vehicle on a mission.
 
     Attributes:
         guidance: The mission.
-        hold: Who follows the set point; its target and heading are not used.
+        hold: Controller that follows the set point; its target and heading are ignored.
 
     Example:
         `simulate(vehicle, start, control=MissionControl(guidance, hold), ...)`
@@ -328,20 +327,20 @@ class MissionControl(Readied):
 
     @property
     def gains(self) -> Gains:
-        """Of the hold: by them the step is checked."""
+        """Gains of the position controller; the step limit depends on them."""
         return self.hold.gains
 
     def start(self) -> Memory:
-        """Return the hold's integral and the mission's progress."""
+        """Return the initial integral of the controller and state of the guidance."""
         return self.hold.start(), self.guidance.start()
 
     def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the same with its allocation inverted, once for a flight."""
-        return _Ready(self, self.hold.ready(vehicle))
+        """Return the controller with its allocation inverted, once per flight."""
+        return _PreparedMission(self, self.hold.ready(vehicle))
 
 
-class _Ready(eqx.Module):
-    """A mission's control that need not invert its allocation at every turn."""
+class _PreparedMission(eqx.Module):
+    """A mission controller with its allocation inverted in advance."""
 
     control: MissionControl
     hold: Any
@@ -374,13 +373,13 @@ class _Ready(eqx.Module):
 
 
 def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -> State:
-    """Return what a hold is shown, so that it follows an aim that moves.
+    """Return the state to pass to a position controller for a moving set point.
 
     Args:
-        vehicle: The hold's model of the vehicle.
-        gains: Of the hold.
-        state: Of the vehicle.
-        aim: Where it should be.
+        vehicle: The controller's model of the vehicle.
+        gains: Gains of the controller.
+        state: State of the vehicle.
+        aim: The set point.
     """
     drag = 4 * _hover_speed(vehicle) * vehicle.rotor_drag / vehicle.mass_kg
 
@@ -392,7 +391,7 @@ def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -
         lead = jnp.where(some, lead / jnp.where(some, gain, 1.0), 0.0)
         return speed - wanted - lead
 
-    # axis by axis: a step of many vehicles has no arrays but theirs
+    # Axis by axis, so that a batch has one array per component (see `vehicle.state`).
     axes = map(
         three,
         (
@@ -408,13 +407,13 @@ def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -
 
 
 def _hover_speed(vehicle: Vehicle) -> Float[Array, ""]:
-    """Return the speed at which the rotors carry the weight [rad/s]."""
+    """Return the rotor speed of hover in still air [rad/s]."""
     weight = vehicle.mass_kg * FLIGHT_GRAVITY
     return jnp.sqrt(weight / (4 * vehicle.thrust_coefficient))
 
 
 def _length(vector: Float[Array, "3"]) -> Float[Array, ""]:
-    """Return the length of a vector, with a slope of 0 at 0."""
+    """Return the length of a vector, with a gradient of 0 at 0."""
     square = jnp.sum(vector * vector)
     some = square > 0
     return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
@@ -423,12 +422,12 @@ def _length(vector: Float[Array, "3"]) -> Float[Array, ""]:
 def point_on(
     legs: Legs, leg: Int[Array, ""], along_m: Float[Array, ""]
 ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
-    """Return a point of a leg, the way there, and the way to the circle's middle.
+    """Return point, tangent and normal of a leg, each of shape (3,).
 
     Args:
-        legs: One plan's.
-        leg: Which.
-        along_m: From its start [m].
+        legs: Legs of one plan.
+        leg: Index of the leg.
+        along_m: Distance from its start [m].
     """
     curvature = legs.curvature_per_m[leg]
     is_round = curvature > 0

@@ -1,10 +1,10 @@
 r"""A plan prepared for flight: its stops, and the legs between them.
 
-A corner with the turning angle $\theta$, at which no stop is required, is cut by an arc
-of radius $r$ that touches both lines. The arc begins $r \tan(\theta/2)$ before the
-corner, at most half of a line, and its least distance from the corner is
-$r (1/\cos(\theta/2) - 1)$, at most half the acceptance radius. It is flown at
-$\sqrt{a r}$ at most. The speed at the end of a leg is limited by braking on the next
+A corner with the turning angle $\theta$ and without a stop is replaced by an arc of
+radius $r$, tangent to both lines. The arc begins $r \tan(\theta/2)$ before the corner,
+at most half of a line, and its minimum distance from the corner is
+$r (1/\cos(\theta/2) - 1)$, at most half the acceptance radius. The speed on the arc is
+at most $\sqrt{a r}$. The speed at the end of a leg is limited by braking on the next
 one, $v^2 \le v_{next}^2 + 2 a l$.
 
 Horizontal positions are those of `observations.places.Frame`. Heights are above the
@@ -49,28 +49,31 @@ from jblast.missions.plan import (
 from jblast.observations.places import Frame
 from jblast.scene import Place
 
-FARTHEST_M = 20e3
-"""From home: past it the ground is no plane (31 m at 20 km), and no battery lasts."""
+MAX_DISTANCE_M = 20e3
+"""Maximum distance from home: there the Earth's surface is 31 m below the plane."""
 CEILING_M = 4000.0
-"""Above home: one density of air stands for all heights."""
-MOST_LEGS = 5000
-"""Of a plan, its jumps unrolled."""
-MOST_LANES = 1000
-"""Of a grid; declared: with two corners each they stay within `MOST_LEGS`."""
-ON_GROUND_M = 0.5
-"""How far from the ground's height a home may lie; it is then taken as on it."""
-SHORTEST_M = 1e-3
-"""What is shorter is no line."""
-BELOW_M = 3.0
-"""How far below the ground the set point of a landing goes: the vehicle comes to rest
-on it before."""
-STRAIGHT = math.radians(0.5)
-"""A corner of less is none; of more than half a turn less this, a stop."""
+"""Maximum height above home: one density of air is used for all heights."""
+MAX_LEGS = 5000
+"""Maximum number of items with unrolled jumps; declared, bounds compile time."""
+MAX_LANES = 1000
+"""Maximum number of lanes of a grid; their two corners each stay within `MAX_LEGS`."""
+HOME_TOLERANCE_M = 0.5
+"""Tolerance of a home's height above ground, for maps' errors; home is set to it."""
+MIN_LENGTH_M = 1e-3
+"""Length below which a line has no direction: a millimetre."""
+LANDING_DEPTH_M = 3.0
+"""Depth of a landing's set point below the ground; declared.
+
+The vehicle rests on the ground before the set point reaches it, so it descends with
+full speed until contact.
+"""
+STRAIGHT_RAD = math.radians(0.5)
+"""Angle below which a corner is straight; at half a turn less this it is a stop."""
 Vector = Float[np.ndarray, "3"]
 CIRCLE_M = 10.0
 """Default radius of an item for turns; declared."""
-RAISES = 1e-3
-"""Least difference of heights that is flown by itself [m]."""
+MIN_CLIMB_M = 1e-3
+"""Minimum difference of heights for a separate climb [m]: a millimetre, rounding."""
 
 
 def grid_plan(
@@ -83,25 +86,25 @@ def grid_plan(
     centre_m: tuple[float, float] = (0.0, 0.0),
     speed_m_s: float | None = None,
 ) -> Plan:
-    """Return a plan that flies over a field in lanes, and returns.
+    """Return a plan of parallel lanes over a field, with return and landing.
 
     Args:
-        home: Where it takes off.
-        width_m: Of the field, east to west, along the lanes.
-        depth_m: North to south; 0: one lane.
-        spacing_m: Between two lanes, at most.
+        home: Position of the take-off.
+        width_m: Length of the lanes, east to west.
+        depth_m: Extent of the field, north to south; 0: one lane.
+        spacing_m: Maximum distance between two lanes.
         up_m: Height above home.
-        centre_m: Of the field, east and north of home.
-        speed_m_s: Of the flight; None: the vehicle's.
+        centre_m: Centre of the field, east and north of home.
+        speed_m_s: Cruise speed; None: the vehicle's.
 
     Raises:
         InputError: There are too many lanes.
     """
-    # a depth of whole spacings has no further lane by rounding
+    # Rounding must not add a lane to a depth of whole spacings.
     lanes = 1 + math.ceil(depth_m / spacing_m - 1e-9)
-    if lanes > MOST_LANES:
+    if lanes > MAX_LANES:
         raise InputError(
-            f"grid: expected at most {MOST_LANES} lanes, got {lanes}: {depth_m:g} m "
+            f"grid: expected at most {MAX_LANES} lanes, got {lanes}: {depth_m:g} m "
             f"every {spacing_m:g} m"
         )
     norths = np.linspace(-0.5, 0.5, lanes) * depth_m if lanes > 1 else np.zeros(1)
@@ -124,15 +127,15 @@ def orbit_plan(
     centre_m: tuple[float, float] = (0.0, 0.0),
     speed_m_s: float | None = None,
 ) -> Plan:
-    """Return a plan that flies around a place, clockwise, and returns.
+    """Return a plan of clockwise circles around a position, with return and landing.
 
     Args:
-        home: Where it takes off.
-        radius_m: Of the circle; negative: the other way round.
-        turns: How many.
+        home: Position of the take-off.
+        radius_m: Radius of the circle; negative: counter-clockwise.
+        turns: Number of circles.
         up_m: Height above home.
-        centre_m: Of the circle, east and north of home.
-        speed_m_s: Of the flight; None: the vehicle's.
+        centre_m: Centre of the circle, east and north of home.
+        speed_m_s: Cruise speed; None: the vehicle's.
     """
     return _plan(home, [centre_m], up_m, speed_m_s, turns=turns, radius_m=radius_m)
 
@@ -145,14 +148,14 @@ def _plan(
     turns: float | None = None,
     radius_m: float | None = None,
 ) -> Plan:
-    """Return take-off, the places, and return."""
+    """Return a plan of take-off, positions, and return."""
     points = np.array([(*place, 0.0) for place in places])
     on_earth = geodetic(Frame(*home), points)
     rows: list[tuple[int, int, Parameters]] = [
         (TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, home.lat_deg, home.lon_deg, up_m))
     ]
     for lat, lon, _ in on_earth.tolist():
-        # a ten-millionth of a degree, 1 cm, is what MAVLink sends
+        # 1e-9 degree is 0.1 mm; MAVLink's resolution is 1e-7 degree, 1 cm.
         where = (round(lat, 9), round(lon, 9), up_m)
         if turns is None:
             rows.append((WAYPOINT, RELATIVE, (0.0, 0.0, 0.0, None, *where)))
@@ -164,21 +167,20 @@ def _plan(
 
 
 class Limits(NamedTuple):
-    """Defaults for a mission whose plan leaves them out.
+    """Default limits of a mission.
 
-    In brackets PX4's parameters for multicopters, whose defaults they are (from
-    memory).
+    Values are the defaults of the PX4 parameters in brackets (from memory).
 
     Attributes:
-        speed_m_s: Over ground [MPC_XY_CRUISE].
-        climb_m_s: [MPC_Z_V_AUTO_UP].
-        descent_m_s: [MPC_Z_V_AUTO_DN].
-        landing_m_s: Of the last metres [MPC_LAND_SPEED].
-        acceleration_m_s2: Of the set point, in all directions [MPC_ACC_HOR is 3].
-        acceptance_m: Of a waypoint that has no radius of its own; declared: PX4 has
-            10 m, for aeroplanes too.
-        return_m: Least height above home of the way back [RTL_RETURN_ALT].
-        slow_below_m: Height from which a landing goes slowly [MPC_LAND_ALT2].
+        speed_m_s: Ground speed [MPC_XY_CRUISE].
+        climb_m_s: Climb speed [MPC_Z_V_AUTO_UP].
+        descent_m_s: Descent speed [MPC_Z_V_AUTO_DN].
+        landing_m_s: Final descent speed [MPC_LAND_SPEED].
+        acceleration_m_s2: Acceleration of the set point [MPC_ACC_HOR is 3].
+        acceptance_m: Default acceptance radius of a waypoint; declared: PX4's 10 m
+            also serve aeroplanes.
+        return_m: Minimum height above home of a return [RTL_RETURN_ALT].
+        slow_below_m: Height of the final descent [MPC_LAND_ALT2].
     """
 
     speed_m_s: float = 5.0
@@ -193,22 +195,22 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True)
 class Stop:
-    """A place on the way.
+    """A target position of a mission.
 
     Attributes:
-        item: Place in the plan, from 0.
+        item: Index of its item in the plan, from 0.
         goal_m: East, north, up.
-        speed_m_s: Over ground, on the way there.
-        climb_m_s: Upwards at most.
-        descent_m_s: Downwards at most.
-        acceptance_m: How near the vehicle must come.
-        hold_s: How long it stays; infinite: for ever.
-        yaw_rad: From east to north; NaN: as it is.
-        stops: Whether the set point stops there, hold or not.
-        turns: Around the goal, at `radius_m`; 0: none.
-        radius_m: Positive: clockwise.
-        lands: Whether it is on the ground.
-        visit: Which in the order of the items as they are flown, from 0.
+        speed_m_s: Ground speed on the leg to it.
+        climb_m_s: Maximum climb speed.
+        descent_m_s: Maximum descent speed.
+        acceptance_m: Acceptance radius.
+        hold_s: Waiting time; infinite: unlimited.
+        yaw_rad: Heading from east to north; NaN: unchanged.
+        stops: True if the set point stops, even without a waiting time.
+        turns: Number of circles around the goal, at `radius_m`; 0: none.
+        radius_m: Radius; positive: clockwise.
+        lands: True if it is on the ground.
+        visit: Index in the order of execution, from 0.
     """
 
     item: int
@@ -227,14 +229,14 @@ class Stop:
 
 
 class Mission(NamedTuple):
-    """A plan that can be flown.
+    """A checked plan with its legs.
 
     Attributes:
-        plan: What was asked for.
-        frame: Where east-north-up has its origin.
-        home_m: Where the vehicle stands at the start: east, north, up.
-        stops: The places on its way.
-        guidance: How they are flown to.
+        plan: The plan.
+        frame: Geodetic frame of the origin.
+        home_m: Initial position of the vehicle: east, north, up.
+        stops: Target positions.
+        guidance: Guidance along the legs.
     """
 
     plan: Plan
@@ -253,18 +255,18 @@ def mission_of(
     limits: Limits | None = None,
     may_hover_on: bool = False,
 ) -> Mission:
-    """Return a plan as what flies, from the ground at height 0.
+    """Return the mission of a plan, from the ground at height 0.
 
     Args:
         plan: The plan.
-        place: Where the origin lies; None: at the plan's home.
-        position_m: Where the vehicle stands; None: at the plan's home.
-        yaw_rad: Its heading there.
-        limits: Defaults for a plan that leaves them out; None: PX4's.
-        may_hover_on: Whether it may end in the air.
+        place: Geodetic position of the origin; None: the plan's home.
+        position_m: Initial position of the vehicle; None: the plan's home.
+        yaw_rad: Initial heading.
+        limits: Default limits; None: PX4's.
+        may_hover_on: Accept a plan that ends in the air.
 
     Raises:
-        InputError: The plan cannot be flown, or as in `stops_of`.
+        InputError: The plan is invalid, or as in `stops_of`.
     """
     limits = Limits() if limits is None else limits
     frame = frame_of(plan, place)
@@ -275,10 +277,10 @@ def mission_of(
                 "[vehicle] position_m, got neither"
             )
         home = level(frame, *plan.home)
-        if abs(home[2]) > ON_GROUND_M:
+        if abs(home[2]) > HOME_TOLERANCE_M:
             raise InputError(
-                f"{plan.where}: home: expected its height to be that of the scene's "
-                f"[place], alt_m {frame.alt_m:g}, where the ground is, got "
+                f"{plan.where}: home: expected the height of the ground, alt_m "
+                f"{frame.alt_m:g} of the scene's [place], got "
                 f"{plan.home.alt_m:g} m: a mission that starts "
                 f"{'in the air' if home[2] > 0 else 'below ground'}"
             )
@@ -287,8 +289,8 @@ def mission_of(
         home = np.array(position_m, float)
         if home[2] > 0:
             raise InputError(
-                f"{plan.where}: expected a vehicle that stands on the ground, up 0 m, "
-                f"got one at {home[2]:g} m: a mission that starts in the air"
+                f"{plan.where}: expected a vehicle on the ground, up 0 m, got one at "
+                f"{home[2]:g} m: a mission that starts in the air"
             )
     stops = stops_of(plan, frame, home, limits, may_hover_on=may_hover_on)
     legs = legs_along(stops, home, limits)
@@ -297,11 +299,11 @@ def mission_of(
 
 
 def planned_seconds(legs: Legs, acceleration_m_s2: float) -> float:
-    """Return how long legs take where nothing disturbs; infinite: they have no end.
+    """Return the duration of legs without disturbances [s]; infinite without an end.
 
     Args:
-        legs: One plan's, not padded.
-        acceleration_m_s2: Of the set point.
+        legs: Legs of one plan, without padding.
+        acceleration_m_s2: Acceleration of the set point.
     """
     total, speed = CALIBRATE_S + IDLE_S, 0.0
     lengths, most, ends, holds = (
@@ -311,6 +313,7 @@ def planned_seconds(legs: Legs, acceleration_m_s2: float) -> float:
     for length, limit, end, hold, waits, lands in zip(
         lengths, most, ends, holds, legs.waits, legs.lands, strict=True
     ):
+        # A trapezoid of speed: acceleration to `top`, cruise, and braking to `end`.
         begin = min(speed, limit)
         square = acceleration_m_s2 * length + (begin * begin + end * end) / 2
         top = max(min(limit, math.sqrt(square)), begin, end)
@@ -332,29 +335,29 @@ def stops_of(
     *,
     may_hover_on: bool = False,
 ) -> list[Stop]:
-    """Return the places that a plan goes to, one after another.
+    """Return the target positions of a plan in order of execution.
 
     Args:
         plan: The plan.
-        frame: Where east-north-up has its origin.
-        home_m: Where the vehicle stands, on the ground.
-        limits: Defaults for a plan that leaves them out.
-        may_hover_on: Whether it may end in the air.
+        frame: Geodetic frame of the origin.
+        home_m: Initial position of the vehicle, on the ground.
+        limits: Default limits.
+        may_hover_on: Accept a plan that ends in the air.
 
     Raises:
-        InputError: The plan is empty, starts or ends in the air, goes on after it has
-            landed, jumps where it cannot, or has a place that cannot be reached.
+        InputError: The plan is empty, starts or ends in the air, continues after a
+            landing, has an invalid jump, or has an unreachable position.
     """
     where = plan.where
     if not plan.items:
-        raise InputError(f"{where}: items: expected a mission, got none: it is empty")
+        raise InputError(f"{where}: items: expected a mission, got an empty list")
     order = _order(plan)
     first = next((n for n in order if plan.items[n].command != SPEED), None)
     if first is None or plan.items[first].command != TAKEOFF:
         got = "nothing to fly" if first is None else plan.items[first].words
         raise InputError(
-            f"{where}: expected a take-off (22) first, as the vehicle stands on the "
-            f"ground; got {got}: a mission that starts in the air"
+            f"{where}: expected a take-off (22) first, from the ground, got {got}: a "
+            "mission that starts in the air"
         )
     speeds = {
         "speed_m_s": plan.hover_speed_m_s or limits.speed_m_s,
@@ -367,8 +370,8 @@ def stops_of(
         item = plan.items[n]
         if ended:
             raise InputError(
-                f"{where}: {item.words}: expected nothing after the mission has ended, "
-                "which a landing, a return and a loiter without end do"
+                f"{where}: {item.words}: expected no item after the end of the mission "
+                "(landing, return or loiter without end), got this one"
             )
         if item.command == SPEED:
             _change(speeds, item, where)
@@ -382,17 +385,17 @@ def stops_of(
         ended = item.command in (LAND, RETURN, LOITER)
     if not ended:
         last = stops[-1]
-        stops.append(held(last))
+        stops.append(unlimited_stop(last))
     if not may_hover_on and not stops[-1].lands:
         raise InputError(
-            f"{where}: expected a plan that ends with a landing (21) or a return (20), "
-            "or a time after which it is cut off, as it hovers on for ever at its end"
+            f"{where}: expected a landing (21) or a return (20) at the end, or a "
+            "duration of the flight, got a mission that hovers without end"
         )
     return stops
 
 
 def _order(plan: Plan) -> list[int]:
-    """Return places in the plan in the order in which they come, jumps unrolled."""
+    """Return indices of the plan's items in order of execution, with jumps unrolled."""
     by_number = {item.number: n for n, item in enumerate(plan.items)}
     left: dict[int, int] = {}
     order: list[int] = []
@@ -400,15 +403,16 @@ def _order(plan: Plan) -> list[int]:
     while n < len(plan.items):
         item = plan.items[n]
         steps += 1
-        if len(order) >= MOST_LEGS or steps > 2 * MOST_LEGS:
+        # Jumps count as steps: a cycle of jumps alone would never extend the order.
+        if len(order) >= MAX_LEGS or steps > 2 * MAX_LEGS:
             raise InputError(
-                f"{plan.where}: expected at most {MOST_LEGS:,} items when jumps are "
-                "unrolled, got more"
+                f"{plan.where}: expected at most {MAX_LEGS:,} items with unrolled "
+                "jumps, got more"
             )
         if not item.auto_continue and n + 1 < len(plan.items):
             raise InputError(
-                f"{plan.where}: {item.words}, autoContinue: expected true, as nobody "
-                "is there to go on, got false"
+                f"{plan.where}: {item.words}, autoContinue: expected true for an "
+                "unattended mission, got false"
             )
         if item.command != JUMP:
             order.append(n)
@@ -421,22 +425,22 @@ def _order(plan: Plan) -> list[int]:
             raise InputError(
                 f"{at}: expected the number of an item, {known}, got {goal:g}"
             )
-        if not (times >= 0 and float(times).is_integer()):  # neither nan nor inf is
+        if not (times >= 0 and float(times).is_integer()):  # false for nan and inf
             raise InputError(
-                f"{at}: expected how many times, 0 or more (-1, for ever, never ends "
-                f"unattended), got {times:g}"
+                f"{at}: expected a number of repetitions, 0 or more, got {times:g} "
+                "(-1, without end, is not possible unattended)"
             )
         if left.setdefault(n, int(times)) > 0:
             left[n] -= 1
             n = by_number[int(goal)]
         else:
-            del left[n]  # a jump around this one begins to count again
+            del left[n]  # an outer jump restarts the count of this one
             n += 1
     return order
 
 
 def _change(speeds: dict[str, float], item: Item, where: str) -> None:
-    """Take in a change of speed."""
+    """Apply an item that changes the speed."""
     kind, speed = item.number_of(1), item.number_of(2, -1.0)
     names = {0.0: "speed_m_s", 1.0: "speed_m_s", 2.0: "climb_m_s", 3.0: "descent_m_s"}
     if kind not in names:
@@ -454,17 +458,17 @@ def _change(speeds: dict[str, float], item: Item, where: str) -> None:
 
 
 def legs_along(stops: Sequence[Stop], start_m: Vector, limits: Limits) -> Legs:
-    """Return the legs that lead to stops, one after another.
+    """Return the legs between stops.
 
     Args:
-        stops: As `stops_of` returns them.
-        start_m: Where the vehicle stands.
-        limits: Of the set point's acceleration.
+        stops: Target positions as returned by `stops_of`.
+        start_m: Initial position of the vehicle.
+        limits: Limits with the set point's acceleration.
     """
     rows: list[dict] = []
     ways = _straight(stops, start_m)
     acceleration = limits.acceleration_m_s2
-    cut = 0.0  # of the line ahead, by the arc behind
+    cut = 0.0  # length of the next line that the previous arc replaces
     for n, (stop, start, end, way) in enumerate(ways):
         length = float(np.linalg.norm(end - start))
         after = ways[n + 1] if n + 1 < len(ways) else None
@@ -502,12 +506,12 @@ def _straight(
     for stop in stops:
         end = stop.goal_m
         if stop.lands:
-            end = end - np.array([0.0, 0.0, BELOW_M])
+            end = end - np.array([0.0, 0.0, LANDING_DEPTH_M])
         if stop.turns:
             end = _entry(stop, at)
         line = end - at
         length = np.linalg.norm(line)
-        if length > SHORTEST_M:
+        if length > MIN_LENGTH_M:
             way = line / length
         else:
             end = at
@@ -519,20 +523,20 @@ def _straight(
 def _arc(
     stop: Stop, length: float, way: Vector, after: tuple, acceleration: float
 ) -> dict | None:
-    """Return the arc around a stop that is passed; None: it stops there."""
+    """Return the arc at a stop that is passed; None if the set point stops."""
     if stop.stops or stop.hold_s or stop.lands or stop.turns:
         return None
     following, start, end, onward = after
     ahead = float(np.linalg.norm(end - start))
-    if min(length, ahead) <= SHORTEST_M:
+    if min(length, ahead) <= MIN_LENGTH_M:
         return None
-    # rounding leaves the product of two unit vectors above one
+    # The product of two unit vectors can exceed 1 by rounding.
     angle = math.acos(float(np.clip(way @ onward, -1.0, 1.0)))
-    if angle > math.pi - STRAIGHT:
+    if angle > math.pi - STRAIGHT_RAD:
         return None
     row = {"speed_m_s": min(_speed(stop, way), _speed(following, onward))}
     row |= {"waits": False, "end_speed_m_s": math.inf, "along": way}
-    if angle < STRAIGHT:
+    if angle < STRAIGHT_RAD:
         return {"take": 0.0, "row": row | {"length_m": 0.0}}
     tangent = math.tan(angle / 2)
     radius = min(
@@ -550,11 +554,11 @@ def _arc(
 
 
 def _entry(stop: Stop, at: Vector) -> Vector:
-    """Return the nearest point of a circle; from its middle, the northern one."""
+    """Return the nearest point of a circle; from its centre, the northernmost."""
     out = at - stop.goal_m
     out[2] = 0.0
     length = np.linalg.norm(out)
-    out = out / length if length > SHORTEST_M else np.array([0.0, 1.0, 0.0])
+    out = out / length if length > MIN_LENGTH_M else np.array([0.0, 1.0, 0.0])
     return stop.goal_m + abs(stop.radius_m) * out
 
 
@@ -563,7 +567,7 @@ def _circle(stop: Stop, start: Vector, acceleration: float) -> dict:
     radius = abs(stop.radius_m)
     inward = (stop.goal_m - start) / radius
     sense = math.copysign(1.0, stop.radius_m)
-    # clockwise from above: the middle is to the right
+    # Clockwise from above: the centre is to the right.
     along = sense * np.array([-inward[1], inward[0], 0.0])
     end = _exit(stop, start)
     return {
@@ -580,7 +584,7 @@ def _circle(stop: Stop, start: Vector, acceleration: float) -> dict:
 
 
 def _exit(stop: Stop, start: Vector) -> Vector:
-    """Return where a circle is left."""
+    """Return the end point of the circles."""
     east, north, _ = start - stop.goal_m
     angle = -math.copysign(2 * math.pi * stop.turns, stop.radius_m)
     sine, cosine = math.sin(angle), math.cos(angle)
@@ -589,7 +593,7 @@ def _exit(stop: Stop, start: Vector) -> Vector:
 
 
 def _speed(stop: Stop, way: Vector) -> float:
-    """Return the most speed along a line, of its parts over ground, up and down."""
+    """Return the maximum speed along a line from the limits of its components."""
     across, up = float(np.hypot(way[0], way[1])), float(way[2])
     limit = math.inf if across < 1e-9 else stop.speed_m_s / across
     if up > 1e-9:
@@ -600,9 +604,9 @@ def _speed(stop: Stop, way: Vector) -> float:
 
 
 def _brake(rows: list[dict], acceleration: float) -> None:
-    """Set the speeds at the ends of legs that are passed."""
-    allowed = 0.0  # at the start of the leg after
-    # from the last leg back: what is allowed at an end depends on all that follows
+    """Set the end speeds of legs without a stop."""
+    allowed = 0.0  # maximum speed at the start of the following leg
+    # Backwards, because the speed at an end depends on all following legs.
     for row in reversed(rows):
         if row["waits"]:
             row["end_speed_m_s"] = 0.0
@@ -614,7 +618,7 @@ def _brake(rows: list[dict], acceleration: float) -> None:
 
 
 def _table(rows: Sequence[dict]) -> Legs:
-    """Return the rows as arrays."""
+    """Return the legs of rows."""
     none = {"inward": np.zeros(3), "curvature_per_m": 0.0, "lands": False}
     whole = [none | row for row in rows]
     columns: dict[str, Any] = {
@@ -623,8 +627,8 @@ def _table(rows: Sequence[dict]) -> Legs:
     return Legs(**columns)
 
 
-def held(stop: Stop) -> Stop:
-    """Return a stop at the same place, for ever."""
+def unlimited_stop(stop: Stop) -> Stop:
+    """Return a stop at the same position without an end."""
     return replace(stop, hold_s=math.inf, stops=False, turns=0.0, lands=False)
 
 
@@ -638,7 +642,7 @@ def stops_for(
     limits: Limits,
     where: str,
 ) -> list[Stop]:
-    """Return the stops of one item, from where the vehicle is before it."""
+    """Return the stops of one item, from the position before it."""
     radius = limits.acceptance_m
 
     def stop(goal: Sequence[float] | np.ndarray, **options: Any) -> Stop:
@@ -670,16 +674,18 @@ def stops_for(
     if item.command == RETURN:
         high = max(float(at[2]), float(home[2]) + limits.return_m)
         found = (
-            [] if high - at[2] < RAISES else [stop((at[0], at[1], high), stops=True)]
+            []
+            if high - at[2] < MIN_CLIMB_M
+            else [stop((at[0], at[1], high), stops=True)]
         )
         over = np.array([home[0], home[1], high])
     else:
         found, high = [], float(at[2])
         over = np.array([goal[0], goal[1], high])
-    if np.hypot(*(over - (found[-1].goal_m if found else at))[:2]) > RAISES:
+    if np.hypot(*(over - (found[-1].goal_m if found else at))[:2]) > MIN_CLIMB_M:
         found.append(stop(over, stops=True, yaw_rad=yaw))
     slow = float(home[2]) + limits.slow_below_m
-    if high > slow + RAISES:
+    if high > slow + MIN_CLIMB_M:
         found.append(stop((over[0], over[1], slow), yaw_rad=yaw))
     ground = np.array([over[0], over[1], home[2]])
     slowly = min(limits.landing_m_s, speeds["descent_m_s"])
@@ -692,7 +698,7 @@ def _goal(
     home: Float[np.ndarray, "3"],
     frame: Frame,
 ) -> Float[np.ndarray, "3"]:
-    """Return where an item goes to: without a place here, without a height as high."""
+    """Return the target of an item; missing values are those of the position `at`."""
     lat, lon, alt = item.params[4:]
     up = at[2]
     if alt is not None:
@@ -706,7 +712,7 @@ def _goal(
 
 
 def _yaw(item: Item) -> float:
-    """Return a heading from east to north; NaN where an item has none."""
+    """Return a heading from east to north; NaN for an item without one."""
     degrees = item.params[3]
     if degrees is None or item.command not in (WAYPOINT, LOITER, LAND, TAKEOFF):
         return math.nan
@@ -723,13 +729,13 @@ def _at_least(item: Item, parameter: int, least: float, where: str) -> None:
 
 
 def check_reach(stop: Stop, home: Float[np.ndarray, "3"], at: str) -> None:
-    """Refuse a place that cannot be reached, with the reason."""
+    """Reject an unreachable position, with the reason."""
     away = float(np.hypot(*(stop.goal_m - home)[:2]))
     up = float(stop.goal_m[2] - home[2])
-    if away + abs(stop.radius_m) > FARTHEST_M:
+    if away + abs(stop.radius_m) > MAX_DISTANCE_M:
         raise InputError(
-            f"{at}: expected a place within {FARTHEST_M / 1e3:g} km of home, where the "
-            f"ground counts as level, got one {away / 1e3:.4g} km away: unreachable"
+            f"{at}: expected a position within {MAX_DISTANCE_M / 1e3:g} km of home "
+            f"(level ground), got one {away / 1e3:.4g} km away: unreachable"
         )
     if up > CEILING_M:
         raise InputError(
@@ -744,7 +750,7 @@ def check_reach(stop: Stop, home: Float[np.ndarray, "3"], at: str) -> None:
 
 
 def frame_of(plan: Plan, place: Place | None = None) -> Frame:
-    """Return the frame of a plan: about the scene's place, or about its home.
+    """Return the frame of a plan, with its origin at the scene's place or at home.
 
     Args:
         plan: The plan.
@@ -777,11 +783,11 @@ def level(
 def geodetic(
     frame: Frame, place_m: Float[ArrayLike, "*place 3"]
 ) -> Float[np.ndarray, "*place 3"]:
-    """Return latitude, longitude [degree] and height [m] of level places."""
+    """Return latitude, longitude [degree] and height [m] of positions."""
     place = np.array(place_m, float)
     found = place.copy()
     found[..., 2] = 0.0
-    # down to the ground, which lies below the plane: twice, to a millimetre at 20 km
+    # Project from the tangent plane to the ellipsoid: 2 iterations give 1 mm at 20 km.
     for _ in range(2):
         found[..., 2] -= frame.to_geodetic(found)[..., 2] - frame.alt_m
     answer = frame.to_geodetic(found)

@@ -4,14 +4,14 @@ QGroundControl's `.plan`, version 1, is JSON with the keys that its loader requi
 fileType, version, groundStation, mission of version 2 with plannedHomePosition, items
 and firmwareType; an item has exactly seven params.
 
-QGC WPL 110 is the older text form, twelve fields a line between tabs: number, current,
-frame, command, p1, p2, p3, p4, latitude, longitude, height, continue. The first line is
-home where it is a waypoint with a height above the sea (frame 0), as QGroundControl and
-Mission Planner write it; a list without home begins with its first item.
+QGC WPL 110 is the older text form with twelve tab-separated fields per line: number,
+current, frame, command, p1, p2, p3, p4, latitude, longitude, height, continue. The
+first line is home if it is a waypoint with a height above the sea (frame 0), as written
+by QGroundControl and Mission Planner. A list without home begins with its first item.
 
 Numbers of commands (MAV_CMD) and the meaning of their parameters are those of MAVLink's
-common.xml, from memory. What a multicopter does with them is PX4's, or ArduCopter's for
-turns; each entry names its source.
+common.xml, from memory. Their effect on a multicopter is that of PX4, or of ArduCopter
+for turns.
 """
 
 import json
@@ -39,7 +39,7 @@ PARTS = {
     "geoFence": (("circles", "polygons"), "a fence"),
     "rallyPoints": (("points",), "rally points"),
 }
-"""What a plan may have besides, the lists in it, and how it is called."""
+"""Ignored parts of a plan, their lists, and their description."""
 Parameters = tuple[
     float | None,
     float | None,
@@ -49,7 +49,7 @@ Parameters = tuple[
     float | None,
     float | None,
 ]
-# MAV_CMD of the items that are flown, without NAV or DO
+# MAV_CMD of the supported items, without the prefixes NAV and DO.
 WAYPOINT, LOITER, TURNS, LOITER_TIME = 16, 17, 18, 19
 RETURN, LAND, TAKEOFF, JUMP, SPEED = 20, 21, 22, 177, 178
 NOT_FLOWN = {
@@ -83,11 +83,11 @@ NOT_FLOWN = {
     2501: "stop video",
     3000: "VTOL transition",
 }
-"""Some that are not, so that a message can name them."""
+"""Names of some unsupported commands, for messages."""
 GLOBAL, MISSION, RELATIVE = 0, 2, 3
-"""MAV_FRAME."""
+"""MAV_FRAME: height above the sea, no position, height above home."""
 FRAMES = {GLOBAL: "above the sea", MISSION: "no place", RELATIVE: "above home"}
-"""Of an item's place (MAV_FRAME)."""
+"""Supported frames of an item's position (MAV_FRAME)."""
 FRAMES_NOT_FLOWN = {
     1: "local north, east, down",
     4: "local east, north, up",
@@ -103,12 +103,12 @@ class Item:
     """One item of a plan.
 
     Attributes:
-        number: By which others, and messages, name it; a ground station shows it.
-        command: Of `COMMANDS`.
-        frame: Of `FRAMES`: what its height is counted from.
-        params: Seven: 1 to 4 by the command, latitude and longitude [degree], height
-            [m]; None where nothing is said.
-        auto_continue: Whether the next follows by itself.
+        number: Number in the plan, as shown by ground stations and used by jumps.
+        command: Key of `COMMANDS`.
+        frame: Key of `FRAMES`: reference of its height.
+        params: Seven values: 1 to 4 by the command, latitude and longitude [degree],
+            height [m]; None: unspecified.
+        auto_continue: True if the next item follows automatically.
     """
 
     number: int
@@ -119,12 +119,12 @@ class Item:
 
     @property
     def words(self) -> str:
-        """How messages and tables name it: number and command."""
+        """Number and name of the command, for messages and tables."""
         return f"item {self.number}, {COMMANDS[self.command].name}"
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude [degree]; None: where the vehicle is, or nowhere."""
+        """Latitude and longitude [degree]; None: current position, or no position."""
         lat, lon = self.params[4], self.params[5]
         placed = COMMANDS[self.command].placed
         if placed == "never" or lat is None or lon is None:
@@ -134,7 +134,7 @@ class Item:
         return lat, lon
 
     def number_of(self, parameter: int, default: float = 0.0) -> float:
-        """Return parameter 1 to 7, or what stands for it where nothing is said."""
+        """Return parameter 1 to 7, or the default if it is unspecified."""
         value = self.params[parameter - 1]
         return default if value is None else value
 
@@ -144,13 +144,13 @@ class Plan:
     """A plan.
 
     Attributes:
-        items: In their order.
+        items: Items in order.
         home: Latitude, longitude, height above the sea; None: unspecified.
         hover_speed_m_s: Cruise speed of a multicopter; None: unspecified.
-        firmware: Whose the plan is, 12 PX4, 3 ArduPilot, as MAVLink numbers them.
-        source: The file it was read from; "" for one made here.
-        not_flown: What it has besides that nobody here goes by, in words.
-        rest: Other parts of its file, as they were read, to be written back.
+        firmware: MAV_AUTOPILOT: 12 PX4, 3 ArduPilot.
+        source: File of the plan; "" without one.
+        not_flown: Descriptions of ignored parts.
+        rest: Other parts of the file, written back unchanged.
     """
 
     items: tuple[Item, ...]
@@ -163,23 +163,22 @@ class Plan:
 
     @property
     def where(self) -> str:
-        """What messages call it."""
+        """Name of the plan in messages."""
         return self.source or "plan"
 
 
 def ground_control_text(plan: Plan) -> str:
-    """Return a plan as QGroundControl reads it.
+    """Return a plan in QGroundControl's format.
 
-    Parts of the file it was read from that nothing here goes by are written as they
-    were.
+    Ignored parts of the original file are written unchanged.
 
     Raises:
         InputError: The plan has no home.
     """
     if plan.home is None:
         raise InputError(
-            f"{plan.where}: home: expected latitude, longitude and height, which a "
-            ".plan has to say, got nothing"
+            f"{plan.where}: home: expected latitude, longitude and height, required in "
+            "a .plan, got nothing"
         )
     mission = dict(plan.rest.get("mission", {})) | {
         "version": 2,
@@ -203,7 +202,7 @@ def ground_control_text(plan: Plan) -> str:
 
 
 def waypoint_list_text(plan: Plan) -> str:
-    """Return a plan as a list of waypoints; numbers go up from 1, home is 0.
+    """Return a plan as a list of waypoints; home has number 0.
 
     Raises:
         InputError: The plan has no home, whose line comes first.
@@ -225,11 +224,11 @@ WRITERS = {
     ".waypoints": waypoint_list_text,
     ".txt": waypoint_list_text,
 }
-"""By what a name ends in."""
+"""Writers by suffix."""
 
 
 def read_plan(path: str | os.PathLike[str]) -> Plan:
-    """Read a plan, whatever its name.
+    """Read a plan; its format follows from the content, not from the name.
 
     Args:
         path: QGroundControl's .plan, version 1, or a list of waypoints, QGC WPL 110.
@@ -251,7 +250,7 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
 
 
 def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
-    """Return a plan in the form that a file's name asks for.
+    """Return a plan in the format of a file's suffix.
 
     Raises:
         InputError: The name has no known suffix, or the plan lacks a part that its
@@ -261,16 +260,16 @@ def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
 
 
 def check_form(path: str | os.PathLike[str]) -> str:
-    """Return what a file's name ends in, one of `WRITERS`.
+    """Return the suffix of a file's name, one of `WRITERS`.
 
     Raises:
-        InputError: It is none of them.
+        InputError: The suffix is unknown.
     """
     ending = Path(path).suffix.lower()
     if ending not in WRITERS:
         raise InputError(
-            f"{path}: expected a name that ends in {', '.join(WRITERS)}, got "
-            f"{ending or 'no ending'}"
+            f"{path}: expected a name with the suffix {', '.join(WRITERS)}, got "
+            f"{ending or 'no suffix'}"
         )
     return ending
 
@@ -306,7 +305,7 @@ def read_waypoint_list(text: str, source: str) -> Plan:
             continue
         at = f"{source}: line {n}"
         fields = line.strip().split("\t")
-        if len(fields) == 1:  # from an editor that made blanks of tabs
+        if len(fields) == 1:  # an editor has replaced tabs by blanks
             fields = line.split()
         if len(fields) != len(FIELDS):
             raise InputError(
@@ -330,15 +329,15 @@ def read_waypoint_list(text: str, source: str) -> Plan:
 
 
 def _line(item: Item, *, current: bool) -> str:
-    # what is not said is 0 in this form: a yaw of nothing would be north, so nan
-    said = [
+    # Unspecified values are 0 in this format, except the yaw, where 0 would be north.
+    values = [
         ("nan" if n == 3 else "0")
         if value is None
         else repr(int(value) if value == int(value) else value)
         for n, value in enumerate(item.params)
     ]
     head = [item.number, int(current), item.frame, item.command]
-    return "\t".join([*map(str, head), *said, str(int(item.auto_continue))])
+    return "\t".join([*map(str, head), *values, str(int(item.auto_continue))])
 
 
 def _whole(text: str, at: str) -> int:
@@ -349,7 +348,7 @@ def _whole(text: str, at: str) -> int:
 
 
 def _real(text: str, at: str) -> float | None:
-    """Return a number; None for nan, which is nothing said."""
+    """Return a number; None for nan, which means unspecified."""
     try:
         value = float(text)
     except ValueError:
@@ -460,7 +459,7 @@ def _entry(item: Item) -> dict[str, Any]:
 
 
 def _version(table: dict[str, Any], known: int, source: str, of: str) -> None:
-    """Refuse another version than the one that is read."""
+    """Reject other versions than the supported one."""
     version = table.get("version")
     if type(version) is not int or version != known:
         raise InputError(
@@ -469,7 +468,7 @@ def _version(table: dict[str, Any], known: int, source: str, of: str) -> None:
 
 
 def _home(value: Any, source: str) -> Place:
-    """Return where home is."""
+    """Return the home position."""
     at = f"{source}: plannedHomePosition"
     if not (
         isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
@@ -490,13 +489,13 @@ def _home(value: Any, source: str) -> Place:
 
 
 def _is_number(value: Any, above: float = float("-inf")) -> bool:
-    """Return whether this is a finite number of a common size."""
+    """Return whether a value is a finite number of a plausible size."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return is_number and abs(value) < 1e9 and value > above
 
 
 def _not_flown(document: dict[str, Any]) -> list[str]:
-    """Return what else the plan has, in words."""
+    """Return descriptions of the plan's ignored parts."""
     found = []
     for name, (lists, words) in PARTS.items():
         part = document.get(name)
@@ -513,19 +512,19 @@ def checked_item(
     params: Sequence[Any],
     auto_continue: bool = True,
 ) -> Item:
-    """Return an item whose numbers can be used.
+    """Return an item after checking its numbers.
 
     Args:
-        where: The file, and the line if it has lines, for the messages.
-        number: Of the item.
-        command: As it was read.
-        frame: Likewise.
-        params: Seven; None and NaN are not said.
-        auto_continue: Whether the next follows by itself.
+        where: File, and line if it has lines, for messages.
+        number: Number of the item.
+        command: Command as read.
+        frame: Frame as read.
+        params: Seven values; None and NaN are unspecified.
+        auto_continue: True if the next item follows automatically.
 
     Raises:
-        InputError: The command or its frame is not flown, the place or the height is
-            missing, or out of range, or a parameter asks for what nobody here does.
+        InputError: The command or its frame is not supported, position or height is
+            missing or out of range, or a parameter is not supported.
     """
     at = f"{where}: item {number}"
     if type(command) is not int or command not in COMMANDS:
@@ -543,8 +542,8 @@ def checked_item(
     for n, value in _counted(values[:4]):
         if value and n not in kind.used:
             raise InputError(
-                f"{at}, parameter {n}: expected 0 or nothing, which is all that is "
-                f"flown of it, got {value:g}"
+                f"{at}, parameter {n}: expected 0 or nothing (no other value is "
+                f"supported), got {value:g}"
             )
     item = Item(number, command, frame, (*values,), auto_continue)  # type: ignore[arg-type]  seven, counted by the reader
     if kind.placed != "never":
@@ -553,29 +552,29 @@ def checked_item(
 
 
 def check_numbers(items: Sequence[Item], where: str) -> None:
-    """Refuse two items of one number.
+    """Reject two items with the same number.
 
     Raises:
-        InputError: There are.
+        InputError: A number occurs twice.
     """
     seen: set[int] = set()
     for item in items:
         if item.number in seen:
             raise InputError(
-                f"{where}: item {item.number}: expected a number of its own, got that "
-                "of another item"
+                f"{where}: item {item.number}: expected a new number, got that of "
+                "another item"
             )
         seen.add(item.number)
 
 
 def _check_place(item: Item, at: str) -> None:
-    """Refuse a place that is none.
+    """Reject an invalid position.
 
     Raises:
         InputError: Latitude, longitude or height are missing or out of range.
     """
     if item.frame == MISSION:
-        raise InputError(f"{at}, frame: expected one with a place, 0 or 3, got 2")
+        raise InputError(f"{at}, frame: expected 0 or 3, with a position, got 2")
     lat, lon, alt = item.params[4:]
     needs = COMMANDS[item.command].placed == "always"
     for name, value in (("latitude", lat), ("longitude", lon)):
@@ -591,7 +590,7 @@ def _check_place(item: Item, at: str) -> None:
     if lon is not None and not -180.0 <= lon <= 180.0:
         raise InputError(f"{at}, longitude: expected -180 to 180 degrees, got {lon:g}")
     if alt is None:
-        if item.command == 21:  # lands at the ground, whatever is said
+        if item.command == LAND:  # lands on the ground at any height parameter
             return
         raise InputError(f"{at}, height: expected a number [m], got nothing")
     if not PLACE_LIMITS["alt_m"].allows(alt):
@@ -604,7 +603,7 @@ def _counted(values: Sequence[Any]) -> list[tuple[int, Any]]:
 
 
 def _number(value: Any, at: str) -> float | None:
-    """Return a number; None where there is none, or NaN."""
+    """Return a number; None for null or NaN."""
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -620,14 +619,14 @@ def _number(value: Any, at: str) -> float | None:
 
 
 class Command(NamedTuple):
-    """A command that is flown.
+    """A supported command.
 
     Attributes:
-        number: Of MAV_CMD.
-        name: Its name there, without what all begin with.
-        placed: Whether it says a place: "always", "may" (0, 0 or nothing is where the
-            vehicle is), "never".
-        used: Which of its parameters 1 to 4 are flown; the others must be 0 or absent.
+        number: MAV_CMD number.
+        name: Short name.
+        placed: Presence of a position: "always", "may" (0, 0 or nothing is the current
+            position), "never".
+        used: Supported parameters among 1 to 4; the others must be 0 or absent.
     """
 
     number: int
@@ -641,19 +640,19 @@ COMMANDS = {
     for command in (
         # hold [s], acceptance radius [m], -, yaw [degree, clockwise from north]
         Command(WAYPOINT, "waypoint", "always", (1, 2, 4)),
-        # a multicopter loiters on the spot, whatever the radius
+        # A multicopter loiters on the spot, at any radius.
         Command(LOITER, "loiter", "always", (3, 4)),
-        # turns, heading to leave by, radius [m] (positive: clockwise), where to leave:
-        # it leaves where it came in
+        # turns, exit heading, radius [m] (positive: clockwise), exit location: the
+        # vehicle leaves at its entry point
         Command(TURNS, "loiter for turns", "always", (1, 2, 3, 4)),
-        # time [s], the same three, without a meaning on the spot
+        # time [s], and the same three, which have no meaning on the spot
         Command(LOITER_TIME, "loiter for a time", "always", (1, 2, 3, 4)),
         Command(RETURN, "return to launch", "never", ()),
         # -, -, -, yaw
         Command(LAND, "land", "may", (4,)),
-        # pitch, of those with wings, -, -, yaw
+        # pitch (fixed wing only), -, -, yaw
         Command(TAKEOFF, "take-off", "may", (1, 4)),
-        # number of the item to go to, how many times
+        # number of the next item, number of repetitions
         Command(JUMP, "jump", "never", (1, 2)),
         # 0 or 1: over ground, 2: climb, 3: descent; [m/s], -1 no change; throttle
         Command(SPEED, "change speed", "never", (1, 2, 3)),

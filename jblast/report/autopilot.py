@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from jblast.autopilot.ground_station import Watched
+from jblast.autopilot.ground_station import ServiceResult
 from jblast.autopilot.lockstep import MOTOR_WORDS, Lockstep
 from jblast.autopilot.mavlink import Link
 from jblast.results import Document
@@ -99,7 +99,13 @@ def lockstep_answer(
 
 
 def watched_answer(
-    watched: Watched, link: Link, *, scene: str, seed: int, vehicle: str, items: int
+    watched: ServiceResult,
+    link: Link,
+    *,
+    scene: str,
+    seed: int,
+    vehicle: str,
+    items: int,
 ) -> WatchedAnswer:
     """Return what came of serving a ground station."""
     return WatchedAnswer(

@@ -48,7 +48,7 @@ from jblast.scene.camera import quaternion_product
 from jblast.sensors.imu import rotation_between, rotation_quaternion
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, State
-from jblast.vehicle.loads.blast import over_alike
+from jblast.vehicle.loads.blast import map_grouped
 from jblast.vehicle.loads.blast_wave import Blast, overpressure
 from jblast.waves.propagation import HYDROSTATIC_GRADIENT, LAPSE_RATE
 
@@ -478,7 +478,7 @@ def blast_overpressure(
         wave = load.wave_of(blast, position_m)
         return overpressure(wave, _since_front(load, blast, time_s, position_m))
 
-    return load.pressure_pa * sum(over_alike(of, load.waves), jnp.zeros_like(time_s))
+    return load.pressure_pa * sum(map_grouped(of, load.waves), jnp.zeros_like(time_s))
 
 
 def may_press(
@@ -503,7 +503,7 @@ def may_press(
         return ~blast.never & (since >= -slack_s) & (since <= lasts + slack_s)
 
     return functools.reduce(
-        jnp.logical_or, over_alike(of, load.waves), jnp.zeros((), bool)
+        jnp.logical_or, map_grouped(of, load.waves), jnp.zeros((), bool)
     )
 
 

@@ -41,7 +41,7 @@ from jblast.vehicle import (
     vehicle_of,
 )
 from jblast.vehicle.from_scene import free_air_at
-from jblast.vehicle.loads.blast import over_alike
+from jblast.vehicle.loads.blast import map_grouped
 from jblast.vehicle.loads.blast_wave import Blast
 from jblast.vehicle.loads.impulse_table import custom_profile
 from jblast.vehicle.metrics import THRESHOLDS
@@ -414,7 +414,7 @@ def _in_fire(
         return (since > 0) & (since < life) & (away < jnp.square(ball.radius))
 
     unnamed = [replace(charge, name="") for charge in scene.charges]
-    inside = jnp.stack(over_alike(burns_about, unnamed)).any(axis=0)
+    inside = jnp.stack(map_grouped(burns_about, unnamed)).any(axis=0)
     return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))
 
 
@@ -489,7 +489,7 @@ def encounter_at(
         scaled = scaled_distance(positive, blast.mass_kg, load.pressure_pa)
         return distance, scaled, load.wave_of(blast, position_m).peak, blast.never
 
-    found = zip(*over_alike(met, load.blasts), strict=True)
+    found = zip(*map_grouped(met, load.blasts), strict=True)
     distances, scaled, peaks, never = map(jnp.stack, found)
     return Encounter(
         arrival_at(load, position_m, quaternion),

@@ -1,10 +1,10 @@
-"""Controllers of a vehicle: one record for each, by name.
+"""Registry of the controllers of a vehicle, one record each.
 
-A record holds what `jblast fly` (`controllers`), the tuning of gains, environments for
-learners and the choice between JAX and Warp need to know of a controller. Its state and
-its command are those of the class `make` returns (`control.position_hold.Controller`):
-`start()` is the state, a call gives rotor speeds and the next state, and the fields are
-its gains. `register` adds a controller from any module.
+A record is used by `jblast fly` (`controllers`), the tuning of gains, environments for
+learners and the choice between JAX and Warp. State and command of a controller are
+those of the class that `make` returns (`control.position_hold.Controller`): `start()`
+returns the initial state, a call returns rotor speeds and the next state, and the
+fields are gains. `register` adds a controller from any module.
 """
 
 from collections.abc import Callable
@@ -36,9 +36,10 @@ class ControllerKernel(NamedTuple):
             `hold(vehicle, order, motion, state, period)`, as in
             `warp.position_hold.hold_functions`. The state is three numbers, zero at
             the start.
-        orders: From a controller to the rows that `order_of` reads, (..., row).
-        refused: From a controller to the option that the functions do not have, in
-            words; "" where they fly it.
+        orders: Function from a controller to the rows that `order_of` reads, shape
+            (..., row).
+        refused: Function from a controller to the description of an unsupported
+            option; "" if all are supported.
     """
 
     functions: Callable[[Any], SimpleNamespace]
@@ -48,21 +49,21 @@ class ControllerKernel(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerKind:
-    """All that the package needs to know of one controller.
+    """Registry entry of one controller.
 
     Attributes:
         name: As in `jblast fly --controllers`.
         words: Adverbial phrase for reports: "with integral action".
-        make: From the vehicle of a scene to the controller of its target and yaw, which
-            has a `target_m`, east, north, up.
+        make: Function from the vehicle of a scene to a controller for its target and
+            yaw, with a field `target_m` (east, north, up).
         type: Class of the controllers that `make` returns.
-        with_gains: From target, gains and yaw to such a controller, if it has the loops
-            of the SE(3) hold, so that their gains can be tuned and environments can
-            move its target: then `ready` returns a module whose field `hold` is the
-            controller with its `target_m`, `gains` and `yaw_rad`, and its state is
-            three numbers. None: neither.
-        kernel: Its Warp functions (`ControllerKernel`) or their place; None: JAX flies
-            it on every device.
+        with_gains: Function from target, gains and yaw to a controller with the loops
+            of the SE(3) controller, whose gains can be tuned and whose target
+            environments can move. Its `ready` returns a module whose field `hold` is
+            the controller with `target_m`, `gains` and `yaw_rad`, and its state is
+            three numbers. None: the controller has other loops.
+        kernel: Warp functions (`ControllerKernel`) or their import path; None: JAX
+            simulates the controller on every device.
     """
 
     name: str
@@ -74,20 +75,19 @@ class ControllerKind:
 
 
 def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
-    """Return the hold of its target and yaw.
+    """Return the SE(3) position controller for a vehicle's target and yaw.
 
     Args:
-        spec: The vehicle; gains it does not name are its model's.
-        integral: Whether the hold has integral action, whatever gains the scene has.
+        spec: The vehicle; gains without a value are those of its model.
+        integral: Whether the controller has integral action, regardless of the scene.
 
     Raises:
-        InputError: A gain cannot be used, or the vehicle flies a mission.
+        InputError: A gain is invalid, or the vehicle flies a mission.
     """
     if spec.mission is not None:
         raise InputError(
-            f"[vehicle] mission: {spec.mission}: expected a vehicle that holds its "
-            "place, got one with a mission, which jblast fly flies and nothing else "
-            "does yet"
+            f"[vehicle] mission: {spec.mission}: expected a vehicle without a mission, "
+            "got one with a mission; only jblast fly supports missions"
         )
     gains = NAMED_GAINS[spec.model] | spec.gains
     if not integral:
@@ -100,7 +100,7 @@ def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
 
 
 def cascade_of(spec: VehicleSpec) -> Cascade:
-    """Return PX4's cascade for its target and yaw, with the hold's gain of body rates.
+    """Return PX4's cascade with the body-rate gain of the SE(3) controller.
 
     Raises:
         InputError: As `hold_of`.
@@ -110,14 +110,14 @@ def cascade_of(spec: VehicleSpec) -> Cascade:
 
 
 def controller_of(spec: VehicleSpec, name: str) -> Any:
-    """Return a controller for its target and yaw.
+    """Return a controller by name, for a vehicle's target and yaw.
 
     Args:
         spec: The vehicle.
-        name: Of `CONTROLLERS`.
+        name: Name in `CONTROLLERS`.
 
     Raises:
-        InputError: There is none of that name, or as `hold_of`.
+        InputError: The name is unknown, or as `hold_of`.
     """
     return CONTROLLERS.named(name).make(spec)
 
@@ -126,22 +126,22 @@ def gains_controller(name: str) -> Callable[[Any, Gains, Any], Any]:
     """Return the `with_gains` of a controller.
 
     Raises:
-        InputError: There is none of that name, or it has other loops.
+        InputError: The name is unknown, or the controller has other loops.
     """
     made = CONTROLLERS.named(name).with_gains
     if made is None:
         with_them = [one for one, kind in CONTROLLERS.items() if kind.with_gains]
         raise InputError(
-            f"controller {name!r}: expected one with the gains of an SE(3) hold, "
-            f"{', '.join(with_them)}; got one with other loops"
+            f"controller {name!r}: expected a controller with the gains of the SE(3) "
+            f"controller ({', '.join(with_them)}), got one with other loops"
         )
     return made
 
 
 def kernel_of(controller: Any) -> ControllerKernel | None:
-    """Return the Warp functions of a controller, imported now; None: it has none."""
+    """Return the Warp functions of a controller; None if it has none."""
     for kind in CONTROLLERS.values():
-        # a subclass may do something else
+        # A subclass may override methods that the Warp functions do not have.
         if kind.kernel is not None and type(controller) is kind.type:
             return resolved(kind.kernel)
     return None
@@ -178,6 +178,6 @@ CONTROLLERS = Registry[ControllerKind](
         type=ObservedHold,
     ),
 )
-"""By name: the SE(3) hold with its integral or without, PX4's cascade, the SE(3) hold
-with a disturbance observer; `register` adds one from any module."""
+"""Controllers by name: SE(3) with and without integral, PX4's cascade, and SE(3) with a
+disturbance observer."""
 register = CONTROLLERS.register

@@ -3,7 +3,7 @@ r"""Equations of motion of a quadrotor in a wind, and their integrators.
 The equations are those of RotorPy 3.0.0. World axes are east, north, up; $R$ takes body
 to world axes.
 
-- lag: $\dot\Omega_i = (\Omega_i^{cmd} - \Omega_i)/\tau_m$, the command clipped;
+- lag: $\dot\Omega_i = (\Omega_i^{cmd} - \Omega_i)/\tau_m$, with the clipped command;
 - air: $u = R^T(v - v_{wind})$, at a rotor $u_i = u + \omega \times r_i$;
 - thrust: $T_i = k_\eta \Omega_i^2 + k_h (u_{ix}^2 + u_{iy}^2)$ along body z;
 - rotor drag: $H_i = -\Omega_i\,\mathrm{diag}(k_d, k_d, k_z)\,u_i$;
@@ -18,8 +18,8 @@ RK4 evaluates the rates at the beginning, twice in the middle and at the end of 
 The semi-implicit Euler method evaluates them once, with the state at the beginning and
 the wind and loads in the middle, and advances with the new velocity and body rate.
 Every step ends with the quaternion scaled to length 1. The exact flow preserves the
-length, so the correction is part of the step's own error and no larger: the order
-stays.
+length, so the correction is no larger than the step's own error and the order of the
+method is unchanged.
 """
 
 import functools
@@ -59,12 +59,9 @@ Rates = Callable[[int, StateComponents], StateComponents]
 def air_wrench(vehicle: Vehicle, motion: StateComponents, wind: Vector) -> Wrench:
     """Force and moment of rotors and frame in moving air, both along body axes.
 
-    The rotors' sums are taken apart into those of speeds and places, the same for
-    every part: a quarter of the work of rotor by rotor.
-
     Args:
         vehicle: The vehicle.
-        motion: Its state.
+        motion: State of the vehicle.
         wind: Velocity of the air, world [m/s].
 
     Returns:
@@ -81,6 +78,8 @@ def air_wrench(vehicle: Vehicle, motion: StateComponents, wind: Vector) -> Wrenc
         )
         return a * speeds[0] + b * speeds[1] + c * speeds[2] + d * speeds[3]
 
+    # Rotor drag is linear in the rotor speeds. Sums of speeds times positions, shared
+    # by all components, take a quarter of the work of a loop over rotors.
     r_x, r_y, r_z = ([arm[n] for arm in arms] for n in range(3))
     a_x, a_y, a_z = total(r_x), total(r_y), total(r_z)
     a_xx, a_yy, a_zz = total(r_x, r_x), total(r_y, r_y), total(r_z, r_z)
@@ -144,18 +143,18 @@ def rates(
 
     Args:
         vehicle: The vehicle.
-        motion: Its state.
-        command: Rotor speeds asked for [rad/s].
+        motion: State of the vehicle.
+        command: Rotor speed commands [rad/s].
         wind: Velocity of the air, world [m/s].
-        load: Of everything that is neither air nor weight.
+        load: Force and moment other than air and weight.
 
     Returns:
         Time derivative of each component.
     """
     w, m = motion.body_rate, vehicle.mass_kg
     force, moment = air_wrench(vehicle, motion, wind)
-    # Quotients: XLA keeps them, and calculates anything else again for each number
-    # that needs it. So all is per kilogram, and the inertia inverted by cofactors.
+    # XLA stores quotients but recomputes products for every number that uses them. So
+    # everything is divided by the mass, and the inertia is inverted by cofactors.
     pull = (force[0] / m, force[1] / m, force[2] / m)
     twist = (moment[0] / m, moment[1] / m, moment[2] / m)
     x, y, z = turned(motion.quaternion, pull)
@@ -167,7 +166,7 @@ def rates(
     whole = dot(p, across[0])
     e, f, g = times(across, (turn[0], turn[1], turn[2]))
     low, high = vehicle.rotor_speed_min_rad_s, vehicle.rotor_speed_max_rad_s
-    a, b, c, d = (jnp.clip(asked, low, high) for asked in command)
+    a, b, c, d = (jnp.clip(speed, low, high) for speed in command)
     speeds, lag = motion.rotor_speed, vehicle.motor_lag_s
     return StateComponents(
         position=motion.velocity,
@@ -190,7 +189,7 @@ def rates(
 def net_wrench(
     vehicle: Vehicle, motion: StateComponents, rate: StateComponents
 ) -> Wrench:
-    """Force [N], world, and moment [N m], body, that make these rates of a state."""
+    """Force [N], world, and moment [N m], body, that correspond to given rates."""
     m, (x, y, z) = vehicle.mass_kg, rate.velocity
     inertia = rows(vehicle.inertia_kg_m2)
     spin = cross(motion.body_rate, times(inertia, motion.body_rate))
@@ -200,6 +199,7 @@ def net_wrench(
 def _frame_drag(vehicle: Vehicle, u: Vector) -> Vector:
     """Drag of the frame; its gradient at rest is zero, not NaN."""
     square = dot(u, u)
+    # The guard is on the input of the root: masking its result would give 0 * inf.
     moving = square > 0
     speed = jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1)), 0)
     c_x, c_y, c_z = three(vehicle.frame_drag)
@@ -209,12 +209,12 @@ def _frame_drag(vehicle: Vehicle, u: Vector) -> Vector:
 def rk4_step(
     rates: Rates, motion: StateComponents, step: Float[Array, ""]
 ) -> StateComponents:
-    """Return what a step of the classical Runge-Kutta method of fourth order adds.
+    """Return the increment of a step of the classical fourth-order Runge-Kutta method.
 
     Args:
-        rates: Of a state, at a stage.
+        rates: Function from stage and state to rates.
         motion: State at the beginning.
-        step: Its length [s].
+        step: Length of the step [s].
     """
     half = step / 2
     first = rates(0, motion)
@@ -233,12 +233,12 @@ def rk4_step(
 def euler_step(
     rates: Rates, motion: StateComponents, step: Float[Array, ""]
 ) -> StateComponents:
-    """Return what a step of the semi-implicit Euler method, of first order, adds.
+    """Return the increment of a step of the first-order semi-implicit Euler method.
 
     Args:
-        rates: Of a state, at a stage.
+        rates: Function from stage and state to rates.
         motion: State at the beginning.
-        step: Its length [s].
+        step: Length of the step [s].
     """
     rate = rates(1, motion)
     moved = _moved(motion, step, rate)

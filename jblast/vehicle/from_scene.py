@@ -1,4 +1,4 @@
-"""Vehicle, start and blast loads of a scene.
+"""Vehicle, initial state and blast loads of a scene.
 
 Every charge of the scene gives one blast; a burst in free air gives a second one, the
 reflection from the ground.
@@ -35,7 +35,7 @@ def vehicle_of(spec: VehicleSpec) -> Vehicle:
 
 
 def start_of(spec: VehicleSpec) -> State:
-    """Return the start: level, turned to its yaw, rotors that carry its weight."""
+    """Return the initial state: level, at its yaw, with the rotor speeds of hover."""
     vehicle = vehicle_of(spec)
     zero = jnp.zeros_like(spec.yaw)
     weight = vehicle.mass_kg * FLIGHT_GRAVITY
@@ -61,18 +61,18 @@ def blast_load(
     """Return the loads of a scene's blasts.
 
     Args:
-        scene: Charges and air. Its laws are not used: the loads have theirs
-            (`loads.blast_wave`). The curve set of a charge without a stated burst is
-            that which its height leaves where the scene's vehicle starts; the surface
-            curves where the height is no number yet, as under `vmap`.
-        drag: Whether the blast wind drags the body.
-        front: Whether the front pushes it as it crosses.
-        rotors: Whether the rotors feel the blast wind.
-        reflection: Whether waves of free air come by way of the ground too.
+        scene: Charges and air. Its laws are not used: the loads have their own
+            (`loads.blast_wave`). Without a stated burst, the curve set of a charge
+            follows from its height and the start of the scene's vehicle. If the height
+            is traced, as under `vmap`, the surface curves are used.
+        drag: Include the drag of the blast wind on the body.
+        front: Include the impulse of the front that crosses the body.
+        rotors: Include the rotors' forces in the blast wind.
+        reflection: Include ground reflections of bursts in free air.
 
     Raises:
-        InputError: A charge has a range of its own: then it has no place. Or one above
-            the ground has no stated burst, and the scene has no vehicle.
+        InputError: A charge has a range instead of a position, or a charge above the
+            ground has no stated burst and the scene has no vehicle.
     """
     air = scene.air
     blasts = tuple(_blast(charge, scene) for charge in scene.charges)
@@ -89,10 +89,10 @@ def blast_load(
 
 
 def images_of(blasts: Sequence[Blast]) -> tuple[Blast, ...]:
-    """Return the images in the ground, at up = 0, of bursts in free air.
+    """Return the mirror images of bursts in free air, in the ground at up = 0.
 
     Args:
-        blasts: Charges; the image of one that is not above the ground never happens.
+        blasts: Charges; the image of a charge not above the ground never detonates.
     """
     found = []
     for blast in blasts:
@@ -100,22 +100,24 @@ def images_of(blasts: Sequence[Blast]) -> tuple[Blast, ...]:
             continue
         up = blast.position_m[..., 2]
         mirrored = blast.position_m * jnp.array([1.0, 1.0, -1.0], up.dtype)
+        # Heights may be traced, so an image cannot be left out: an infinite time
+        # disables it.
         time = jnp.where(up > 0, blast.time_s, jnp.inf)
         found.append(replace(blast, position_m=mirrored, time_s=time))
     return tuple(found)
 
 
 def _may_be_above(blast: Blast) -> bool:
-    """Return whether a charge is above the ground, or its height is traced."""
+    """Return whether a charge is above the ground or its height is traced."""
     up = blast.position_m[..., 2]
     return isinstance(up, Tracer) or bool(np.any(np.asarray(up) > 0))
 
 
 def free_air_at(scene: Scene, charge: Charge, place: Array) -> Bool[Array, " place"]:
-    """Return whether the reflection comes after the positive phase at places."""
+    """Return whether the reflection arrives after the positive phase at positions."""
     nothing = jnp.full(len(place), jnp.nan)
-    unsaid = replace(charge, burst=None)
-    free_air = path_between(scene, unsaid, place, nothing, nothing).free_air
+    any_burst = replace(charge, burst=None)
+    free_air = path_between(scene, any_burst, place, nothing, nothing).free_air
     return jnp.zeros(len(place), bool) if free_air is None else free_air
 
 
@@ -127,7 +129,8 @@ def _burst(charge: Charge, scene: Scene) -> Burst:
     if scene.vehicle is None:
         raise InputError(
             "charge burst: expected 'surface' or 'free-air' for a charge above the "
-            "ground, as the scene has no vehicle whose place would tell; got neither"
+            "ground in a scene without a vehicle, got neither; without a burst it "
+            "follows from the vehicle's position"
         )
     place = jnp.asarray(scene.vehicle.position)[None, :]
     return "free-air" if bool(free_air_at(scene, charge, place)[0]) else "surface"
@@ -136,8 +139,8 @@ def _burst(charge: Charge, scene: Scene) -> Burst:
 def _blast(charge: Charge, scene: Scene) -> Blast:
     if charge.range_m is not None:
         raise InputError(
-            "charge range: expected a position of the charge, from which a vehicle's "
-            "own distance follows, got a distance"
+            "charge range: expected a position of the charge for a scene with a "
+            "vehicle, got a distance"
         )
     return Blast(
         position_m=jnp.stack(charge.position_m),

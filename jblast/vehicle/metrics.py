@@ -1,28 +1,29 @@
-r"""Effects of a blast on a flight, from stored rows, and thresholds of damage.
+r"""Effects of a blast on a flight, from stored rows, and damage thresholds.
 
 The path error of a row is the distance from the target, $e(t) = |x(t) - x_0|$: for a
 position controller its set point, otherwise any path given row by row. With $t_0$ the
 time of the blast (its arrival at the vehicle) and a tolerance $\epsilon$:
 
-- before, after: the root mean square of $e$ over the rows before $t_0$, and from it on;
+- before, after: the root mean square of $e$ over the rows before and from $t_0$;
 - peak deviation: the largest $e$ from $t_0$ on, and its time after $t_0$;
-- recovery time: from $t_0$ to the moment from which $e$ stays within $\epsilon$ to the
-  end of the flight, linear in $e$ between two rows. 0 where it never leaves; infinite
-  where it is outside at the end;
-- settled: whether it is within the tolerance, and slower than a speed, over the whole
-  last interval of the flight of a given length;
-- crashed: whether it came down to the ground from above it, diverged, or turned over
-  (body z below the horizon); one that starts on the ground flies once it is higher than
+- recovery time: from $t_0$ to the time after which $e$ stays within $\epsilon$ until
+  the end of the flight, with $e$ linear between two rows. 0 if it never exceeds
+  $\epsilon$, infinite if it exceeds $\epsilon$ at the end;
+- settled: path error within the tolerance and speed below a limit over a final interval
+  of given length;
+- crashed: reached the ground from above, diverged, or overturned (body z below the
+  horizon); a vehicle that starts on the ground counts as flying once it is higher than
   the tolerance;
 - flies on: not crashed; damage by the blast is not included.
 
 A vehicle that diverged has rows of NaN: its peak is that of the finite rows, and it
-never recovers. Where no rows contribute, a number is NaN. A recovery is not resolved
-finer than the rows are, and a wave that arrives after the end is not included.
+never recovers. Without contributing rows a number is NaN. The resolution of a recovery
+time is that of the rows, and a wave that arrives after the end is not included.
 
-No source was found that measured the blast that a Crazyflie, a Hummingbird or an Iris
-withstands. The thresholds of damage are therefore declared, each with its origin; None
-means unknown. Below all of them a vehicle may be damaged; past one it need not be.
+No published measurement was found of the blast that a Crazyflie, a Hummingbird or an
+Iris withstands. The damage thresholds are therefore declared, each with its origin;
+None means unknown. A vehicle below all of them may be damaged, and one above a
+threshold may be intact.
 """
 
 from typing import NamedTuple
@@ -40,13 +41,13 @@ class FlightMetrics(eqx.Module):
     """Effects of a blast on flights; definitions above.
 
     Attributes:
-        error_before_m: Root mean square.
-        error_after_m: Likewise.
-        peak_deviation_m: Greatest path error after the blast.
-        peak_time_s: When, after the blast.
-        recovery_time_s: After the blast; infinite: not within this flight.
-        settled: Whether it came to rest at the target.
-        crashed: Whether it hit the ground, turned over or diverged.
+        error_before_m: Root mean square of the path error before the blast.
+        error_after_m: Root mean square of the path error after the blast.
+        peak_deviation_m: Maximum path error after the blast.
+        peak_time_s: Time of the maximum, after the blast.
+        recovery_time_s: Time after the blast; infinite: not within this flight.
+        settled: True if the vehicle is at rest at the target at the end.
+        crashed: True if it hit the ground, overturned or diverged.
     """
 
     error_before_m: Float[Array, "*batch"]
@@ -88,12 +89,12 @@ def flight_metrics(
 
     Args:
         trajectory: The flights.
-        target_m: Where they should be: (3,), or what broadcasts to the rows.
-        blast_time_s: When the blast came to each, or to all [s].
-        tolerance_m: Of the path error.
-        rest_m_s: Speed below which a vehicle rests.
-        rest_s: How long it must rest, at the end, to be settled.
-        ground_up_m: Height of the ground; None: there is none.
+        target_m: Target position: shape (3,), or broadcastable to the rows.
+        blast_time_s: Arrival time of the blast, per flight or for all [s].
+        tolerance_m: Tolerance of the path error.
+        rest_m_s: Speed below which a vehicle is at rest.
+        rest_s: Length of the final interval at rest for a settled vehicle.
+        ground_up_m: Height of the ground; None: no ground.
     """
     time, error = trajectory.time_s, path_error(trajectory, target_m)
     known = jnp.isfinite(error)
@@ -127,7 +128,7 @@ def flight_metrics(
 def _rms(
     error: Float[Array, "*batch time"], rows: Bool[Array, "*batch time"]
 ) -> Float[Array, "*batch"]:
-    """Root mean square over some rows; NaN where there are none."""
+    """Root mean square over selected rows; NaN without rows."""
     count = jnp.sum(rows.astype(error.dtype), axis=-1)
     total = jnp.sum(jnp.square(jnp.where(rows, error, 0.0)), axis=-1)
     return jnp.where(count > 0, jnp.sqrt(total / jnp.maximum(count, 1)), jnp.nan)
@@ -141,7 +142,7 @@ def _recovery(
     tolerance: float,
 ) -> Float[Array, "*batch"]:
     """Time from the blast until the error stays within its tolerance."""
-    # NaN is outside: what diverged does not come back
+    # A comparison with NaN is false, so diverged rows count as outside.
     outside = after & ~(error <= tolerance)
     rows = error.shape[-1]
     last = rows - 1 - jnp.argmax(outside[..., ::-1], axis=-1, keepdims=True)
@@ -164,25 +165,26 @@ def _recovery(
 def _crashed(
     trajectory: Trajectory, ground_up_m: float | None, tolerance: float
 ) -> Bool[Array, "*batch"]:
-    """Whether a flight hit the ground, turned over or diverged."""
+    """Return whether a flight hit the ground, overturned or diverged."""
     i, j, _, _ = jnp.moveaxis(trajectory.quaternion, -1, 0)
+    # The z component of body z, from a quaternion of length 1.
     over = 1 - 2 * (jnp.square(i) + jnp.square(j)) < 0
     crashed = trajectory.lost | jnp.any(over, axis=-1)
     if ground_up_m is None:
         return crashed
     height = trajectory.position_m[..., 2] - ground_up_m
-    # a gust rocks what stands on the ground
+    # A gust rocks a vehicle on the ground by less than the tolerance.
     free = jnp.where(height[..., :1] > 0, 0.0, tolerance)
     flew = jnp.cumsum(height > free, axis=-1) > 0
     return crashed | jnp.any((height <= 0) & flew, axis=-1)
 
 
 class Threshold(NamedTuple):
-    """A number that an exposure is held against.
+    """A damage threshold of an exposure.
 
     Attributes:
         value: In the unit of the exposure; null: unknown.
-        source: Where it is taken from, or that there is nothing.
+        source: Source of the number, or a note that none was found.
     """
 
     value: float | None
@@ -191,24 +193,24 @@ class Threshold(NamedTuple):
 
 PARKED = Threshold(
     55e3,
-    "declared: parked aircraft are past repair at 8 psi (DoD 6055.9-STD, C2.3, from "
-    "memory); nothing is published of this vehicle",
+    "declared: parked aircraft are beyond repair at 8 psi (DoD 6055.9-STD, C2.3, from "
+    "memory); no published value for this vehicle",
 )
-FIRE = Threshold(0.0, "declared: any time in some 2000 K")
+FIRE = Threshold(0.0, "declared: no exposure to some 2000 K is tolerated")
 THRESHOLDS = {
     "crazyflie": {
         "peak_overpressure_pa": PARKED,
         "peak_acceleration_m_s2": Threshold(
             24 * 9.81,
             "declared: range of its accelerometer, 24 g (BMI088, Crazyflie 2.1), past "
-            "which it knows its attitude no more; nothing is published of its frame",
+            "which its attitude estimate fails; no published value for its frame",
         ),
         "fireball_time_s": FIRE,
     },
     "hummingbird": {
         "peak_overpressure_pa": PARKED,
         "peak_acceleration_m_s2": Threshold(
-            None, "unknown: nothing is published of frame or accelerometer"
+            None, "unknown: no published value for frame or accelerometer"
         ),
         "fireball_time_s": FIRE,
     },
@@ -217,10 +219,10 @@ THRESHOLDS = {
         "peak_acceleration_m_s2": Threshold(
             16 * 9.81,
             "declared: range of its accelerometer, 16 g (MPU-6000, Pixhawk, from "
-            "memory), past which it knows its attitude no more; nothing is published "
-            "of its frame",
+            "memory), past which its attitude estimate fails; no published value "
+            "for its frame",
         ),
         "fireball_time_s": FIRE,
     },
 }
-"""Of the vehicles with a name, by the exposure's."""
+"""Damage thresholds of the named vehicles, by exposure."""

@@ -1,21 +1,21 @@
 """Quadrotors: parameters read from a table of names, and three named models.
 
-Crazyflie and Hummingbird: the parameter sets that RotorPy 3.0.0 (MIT) ships.
+Crazyflie and Hummingbird: parameter sets of RotorPy 3.0.0 (MIT).
 
 Iris: PX4's default airframe of simulation, from PX4-SITL_gazebo-classic,
 models/iris/iris.sdf.jinja: mass and inertia of base_link (the assembly with rotors and
-IMU weighs 1.535 kg), rotors 0 to 3 in its order, whose arms are of unequal length there
-too. timeConstantUp is the lag; the model slows down with 0.025 s, which a single lag
-cannot represent. momentConstant is a length: k_m is 0.06 m times k_eta. The reaction to
-a rotor that turns counter-clockwise is clockwise: direction -1. rotorDragCoefficient is
-k_d. The model has no k_z: its motors lose the share |u_z|/25 m/s of the thrust
+IMU weighs 1.535 kg), rotors 0 to 3 in its order, with the model's unequal arms.
+timeConstantUp is the lag; the model decelerates with 0.025 s, which a single lag cannot
+represent. momentConstant is a length: k_m is 0.06 m times k_eta. The reaction to a
+counter-clockwise rotor is clockwise: direction -1. rotorDragCoefficient is k_d. The
+model has no k_z: its motors lose the share |u_z|/25 m/s of the thrust
 (gazebo_motor_model.cpp), which at hover is k_z = k_eta 794/25 in a climb; in a descent
-the sign differs. Frame drag is not in the model: 0.
+the sign differs. The model has no frame drag: 0.
 
-The properties that a blast acts on are declared from outer dimensions; none has been
-measured. Areas: half of the bounding box seen from a side, a third from above.
+The properties for blast loads are declared from outer dimensions; none has been
+measured. Areas: half of the bounding box from the side, a third from above.
 Crazyflie: 92 x 92 x 29 mm (Bitcraze data sheet). Hummingbird: hub 0.1 x 0.1 x 0.12 m
-with arms of 0.17 m (RotorS, hummingbird.xacro), taken as a box of 0.34 x 0.34 x 0.12 m.
+with arms of 0.17 m (RotorS, hummingbird.xacro), as a box of 0.34 x 0.34 x 0.12 m.
 Iris: 0.47 x 0.47 x 0.11 m (collision box of the model). Volumes: mass over 1500 kg/m3,
 solid parts. The added mass is that of a sphere (Lamb 1932, art. 92), the drag
 coefficient that of a cube, 1.05 (Hoerner 1965, chapter 3). The centre of pressure lies
@@ -52,11 +52,11 @@ IGNORED = (
     *("kp_att", "kd_att", "kp_pos", "kd_pos", "ki_pos", "integral_limit"),
     "motor_lead",
 )
-"""Names of RotorPy's without a part in the equations, and a controller's gains."""
+"""RotorPy's names that the equations do not use, and a controller's gains."""
 
 
 def _square(arm: float) -> list[list[float]]:
-    """Return places of rotors that stand the same way ahead and aside [m]."""
+    """Return the positions of four rotors in a square of side 2 `arm` [m]."""
     return [[arm, arm, 0.0], [arm, -arm, 0.0], [-arm, -arm, 0.0], [-arm, arm, 0.0]]
 
 
@@ -131,19 +131,19 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 
 
 def floats(value: Any) -> Float[Array, "..."]:
-    """Convert numbers, lists of them too, to a float array."""
+    """Convert a number, a nested list or an array to a float array."""
     return as_float_array(value if isinstance(value, Array) else jnp.asarray(value))
 
 
 class Body(eqx.Module):
-    """Properties that a blast acts on, besides the rotors. Leading axes are a batch's.
+    """Properties for blast loads, except the rotors. Leading axes are those of a batch.
 
     Attributes:
-        area_m2: Projected along the body's x, y and z axes [m2].
-        drag_coefficient: On those areas [-].
-        volume_m3: Of the air it displaces [m3].
+        area_m2: Projected areas along the body's x, y and z axes [m2].
+        drag_coefficient: Drag coefficient of these areas [-].
+        volume_m3: Volume of the displaced air [m3].
         added_mass_coefficient: $C_m$ [-]: 0.5 for a sphere.
-        pressure_centre_m: Where these forces act, from the centre of mass, body [m].
+        pressure_centre_m: Centre of pressure, from the centre of mass, body axes [m].
     """
 
     area_m2: Float[Array, "*batch 3"] = eqx.field(converter=floats)
@@ -156,7 +156,7 @@ class Body(eqx.Module):
 class Vehicle(eqx.Module):
     r"""A quadrotor. Body axes: x ahead, y left, z up, origin at the centre of mass.
 
-    Leading axes, the same of every array, are those of a batch of vehicles.
+    Leading axes, equal for all arrays, are those of a batch of vehicles.
 
     Attributes:
         mass_kg: $m$.
@@ -169,10 +169,10 @@ class Vehicle(eqx.Module):
         translational_lift: $k_h$ [N s2/m2].
         frame_drag: $(c_{Dx}, c_{Dy}, c_{Dz})$ [N s2/m2].
         motor_lag_s: $\tau_m$.
-        rotor_speed_min_rad_s: Least speed a command may ask for.
-        rotor_speed_max_rad_s: Greatest.
-        body: What a blast acts on; None where it is not known.
-        name: "" if it has none.
+        rotor_speed_min_rad_s: Minimum rotor speed.
+        rotor_speed_max_rad_s: Maximum rotor speed.
+        body: Properties for blast loads; None if unknown.
+        name: Name of the vehicle; "" without one.
     """
 
     mass_kg: Float[Array, "*batch"] = eqx.field(converter=floats)
@@ -195,7 +195,7 @@ def named(name: str) -> Vehicle:
     """Return a vehicle by its name: "crazyflie", "hummingbird" or "iris".
 
     Raises:
-        InputError: There is none of that name.
+        InputError: The name is unknown.
     """
     if name not in PARAMETERS:
         raise InputError(
@@ -208,21 +208,21 @@ def named(name: str) -> Vehicle:
 def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle:
     """Read a quadrotor from RotorPy's names, in SI units.
 
-    Flapping (`k_flap`), motor noise and the inner gains `k_w` and `k_v` have no part in
-    the equations here and are ignored, whatever their value. Aerodynamic coefficients,
-    products of inertia and the least rotor speed are zero where they are left out. What
-    a blast acts on has the names `body_area` (3), `body_drag_coefficient`,
-    `body_volume`, `added_mass_coefficient` and `pressure_centre` (3): all or none.
+    Flapping (`k_flap`), motor noise and the inner gains `k_w` and `k_v` are not
+    modelled and are ignored. Aerodynamic coefficients, products of inertia and the
+    minimum rotor speed default to zero. The properties for blast loads are `body_area`
+    (3), `body_drag_coefficient`, `body_volume`, `added_mass_coefficient` and
+    `pressure_centre` (3): all or none.
 
     Args:
-        parameters: Numbers by name; `rotor_pos` has a row (3) for each rotor, a list
-            or by the names r1 to r4.
-        name: Of the vehicle.
+        parameters: Numbers by name; `rotor_pos` has a row (3) for each rotor, in a list
+            or under the names r1 to r4.
+        name: Name of the vehicle.
 
     Raises:
-        InputError: A name is unknown or missing, a number is none or out of its range,
-            the inertia is not positive definite, there are not four rotors. Values are
-            not looked at inside jit or grad.
+        InputError: A name is unknown or missing, a number is invalid or out of range,
+            the inertia is not positive definite, or there are not four rotors. Values
+            are not checked inside jit or grad.
     """
     for key in parameters:
         if key not in USED + IGNORED:
@@ -264,9 +264,10 @@ def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle
 
 
 def _inertia(parameters: Mapping[str, Any]) -> Float[Array, "3 3"]:
-    """Return the matrix, which must be positive definite; RotorPy's signs."""
+    """Return the inertia matrix, checked to be positive definite."""
     xx, yy, zz = (number(parameters, key) for key in ("Ixx", "Iyy", "Izz"))
     xy, yz, xz = (number(parameters, key, default=0.0) for key in ("Ixy", "Iyz", "Ixz"))
+    # RotorPy's products of inertia are entries of the matrix, without a minus sign.
     matrix = jnp.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz]).reshape(3, 3)
     if not isinstance(matrix, Tracer):
         least = np.linalg.eigvalsh(np.asarray(matrix))[0]
@@ -279,7 +280,7 @@ def _inertia(parameters: Mapping[str, Any]) -> Float[Array, "3 3"]:
 
 
 def _rotors(parameters: Mapping[str, Any]) -> Any:
-    """Return the rows of the rotors, in the order of their names."""
+    """Return the rotor positions, sorted by the rotors' names."""
     rows = parameters.get("rotor_pos")
     if isinstance(rows, Mapping):
         if sorted(rows) != ["r1", "r2", "r3", "r4"]:
@@ -303,7 +304,7 @@ def _directions(parameters: Mapping[str, Any]) -> Float[Array, "4"]:
 
 
 def read_body(parameters: Mapping[str, Any]) -> Body | None:
-    """Return the properties that a blast acts on, or None if none is given."""
+    """Return the properties for blast loads; None if the table has none of them."""
     if not any(key in parameters for key in BODY):
         return None
     area = numbers(parameters.get("body_area"), "body_area", (3,), least=0.0)
@@ -316,15 +317,15 @@ def read_body(parameters: Mapping[str, Any]) -> Body | None:
 
 
 def required_body(body: Body | None) -> Body:
-    """Return what a blast acts on.
+    """Return the properties for blast loads.
 
     Raises:
-        InputError: Nothing is known of it.
+        InputError: The vehicle has none.
     """
     if body is None:
         raise InputError(
-            f"vehicle: expected one with {', '.join(BODY[:-1])} and {BODY[-1]} for a "
-            "blast to act on, got none of them"
+            f"vehicle: expected {', '.join(BODY[:-1])} and {BODY[-1]} for blast loads, "
+            "got none of them"
         )
     return body
 
@@ -341,13 +342,13 @@ def number(
 
     Args:
         parameters: The table.
-        key: The number's name.
-        least: What it must reach.
-        positive: Whether it must exceed that.
-        default: What stands for it where it is left out; None if it must be there.
+        key: Name of the number.
+        least: Minimum.
+        positive: Require a number above zero.
+        default: Value of a missing number; None: the number is required.
 
     Raises:
-        InputError: It is missing, no number, not finite or too small.
+        InputError: It is missing, not a number, not finite or too small.
     """
     if key not in parameters and default is None:
         raise InputError(f"vehicle parameter {key}: missing")
@@ -365,13 +366,14 @@ def numbers(
     """Return numbers of a shape.
 
     Args:
-        value: What came.
-        key: Their name.
-        shape: What they must have.
-        least: What each must reach.
+        value: Array-like of floats.
+        key: Name of the numbers.
+        shape: Required shape.
+        least: Minimum of each number.
 
     Raises:
-        InputError: They are no numbers, not finite, too small, or of another shape.
+        InputError: A value is not a number, not finite or too small, or the shape
+            differs.
     """
     what = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
     if not isinstance(value, jax.Array):
@@ -399,15 +401,13 @@ def numbers(
 
 
 def in_precision(tree: Any, dtype: np.dtype) -> Any:
-    """Bring every array of floats to one precision, and none of them weakly typed.
+    """Convert every array of floats to one precision, without weak types."""
 
-    So that numbers of any origin fly by the same compiled program.
-    """
-
-    def brought(x: Any) -> Any:
+    # A weakly typed array would compile the program once more.
+    def converted(x: Any) -> Any:
         is_weak = getattr(x, "weak_type", False)  # NumPy's arrays never are
         if not eqx.is_inexact_array(x) or (x.dtype == dtype and not is_weak):
             return x
         return x.astype(dtype)
 
-    return jax.tree.map(brought, tree)
+    return jax.tree.map(converted, tree)

@@ -3,14 +3,14 @@
 In a step the controller is evaluated, pulses are added and the state is advanced. A
 flight is a scan over steps that stores some of its states.
 
-Times are counted in float64 on the host, t = n times the step, and only then rounded to
-the precision of the flight. Sums of steps would drift, and in float32 a rounded time
+Times are computed in float64 on the host, t = n times the step, and only then rounded
+to the precision of the flight. Sums of steps would drift, and in float32 a rounded time
 could fall on the wrong side of a jump. In float32 a time past 500 s is resolved to 0.06
 ms only: the peak deviation after a blast at 1000 s is 2 % too small, at 100 s 5e-5.
 
 One program advances a chunk of the vehicles of a batch at a time, and the chunks are
-shared among the devices. On a CPU a chunk whose state stays in the nearest cache is the
-fastest; a GPU takes the whole batch at once.
+distributed over the devices. On a CPU a chunk whose state stays in the L1 cache is
+fastest; a GPU processes the whole batch as one chunk.
 """
 
 import functools
@@ -42,17 +42,29 @@ from jblast.vehicle.state import (
 )
 
 BLOCK = 16
-"""Most steps that are taken at once: their times are small arrays (`CHUNK_BYTES`), and
-where no pulse comes in all of them nothing looks for one."""
-MOST_APART = 16
-"""Numbers of an array that a controller remembers one by one."""
+"""Maximum number of steps per block.
+
+The times of a block are small arrays (`CHUNK_BYTES`), and pulses are tested once per
+block. Longer blocks would evaluate pulses in more steps in which none acts.
+"""
+MAX_SPLIT_SIZE = 16
+"""Size up to which an array of a controller's state is split into scalars.
+
+A larger array, as a covariance, would compile for minutes (`_split`).
+"""
 INWARD = 1e-9
-"""Distance of the first and last stage from a step's ends, as a share of the step."""
+"""Distance of the first and last stage from a step's ends, as a share of the step.
+
+It selects the side of a jump at a step's end. 1e-9 of a step changes no digit of a
+flight and is above the rounding of float64 times; float32 has its own distance.
+"""
 T = TypeVar("T")
 CHUNK_BYTES = 512
-"""Of one number for every vehicle of a chunk, on a CPU. XLA runs a loop over arrays up
-to this size in order and in one thread; larger ones it hands from thread to thread, at
-a cost above that of the few instructions that each of them takes."""
+"""Size of an array with one number per vehicle of a chunk, on a CPU.
+
+XLA runs a loop over arrays up to this size sequentially in one thread. Larger arrays
+are dispatched to a thread pool, at a cost above that of the few instructions per array.
+"""
 CHUNK_AXIS = "chunk"
 """Name of the axis of a chunk's vehicles."""
 
@@ -62,11 +74,12 @@ class Flight(NamedTuple):
 
     Attributes:
         vehicle: The vehicle.
-        state: Its start.
-        commands: Rotor speeds (row, 4) [rad/s], or None.
-        control: What commands the rotors instead, or None; with neither they keep the
-            speeds of the start.
-        wind: Velocity of the air (3) [m/s] at a time and place, or None.
+        state: Initial state.
+        commands: Rotor speed commands (row, 4) [rad/s], or None.
+        control: Controller, or None; without commands and controller the rotors keep
+            their initial speeds.
+        wind: Function of time and position to the velocity of the air (3) [m/s], or
+            None.
         loads: Loads and pulses.
         ground_up_m: Height of the ground [m], or None.
     """
@@ -81,7 +94,7 @@ class Flight(NamedTuple):
 
 
 class StoredRows(NamedTuple):
-    """Stored rows, each part a tuple of components."""
+    """Stored rows; each part is a tuple of components."""
 
     motion: StateComponents
     wrench: Wrench
@@ -92,7 +105,7 @@ def wind_at(flight: Flight, time: Number, motion: StateComponents) -> Vector:
     """Return the velocity of the air at a vehicle [m/s].
 
     Raises:
-        InputError: The wind does not give three numbers.
+        InputError: The wind does not return three numbers.
     """
     place = jnp.stack(motion.position)
     if flight.wind is None:
@@ -100,23 +113,22 @@ def wind_at(flight: Flight, time: Number, motion: StateComponents) -> Vector:
     wind = jnp.asarray(flight.wind(time, place))
     if wind.shape != (3,):
         raise InputError(
-            "wind: expected a function (time_s, position_m) that gives 3 numbers, got "
-            f"one that gives the shape {wind.shape}"
+            "wind: expected a function (time_s, position_m) that returns 3 numbers, "
+            f"got the shape {wind.shape}"
         )
     return three(wind.astype(place.dtype))
 
 
-class Now(NamedTuple):
-    """State of a flight from step to step.
+class FlightState(NamedTuple):
+    """State of a flight between two steps.
 
     Attributes:
-        motion: The state.
-        excess: By how much the rotors' speeds are too large, as their sums were
-            rounded; None in float64.
-        command: Rotor speeds asked for [rad/s].
-        memory: The controller's.
-        impulse_wrench: Mean of the pulses over the step.
-        inactive_until_s: Until when each pulse gives nothing.
+        motion: State of the vehicle.
+        excess: Rounding error of the rotor speeds (Kahan's sum); None in float64.
+        command: Rotor speed commands [rad/s].
+        memory: State of the controller.
+        impulse_wrench: Mean force and moment of the pulses over the step.
+        inactive_until_s: Time before which each pulse is zero.
     """
 
     motion: StateComponents
@@ -128,14 +140,14 @@ class Now(NamedTuple):
 
 
 class Ticks(NamedTuple):
-    """The steps, each a row.
+    """The steps of a flight, one per row.
 
     Attributes:
-        stages: Times at which rates are taken: beginning, middle, end [s].
-        start: When the step begins [s].
-        step: Its length [s].
-        command: Which row of the commands holds at each stage.
-        sample: Whether the controller is asked at its beginning.
+        stages: Times of the rates' evaluations: beginning, middle, end [s].
+        start: Beginning of the step [s].
+        step: Length of the step [s].
+        command: Row of the commands at each stage.
+        sample: True if the controller is sampled at the step's beginning.
     """
 
     stages: Float[Array, "step 3"]
@@ -145,7 +157,7 @@ class Ticks(NamedTuple):
     sample: Bool[Array, " step"]
 
 
-Step = Callable[[Now, Ticks], Now]
+Step = Callable[[FlightState, Ticks], FlightState]
 
 
 def fly(
@@ -158,17 +170,16 @@ def fly(
     control_held: bool,
     axis: str | None = None,
 ) -> StoredRows:
-    """Return the stored rows of one vehicle's flight: the start, and so on to the end.
+    """Return the stored rows of one vehicle's flight, from start to end.
 
     Args:
-        flight: The vehicle, its start and what acts on it.
+        flight: Vehicle, initial state, commands and loads.
         ticks: The steps.
-        period_s: Time between two turns of the controller [s].
+        period_s: Period of the controller [s].
         integrator: "rk4" or "euler".
         store_every: Steps between rows.
-        control_held: Whether there are steps at which the controller is not asked.
-        axis: Of the vehicles that fly in one chunk, as `vmap` names it; None: one flies
-            alone.
+        control_held: True if the controller's period is longer than a step.
+        axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
     """
     if hasattr(flight.control, "ready"):
         flight = flight._replace(control=flight.control.ready(flight.vehicle))
@@ -176,12 +187,16 @@ def fly(
     now = one.start()
     first = (now.motion, now.impulse_wrench)
 
-    def stretch(now: Now, part: Ticks) -> tuple[Now, tuple[StateComponents, Wrench]]:
+    def advance_row(
+        now: FlightState, part: Ticks
+    ) -> tuple[FlightState, tuple[StateComponents, Wrench]]:
         size = part.step.size
+        # The largest divisor up to BLOCK: all blocks have one length and so one
+        # program.
         block = max(n for n in range(1, BLOCK + 1) if size % n == 0)
         blocks = jax.tree.map(lambda x: x.reshape(-1, block, *x.shape[1:]), part)
         now, _ = jax.lax.scan(
-            lambda now, part: (_few(one, now, part), None), now, blocks
+            lambda now, part: (_advance_block(one, now, part), None), now, blocks
         )
         return now, (now.motion, now.impulse_wrench)
 
@@ -195,16 +210,16 @@ def fly(
     whole = jax.tree.map(
         lambda x: x[:even].reshape(count, store_every, *x.shape[1:]), ticks
     )
-    now, between = jax.lax.scan(stretch, now, whole)
+    now, between = jax.lax.scan(advance_row, now, whole)
     parts = [jax.tree.map(lambda x: x[None], first), between]
     times = [ticks.stages[:1, 0], whole.stages[:, -1, 2]]
     if even < ticks.step.size:
-        _, end = stretch(now, jax.tree.map(lambda x: x[even:], ticks))
+        _, end = advance_row(now, jax.tree.map(lambda x: x[even:], ticks))
         parts.append(jax.tree.map(lambda x: x[None], end))
         times.append(ticks.stages[-1:, 2])
     rows = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
     forces = jax.vmap(wrench)(rows, jnp.concatenate(times))
-    # what has once diverged stays lost, wherever its numbers go
+    # A vehicle that diverged once stays lost, even if its numbers become finite again.
     lost = ~jnp.isfinite(sum(jax.tree.leaves((rows, forces))))
     alive = jnp.cumsum(lost) == 0
     ended = jax.tree.map(lambda x: jnp.where(alive, x, jnp.nan), (rows[0], forces))
@@ -216,12 +231,11 @@ class OneStep:
     """Steps of one vehicle.
 
     Attributes:
-        flight: The vehicle, its start and what acts on it; its controller is ready.
-        period_s: Time between two turns of the controller [s].
+        flight: Vehicle, initial state, commands and loads, with a prepared controller.
+        period_s: Period of the controller [s].
         integrator: "rk4" or "euler".
-        control_held: Whether there are steps at which the controller is not asked.
-        axis: Of the vehicles that fly in one chunk, as `vmap` names it; None: one flies
-            alone.
+        control_held: True if the controller's period is longer than a step.
+        axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
     """
 
     flight: Flight
@@ -230,16 +244,16 @@ class OneStep:
     control_held: bool
     axis: str | None
 
-    def start(self) -> Now:
-        """Return what there is before the first step."""
+    def start(self) -> FlightState:
+        """Return the state of the flight before the first step."""
         motion = normal(components(self.flight.state))
         zero = jnp.zeros_like(self.period_s)
         single = zero.dtype == jnp.float32
-        return Now(
+        return FlightState(
             motion,
             (zero, zero, zero, zero) if single else None,
             motion.rotor_speed,
-            jax.tree.map(_numbers, self._memory()),
+            jax.tree.map(_split, self._memory()),
             ((zero, zero, zero), (zero, zero, zero)),
             tuple(-jnp.inf + zero for _ in self._pulses()),
         )
@@ -258,16 +272,16 @@ class OneStep:
             load = load_wrench(flight.loads, time, joined(motion), flight.vehicle, load)
         return rates(flight.vehicle, motion, command, wind, load)
 
-    def advance(self, now: Now, tick: Ticks) -> Now:
+    def advance(self, now: FlightState, tick: Ticks) -> FlightState:
         """Take a step."""
         if self.flight.control is not None:
-            now = self._asked(now, tick)
-        # Always taken. A branch is a program of its own, of small arrays alone, and so
-        # XLA runs it in order (`CHUNK_BYTES`), whatever there is around it.
+            now = self._controlled(now, tick)
+        # The condition is always true. A branch is a separate program of small arrays,
+        # which XLA therefore runs sequentially (`CHUNK_BYTES`).
         return jax.lax.cond(tick.step > 0, self.moved, lambda now, _: now, now, tick)
 
-    def advance_pushed(self, now: Now, tick: Ticks) -> Now:
-        """Take a step in which a pulse may come."""
+    def advance_pushed(self, now: FlightState, tick: Ticks) -> FlightState:
+        """Take a step in which a pulse may act."""
         impulse_wrench, inactive_until_s = pulse_wrench(
             self._pulses(),
             tick.start,
@@ -289,26 +303,26 @@ class OneStep:
         control = self.flight.control
         return () if control is None else control.start()
 
-    def _asked(self, now: Now, tick: Ticks) -> Now:
-        """Ask the controller, if it is its turn."""
+    def _controlled(self, now: FlightState, tick: Ticks) -> FlightState:
+        """Return the state with a new command if the controller is sampled."""
 
-        def ask(now: Now) -> Now:
+        def sampled(now: FlightState) -> FlightState:
             command, memory = self.flight.control(
                 tick.start,
                 joined(now.motion),
                 self.flight.vehicle,
-                jax.tree.map(lambda s, n: _whole(n, s), self._memory(), now.memory),
+                jax.tree.map(lambda s, n: _joined(n, s), self._memory(), now.memory),
                 self.period_s,
             )
             return now._replace(
-                command=four(command), memory=jax.tree.map(_numbers, memory)
+                command=four(command), memory=jax.tree.map(_split, memory)
             )
 
         turn = tick.sample if self.control_held else tick.step > 0
-        return jax.lax.cond(turn, ask, lambda now: now, now)
+        return jax.lax.cond(turn, sampled, lambda now: now, now)
 
-    def moved(self, now: Now, tick: Ticks) -> Now:
-        """Take a step with the command as it is, in the branch that one stands in."""
+    def moved(self, now: FlightState, tick: Ticks) -> FlightState:
+        """Take a step with the current command; the body of `advance`'s branch."""
         flight = self.flight
 
         def stage_rates(stage: int, motion: StateComponents) -> StateComponents:
@@ -323,8 +337,8 @@ class OneStep:
         return now._replace(motion=motion, excess=excess)
 
 
-def _few(one: OneStep, now: Now, part: Ticks) -> Now:
-    """Take a block of steps."""
+def _advance_block(one: OneStep, now: FlightState, part: Ticks) -> FlightState:
+    """Take a block of steps; pulses are evaluated only if one may act in it."""
     if not now.inactive_until_s:
         return _steps(one.advance, now, part)
     end_s = part.start[-1] + part.step[-1]
@@ -338,8 +352,8 @@ def _few(one: OneStep, now: Now, part: Ticks) -> Now:
     )
 
 
-def _steps(step: Step, now: Now, part: Ticks) -> Now:
-    # Backwards, a step is calculated again instead of being kept whole.
+def _steps(step: Step, now: FlightState, part: Ticks) -> FlightState:
+    # The backward pass recomputes a step instead of storing its intermediate values.
     again = jax.checkpoint(lambda now, tick: (step(now, tick), None), prevent_cse=False)
     return jax.lax.scan(again, now, part)[0]
 
@@ -347,16 +361,18 @@ def _steps(step: Step, now: Now, part: Ticks) -> Now:
 def _sum(
     motion: StateComponents, excess: Four | None, gain: StateComponents
 ) -> tuple[StateComponents, Four | None]:
-    """Add what a step gives; to the rotors by Kahan's sum.
+    """Add the increment of a step; the rotor speeds by Kahan's sum in float32.
 
-    Of all numbers theirs grow the least in a step for their size: at steps of 0.1 ms
-    what rounds away takes a flight 2 mm off in 2.5 s, this sum 0.2 mm.
+    Rotor speeds have the smallest increments relative to their size. At steps of 0.1 ms
+    plain sums have an error of 2 mm after 2.5 s of flight, this sum 0.2 mm.
     """
     total = jax.tree.map(jnp.add, motion, gain)
     if excess is None:
         return total, None
     was = motion.rotor_speed
     gained = [
+        # The rounding error is a constant for derivatives: differentiated, the
+        # compensation would cancel the gradient.
         g - jax.lax.stop_gradient(e)
         for g, e in zip(gain.rotor_speed, excess, strict=True)
     ]
@@ -367,18 +383,18 @@ def _sum(
     return total._replace(rotor_speed=(a, b, c, d)), (i, j, k, m)
 
 
-def _numbers(array: Array) -> tuple[Array, ...]:
-    """Take a small array apart, as `StateComponents` is; a matrix stays whole.
+def _split(array: Array) -> tuple[Array, ...]:
+    """Split a small array into scalars, like `StateComponents`; keep a large one.
 
-    A covariance taken apart is a program of thousands of instructions, which takes
-    minutes to compile.
+    A covariance split into scalars is a program of thousands of instructions, which
+    takes minutes to compile.
     """
-    return (array,) if array.size > MOST_APART else tuple(jnp.ravel(array))
+    return (array,) if array.size > MAX_SPLIT_SIZE else tuple(jnp.ravel(array))
 
 
-def _whole(numbers: tuple[Array, ...], like: Array) -> Array:
-    """Put it together."""
-    if like.size > MOST_APART:
+def _joined(numbers: tuple[Array, ...], like: Array) -> Array:
+    """Undo `_split`: return an array of the shape of `like`."""
+    if like.size > MAX_SPLIT_SIZE:
         return numbers[0]
     return jnp.stack(numbers).reshape(like.shape)
 
@@ -386,7 +402,7 @@ def _whole(numbers: tuple[Array, ...], like: Array) -> Array:
 def _grounded(
     ground: Float[Array, ""] | None, motion: StateComponents
 ) -> StateComponents:
-    """Stop a vehicle that goes into the ground: it lies where it fell."""
+    """Stop a vehicle that descends below the ground; it rests at its position."""
     if ground is None:
         return motion
     below = motion.position[2] < ground
@@ -407,14 +423,14 @@ def _grounded(
 def timetable(
     duration_s: float, step_s: float, command_step_s: float, dtype: np.dtype
 ) -> Ticks:
-    """Divide a flight into steps; the last is shorter if they do not go up in it.
+    """Return the steps of a flight; the last may be shorter.
 
     Args:
-        duration_s: Of the flight.
-        step_s: Of the integrator.
-        command_step_s: How long a command is held.
-        dtype: Precision of the flight: the stages at a step's ends stand at least two
-            roundings of the time inside it.
+        duration_s: Duration of the flight.
+        step_s: Step of the integrator.
+        command_step_s: Duration of a command.
+        dtype: Precision of the flight: the stages at a step's ends are at least two
+            roundings of the time inside the step.
     """
     count = steps_in(duration_s, step_s)
     start = np.arange(count) * step_s
@@ -440,42 +456,42 @@ def timetable(
 def stored_times(
     duration_s: float, step_s: float, store_every: int, dtype: np.dtype
 ) -> Float[Array, " time"]:
-    """Times of the stored rows: the start, every so many steps, and the end [s]."""
+    """Times of the stored rows: start, every `store_every` steps, and end [s]."""
     count = steps_in(duration_s, step_s)
     inner = np.arange(0, count, store_every) * step_s
     return jnp.asarray(np.append(inner, duration_s), dtype)
 
 
 def steps_in(duration_s: float, step_s: float) -> int:
-    """Count the steps that a duration takes, the last perhaps a shorter one."""
+    """Return the number of steps in a duration, including a shorter last one."""
     ratio = duration_s / step_s
-    # a rounding of the ratio makes no further step
+    # A ratio above an integer by rounding only does not give another step.
     return max(1, int(np.ceil(ratio - 1e-9 * max(1.0, ratio))))
 
 
 class Each(eqx.Module):
-    """One for each vehicle of a batch: arrays of `value` begin with the batch's axes.
+    """A value per vehicle of a batch: its arrays begin with the batch's axes.
 
-    Wraps a wind, a load or a controller; without it all vehicles share one.
+    It wraps a wind, a load or a controller; without `Each` all vehicles share one.
     """
 
     value: Any
 
 
 def own(node: Any) -> Any:
-    """Return what an `Each` wraps, or the node itself."""
+    """Return the value of an `Each`, or the node itself."""
     return node.value if isinstance(node, Each) else node
 
 
 def parted(arguments: PyTree, batch: tuple[int, ...]) -> tuple[PyTree, PyTree]:
-    """Part what differs from vehicle to vehicle from what all share.
+    """Separate the arrays of single vehicles from shared values.
 
     Args:
-        arguments: A PyTree, some of whose nodes are `Each`.
-        batch: The batch's axes, which become one.
+        arguments: PyTree with some nodes wrapped in `Each`.
+        batch: Axes of the batch, which become one.
 
     Returns:
-        The arrays of `Each` nodes, one axis in front, None elsewhere; and all the rest.
+        The arrays of `Each` nodes with one leading axis, None elsewhere; and the rest.
     """
 
     def of_each(keep_each: bool) -> PyTree:
@@ -499,9 +515,9 @@ def over_lanes(
     """Map a function over the first axis.
 
     Args:
-        one: Of one lane's arguments; the chunk's axis is called `CHUNK_AXIS`.
-        lanes: Arguments, a lane in each row.
-        devices: Among how many the lanes are shared.
+        one: Function of one lane's arguments; the chunk's axis is `CHUNK_AXIS`.
+        lanes: Arguments, one lane per row.
+        devices: Number of devices.
     """
     first = jax.tree.leaves(lanes)[0]
     count, most = first.shape[0], CHUNK_BYTES // first.dtype.itemsize
@@ -511,7 +527,7 @@ def over_lanes(
         devices = 1
     chunks = -(-count // (devices * most))
     size = -(-count // (devices * chunks))
-    # The last lane stands in for those that fill up the last chunk.
+    # Chunks have one size, so one program: the last chunk is padded with the last lane.
     missing = devices * chunks * size - count
 
     def part(x: Array) -> Array:
@@ -529,12 +545,12 @@ def over_lanes(
 def over_devices(
     function: Callable[[PyTree[Array]], T], parts: PyTree[Array], devices: int
 ) -> T:
-    """Return what a function of some parts gives for all, shared among devices.
+    """Map a function over parts, distributed over devices.
 
     Args:
-        function: Of arrays whose first axis are parts; so are those that it returns.
-        parts: As many for each device.
-        devices: How many.
+        function: Function of arrays with parts along the first axis, which it keeps.
+        parts: Arrays; their first axis is a multiple of `devices`.
+        devices: Number of devices.
     """
     if devices == 1:
         return function(parts)

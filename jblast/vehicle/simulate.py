@@ -1,9 +1,9 @@
 """Simulate the flight of a vehicle, or of a batch.
 
-The arguments are checked before anything is compiled. The backend is a program of JAX
-or a Warp kernel: on a CPU the program is faster, on a GPU the kernel, which keeps a
-whole flight in registers. Only JAX has derivatives, and only JAX flies winds, loads and
-controllers written in Python.
+The arguments are checked before anything is compiled. The backend is a JAX program or a
+Warp kernel: on a CPU JAX is faster, on a GPU the kernel, which keeps a whole flight in
+registers. Only JAX has derivatives and supports winds, loads and controllers written in
+Python.
 """
 
 import dataclasses
@@ -44,7 +44,11 @@ from jblast.vehicle.rollout import (
 from jblast.vehicle.state import State, Trajectory
 
 STEP_S = 5e-4
-"""Step of the integrator where nothing is said [s]."""
+"""Default step of the integrator [s].
+
+A tenth of the shortest motor lag of the named vehicles (5 ms, Hummingbird). Steps above
+2.8 lags are unstable (`control.stability`); shorter ones cost time in proportion.
+"""
 Wind = Callable[[Float[Array, ""], Float[Array, "3"]], Float[Array, "3"]]
 VECTORS = {
     StepGust: "velocity_m_s",
@@ -53,12 +57,12 @@ VECTORS = {
     PositionHold: "target_m",
     BlastLoad: "wind_m_s",
 }
-"""Field of three numbers without a batch, by type."""
+"""Name of the field of shape (3,) without a batch, by type."""
 BUILT_IN = {
     "wind": (StepGust, NWaveGust, FriedlanderGust),
     "loads": (BlastLoad,),
 }
-"""Types that the kernel supports; a controller's record has its Warp functions."""
+"""Types that the kernel supports; controllers declare theirs in their record."""
 
 
 def simulate(
@@ -77,43 +81,43 @@ def simulate(
     store_every: int = 1,
     backend: str = "auto",
 ) -> Trajectory:
-    """Fly a vehicle through a wind and loads.
+    """Simulate the flight of a vehicle, or of a batch, through a wind and loads.
 
-    Stages at both ends of a step see wind, loads and commands from inside it, so what
-    jumps at an edge of a step is taken exactly. A batch has leading axes in the state,
-    and may have the same in the vehicle and the commands; wind, loads and controller
-    are shared unless they are wrapped in `Each`. A vehicle that diverges ends its own
-    flight only. The precision is that of the state.
+    The stages at both ends of a step evaluate wind, loads and commands inside it, so
+    jumps at a step's ends are exact. A batch has leading axes in the state, and may
+    have the same in the vehicle and the commands; wind, loads and controller are shared
+    unless they are wrapped in `Each`. A vehicle that diverges does not affect others.
+    The precision is that of the state.
 
     Args:
         vehicle: The vehicle.
-        state: Where it starts; the first row of the answer.
-        duration_s: How long it flies; the last step is shorter if need be.
-        step_s: Of the integrator.
-        integrator: "rk4", or "euler", which is semi-implicit.
-        commands: Rotor speeds asked for, (..., time, 4) [rad/s], clipped to what the
-            motors can do; a surplus is ignored. With neither commands nor controller
-            the speeds of the start are asked for.
-        command_step_s: How long a command is held, a controller's too, for which it is
-            a whole number of steps; one step where nothing is said.
-        control: What commands the rotors, in place of `commands`.
+        state: Initial state; the first row of the trajectory.
+        duration_s: Duration; the last step is shorter if necessary.
+        step_s: Step of the integrator.
+        integrator: "rk4", or "euler" (semi-implicit).
+        commands: Rotor speed commands, (..., time, 4) [rad/s], clipped to the motors'
+            limits; surplus rows are ignored. Default without a controller: the initial
+            speeds.
+        command_step_s: Duration of a command, and period of a controller, for which it
+            is a whole number of steps (default: one step).
+        control: Controller of the rotors, instead of `commands`.
         wind: Velocity of the air, east, north, up [m/s], from time [s] and position.
-        loads: Other forces: functions (time_s, state, vehicle) that give force, world
+        loads: Other forces: functions (time_s, state, vehicle) that return force, world
             [N], and moment, body [N m], or pulses, which return their impulse.
-        ground_up_m: Height of level ground, on which a vehicle that falls stays lying
-            until its rotors lift it; None: no ground.
+        ground_up_m: Height of level ground, on which a fallen vehicle rests until its
+            rotors lift it; None: no ground.
         store_every: Steps between two stored rows; start and end are always stored.
         backend: "jax"; "warp", a kernel on the first GPU or else the CPU;
             "warp:DEVICE", as "warp:cuda:1"; "auto": Warp in float32 on a GPU, else
             JAX. Derivatives, and winds, loads and controllers in Python, are JAX's.
 
     Raises:
-        InputError: A number, a shape or a choice cannot be used; the start is below
-            ground; the commands end too early; the step is too large; there is no such
-            device.
+        InputError: A number, a shape or an option is invalid; the start is below
+            ground; the commands end too early; the step is too large; the device is
+            unsupported.
 
     Warns:
-        UserWarning: JAX flies in place of Warp.
+        UserWarning: JAX is used instead of Warp.
     """
     duration_s, step_s = float(duration_s), float(step_s)
     command_step_s = None if command_step_s is None else float(command_step_s)
@@ -133,7 +137,7 @@ def simulate(
         return Each(value) if batch and alone else value
 
     flight = Flight(
-        # a name would compile the program once more for each vehicle
+        # A name is static: every vehicle would compile the program once more.
         one_each(dataclasses.replace(vehicle, name=""), vehicle.mass_kg.ndim),
         one_each(state, len(batch)),
         commands if commands is None else one_each(commands, commands.ndim - 2),
@@ -184,7 +188,7 @@ def _fly_all(
     devices: int,
     **options: Any,
 ) -> StoredRows:
-    """Fly one vehicle, or each of a batch."""
+    """Simulate one vehicle, or each of a batch."""
     if not batch:
         return fly(flight, ticks, period_s, **options)
     lanes, shared = parted(flight, batch)
@@ -201,12 +205,12 @@ def _fly_all(
 _FLY_ONE = kept(_fly_all, **WIDE)
 _FLY_EACH = eqx.filter_jit(_fly_all, **WIDE)
 _FLY_WITHIN = eqx.filter_jit(_fly_all)
-"""Within another program, which has options of its own."""
+"""For calls within another traced program, whose compiler options apply."""
 
 
 @jax.jit
 def _trajectory(time_s: Float[Array, " time"], rows: StoredRows) -> Trajectory:
-    """Put the components of the rows together."""
+    """Return the trajectory of rows of components."""
 
     def together(parts: tuple[Array, ...]) -> Array:
         return jnp.stack(parts, axis=-1)
@@ -227,10 +231,10 @@ def _trajectory(time_s: Float[Array, " time"], rows: StoredRows) -> Trajectory:
 
 
 def check_choices(integrator: str, backend: str, store_every: int) -> None:
-    """Refuse an integrator or backend that is not there, or a stride below one.
+    """Reject an unsupported integrator or backend, or a stride below one.
 
     Raises:
-        InputError: One of them cannot be used.
+        InputError: An option is invalid.
     """
     if integrator not in INTEGRATORS:
         raise InputError(
@@ -247,10 +251,10 @@ def check_choices(integrator: str, backend: str, store_every: int) -> None:
 def check_times(
     duration_s: float, step_s: float, command_step_s: float | None, control: bool
 ) -> None:
-    """Refuse times that are not positive, or a control period of no whole steps.
+    """Reject times that are not positive and control periods of fractional steps.
 
     Raises:
-        InputError: One of them cannot be used.
+        InputError: A time is invalid.
     """
     times = {"duration_s": duration_s, "step_s": step_s}
     if command_step_s is not None:
@@ -260,10 +264,11 @@ def check_times(
             raise InputError(f"{name}: expected a positive time [s], got {value}")
     if control and command_step_s is not None:
         ratio = command_step_s / step_s
+        # 1e-6 allows for decimal fractions, as 0.004 over 0.0005.
         if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-6:
             raise InputError(
-                "command_step_s: a controller's answer is held for a whole number of "
-                f"steps of {step_s:g} s, got {command_step_s:g} s"
+                "command_step_s: expected a whole number of steps of "
+                f"{step_s:g} s for a controller, got {command_step_s:g} s"
             )
 
 
@@ -274,24 +279,25 @@ def check_commands(
     duration_s: float,
     control: bool,
 ) -> None:
-    """Refuse commands of a wrong shape, or that end before the flight does.
+    """Reject commands of a wrong shape, or shorter than the flight.
 
     Raises:
-        InputError: They cannot be used, or there is a controller as well.
+        InputError: The commands are invalid, or there is a controller as well.
     """
     if control:
-        raise InputError("commands: expected none beside a controller, got both")
+        raise InputError("commands: expected commands or a controller, got both")
     shape = commands.shape
     if len(shape) < 2 or shape[-1] != 4 or shape[:-2] not in ((), batch):
         raise InputError(
             f"commands: expected the shape (time, 4), or {(*batch, 'time', 4)}, "
             f"got {shape}"
         )
-    # the commands' clock and the flight's are rounded apart
+    # Both products are rounded: 1e-9 allows for commands of exactly the flight's
+    # length.
     if shape[-2] * command_step_s < duration_s * (1 - 1e-9):
         raise InputError(
-            f"commands: expected {duration_s:g} s, got {shape[-2]} of "
-            f"{command_step_s:g} s, which end at {shape[-2] * command_step_s:g} s"
+            f"commands: expected {duration_s:g} s, got "
+            f"{shape[-2] * command_step_s:g} s ({shape[-2]} of {command_step_s:g} s)"
         )
     if not isinstance(commands, Tracer) and not np.all(np.isfinite(commands)):
         raise InputError("commands: expected finite rotor speeds, got nan or inf")
@@ -300,10 +306,10 @@ def check_commands(
 def check_start(
     vehicle: Vehicle, state: State, ground_up_m: float | int | None
 ) -> None:
-    """Refuse a start below ground, and vehicles that do not go with the states.
+    """Reject a start below ground, and vehicles whose shape differs from the state's.
 
     Raises:
-        InputError: They cannot be used.
+        InputError: The start, the vehicle or the ground is invalid.
     """
     batch = state.position_m.shape[:-1]
     if 0 in batch:
@@ -333,25 +339,27 @@ def check_step(
     step_s: float,
     period_s: float,
 ) -> None:
-    """Refuse a step at which the motors, or the position hold, would swing up.
+    """Reject a step at which the motors or the position controller are unstable.
 
     Raises:
         InputError: The step is too large.
     """
-    # all controllers with gains, missions too, have this attribute
-    # a batch of gains is not looked at: each vehicle that diverges is reported
+    # All controllers with gains, missions included, have this attribute. A batch of
+    # gains is not checked: vehicles that diverge are reported one by one.
     gains = None if isinstance(control, Each) else getattr(control, "gains", None)
     gains = gains if isinstance(gains, Gains) else None
-    looked_at = jax.tree.leaves((vehicle.motor_lag_s, gains))
-    if any(isinstance(x, Tracer) for x in looked_at):
+    checked = jax.tree.leaves((vehicle.motor_lag_s, gains))
+    if any(isinstance(x, Tracer) for x in checked):
         return
     held = max(1, round(period_s / step_s))
     lags = np.unique(np.asarray(vehicle.motor_lag_s, float))
+    # The limit is monotonic in the lag without a controller; with one both extremes are
+    # checked.
     limit = min(step_limit(integrator, lag, gains, held) for lag in lags[[0, -1]])
     if step_s > limit:
         what = f"a motor lag of {lags[0]:g} s"
         if gains is not None:
-            what += f" and a position hold asked every {period_s:g} s"
+            what += f" and a position controller of period {period_s:g} s"
         raise InputError(
             f"step_s: {integrator} is stable up to {limit:.4g} s with {what}, "
             f"got {step_s:g} s"
@@ -359,19 +367,18 @@ def check_step(
 
 
 def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> None:
-    """Refuse what is given for other vehicles than those of the batch.
-
-    The kernel takes the last column for every vehicle that has none of its own: without
-    this it would fly an `Each` of too few without a message.
+    """Reject winds, loads and controllers of another batch than the state's.
 
     Args:
-        given: Winds, loads, controllers by their name.
+        given: Winds, loads and controllers by argument name.
         batch: Axes of the state.
 
     Raises:
-        InputError: An `Each` whose arrays do not begin with the batch's axes, or one
-            beside a single vehicle; or arrays for many without `Each`.
+        InputError: The arrays of an `Each` do not begin with the batch's axes, or an
+            `Each` comes with a single vehicle, or a batch of arrays without `Each`.
     """
+    # The kernel uses the last column for vehicles without one: unchecked, an `Each` of
+    # too few values would pass without a message.
     for name, values in given.items():
         for value in values:
             if not isinstance(value, Each):
@@ -385,7 +392,7 @@ def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> 
                     )
                 continue
             if not batch:
-                raise InputError(f"{name}: expected Each beside a batch, got one state")
+                raise InputError(f"{name}: expected a batch for Each, got one state")
             for array in filter(eqx.is_array, jax.tree.leaves(value)):
                 if array.shape[: len(batch)] != batch:
                     raise InputError(
@@ -395,16 +402,19 @@ def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> 
 
 
 def flies_on_warp(backend: str, flight: Flight, dtype: np.dtype) -> bool:
-    """Return whether the kernel flies; where JAX has to instead, a warning says so.
+    """Return whether the flight uses the Warp kernel.
 
     Args:
         backend: "auto" (the kernel in float32 on a GPU), "jax", "warp" or
             "warp:DEVICE".
-        flight: All of it.
-        dtype: Its precision.
+        flight: The flight.
+        dtype: Precision of the flight.
 
     Raises:
-        InputError: Warp is asked for inside jit, vmap or grad.
+        InputError: Warp is requested inside jit, vmap or grad.
+
+    Warns:
+        UserWarning: The kernel does not support the flight, so JAX is used.
     """
     if backend == "jax" or (backend == "auto" and jax.default_backend() != "gpu"):
         return False
@@ -413,19 +423,19 @@ def flies_on_warp(backend: str, flight: Flight, dtype: np.dtype) -> bool:
         return False
     if traced:
         raise InputError(
-            f"backend: expected auto or jax inside jit, vmap or grad, got {backend!r}, "
-            "which has no derivatives"
+            f"backend: expected auto or jax inside jit, vmap or grad, got {backend!r} "
+            "(Warp flights have no derivatives)"
         )
-    unknown = _unknown(flight)
+    unsupported = _unsupported(flight)
     if backend == "auto" and dtype != np.float32:
-        unknown = f"precision {dtype.name}"
-    if unknown:
-        warnings.warn(f"{unknown}: flown by JAX, not by Warp", stacklevel=3)
-    return not unknown
+        unsupported = f"precision {dtype.name}"
+    if unsupported:
+        warnings.warn(f"{unsupported}: JAX is used instead of Warp", stacklevel=3)
+    return not unsupported
 
 
-def _unknown(flight: Flight) -> str:
-    """Return what the kernel cannot fly, in words; "" if nothing."""
+def _unsupported(flight: Flight) -> str:
+    """Return a description of the first unsupported part of a flight; "" if none."""
     given = {"wind": [flight.wind], "loads": flight.loads}
     for name, values in given.items():
         for value in map(own, values):

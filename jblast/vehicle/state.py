@@ -1,4 +1,4 @@
-"""The state of a vehicle: as arrays, along a flight, and as single components.
+"""State of a vehicle: as arrays, along a flight, and as single components.
 
 Flights are computed with one array for each component. Under `vmap` every component is
 an array over the vehicles, which XLA turns into vector instructions; rows of three
@@ -23,7 +23,7 @@ LENGTHS = {
     "body_rate_rad_s": 3,
     "rotor_speed_rad_s": 4,
 }
-"""Numbers in each part of a state."""
+"""Length of each part of a state."""
 Number = Float[Array, ""]
 Vector = tuple[Number, Number, Number]
 Four = tuple[Number, Number, Number, Number]
@@ -42,8 +42,8 @@ class State(eqx.Module):
         rotor_speed_rad_s: (..., 4) [rad/s].
 
     Raises:
-        InputError: A shape is wrong, a number is not finite, a quaternion is zero. The
-            values are not looked at inside jit or grad.
+        InputError: A shape is wrong, a number is not finite, or a quaternion is zero.
+            Values are not checked inside jit or grad.
     """
 
     # Shapes are checked by __check_init__, which has a message for them.
@@ -70,17 +70,18 @@ class State(eqx.Module):
 
 
 def _check_length(quaternion: Float[np.ndarray, "... 4"]) -> None:
-    """Refuse a quaternion that cannot be scaled to length 1.
+    """Reject a quaternion that cannot be scaled to length 1.
 
     Raises:
-        InputError: The square of its length is zero, or infinite, in its precision.
+        InputError: Its squared length is zero or infinite in its precision.
     """
     with np.errstate(over="ignore", under="ignore"):
         square = np.sum(np.square(quaternion), axis=-1)
-    held = (square > np.finfo(quaternion.dtype).tiny) & np.isfinite(square)
-    if not np.all(held):
-        wrong = np.asarray(quaternion, float)[~held][0]
-        size = np.abs(wrong).max()  # the square may be zero in float64 too
+    usable = (square > np.finfo(quaternion.dtype).tiny) & np.isfinite(square)
+    if not np.all(usable):
+        wrong = np.asarray(quaternion, float)[~usable][0]
+        # Scaled first, because the square can underflow in float64, too.
+        size = np.abs(wrong).max()
         got = "zero"
         if size > 0:
             length = size * np.linalg.norm(wrong / size)
@@ -92,17 +93,17 @@ class Trajectory(eqx.Module):
     """A flight, or a batch of them.
 
     Attributes:
-        time_s: Of the stored rows; the first is the start.
+        time_s: Times of the stored rows; the first is the start.
         position_m: East, north, up [m].
         velocity_m_s: East, north, up [m/s].
         quaternion: Body to world (x, y, z, w), scalar last, of length 1.
         body_rate_rad_s: About the body's axes [rad/s].
-        rotor_speed_rad_s: Of the four rotors [rad/s].
-        force_n: All forces on the vehicle, its weight among them, that of the ground
-            not: mass times acceleration, east, north, up [N]. Where a load jumps at a
-            row, the force before the jump; at the first row after it.
-        moment_n_m: All moments about the centre of mass, body axes [N m].
-        lost: Whether a vehicle diverged; its rows are NaN from then on.
+        rotor_speed_rad_s: Speeds of the four rotors [rad/s].
+        force_n: Total force including weight, without that of the ground: mass times
+            acceleration, east, north, up [N]. If a load jumps at a row, the force
+            before the jump; at the first row, the force after it.
+        moment_n_m: Total moment about the centre of mass, body axes [N m].
+        lost: True if a vehicle diverged; its rows are NaN from then on.
     """
 
     time_s: Float[Array, " time"]
@@ -117,7 +118,7 @@ class Trajectory(eqx.Module):
 
     @property
     def states(self) -> State:
-        """The states of its rows."""
+        """States of the stored rows."""
         return State(
             self.position_m,
             self.velocity_m_s,
@@ -131,13 +132,13 @@ class Trajectory(eqx.Module):
         return [tuple(map(int, place)) for place in np.argwhere(np.asarray(self.lost))]
 
     def lost_time_s(self) -> Float[Array, "*batch"]:
-        """Return the time of the first row of NaN [s]; infinite where there is none."""
+        """Return the time of the first row of NaN [s]; infinite without such a row."""
         gone = jnp.isnan(self.position_m[..., 0])
         return jnp.min(jnp.where(gone, self.time_s, jnp.inf), axis=-1)
 
 
 class StateComponents(NamedTuple):
-    """The parts of a `State`, or their rates, or of a row of a trajectory."""
+    """Components of a `State`, of its rates, or of a row of a trajectory."""
 
     position: Vector
     velocity: Vector
@@ -160,13 +161,13 @@ def four(array: Float[Array, "4"]) -> Four:
 
 def rows(matrix: Float[Array, "3 3"]) -> MatrixRows:
     """Return the components of a matrix."""
-    # each at once: of a row that is cut from many vehicles' matrices XLA makes an array
+    # Indexed entry by entry: XLA would materialize a row sliced from many matrices.
     x, y, z = ((matrix[i, 0], matrix[i, 1], matrix[i, 2]) for i in range(3))
     return x, y, z
 
 
 def components(state: State) -> StateComponents:
-    """Take a state apart."""
+    """Return the components of a state."""
     return StateComponents(
         three(state.position_m),
         three(state.velocity_m_s),
@@ -177,7 +178,7 @@ def components(state: State) -> StateComponents:
 
 
 def joined(motion: StateComponents) -> State:
-    """Put a state together."""
+    """Return the state of components."""
     return State(*(jnp.stack(part) for part in motion))
 
 
@@ -214,8 +215,8 @@ def times_transposed(matrix: MatrixRows, v: Vector) -> Vector:
 def rotation(q: Four) -> MatrixRows:
     """Matrix, body to world, of a quaternion (x, y, z, w) of any length but zero."""
     i, j, k, w = q
-    # Divided entry by entry: XLA keeps a quotient, and calculates products again for
-    # each number that needs them.
+    # Divided entry by entry: XLA stores quotients, but recomputes products for every
+    # number that uses them.
     half = (i * i + j * j + k * k + w * w) / 2
     return (
         (1 - (j * j + k * k) / half, (i * j - k * w) / half, (i * k + j * w) / half),

@@ -1,17 +1,18 @@
-r"""A scene with its random blasts drawn, from which the records of all sensors follow.
+r"""Worlds: scenes with sampled random blasts, from which all sensor records follow.
 
-Draws are the same for one seed on every machine and in any batch. Blast $k$ of a world
-has a key of its own, `fold_in(key, k)` of the counter-based threefry, so a draw depends
-on seed and number alone: more blasts leave mass and place of the first ones unchanged.
-Times by rate or tick stay as well, each being the last plus a wait. Of `count` blasts
-in a window of length $L$, no two closer than $g$, all times are equally likely if
+Samples are the same for one seed on every machine and in any batch. Blast $k$ of a
+world has the key `fold_in(key, k)` of the counter-based threefry, so a sample depends
+on seed and number only. More blasts leave mass and position of the first ones
+unchanged. Times by rate or tick do not change either, as each is the last plus a
+waiting time. For `count` blasts in a window of length $L$, no two closer than $g$, all
+times are equally likely if
 
 $$t_k = t_0 + u_k\,(L - (n - 1) g) + r_k g$$
 
 with $u_k$ independent and uniform and $r_k$ the rank of $u_k$ among the $n$: the order
-statistics on the window without its gaps, the gaps put back. Without a gap times do not
-depend on the number of blasts; with one they do, as in any scheme: the distribution of
-the first time depends on how many there are.
+statistics on the window without its gaps, with the gaps added again. Without a gap,
+times do not depend on the number of blasts. With a gap they must, because the
+distribution of the first time depends on that number.
 """
 
 import math
@@ -52,24 +53,27 @@ from jblast.vehicle import Trajectory
 from jblast.world.presets import Preset
 
 VEHICLE, CAMERA = "vehicle", "camera"
-"""What the scene's one vehicle and its camera are called among all who perceive."""
-OF_SCENE, OF_NOISE = 2**32 - 3, 2**32 - 4
-"""Folded into a world's key: past the numbers of blasts, which count from 0."""
-FIRST_TRY = 16
-"""Blasts drawn at first where their number is left to chance."""
-OF_WORLDS = 2**32 - 1
-"""Folded into a seed; splits and lanes of it, which count from 0, never come there."""
+"""Names of the scene's vehicle and of its camera among the observers."""
+SCENE_KEY, NOISE_KEY = 2**32 - 3, 2**32 - 4
+"""Folded into a world's key; above all numbers of blasts, which count from 0."""
+INITIAL_BLASTS = 16
+"""Initial number of sampled blasts by rate or tick; doubled until they pass the window.
+
+Powers of two from here on give few compiled programs.
+"""
+WORLD_KEY = 2**32 - 1
+"""Folded into a seed; splits and lanes of the seed count from 0 and never reach it."""
 
 
 def tracks_of(scene: Scene, flight: Trajectory) -> dict[str, Track]:
-    """Return where the vehicle, the sensors and the camera on it are, by name.
+    """Return the paths of the vehicle and of the sensors and camera on it, by name.
 
-    Straight between the rows of the flight; of a vehicle that was lost, up to there.
+    Paths are linear between the rows of the flight, and end where a vehicle is lost.
     No sensor is below the ground.
 
     Args:
-        scene: Has the sensors.
-        flight: Of the scene's vehicle.
+        scene: The scene with the sensors.
+        flight: Flight of the scene's vehicle.
     """
     known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
     time = jnp.asarray(flight.time_s)[known]
@@ -78,7 +82,8 @@ def tracks_of(scene: Scene, flight: Trajectory) -> dict[str, Track]:
     for sensor in scene.sensors:
         if sensor.mount:
             rides = place + _turned(turn, sensor.offset_m)
-            # of a vehicle that lies on its back, what was above it is on the ground
+            # An overturned vehicle on the ground has sensors below it: they are
+            # clamped.
             found[sensor.name] = Track(time, rides.at[:, 2].max(0.0))
     if scene.camera is not None and scene.camera.mount:
         found[CAMERA] = Track(time, place + _turned(turn, scene.camera.position))
@@ -89,19 +94,20 @@ def tracks_of(scene: Scene, flight: Trajectory) -> dict[str, Track]:
 def _turned(
     turn: Float[Array, "row 4"], offset_m: Float[Array, "3"]
 ) -> Float[Array, "row 3"]:
-    """Return an offset in the axes of a body, in those of the world."""
+    """Return an offset along body axes in world axes, for each row."""
     return jax.vmap(lambda one: quaternion_matrix(one) @ offset_m)(turn)
 
 
 def with_nevers(scene: Scene) -> Scene:
-    """Return a scene with charges that never happen, to a power of two of them.
+    """Return a scene padded with charges that never detonate, to a power of two.
 
-    A flight is compiled for a number of blasts. So five blasts fly by the program of
-    eight. The charges are like the first one, on the ground.
+    The added charges are like the first one, on the ground.
 
     Args:
-        scene: What is there.
+        scene: The scene.
     """
+    # A flight is compiled for a number of blasts: with padding, five blasts use the
+    # program of eight.
     count = len(scene.charges)
     missing = 2 ** (count - 1).bit_length() - count
     east, north, _ = scene.charge.position_m
@@ -113,27 +119,27 @@ def with_nevers(scene: Scene) -> Scene:
 
 
 def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> UncertainScene:
-    """Return a scene to fit one of a world's blasts in.
+    """Return a scene for the fit of one of a world's blasts.
 
-    Its mass has the prior that it was drawn by, and so has its place in a box about the
-    origin. In a ring, or about a vehicle, place is free (of a ring, on the ground).
-    Time is free, unless it is said or a prior without gaps: that of one among several
-    depends on the others. Laws are those that the world is made by, unless the scene
-    names others.
+    The mass has the prior that it is sampled from, and so has the position in a box
+    about the origin. In a ring or about a vehicle the position is free (for a ring, on
+    the ground). The time is free unless it is fixed or the world has a single blast:
+    the prior of one time among several depends on the other times. Laws are those of
+    the world unless the scene names others.
 
     Args:
-        uncertain: The scene besides.
-        world: What blasts are drawn by.
+        uncertain: The scene without random blasts.
+        world: Distribution of the blasts.
 
     Raises:
-        InputError: The scene has a charge of its own beside the random ones.
+        InputError: The scene has a charge in addition to the random ones.
     """
     scene = uncertain.scene
     if not bool(scene.charge.never):
         raise InputError(
-            f"{uncertain.source or 'scene'}: [charge]: expected none beside [world] "
-            "in a scene to fit with, which leaves open what is known of which shot; "
-            "got one"
+            f"{uncertain.source or 'scene'}: [charge]: expected none in a scene with "
+            "[world] to fit with, got one; a fit has one shot, so its priors would be "
+            "ambiguous"
         )
     beliefs: dict[str, Belief] = {}
     region, place = world.region, [0.0, 0.0, 0.0]
@@ -160,7 +166,7 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
 
 
 def scene_to_fit(path: str | os.PathLike[str]) -> UncertainScene:
-    """Read a scene to fit logs in: of random blasts, that of any one of them.
+    """Read a scene for fits; of a world of random blasts, the scene of one of them.
 
     Raises:
         InputError: As in `read_scene` and `scene_of_one_blast`.
@@ -170,15 +176,15 @@ def scene_to_fit(path: str | os.PathLike[str]) -> UncertainScene:
 
 
 class DrawnWorld(NamedTuple):
-    """A world that was drawn.
+    """A sampled world.
 
     Attributes:
-        scene: What is there; its charges are named and come in order of time. Where
-            there is none, one that never happens stands for it. Its laws are said, so
-            that all senses go by the same ones.
-        seed: Of all draws.
-        source: Where the world was read from.
-        preset: By which blasts act other than they do; None: by the scene's laws.
+        scene: The scene; its charges have names and are sorted by time. A scene without
+            charges has one that never detonates. Its laws are explicit, so that all
+            sensors use the same ones.
+        seed: Seed of all samples.
+        source: File of the world.
+        preset: Alternative physics of the blasts; None: the scene's laws.
     """
 
     scene: Scene
@@ -187,10 +193,10 @@ class DrawnWorld(NamedTuple):
     preset: Preset | None = None
 
     def scene_of(self, kind: str) -> Scene:
-        """Return the scene as a sense has it; one for all but in a preset.
+        """Return the scene for a kind of sensor; a preset may have several.
 
         Args:
-            kind: Of a sensor; "vehicle" or "camera".
+            kind: Kind of sensor, "vehicle" or "camera".
         """
         if self.preset is None:
             return self.scene
@@ -198,18 +204,18 @@ class DrawnWorld(NamedTuple):
 
     @property
     def charges(self) -> tuple[Charge, ...]:
-        """Those that happen, in order of time."""
+        """Charges that detonate, sorted by time."""
         return tuple(charge for charge in self.scene.charges if not charge.never)
 
     @property
     def shots(self) -> tuple[str, ...]:
-        """Their names: of a random one its number, as it was drawn."""
+        """Names of the charges; a random blast has its number as name."""
         return tuple(charge.name for charge in self.charges)
 
     @property
     def noise_key(self) -> PRNGKeyArray:
-        """Of the errors of readings."""
-        return jax.random.fold_in(world_key(self.seed), OF_NOISE)
+        """Key of the errors of readings."""
+        return jax.random.fold_in(world_key(self.seed), NOISE_KEY)
 
 
 def draw_world(
@@ -220,29 +226,29 @@ def draw_world(
     until_s: float = math.inf,
     preset: Preset | None = None,
 ) -> DrawnWorld:
-    """Draw a world: its random blasts, and every number of the scene with a prior.
+    """Sample a world: its random blasts, and every number of the scene with a prior.
 
     Args:
-        uncertain: The scene besides; its one charge may be one that never happens.
-        world: What the blasts are drawn by; None: there are those of the scene alone.
-        seed: Of all draws.
-        until_s: When the world ends [s].
-        preset: By which blasts act; the scene has taken it in (`with_preset`).
+        uncertain: The scene; its charge may be one that never detonates.
+        world: Distribution of the blasts; None: only the charges of the scene.
+        seed: Seed of all samples.
+        until_s: End of the world [s].
+        preset: Alternative physics, already applied to the scene (`with_preset`).
 
     Raises:
-        InputError: A number is free, the region is about a vehicle that is not there,
-            two who perceive have one name, or as in `draw_blasts`.
+        InputError: A number is free, the region refers to a missing vehicle, two
+            observers have one name, or as in `draw_blasts`.
 
     Example:
         `draw_world(*jblast.scene.read_world("world.toml"), seed=1).shots`
     """
     source = uncertain.source or "scene"
-    key = jax.random.fold_in(world_key(seed), OF_SCENE)
+    key = jax.random.fold_in(world_key(seed), SCENE_KEY)
     scene = draw_scene(key, uncertain)
-    _refuse_one_name(scene, source)
+    _check_names(scene, source)
     blasts: Blasts | tuple[()] = ()
     if world is not None:
-        about = _held(scene, source) if world.about == "vehicle" else None
+        about = _vehicle_position(scene, source) if world.about == "vehicle" else None
         blasts = draw_blasts(seed, world, about, until_s=until_s, source=source)
     charges = [
         replace(charge, name=charge.name or "charge")
@@ -254,16 +260,16 @@ def draw_world(
         name = str(number)
         if name in {charge.name for charge in charges}:
             raise InputError(
-                f"{source}: [[charge]] name: expected another than that of a random "
-                f"blast, got {shown(name)}"
+                f"{source}: [[charge]] name: expected a name that no random blast has, "
+                f"got {shown(name)}"
             )
         charges.append(Charge(mass, tuple(place), time, name=name))
     charges.sort(key=lambda charge: float(charge.time_s))
     charges = charges or [Charge(time_s=math.inf)]
     if any(charge.range_m is not None for charge in charges):
         raise InputError(
-            f"{source}: [charge] range_m: expected position_m, got a range, which is "
-            "to one sensor alone"
+            f"{source}: [charge] range_m: expected position_m, got range_m, which is "
+            "the distance of a single sensor"
         )
     scene = replace(scene, charge=charges[0], others=tuple(charges[1:]))
     laws = dict(scene.law) | record_laws(scene, ground=True)
@@ -271,18 +277,18 @@ def draw_world(
     return DrawnWorld(scene, seed, source, preset)
 
 
-def _held(scene: Scene, source: str) -> Float[Array, "3"]:
-    """Return the place that the vehicle holds."""
+def _vehicle_position(scene: Scene, source: str) -> Float[Array, "3"]:
+    """Return the position that the vehicle maintains."""
     if scene.vehicle is None:
         raise InputError(
-            f"{source}: [world] about: expected a [vehicle] that the region is about, "
+            f"{source}: [world] about: expected a [vehicle] as centre of the region, "
             "got none"
         )
     return scene.vehicle.held
 
 
-def _refuse_one_name(scene: Scene, source: str) -> None:
-    """Refuse a sensor that is called as the vehicle or the camera is."""
+def _check_names(scene: Scene, source: str) -> None:
+    """Reject sensors named like the vehicle or the camera, or without a position."""
     taken = {
         name
         for name, there in ((VEHICLE, scene.vehicle), (CAMERA, scene.camera))
@@ -291,7 +297,7 @@ def _refuse_one_name(scene: Scene, source: str) -> None:
     for sensor in scene.sensors:
         if sensor.name in taken:
             raise InputError(
-                f"{source}: [[sensor]] name: expected another than that of the "
+                f"{source}: [[sensor]] name: expected another name than that of the "
                 f"scene's {sensor.name}, got {shown(sensor.name)}"
             )
         if not sensor.mount and np.isnan(sensor.position_m).any():
@@ -305,9 +311,9 @@ class Blasts(NamedTuple):
     """Random blasts, by number.
 
     Attributes:
-        time_s: On the common clock [s]; infinite: it never happens.
+        time_s: Time of detonation, common clock [s]; infinite: it never happens.
         position_m: East, north, up [m].
-        mass_kg: Of the charge [kg].
+        mass_kg: Mass of the charge [kg].
     """
 
     time_s: Float[Array, " blast"]
@@ -323,21 +329,21 @@ def draw_blasts(
     until_s: float = math.inf,
     source: str = "scene",
 ) -> Blasts:
-    """Draw the blasts of a world, in order of their numbers.
+    """Sample the blasts of a world, in order of their numbers.
 
     Args:
-        seed: Of the draws.
-        world: What they are drawn by.
-        about_m: What the region is about: east, north, up [m]; None: the origin.
-        until_s: Blasts by rate or tick after this are not drawn [s].
-        source: Where the world was read from, for the messages.
+        seed: Seed of the samples.
+        world: Distribution of the blasts.
+        about_m: Centre of the region: east, north, up [m]; None: the origin.
+        until_s: Blasts by rate or tick end at this time [s].
+        source: File of the world, for messages.
 
     Returns:
-        Those that happen; perhaps none, where chance decides how many.
+        The blasts that happen; by rate or tick there may be none.
 
     Raises:
-        InputError: There are more than `MOST_BLASTS`, or a gap was drawn at which they
-            do not fit.
+        InputError: There are more than `MOST_BLASTS`, or they do not fit with the
+            sampled gap.
 
     Example:
         `draw_blasts(0, jblast.scene.WorldSpec()).time_s`
@@ -348,10 +354,10 @@ def draw_blasts(
     if isinstance(world.occurrence, ByCount):
         count = world.occurrence.count
         if isinstance(world.time, Uniform):
-            gap = float(_of_world(key, world.gap, 0))
+            gap = float(_common_number(key, world.gap, 0))
             check_fits(count, *world.window, gap, f"{where} (seed {seed})")
         return _blasts(key, world, about, count)
-    count, end = FIRST_TRY, min(world.window[1], until_s)
+    count, end = INITIAL_BLASTS, min(world.window[1], until_s)
     while True:
         blasts = _blasts(key, world, about, count)
         times = np.asarray(blasts.time_s)
@@ -367,21 +373,21 @@ def draw_blasts(
 
 
 def world_key(seed: int) -> PRNGKeyArray:
-    """Return the key of a world: none that noise of its sensors is drawn from."""
-    return jax.random.fold_in(jax.random.key(seed, impl="threefry2x32"), OF_WORLDS)
+    """Return the key of a world, which differs from all keys of its sensors' noise."""
+    return jax.random.fold_in(jax.random.key(seed, impl="threefry2x32"), WORLD_KEY)
 
 
 def blast_sequence(
     key: PRNGKeyArray, world: WorldSpec, about_m: Float[Array, "3"], count: int
 ) -> Blasts:
-    """Return the first blasts of a world. Pure: for jit and vmap over keys.
+    """Return the first blasts of a world; a pure function, for jit and vmap over keys.
 
     Args:
-        key: Of the world, a threefry key.
-        world: What they are drawn by.
-        about_m: What the region is about: east, north, up [m].
-        count: How many; of `ByCount` as many as it says. By rate or tick they go on
-            past the end of the window.
+        key: Key of the world, a threefry key.
+        world: Distribution of the blasts.
+        about_m: Centre of the region: east, north, up [m].
+        count: Number of blasts; for `ByCount` its count. By rate or tick they continue
+            beyond the end of the window.
     """
     numbers = jnp.arange(count)
     keys = jax.vmap(lambda n: jax.random.split(jax.random.fold_in(key, n), 3))(numbers)
@@ -393,11 +399,9 @@ def blast_sequence(
 _blasts = eqx.filter_jit(blast_sequence)
 
 
-def _of_world(key: PRNGKeyArray, number: Number, which: int) -> Float[Array, ""]:
-    """Return a number that a whole world has in common.
-
-    Its keys count from the other end, so that none is one of a blast's.
-    """
+def _common_number(key: PRNGKeyArray, number: Number, which: int) -> Float[Array, ""]:
+    """Return a number that all blasts of a world share."""
+    # These keys count down from the largest number, so they never equal a blast's.
     return _drawn(jax.random.fold_in(key, 2**32 - 1 - which), number)
 
 
@@ -408,11 +412,12 @@ def _drawn(key: PRNGKeyArray, number: Number) -> Float[Array, ""]:
 def _place(
     key: PRNGKeyArray, region: Box | Ring, about_m: Float[Array, "3"]
 ) -> Float[Array, "3"]:
-    """Draw a place, uniform over the region; that of a ring is on the ground."""
+    """Sample a position, uniform over the region; those of a ring are on the ground."""
     if isinstance(region, Box):
         share = jax.random.uniform(key, (3,))
         return about_m + region.low + share * (region.high - region.low)
     share, turn = jax.random.uniform(key, (2,))
+    # The squared radius is uniform, so that the density per area is.
     inner, outer = jnp.square(region.inner), jnp.square(region.outer)
     radius = jnp.sqrt(inner + share * (outer - inner))
     angle = 2.0 * math.pi * turn
@@ -423,8 +428,8 @@ def _place(
 def _times(
     key: PRNGKeyArray, keys: Key[Array, " blast"], world: WorldSpec
 ) -> Float[Array, " blast"]:
-    """Draw the times of blasts, each from a key of its own."""
-    gap = _of_world(key, world.gap, 0)
+    """Sample the times of blasts, each from its own key."""
+    gap = _common_number(key, world.gap, 0)
     how, time = world.occurrence, world.time
     if isinstance(how, ByCount):
         if not isinstance(time, Uniform):
@@ -434,13 +439,13 @@ def _times(
         order = jnp.argsort(share)
         rank = jnp.argsort(order)
         first = time.lo + share[order] * jnp.maximum(free, 0.0)
-        return _apart(first + jnp.arange(share.size, dtype=float) * gap, gap)[rank]
-    assert isinstance(time, Uniform), "the reader of [world] asks for it"
+        return _separated(first + jnp.arange(share.size, dtype=float) * gap, gap)[rank]
+    assert isinstance(time, Uniform), "[world] by rate or tick has a window"
     if isinstance(how, ByRate):
-        mean = 1.0 / _of_world(key, how.rate, 1)
+        mean = 1.0 / _common_number(key, how.rate, 1)
         wait = mean * jax.vmap(jax.random.exponential)(keys)
         rising = time.lo + jnp.cumsum(wait) + gap * jnp.arange(wait.size, dtype=float)
-        return _apart(rising, gap)
+        return _separated(rising, gap)
     return _ticks(keys, how, time.lo, gap)
 
 
@@ -450,21 +455,22 @@ def _ticks(
     start: Float[Array, ""],
     gap: Float[Array, ""],
 ) -> Float[Array, " blast"]:
-    """Draw at which ticks there is a blast: waits are geometric."""
+    """Sample the ticks of blasts by geometric waiting times."""
+    # A share of zero would have an infinite logarithm.
     tiny = jnp.finfo(float).tiny
     share = jax.vmap(lambda k: jax.random.uniform(k, minval=tiny))(keys)
     failed = math.log1p(-how.probability) if how.probability < 1.0 else -math.inf
     wait = 1.0 + jnp.floor(jnp.log(share) / failed)
-    # a gap of whole ticks is not made longer by a rounding
+    # Rounding must not turn a gap of whole ticks into one more tick.
     blind = jnp.maximum(jnp.ceil(gap / how.tick * (1.0 - 1e-12)), 1.0) - 1.0
     number = jnp.cumsum(wait) + blind * jnp.arange(wait.size, dtype=float) - 1.0
     return start + number * how.tick
 
 
-def _apart(
+def _separated(
     times: Float[Array, " blast"], gap: Float[Array, ""]
 ) -> Float[Array, " blast"]:
-    """Return rising times, none nearer to the last than the gap by a rounding."""
+    """Return ascending times with at least the gap between them, despite rounding."""
 
     def later(last: Array, time: Array) -> tuple[Array, Array]:
         time = jnp.maximum(time, last + gap)

@@ -1,8 +1,8 @@
 """Records of the inertial units on a world's vehicle, and the jolts picked from them.
 
-The true times set the search interval of each jolt, up to midway to the blasts before
-and after it, and nothing else. The initial attitude and velocity of an interval and the
-rotor speeds are those of the flight.
+The true arrival times are used only for the search interval of each jolt, which extends
+up to midway to the previous and next blasts. The initial attitude and velocity of an
+interval and the rotor speeds are those of the flight.
 """
 
 import zlib
@@ -21,22 +21,22 @@ from jblast.sensors.imu import Felt, JoltPick, base_of, felt, pick_jolt, read
 from jblast.vehicle import State, Trajectory, vehicle_of
 from jblast.vehicle.quadrotor import required_body
 from jblast.world.drawn import DrawnWorld
-from jblast.world.perceived import Arrivals, stretch_about
+from jblast.world.perceived import Arrivals, interval_about
 
 AIR = "air_arrival_s"
-POOR_RAD = 0.5
-"""A direction known no better is none."""
+MAX_DIRECTION_ERROR_RAD = 0.5
+"""Standard error above which a direction is not reported; 29 degrees, declared."""
 
 
 class ImuRecord(NamedTuple):
-    """What one unit wrote.
+    """Record of one inertial measurement unit.
 
     Attributes:
-        sensor: Which.
-        imu: What it is.
-        stamps_s: When each sample begins, by its own clock.
-        samples: The samples.
-        flight: Of the vehicle, up to where it was lost.
+        sensor: Position, mount and clock of the unit.
+        imu: Ranges, noise and sampling of the unit.
+        stamps_s: Beginning of each sample, by the unit's clock.
+        samples: Specific force and body rate.
+        flight: Flight of the vehicle, up to its loss.
     """
 
     sensor: Sensor
@@ -47,12 +47,14 @@ class ImuRecord(NamedTuple):
 
     @property
     def common_s(self) -> Float[np.ndarray, " sample"]:
-        """When each sample begins, on the common clock."""
+        """Beginning of each sample, on the common clock."""
         return self.stamps_s - float(self.sensor.clock_offset_s)
 
     @property
     def clipped(self) -> bool:
-        """Whether a sample stands at the end of its range."""
+        """True if a sample is at a limit of the unit's range."""
+        # The largest code of an n-bit converter is one step below full scale; without
+        # bits, float64 has 53.
         step = 2.0 ** (1 - (self.imu.bits or 53))
         return any(
             bool(jnp.any(jnp.abs(column) >= full_scale * (1 - step) * (1 - 1e-6)))
@@ -64,7 +66,7 @@ class ImuRecord(NamedTuple):
 
     @property
     def row_s(self) -> float:
-        """How far the rows of the flight are apart: between them it is straight."""
+        """Interval between rows of the flight, within which its path is linear."""
         times = self.flight.time_s
         return float(times[1] - times[0]) if times.size > 1 else np.inf
 
@@ -75,13 +77,13 @@ def picked_jolts(
     """Return the jolts of the units with a specified sampling.
 
     Args:
-        world: What is there.
-        arrivals: When and where waves come to whom.
-        records: What the units wrote.
+        world: The world.
+        arrivals: Times and positions of arrivals.
+        records: Records of the units.
 
     Returns:
-        Times, sizes and directions as a log, None where there is none; and the number
-        of waves that were not picked.
+        Log of times, sizes and directions, None without a row; and the number of waves
+        without a pick.
     """
     rows: list[tuple[str, str, float, float, str, bool]] = []
     places: list[Float[np.ndarray, 3]] = []
@@ -114,7 +116,7 @@ def picked_jolts(
         position=np.stack(places),
         shot=shots,
         lower_bound=np.array(bounds),
-        comments=("jolts of an imu that says how it samples are picked",),
+        comments=("jolts of an imu with sampling options are picked",),
     )
     return log, missed
 
@@ -122,11 +124,11 @@ def picked_jolts(
 def _pick(
     world: DrawnWorld, record: ImuRecord, comes_s: np.ndarray, shot: int
 ) -> tuple[JoltPick | None, int]:
-    """Return the jolt of one blast, and the first sample that it was looked for in."""
+    """Return the jolt of one blast and the first sample of its search interval."""
     spec = world.scene.vehicle
     if spec is None:
         return None, 0
-    start, stop = stretch_about(comes_s, shot)
+    start, stop = interval_about(comes_s, shot)
     common = record.common_s
     some = np.flatnonzero((common >= start) & (common < stop))
     if not some.size:
@@ -147,8 +149,8 @@ def _pick(
         )
     )
     air = world.scene.air
-    # the bias of the gyroscope is estimated by the vehicle's estimator; here, by the
-    # mean difference from the truth over the first samples
+    # The vehicle's estimator would remove the gyroscope's bias; here it is the mean
+    # difference from the truth over the first samples.
     rates = record.samples.rate[part]
     base = base_of(len(rates))
     edges = jnp.asarray(common[some[0]] + np.arange(base + 1) / record.imu.rate)
@@ -168,7 +170,7 @@ def _pick(
 
 
 def _crossing_s(world: DrawnWorld) -> float:
-    """Return how long a weak front takes across the scene's vehicle."""
+    """Return the crossing time of a weak front over the scene's vehicle."""
     spec = world.scene.vehicle
     if spec is None:
         return 0.0
@@ -179,11 +181,12 @@ def _crossing_s(world: DrawnWorld) -> float:
 def _readings(
     record: ImuRecord, pick: JoltPick, first: int, crossing_s: float
 ) -> list[tuple[str, float, float, bool]]:
-    """Return quantity, value, sigma and whether it is a lower bound."""
+    """Return rows of quantity, value, sigma and a flag for lower bounds."""
     step, row = 1 / record.imu.rate, record.row_s
     onset = float(record.stamps_s[first + pick.onset])
-    # the start of a push within its sample and within its row of the flight is unknown;
-    # the push of the front begins half a body before the front reaches the middle
+    # The start of a force within its sample and within its row of the flight is
+    # unknown: uniform errors of variance interval^2 / 12 each. The force begins when
+    # the front reaches the body, half a crossing time before it reaches the centre.
     readings = [
         (
             AIR,
@@ -200,7 +203,7 @@ def _readings(
                 ("jolt_bearing_rad", pick.bearing_rad),
                 ("jolt_elevation_rad", pick.elevation_rad),
             )
-            if value[1] < POOR_RAD
+            if value[1] < MAX_DIRECTION_ERROR_RAD
         ]
     return readings
 
@@ -216,14 +219,14 @@ def _at(
 def imu_records(
     world: DrawnWorld, flight: Trajectory | None, seconds: float
 ) -> list[ImuRecord]:
-    """Return what every inertial measurement unit on the vehicle writes.
+    """Return the record of every inertial measurement unit on the vehicle.
 
-    A record begins at 0 on its own clock; it ends where the vehicle is lost.
+    A record begins at 0 on the unit's clock and ends where the vehicle is lost.
 
     Args:
-        world: What is there.
-        flight: Of its vehicle; None where nothing flew.
-        seconds: When the world ends.
+        world: The world.
+        flight: Flight of its vehicle; None without one.
+        seconds: Duration of the world.
     """
     if flight is None:
         return []
@@ -243,7 +246,7 @@ def imu_records(
             continue
         common = jnp.asarray(edges - offset)
         true = felt(flight, common, sensor.offset_m, sensor.quaternion)
-        # by its name: another sensor in the scene changes nothing of it
+        # The key follows from the name, so other sensors do not change the noise.
         number = zlib.crc32(f"imu {sensor.name}".encode())
         key = jax.random.fold_in(world.noise_key, number)
         records.append(ImuRecord(sensor, imu, edges[:-1], read(key, imu, true), flight))

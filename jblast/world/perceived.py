@@ -1,9 +1,8 @@
-"""Perception of blasts: who perceives which blast, and when.
+"""Perception of blasts: arrivals and readings of each sensor for each blast.
 
-Blasts follow one another, so each reading belongs to one blast, which the column `shot`
-of the log names; a fit separates the blasts by it. In a real recording this assignment
-would have to be found. Errors of two blasts are independent: each has its own shared
-effects, as two shots on a range have.
+Each reading belongs to one blast, named in the column `shot` of the log; a fit uses it
+to separate blasts. In a real recording this assignment would have to be found. Errors
+of two blasts are independent: each has its own shared effects, as two shots on a range.
 """
 
 from collections.abc import Collection, Mapping
@@ -33,28 +32,33 @@ BY_WAVE = {
     "ground_arrival_s": "ground motion",
     "air_arrival_s": "pressure",
 }
-"""What a sensor without a kind perceives, by the wave that brings its records."""
+"""Sense of a sensor without a kind, by the wave of its records."""
 OTHERS = {
     VEHICLE: (("air_arrival_s", "force"),),
     CAMERA: (("flash_time_s", "flash"),),
 }
 WAVES = ("flash_time_s", "ground_arrival_s", "air_arrival_s")
-"""Carrier of a blast, by the quantity that times it."""
+"""Waves of a blast, each named by the quantity of its arrival time."""
 BEFORE_S, AFTER_S = 0.25, 0.5
-"""Of a stretch about an arrival, at most."""
+"""Maximum length of a search interval before and after an arrival; declared.
+
+The part before gives the noise level; 0.5 s contain the positive and negative phase of
+charges up to tonnes.
+"""
 BY_LIGHT = ("flash_time_s", "fireball_radius_px", "fireball_radius_m")
 DIRECTIONS = ("bearing_rad", "elevation_rad")
 
 
 def out_of_view(scene: Scene, flight: Trajectory | None = None) -> tuple[str, ...]:
-    """Return the blasts of which no ray of the camera ever meets the fireball.
+    """Return the blasts whose fireballs are never in the camera's view.
 
-    A camera that flies is taken where it is, and turned as it is, when a blast goes
-    off. Without a camera there is nothing out of its view.
+    A mounted camera has its position and attitude at the time of detonation. The result
+    is empty without a camera.
 
     Args:
-        scene: What explodes, and the camera.
-        flight: Of the vehicle; None: a camera on it looks level from where it holds.
+        scene: Charges and camera.
+        flight: Flight of the vehicle; None: a mounted camera is level at the target
+            position of the vehicle.
     """
     camera = scene.camera
     if camera is None:
@@ -75,7 +79,7 @@ def out_of_view(scene: Scene, flight: Trajectory | None = None) -> tuple[str, ..
 
 
 def _path(scene: Scene, flight: Trajectory | None) -> CameraPath:
-    """Return where the vehicle is; of one that was lost, up to there."""
+    """Return the path of the vehicle, up to its loss."""
     if flight is None:
         held = jnp.zeros(3) if scene.vehicle is None else scene.vehicle.held
         level = jnp.array([0.0, 0.0, 0.0, 1.0])
@@ -88,13 +92,13 @@ def _path(scene: Scene, flight: Trajectory | None) -> CameraPath:
 
 
 class Arrivals(NamedTuple):
-    """When each wave of each blast comes to whom.
+    """Arrival times of all waves of all blasts at all observers.
 
     Attributes:
         entities: Names of sensors, vehicle and camera.
-        times_s: By wave, a row for each entity, a column for each charge of the scene;
-            on the common clock, infinite: never [s].
-        places_m: Where they are then, likewise [m].
+        times_s: Arrival times by wave, shape (entity, charge), on the common clock [s];
+            infinite: never.
+        places_m: Positions of the entities at these times, shape (entity, charge, 3).
     """
 
     entities: tuple[str, ...]
@@ -102,7 +106,7 @@ class Arrivals(NamedTuple):
     places_m: dict[str, Float[np.ndarray, "entity shot 3"]]
 
     def last_s(self) -> float:
-        """Return when the last wave comes to anyone; 0 where none does."""
+        """Return the last arrival time [s]; 0 without arrivals."""
         times = np.concatenate([times.ravel() for times in self.times_s.values()])
         return float(times.max(where=np.isfinite(times), initial=0.0))
 
@@ -113,21 +117,21 @@ def readings_of(
     seconds: float,
     picked: Collection[str] = (),
 ) -> tuple[Observations | None, int]:
-    """Return what every sensor records of every blast, with errors.
+    """Return the readings of every sensor for every blast, with errors.
 
-    A sensor that moves stands, for each reading, where the wave met it.
+    Each reading of a moving sensor has the sensor's position at the arrival.
 
     Args:
-        world: What is there.
-        arrivals: When and where the waves come to whom.
-        seconds: When the world ends; a wave that comes later is not recorded [s].
+        world: The world.
+        arrivals: Times and positions of arrivals.
+        seconds: End of the world; later waves are not recorded [s].
         picked: Names of sensors whose air shocks are picked from samples instead.
 
     Returns:
-        The log, None where there is no reading; and how many waves came too late.
+        The log, None without a reading; and the number of waves after the end.
 
     Raises:
-        InputError: A sensor cannot record what it should.
+        InputError: A sensor cannot record a required quantity.
     """
     logs: list[Observations] = []
     late, scene = 0, world.scene
@@ -140,13 +144,14 @@ def readings_of(
             continue
         present: list[Sensor] = []
         for sensor in sensors:
-            parts = _as_it_stood(sensor, arrivals, column, seconds)
+            parts = _at_arrivals(sensor, arrivals, column, seconds)
             late += len(set(waves_of(sensor).values())) - len(parts)
             present += parts
         if not present:
             continue
-        # the number of a random blast is its own in a longer world, too; a name that
-        # only resembles one ("007", "²") is a name, or two charges would share errors
+        # Keyed by number, a random blast has the same errors in a longer world. Only
+        # exact decimals count as numbers ("007" and "²" do not), or two charges would
+        # share errors.
         number = whole_number(charge.name)
         if number is None or number >= 2**31 or str(number) != charge.name:
             number = 2**31 + column
@@ -166,7 +171,7 @@ def readings_of(
 def _by_scene(
     world: DrawnWorld, sensors: list[Sensor]
 ) -> list[tuple[Scene, list[Sensor]]]:
-    """Return sensors by the scene as they have it; there is one but in a preset."""
+    """Return the sensors grouped by scene; only a preset may have two scenes."""
     groups: list[tuple[Scene, list[Sensor]]] = []
     usual = [s for s in sensors if world.scene_of(s.kind) is world.scene]
     if usual:
@@ -184,10 +189,10 @@ def _without_air(sensor: Sensor) -> Sensor:
     return replace(sensor, records=tuple(kept))
 
 
-def _as_it_stood(
+def _at_arrivals(
     sensor: Sensor, arrivals: Arrivals, column: int, seconds: float
 ) -> list[Sensor]:
-    """Return a sensor where each wave met it, for what it records of that wave."""
+    """Return a sensor once per wave, with position and records of that wave."""
     row, waves = arrivals.entities.index(sensor.name), waves_of(sensor)
     by_wave: dict[str, list[tuple[str, float]]] = {}
     for quantity, sigma in sensor.records:
@@ -204,13 +209,13 @@ def _as_it_stood(
 
 
 class Perceived(NamedTuple):
-    """One blast, as one sense of one who is there had it first.
+    """First perception of one blast by one sense of one observer.
 
     Attributes:
         shot: Name of the charge.
-        entity: Of the sensor; "vehicle" or "camera".
-        sense: What was perceived.
-        time_s: When it began, on the common clock [s].
+        entity: Name of the sensor, "vehicle" or "camera".
+        sense: Name of the sense.
+        time_s: Beginning, on the common clock [s].
     """
 
     shot: str
@@ -225,16 +230,16 @@ def perceived(
     seconds: float,
     out_of_view: Collection[str] = (),
 ) -> tuple[tuple[Perceived, ...], int]:
-    """Return who perceives what and when, in order of time.
+    """Return all perceptions, sorted by time.
 
     Args:
-        scene: What is there.
-        arrivals: When the waves of its blasts come to whom.
-        seconds: When the world ends; what comes later is not perceived [s].
-        out_of_view: Names of blasts that the camera does not see.
+        scene: The scene.
+        arrivals: Times and positions of arrivals.
+        seconds: End of the world; later waves are not perceived [s].
+        out_of_view: Names of blasts outside the camera's view.
 
     Returns:
-        What is perceived, and how much comes too late to be.
+        The perceptions, and the number of those after the end.
     """
     senses = {sensor.name: _senses(sensor) for sensor in scene.sensors} | OTHERS
     found = [
@@ -252,21 +257,21 @@ def perceived(
 
 
 def _senses(sensor: Sensor) -> tuple[tuple[str, str], ...]:
-    """Return which waves a sensor perceives, and as what: by its kind and records."""
+    """Return pairs of wave and sense of a sensor, by its kind and records."""
     by_kind = SENSOR_KINDS[sensor.kind].senses if sensor.kind else ()
     waves = dict.fromkeys(waves_of(sensor).values())
     known = {wave for wave, _ in by_kind}
     return (*by_kind, *((wave, BY_WAVE[wave]) for wave in waves if wave not in known))
 
 
-def stretch_about(
+def interval_about(
     comes_s: Float[np.ndarray, " shot"], shot: int
 ) -> tuple[float, float]:
-    """Return when to begin and to end looking for one arrival among others [s].
+    """Return the search interval of one arrival among others [s].
 
     Args:
-        comes_s: When each blast comes to somebody.
-        shot: Whose arrival.
+        comes_s: Arrival times of all blasts at one sensor.
+        shot: Index of the arrival.
     """
     here = comes_s[shot]
     before = max((t for t in comes_s if t < here), default=-np.inf)
@@ -276,9 +281,9 @@ def stretch_about(
 
 
 def waves_of(sensor: Sensor) -> dict[str, str]:
-    """Return which of `WAVES` brings each quantity that a sensor records.
+    """Return the wave (one of `WAVES`) of each quantity that a sensor records.
 
-    A sensor with a reading of the flash or the fireball takes its direction from light.
+    The direction of a sensor that records flash or fireball is that of the light.
     """
     recorded = [quantity for quantity, _ in sensor.records]
     sees = any(quantity in BY_LIGHT for quantity in recorded)
@@ -292,27 +297,27 @@ def _wave(quantity: str, sees: bool) -> str:
 
 
 def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arrivals:
-    """Return when each blast comes to everyone in a scene, by its laws.
+    """Return the arrival times of each blast at all observers, by the scene's laws.
 
-    Times are those of `sensors.record`. A moving sensor is placed where it meets the
-    wave. The blasts are computed one by one, by one program.
+    Times are those of `sensors.record`. Moving sensors have their position at the
+    arrival. The blasts are computed one by one, by one program.
 
     Args:
         scene: The scene, with its laws stated.
-        tracks: Paths of the vehicle and of mounted sensors, by name; absent: they stand
-            at the held position.
+        tracks: Paths of the vehicle and of mounted sensors, by name; without a path
+            they are at the vehicle's target position.
 
     Raises:
-        InputError: Somebody is as fast as sound.
+        InputError: An observer is as fast as sound.
     """
     entities, moving = _entities(scene, tracks or {})
     bare = replace(scene, sensors=(), camera=None, clocks=(), ambient=None)
-    asked = tuple(Sensor(name, place) for name, place in entities.items())
+    observers = tuple(Sensor(name, place) for name, place in entities.items())
     times: dict[str, list[np.ndarray]] = {wave: [] for wave in WAVES}
     places: dict[str, list[np.ndarray]] = {wave: [] for wave in WAVES}
     for charge in scene.charges:
         alone = replace(bare, charge=replace(charge, name=""), others=())
-        _, truth = truth_of(alone, asked, moving, WAVES)
+        _, truth = truth_of(alone, observers, moving, WAVES)
         for wave in WAVES:
             times[wave].append(truth.values[wave][:, 0])
             places[wave].append(truth.places[wave][:, 0])
@@ -326,10 +331,10 @@ def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arri
 def arrivals_in(
     world: DrawnWorld, tracks: Mapping[str, Track] | None = None
 ) -> Arrivals:
-    """Return the same of a world; by a preset each sense may have its own air.
+    """Return the arrivals in a world; a preset may have its own air for some sensors.
 
     Args:
-        world: What was drawn.
+        world: The world.
         tracks: As in `arrivals_of`.
 
     Raises:
@@ -360,7 +365,7 @@ def arrivals_in(
 def _entities(
     scene: Scene, tracks: Mapping[str, Track]
 ) -> tuple[dict[str, Float[Array, "3"]], dict[str, Track]]:
-    """Return everyone with a place to stand at, and the tracks of who moves."""
+    """Return the positions of all observers, and the paths of moving ones."""
     held = jnp.zeros(3) if scene.vehicle is None else scene.vehicle.held
     found = {s.name: held if s.mount else s.position_m for s in scene.sensors}
     if scene.vehicle is not None:

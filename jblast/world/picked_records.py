@@ -2,12 +2,12 @@
 
 A microphone or pressure sensor with sampling options (`rate_hz`, noise, bits) has its
 arrivals and peaks picked from its record, as by `jblast pick`, with their errors. The
-truth sets the search interval of each blast, up to midway to the blasts before and
-after it, and nothing else.
+true arrival times are used only for the search interval of each blast, which extends up
+to midway to the previous and next blasts.
 
-A sample is the mean over its interval, which begins at its stamp. A pick takes it as
-the value at the stamp, so half a sampling interval is added to an arrival. The position
-of a steep front within its interval is unknown: 1/12 of the squared interval is added
+A sample is the mean over its interval, which begins at its stamp. A pick assigns it to
+the stamp, so half a sampling interval is added to an arrival. The position of a steep
+front within its interval is unknown: 1/12 of the squared interval is added
 to the variance of an arrival, and to that of a peak the corresponding decay of the
 pulse.
 """
@@ -28,10 +28,10 @@ from jblast.signals.picks import RecordPick, pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.pick_log import log_value, omitted_quantities
 from jblast.world.drawn import DrawnWorld
-from jblast.world.perceived import Arrivals, stretch_about
+from jblast.world.perceived import Arrivals, interval_about
 
-AIR, PEAK = TAKEN = ("air_arrival_s", "peak_overpressure_pa")
-"""Quantities that are taken from a pick."""
+AIR, PEAK = PICKED_QUANTITIES = ("air_arrival_s", "peak_overpressure_pa")
+"""Quantities of a pick that are used."""
 
 
 class PickedReadings(NamedTuple):
@@ -66,14 +66,15 @@ def picked_readings(
         own = arrivals.times_s[AIR][arrivals.entities.index(sensor.name)]
         comes = own + float(sensor.clock_offset_s)
         for shot in np.flatnonzero(comes < seconds).tolist():
-            records.append(_about(recordings[sensor.name], sensor, comes, shot))
+            recording = recordings[sensor.name]
+            records.append(_interval_record(recording, sensor, comes, shot))
             of.append((sensor, shot))
     rows: list[tuple[str, str, float, float, str, bool]] = []
     places: list[np.ndarray] = []
     missed = 0
     for (sensor, shot), one in zip(of, pick_records(records), strict=True):
         lost = [quantity for _, gone in omitted_quantities(one) for quantity in gone]
-        kept = [q for q in TAKEN if one.pick.found and q not in lost]
+        kept = [q for q in PICKED_QUANTITIES if one.pick.found and q not in lost]
         missed += not kept
         for quantity in kept:
             value, sigma = _value(one, quantity)
@@ -93,7 +94,7 @@ def picked_readings(
         position=np.stack(places),
         shot=shots,
         lower_bound=np.array(bounds),
-        comments=("air shocks at sensors that say how they sample are picked",),
+        comments=("air shocks at sensors with sampling options are picked",),
     )
     return PickedReadings(readings, missed)
 
@@ -110,7 +111,7 @@ def sampled_sensors(world: DrawnWorld) -> tuple[Sensor, ...]:
 
 
 def joined(one: Observations | None, other: Observations | None) -> Observations | None:
-    """Return both logs as one, the second behind the first."""
+    """Return both logs concatenated."""
     logs = [log for log in (one, other) if log is not None]
     if len(logs) < 2:
         return logs[0] if logs else None
@@ -118,11 +119,11 @@ def joined(one: Observations | None, other: Observations | None) -> Observations
     return Observations(**stacked(logs), comments=comments)
 
 
-def _about(
+def _interval_record(
     recording: Recording, sensor: Sensor, comes_s: np.ndarray, shot: int
 ) -> PressureRecord:
     """Return the interval of a record about one blast."""
-    first, last = stretch_about(comes_s, shot)
+    first, last = interval_about(comes_s, shot)
     start, stop = (round(recording.rate_hz * t) for t in (max(first, 0.0), last))
     stop = min(max(stop, start + LEAST_SAMPLES), recording.length)
     record = recording.record(0, min(start, stop - LEAST_SAMPLES), stop)
@@ -139,5 +140,6 @@ def _value(one: RecordPick, quantity: str) -> tuple[float, float]:
     unknown = step / math.sqrt(12.0)
     if quantity == AIR:
         return value + 0.5 * step, math.hypot(sigma, unknown)
+    # Slope of Friedlander's pulse at its peak, relative to the peak: (1 + b) / t_d.
     fall = (1.0 + float(one.pick.decay)) / float(one.pick.positive_duration_s)
     return value, math.hypot(sigma, value * fall * unknown)

@@ -1,8 +1,8 @@
-"""Physics of a world other than jblast's own.
+"""Presets: alternative physics of a world.
 
-A preset decides how blasts act. A scene may leave out or repeat the preset's air,
-ground and laws; another value contradicts it and is rejected. The scene specifies the
-blasts and the sensors, and the preset fills in values that are left out.
+A preset specifies air, ground, laws and loads. A scene may omit or repeat these values;
+a different value is rejected. The scene specifies the blasts and the sensors, and the
+preset fills in missing values.
 
 The presets are the thesis as printed (Parab 2024, eqs. 3.1 to 3.5, algorithm 4, section
 4.2.1) and as coded: facts read from charlotte-visionlab/gazebo_blast3d, `e6dd04c` and
@@ -28,12 +28,12 @@ SOUND = (
     "positive_impulse_pa_s",
 )
 AIR = {"sound_speed_m_s": 340.0, "absorption": False}
-"""Called the speed of sound in dry air at 20 C; Stokes' absorption is in the laws."""
+"""The thesis's speed of sound "in dry air at 20 C"; the laws include absorption."""
 TICKS = {"probability": 0.15, "tick_s": 0.5, "gap_s": 0.5}
-"""The plugin's: algorithm 4 has no numbers."""
+"""Values of the plugin; the thesis's algorithm 4 has no numbers."""
 OCCURRENCES = ("count", "rate_hz", "probability")
 EXCLUSIVE_KEYS = (("region_m", "about"), (*OCCURRENCES, "tick_s"))
-"""Keys of [world] for one choice: a scene with one of them makes the choice."""
+"""Groups of exclusive keys of [world]: a scene with one key sets the whole group."""
 LoadLaw = Literal["thesis-as-printed", "thesis-as-coded"]
 
 
@@ -42,13 +42,13 @@ class Preset:
     """Effects of blasts, and the blasts themselves where a scene has none.
 
     Attributes:
-        name: As it is asked for.
-        source: Where it comes from.
+        name: Name of the preset.
+        source: Source of the physics.
         physics: Tables and keys of a scene file.
         world: Keys of [world].
-        load: By which load blasts push the vehicle.
-        pressure_speed_m_s: At which pressure and force travel; None: as the sound.
-        frame_differences: Whether events are differences of frames.
+        load: Load of the blasts on the vehicle.
+        pressure_speed_m_s: Speed of pressure and force; None: that of sound.
+        frame_differences: True if camera events are differences of frames.
     """
 
     name: str
@@ -60,11 +60,11 @@ class Preset:
     frame_differences: bool = False
 
     def scene_of(self, scene: Scene, kind: str) -> Scene:
-        """Return a scene as a sense of a kind has it: waves at their own speed.
+        """Return the scene for a kind of sensor, with the wave speed of its sense.
 
         Args:
-            scene: What is there, by `physics`.
-            kind: Of a sensor; "vehicle" or "camera".
+            scene: The scene, according to `physics`.
+            kind: Kind of sensor, "vehicle" or "camera".
         """
         by_pressure = kind == "vehicle" or (
             kind in SENSOR_KINDS and SENSOR_KINDS[kind].by_pressure
@@ -81,10 +81,10 @@ class Preset:
 
 
 def preset_named(name: str | None) -> Preset | None:
-    """Return a preset by its name; None by None.
+    """Return a preset by its name; None for None.
 
     Raises:
-        InputError: There is none of that name.
+        InputError: The name is unknown.
     """
     if name is None:
         return None
@@ -99,11 +99,11 @@ def preset_named(name: str | None) -> Preset | None:
 def read_world_by(
     path: str | os.PathLike[str], preset: Preset | None
 ) -> tuple[UncertainScene, WorldSpec]:
-    """Read a scene file of random blasts, a preset taken in.
+    """Read a scene file of random blasts and apply a preset.
 
     Args:
-        path: A TOML file; by a preset it may leave out [world].
-        preset: By which blasts act; None: as the scene says.
+        path: TOML file; with a preset, [world] is optional.
+        preset: Preset to apply; None: the scene's own physics.
 
     Raises:
         InputError: As in `read_world` and `with_preset`.
@@ -165,42 +165,41 @@ PRESETS = {preset.name: preset for preset in (PRINTED, CODED)}
 def with_preset(
     document: Mapping[str, Any], preset: Preset, source: str
 ) -> dict[str, Any]:
-    """Return the tables of a scene file, a preset's taken in.
+    """Return the tables of a scene file with a preset applied.
 
     Args:
         document: The tables.
-        preset: What is to hold.
-        source: The file's name, for the messages.
+        preset: The preset.
+        source: Name of the file, for messages.
 
     Raises:
-        InputError: The scene says otherwise than the preset how blasts act, or a preset
-            about a vehicle finds none.
+        InputError: The scene contradicts the preset, or the preset needs a vehicle that
+            the scene does not have.
     """
     made = dict(document)
     for name, keys in preset.physics.items():
         table = made.get(name, {})
         if not isinstance(table, dict):
-            return made  # its reader says what is wrong
+            return made  # rejected by the reader, with a better message
         for key, value in keys.items():
             if key in table and table[key] not in (value, "auto"):
                 raise InputError(
-                    f"{source}: [{name}] {key}: expected nothing, or "
-                    f"{shown(value)} as the preset {preset.name} has it, got "
-                    f"{shown(table[key])}"
+                    f"{source}: [{name}] {key}: expected {shown(value)} (preset "
+                    f"{preset.name}) or no value, got {shown(table[key])}"
                 )
         made[name] = {**table, **keys}
     world = made.get("world", {} if "charge" not in made else None)
     if not isinstance(world, dict):
         return made
-    said = set(world)
+    given = set(world)
     for group in EXCLUSIVE_KEYS:
-        if said.intersection(group):
-            said.update(group)
-    filled = {key: value for key, value in preset.world.items() if key not in said}
+        if given.intersection(group):
+            given.update(group)
+    filled = {key: value for key, value in preset.world.items() if key not in given}
     if filled.get("about") == "vehicle" and "vehicle" not in made:
         raise InputError(
-            f"{source}: [world] region_m: expected one, or a [vehicle] about which the "
-            f"preset {preset.name} draws blasts, got neither"
+            f"{source}: [world] region_m: expected a region, or a [vehicle] as centre "
+            f"of the preset {preset.name}'s region, got neither"
         )
     made["world"] = {**filled, **world}
     return made

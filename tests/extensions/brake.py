@@ -5,10 +5,10 @@ from dataclasses import replace
 import equinox as eqx
 
 from jblast.vehicle import CONTROLLERS, ControllerKind, hold_of
-from jblast.vehicle.control.position_hold import PositionHold, Readied
+from jblast.vehicle.control.position_hold import PositionHold, PreparedController
 
 
-class Brake(Readied):
+class Brake(PreparedController):
     """The SE(3) hold without its gains of the position.
 
     Attributes:

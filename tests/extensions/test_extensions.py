@@ -263,7 +263,7 @@ def test_a_users_warp_functions_fly_as_jax_does(extension):
 def test_a_controller_without_warp_functions_is_flown_by_jax_with_a_warning(extension):
     extension("brake")
     CONTROLLERS.register(replace(CONTROLLERS["brake"], kernel=None))
-    with pytest.warns(UserWarning, match="type Brake: flown by JAX"):
+    with pytest.warns(UserWarning, match="type Brake: JAX is used"):
         simulate(
             vehicle_of(SPEC), start_of(SPEC), duration_s=0.01, step_s=2e-3,
             integrator="euler", control=controller_of(SPEC, "brake"),

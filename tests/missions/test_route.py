@@ -72,11 +72,11 @@ def test_heights_above_the_sea_and_above_home_are_told_apart():
 
 FAR = (16, (30e3, 0, 6), {})
 REFUSED = {
-    "empty": ([], "it is empty"),
+    "empty": ([], "got an empty list"),
     "in the air": ([(16, (9, 0, 6), {}), LAND], "item 1, waypoint.*starts in the air"),
     "no end": ([UP, (16, (9, 0, 6), {})], "landing .21. or a return .20."),
     "loiters on": ([UP, (17, (9, 0, 6), {})], "landing .21. or a return .20."),
-    "after the end": ([UP, LAND, (16, (9, 0, 6), {})], "item 3, waypoint.*ended"),
+    "after the end": ([UP, LAND, (16, (9, 0, 6), {})], "item 3, waypoint.*end of the mission"),
     "far": ([UP, FAR, LAND], "item 2, waypoint.*within 20 km.*30 km away: unreachable"),
     "below": ([UP, (16, (9, 0, -6), {}), LAND], "-6 m above home.*below ground"),
     "on the ground": ([UP, (16, (9, 0, 0), {}), LAND], "unreachable, on the ground"),
@@ -84,9 +84,9 @@ REFUSED = {
     "jump to nowhere": ([UP, (177, None, {"p1": 9, "p2": 1}), LAND], "1 to 3, got 9"),
     "jumps without end": (
         [UP, (177, None, {"p1": 1, "p2": math.inf}), LAND],
-        r"expected how many times, 0 or more .*got inf",
+        r"expected a number of repetitions, 0 or more.*got inf",
     ),
-    "jumps for ever": ([UP, (177, None, {"p1": 1, "p2": -1}), LAND], "never ends"),
+    "jumps for ever": ([UP, (177, None, {"p1": 1, "p2": -1}), LAND], "without end"),
     "too many jumps": (
         [UP, (16, (9, 0, 6), {}), (177, None, {"p1": 2, "p2": 10**6}), LAND],
         "at most 5,000 items",

@@ -44,7 +44,7 @@ WRONG = {
     "a wind for 3 of 5": (FIVE, {"wind": Each(gust(3))}, "wind: .*5,.*got .3, 3."),
     "loads for 3 of 5": (FIVE, {"loads": (Each(load(3)),)}, "loads: .*5,.*got .3"),
     "gains for all": (FIVE, {"control": Each(hold(5))}, "control: .*5,.*got .3,"),
-    "winds for one": (ALONE, {"wind": Each(gust(5))}, "wind: expected Each beside"),
+    "winds for one": (ALONE, {"wind": Each(gust(5))}, "wind: expected a batch"),
     "winds not wrapped": (FIVE, {"wind": gust(5)}, "wind: .*wrapped in Each, got .5"),
     "loads not wrapped": (FIVE, {"loads": (load(5),)}, "loads: .*wrapped in Each"),
     "holds not wrapped": (FIVE, {"control": hold(5)}, "control: .*wrapped in Each"),

@@ -54,11 +54,11 @@ def test_where_chance_leaves_no_blast_there_is_none():
 REFUSED = {
     "a number's name": (
         {"charge": [{"name": "1", "mass_kg": 1.0}, {"name": "b", "mass_kg": 1.0}]},
-        "name: expected another than that of a random blast, got '1'",
+        "name: expected a name that no random blast has, got '1'",
     ),
     "a second vehicle": (
         {"sensor": [{"name": "vehicle", "position_m": [0, 0, 0]}]},
-        "name: expected another than that of the scene's vehicle",
+        "name: expected another name than that of the scene's vehicle",
     ),
     "no place": ({"sensor": [{"name": "a"}]}, "'a' position_m: expected"),
     "a free number": ({"air": {"temperature_k": "free"}}, "free and cannot be drawn"),

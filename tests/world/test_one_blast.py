@@ -55,5 +55,5 @@ def test_the_laws_are_those_that_the_world_is_made_by():
 
 
 def test_a_charge_beside_random_ones_is_refused():
-    with pytest.raises(InputError, match=r"\[charge\]: expected none beside \[world\]"):
+    with pytest.raises(InputError, match=r"\[charge\]: expected none in a scene with"):
         one(charge={"mass_kg": 1.0})

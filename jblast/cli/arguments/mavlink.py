@@ -152,7 +152,7 @@ def served_ground_station(asked: argparse.Namespace) -> WatchedAnswer:
             None if spec.mission is None else check_flown(uncertain),
             home_of(spec, place),
             lambda plan: check_flown(uncertain, plan),
-            lambda text: [serve_line(text), *(one.say(text) for one in said)],
+            lambda text: [serve_line(text), *(one.report_text(text) for one in said)],
         )
         station = GroundStation(
             link,

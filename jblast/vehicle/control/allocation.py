@@ -1,25 +1,26 @@
 r"""Rotor speeds for a thrust and a moment, within the limits of the rotors.
 
-Rotor thrusts $f$ follow from the inverse $B$ of the allocation, $f = B (T, M)$, and lie
-between those of the lowest and the highest speed. Where they would not, axes are
-reduced in the order of PX4's airmode for roll and pitch (MC_AIRMODE 1; commit 1bbd116,
-ControlAllocationSequentialDesaturation.cpp, mixAirmodeRP and mixYaw): yaw first, then
-the thrust, lowered or raised, and roll and pitch last. PX4 takes the worst rotor and
-its opposite twice and allows yaw 15 % past the highest thrust; here each factor is the
-largest possible one, and no rotor passes its limits.
+Rotor thrusts $f$ follow from the inverse $B$ of the allocation, $f = B (T, M)$. They
+are limited to the thrusts at the lowest and the highest speed. If a thrust exceeds its
+limits, axes are reduced in the order of PX4's airmode for roll and pitch (MC_AIRMODE 1;
+commit 1bbd116, ControlAllocationSequentialDesaturation.cpp, mixAirmodeRP and mixYaw):
+yaw first, then the thrust, lowered or raised, and roll and pitch last. PX4 corrects the
+worst rotor and its opposite twice and allows yaw 15 % past the highest thrust. Here
+each factor is the largest possible one, and no rotor passes its limits.
 
 A motor lags, $\dot\Omega = (\Omega_{cmd} - \Omega) / \tau_m$. With a lead $\lambda$
-(`led`) the command is
+(`lead_compensated`) the command is
 
 $$\Omega_{cmd} = \Omega + \lambda\,(\Omega_{wanted} - \Omega),$$
 
-with the motor's own speed as its speed controller reports it. The lag is then
-$\tau_m / \lambda$ as long as the command is within the limits; outside it is cut, and
-the motor lags as before. Errors of the reported speed are amplified by $\lambda - 1$.
+where $\Omega$ is the speed reported by the motor's speed controller. The lag is then
+$\tau_m / \lambda$ as long as the command is within the limits. Outside them the command
+is clipped and the motor lags as before. Errors of the reported speed are amplified by
+$\lambda - 1$.
 
-In a steady wind a vehicle hovers tilted against it, at rest over ground
-(`hover_in_wind`): thrust and the wind's drag and lift carry its weight. Moments of the
-wind are left out there.
+In a steady wind a vehicle hovers tilted against the wind, at rest over ground
+(`hover_in_wind`): thrust and the wind's drag and lift balance its weight. Moments of
+the wind are neglected.
 """
 
 import functools
@@ -34,10 +35,18 @@ from jblast.vehicle.dynamics import air_wrench
 from jblast.vehicle.quadrotor import Vehicle
 from jblast.vehicle.state import Four, Number, State, components, three, turned
 
-SLOWEST = 1e-6
-"""Of the greatest speed: what is slower stands, or its root would have no slope."""
-ROUNDS = 8
-"""Of a fixed point: each is off by a tenth of the one before, or less, up to 10 m/s."""
+STANDSTILL_SHARE = 1e-6
+"""Rotor speed below which a rotor stands still, as a share of the maximum speed.
+
+The square root of the thrust has an infinite gradient at zero. The thrust at this speed
+is 1e-12 of the maximum thrust, below the rounding of float32.
+"""
+HOVER_ITERATIONS = 8
+"""Fixed-point iterations of `hover_in_wind`.
+
+Each iteration reduces the error to a tenth or less in winds up to 10 m/s, so eight
+leave 1e-8 of the wind's force.
+"""
 
 
 def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
@@ -53,17 +62,19 @@ def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
 
 @kept
 def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
-    """Rotor speeds that make a thrust [N] and a moment [N m], whatever their limits.
+    """Rotor speeds for a thrust [N] and a moment [N m], without the rotors' limits.
 
     Args:
         vehicle: The vehicle, at rest in still air.
         wanted: Thrust and moments about body x, y and z.
 
     Returns:
-        Speeds [rad/s]; negative for a pull down.
+        Speeds [rad/s]; negative for a downward thrust.
     """
     thrusts = jnp.linalg.inv(allocation(vehicle)) @ jnp.stack(wanted)
     square = jnp.abs(thrusts) / vehicle.thrust_coefficient
+    # The square root has an infinite gradient at zero thrust, so its input is replaced
+    # there.
     turns = square > 0
     speeds = jnp.sign(thrusts) * jnp.sqrt(jnp.where(turns, square, 1))
     return jnp.where(turns, speeds, 0)
@@ -72,16 +83,18 @@ def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
 def speeds_within(
     vehicle: Vehicle, inverse: Float[Array, "4 4"], wanted: Four
 ) -> Float[Array, "4"]:
-    """Rotor speeds within their limits that come nearest to a thrust and a moment.
+    """Rotor speeds within their limits, closest to a thrust and a moment.
 
     Args:
-        vehicle: The vehicle; at hover each of its rotors carries a share.
-        inverse: Of its allocation.
+        vehicle: The vehicle; each rotor contributes to the thrust at hover.
+        inverse: Inverse of its allocation matrix.
         wanted: Thrust [N] and moments about body x, y and z [N m].
     """
     thrust, roll, pitch, yaw = wanted
     slow, fast = vehicle.rotor_speed_min_rad_s, vehicle.rotor_speed_max_rad_s
     least, most = (vehicle.thrust_coefficient * x * x for x in (slow, fast))
+    # Divided by the rotor's share of the thrust, so that a change of the total thrust
+    # shifts all rotors by the same number.
     shares, lows, highs, tilts, turns = [], [], [], [], []
     for share, by_roll, by_pitch, by_yaw in inverse:
         shares.append(share)
@@ -91,7 +104,9 @@ def speeds_within(
         turns.append(by_yaw * yaw / share)
     room = _least(highs) - _greatest(lows)
     spread = _greatest(tilts) - _least(tilts)
-    kept = _kept(jnp.maximum(room, 0), spread)
+    # Roll and pitch are scaled until some thrust accommodates both the highest and the
+    # lowest rotor; the thrust then moves into that interval.
+    kept = _feasible_share(jnp.maximum(room, 0), spread)
     tilts = [kept * tilt for tilt in tilts]
     given = [low - tilt for low, tilt in zip(lows, tilts, strict=True)]
     thrust = jnp.maximum(thrust, _greatest(given))
@@ -99,11 +114,12 @@ def speeds_within(
     thrust = jnp.minimum(thrust, _least(given))
     level = [tilt + thrust for tilt in tilts]
     left = [
-        _kept(jnp.where(turn > 0, high - x, x - low), jnp.abs(turn))
+        _feasible_share(jnp.where(turn > 0, high - x, x - low), jnp.abs(turn))
         for turn, low, high, x in zip(turns, lows, highs, level, strict=True)
     ]
+    # Yaw uses the margin that remains, the last priority as in PX4.
     kept = _least(left)
-    standing = SLOWEST * SLOWEST * fast * fast
+    standing = STANDSTILL_SHARE * STANDSTILL_SHARE * fast * fast
     speeds = []
     for share, x, turn in zip(shares, level, turns, strict=True):
         square = share * (x + kept * turn) / vehicle.thrust_coefficient
@@ -112,10 +128,11 @@ def speeds_within(
     return jnp.stack(speeds)
 
 
-def _kept(room: Number, asked: Number) -> Number:
-    """Share of what is asked for that there is room for."""
-    short = asked > room
-    return jnp.where(short, room / jnp.where(short, asked, 1), 1)
+def _feasible_share(room: Number, requested: Number) -> Number:
+    """Share of a requested range that fits into the available range, at most 1."""
+    short = requested > room
+    # Both branches of a `where` are differentiated: the quotient must be finite in each
+    return jnp.where(short, room / jnp.where(short, requested, 1), 1)
 
 
 def _least(numbers: list[Number]) -> Number:
@@ -126,23 +143,23 @@ def _greatest(numbers: list[Number]) -> Number:
     return functools.reduce(jnp.maximum, numbers)
 
 
-def led(
+def lead_compensated(
     vehicle: Vehicle,
     lead: Float[Array, ""],
     speeds: Float[Array, "4"],
     wanted: Float[Array, "4"],
 ) -> Float[Array, "4"]:
-    r"""Return the rotor speeds to ask for [rad/s], within their limits.
+    r"""Return lead-compensated speed commands [rad/s], within the rotors' limits.
 
     Args:
         vehicle: The vehicle.
-        lead: $\lambda$, 1 and more.
-        speeds: Of the rotors as they turn [rad/s].
-        wanted: Of them [rad/s].
+        lead: $\lambda$, at least 1.
+        speeds: Measured rotor speeds [rad/s].
+        wanted: Desired rotor speeds [rad/s].
     """
-    asked = speeds + lead * (wanted - speeds)
+    command = speeds + lead * (wanted - speeds)
     slow, fast = vehicle.rotor_speed_min_rad_s, vehicle.rotor_speed_max_rad_s
-    return jnp.minimum(jnp.maximum(asked, slow), fast)
+    return jnp.minimum(jnp.maximum(command, slow), fast)
 
 
 def hover_in_wind(
@@ -151,16 +168,22 @@ def hover_in_wind(
     yaw_rad: Float[Array, ""],
     wind_m_s: Float[Array, "3"],
 ) -> State:
-    """Return the state in which a vehicle stays where it is.
+    """Return the state of a vehicle that hovers at rest in a steady wind.
 
-    Thrust and the wind's drag and lift carry its weight; moments of the wind, which
-    speeds of single rotors balance, are left out.
+        Thrust and the wind's drag and lift balance its weight. Moments of the wind,
+        which speed differences between rotors balance, are neglected.
 
     Args:
-        vehicle: The vehicle.
-        position_m: Where.
-        yaw_rad: Heading, from east to north.
-        wind_m_s: Of the air.
+            vehicle: The vehicle.
+            position_m: Position of the vehicle: east, north, up, shape (3,).
+            yaw_rad: Heading, from east to north.
+            wind_m_s: Velocity of the air: east, north, up, shape (3,).
+
+    <<<
+        # one program for all rounds
+    ===
+        # A scan compiles the iteration once; unrolled, the program would be eight times
+        # as long.
     """
     still, wind = three(jnp.zeros(3)), three(wind_m_s)
     weight = vehicle.mass_kg * FLIGHT_GRAVITY * jnp.array([0.0, 0.0, 1.0])
@@ -174,7 +197,9 @@ def hover_in_wind(
         return weight - (blown - quiet), None
 
     # one program for all rounds
-    pull, _ = jax.lax.scan(balance, weight + 0 * wind_m_s, None, length=ROUNDS)
+    pull, _ = jax.lax.scan(
+        balance, weight + 0 * wind_m_s, None, length=HOVER_ITERATIONS
+    )
     return _state(vehicle, position_m, yaw_rad, pull)
 
 
@@ -184,10 +209,10 @@ def _state(
     yaw_rad: Float[Array, ""],
     pull: Float[Array, "3"],
 ) -> State:
-    """Return the state whose rotors pull so, at rest."""
+    """Return the state at rest whose rotors give a force `pull` [N], shape (3,)."""
     size = jnp.sqrt(jnp.sum(jnp.square(pull)))
     x, y, z = pull / size
-    # the least turn from up to the pull, after the turn of the heading
+    # The shortest rotation from up to the force, applied after the heading.
     tilt = jnp.stack([-y, x, jnp.zeros_like(x), 1 + z])
     tilt = tilt / jnp.sqrt(jnp.sum(jnp.square(tilt)))
     sine, cosine = jnp.sin(yaw_rad / 2), jnp.cos(yaw_rad / 2)

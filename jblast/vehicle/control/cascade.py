@@ -2,8 +2,8 @@ r"""Cascaded control as in PX4: position, velocity, attitude, body rates.
 
 - velocity set point $v_{sp} = k_p (r_{sp} - r)$, within its limits;
 - pull $F/m = k_v (v_{sp} - v) + \int k_i (v_{sp} - v) dt - k_a \dot v + g z$, within
-  the limits of `position_hold`, with $\dot v$ from the turns before, low-passed at 5
-  Hz; the integral of an axis that is cut does not grow further in that direction;
+  the limits of `position_hold`, with $\dot v$ from earlier samples, low-passed at 5
+  Hz; the integral of a limited axis does not grow further in that direction;
 - attitude error $e_q$, below;
 - body rates $\omega_{sp} = k_q e_q$, within their limits;
 - $M = J (k_\omega (\omega_{sp} - \omega) + \int k_j (\omega_{sp} - \omega) dt) +
@@ -11,14 +11,14 @@ r"""Cascaded control as in PX4: position, velocity, attitude, body rates.
 
 The attitude error rights a vehicle before it turns it: Brescianini, Hehn and D'Andrea
 (2013), "Nonlinear quadrocopter attitude control", section 3, as in PX4
-(AttitudeControl.cpp, commit 129a2ae). The shortest turn takes body z to the pull, by an
-angle $\alpha$ about $n$ in the body's own plane; a turn about z follows by the share
-$w$ of the angle $\psi$ that is left to the heading,
+(AttitudeControl.cpp, commit 129a2ae). The shortest rotation aligns body z with the
+pull, by an angle $\alpha$ about $n$ in the body's own plane. A rotation about z follows
+by the share $w$ of the remaining heading error $\psi$,
 
 $$ e_q = 2 \left( n \sin\tfrac{\alpha}{2} \cos\tfrac{w \psi}{2} + \ldots, \;
 \tfrac1w \cos\tfrac{\alpha}{2} \sin\tfrac{w \psi}{2} \right), $$
 
-twice the vector of the quaternion of both turns, its z divided by $w$.
+twice the vector part of the quaternion of both rotations, its z divided by $w$.
 
 Gains are the defaults of PX4-Autopilot: multicopter_position_control_gain_params.c
 (commit 900e472), mc_att_control_params.c (03e7435), mc_rate_control_params.c (00ba1d7).
@@ -39,7 +39,7 @@ from jblast.vehicle.control.position_hold import (
     DESCENT_M_S,
     THRUST_FLOOR,
     Controller,
-    Readied,
+    PreparedController,
     limited_pull,
 )
 from jblast.vehicle.quadrotor import Vehicle, floats
@@ -58,34 +58,39 @@ from jblast.vehicle.state import (
     turned_back,
 )
 
+# Defaults of PX4, by parameter; the module's docstring names files and commits.
 POSITION = (0.95, 0.95, 1.0)  # MPC_XY_P, MPC_Z_P
 VELOCITY = (1.8, 1.8, 4.0)  # MPC_XY_VEL_P_ACC, MPC_Z_VEL_P_ACC
 VELOCITY_INTEGRAL = (0.4, 0.4, 2.0)  # MPC_XY_VEL_I_ACC, MPC_Z_VEL_I_ACC
 ACCELERATION = (0.2, 0.2, 0.0)  # MPC_XY_VEL_D_ACC, MPC_Z_VEL_D_ACC
 ATTITUDE = (6.5, 6.5, 2.8)  # MC_ROLL_P, MC_PITCH_P, MC_YAW_P
 RATE_INTEGRAL = (4 / 3, 4 / 3, 1 / 2)  # MC_ROLLRATE_I / _P, MC_YAWRATE_I / _P
-# MC_ROLLRATE_MAX, MC_PITCHRATE_MAX and MC_YAWRATE_MAX of PX4, in degrees a second
-# there.
-RATE_MOST = (math.radians(220), math.radians(220), math.radians(200))
-RATE_INTEGRAL_MOST = (2.0, 2.0, 1.5)  # MC_RR_INT_LIM / MC_ROLLRATE_P
-SPEED_MOST, CLIMB_MOST = 12.0, 3.0  # MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_UP
-LOW_PASS = 2 * math.pi * 5.0  # MPC_VELD_LP
-GATHERED_MOST = FLIGHT_GRAVITY  # PX4's, of the integral of velocity
+# MC_ROLLRATE_MAX, MC_PITCHRATE_MAX and MC_YAWRATE_MAX of PX4, there in degrees per
+# second.
+MAX_BODY_RATE = (math.radians(220), math.radians(220), math.radians(200))
+MAX_RATE_INTEGRAL = (2.0, 2.0, 1.5)  # MC_RR_INT_LIM / MC_ROLLRATE_P
+MAX_HORIZONTAL_SPEED, MAX_CLIMB_SPEED = 12.0, 3.0  # MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_UP
+ACCELERATION_CUTOFF = 2 * math.pi * 5.0  # MPC_VELD_LP
+MAX_VELOCITY_INTEGRAL = FLIGHT_GRAVITY  # of PX4's velocity controller
 YAW_WEIGHT = 0.4
 """MC_YAW_WEIGHT of PX4."""
-OPPOSITE = 1e-9
-"""Of one plus the angle's cosine: below, every turn is as short; it is about x."""
+OPPOSITE_DIRECTION = 1e-9
+"""Limit of 1 + cos(angle) below which body z points opposite to the pull [-].
+
+All rotations by half a turn are then equally short; the one about x is used. The limit
+corresponds to 0.003 degrees from opposite.
+"""
 
 
-class Gathered(eqx.Module):
-    """Memory of a cascade.
+class CascadeState(eqx.Module):
+    """State of a cascade between two samples.
 
     Attributes:
-        pull_m_s2: Integral of the velocity's error, as the pull it asks for.
-        velocity_m_s: At the turn before.
+        pull_m_s2: Integral of the velocity error, as an acceleration command.
+        velocity_m_s: Velocity at the previous sample.
         gained_m_s2: Low-passed rate of the velocity.
-        rate_rad_s2: Integral of the body rates' error, as the rate it asks for.
-        begun: 1 from the first turn on, 0 before.
+        rate_rad_s2: Integral of the body-rate error, as an angular acceleration.
+        begun: 1 from the first sample on, 0 before.
     """
 
     pull_m_s2: Float[Array, "3"]
@@ -95,12 +100,12 @@ class Gathered(eqx.Module):
     begun: Float[Array, ""]
 
 
-class Cascade(Readied):
-    r"""Holds a place and a heading by loops within loops.
+class Cascade(PreparedController):
+    r"""Cascaded controller of a position and a heading.
 
     Attributes:
         target_m: East, north, up [m].
-        body_rate: $k_\omega$, of the innermost loop [1/s].
+        body_rate: $k_\omega$, gain of the innermost loop [1/s].
         yaw_rad: Heading of body x, from east to north [rad].
         position: $k_p$ [1/s].
         velocity: $k_v$ [1/s].
@@ -124,23 +129,23 @@ class Cascade(Readied):
         converter=floats, default=RATE_INTEGRAL
     )
 
-    def start(self) -> Gathered:
-        """Return what it remembers at the start: nothing."""
+    def start(self) -> CascadeState:
+        """Return the controller's state at the start: zeros."""
         none = jnp.zeros_like(self.target_m)
-        return Gathered(none, none, none, none, jnp.zeros_like(none[0]))
+        return CascadeState(none, none, none, none, jnp.zeros_like(none[0]))
 
     def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the same with its allocation inverted, once for a flight."""
-        return _Ready(self, jnp.linalg.inv(allocation(vehicle)))
+        """Return the cascade with its allocation inverted, once per flight."""
+        return _PreparedCascade(self, jnp.linalg.inv(allocation(vehicle)))
 
 
-class _Ready(eqx.Module):
-    """A cascade that need not invert its allocation at every turn."""
+class _PreparedCascade(eqx.Module):
+    """A cascade with its allocation inverted in advance."""
 
     loops: Cascade
     inverse: Float[Array, "4 4"]
 
-    def start(self) -> Gathered:
+    def start(self) -> CascadeState:
         return self.loops.start()
 
     def __call__(
@@ -148,94 +153,112 @@ class _Ready(eqx.Module):
         time_s: Float[Array, ""],
         state: State,
         vehicle: Vehicle,
-        memory: Gathered,
+        memory: CascadeState,
         period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Gathered]:
+    ) -> tuple[Float[Array, "4"], CascadeState]:
         loops, quaternion = self.loops, four(state.quaternion)
-        pull, sums, gained = _pull(loops, state, vehicle, memory, period_s)
+        pull, sums, gained = _commanded_acceleration(
+            loops, state, vehicle, memory, period_s
+        )
         attitude = rotation(quaternion)
         upward = (attitude[0][2], attitude[1][2], attitude[2][2])
+        # Rotors at rest exert no moment, so the thrust never falls below its floor.
         along = jnp.maximum(dot(pull, upward), THRUST_FLOOR * FLIGHT_GRAVITY)
         error = attitude_error(quaternion, pull, loops.yaw_rad)
         wanted = jnp.clip(
             loops.attitude * jnp.stack(error),
-            -jnp.asarray(RATE_MOST),
-            jnp.asarray(RATE_MOST),
+            -jnp.asarray(MAX_BODY_RATE),
+            jnp.asarray(MAX_BODY_RATE),
         )
         missed = wanted - state.body_rate_rad_s
-        most = loops.body_rate * jnp.asarray(RATE_INTEGRAL_MOST)
+        # The clip is PX4's protection against integrator windup.
+        most = loops.body_rate * jnp.asarray(MAX_RATE_INTEGRAL)
         turned = memory.rate_rad_s2 + (
             loops.body_rate * loops.rate_integral * period_s * missed
         )
         turned = jnp.clip(turned, -most, most)
         turn = three(loops.body_rate * missed + turned)
         inertia, w = rows(vehicle.inertia_kg_m2), three(state.body_rate_rad_s)
+        # The gyroscopic term is cancelled, so that the gains act on angular
+        # acceleration.
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
-        asked: Four = (vehicle.mass_kg * along, *moment)
-        speeds = speeds_within(vehicle, self.inverse, asked)
-        after = Gathered(
+        wrench: Four = (vehicle.mass_kg * along, *moment)
+        speeds = speeds_within(vehicle, self.inverse, wrench)
+        after = CascadeState(
             sums, state.velocity_m_s, gained, turned, jnp.ones_like(memory.begun)
         )
         return speeds, after
 
 
-def _pull(
+def _commanded_acceleration(
     loops: Cascade,
     state: State,
     vehicle: Vehicle,
-    memory: Gathered,
+    memory: CascadeState,
     period_s: Float[Array, ""],
 ) -> tuple[Vector, Float[Array, "3"], Float[Array, "3"]]:
-    """Return the pull to ask for, the integral and the rate of the velocity after."""
+    """Return commanded acceleration, updated velocity integral and filtered rate."""
     wanted = loops.position * (loops.target_m - state.position_m)
     across = jnp.sum(wanted[:2] ** 2)
-    fast = across > SPEED_MOST**2
-    share = jnp.where(fast, SPEED_MOST / jnp.sqrt(jnp.where(fast, across, 1.0)), 1.0)
-    climb = jnp.clip(wanted[2], -DESCENT_M_S, CLIMB_MOST)
+    fast = across > MAX_HORIZONTAL_SPEED**2
+    # The horizontal set point is scaled, not clipped per axis, so it keeps its
+    # direction.
+    share = jnp.where(
+        fast, MAX_HORIZONTAL_SPEED / jnp.sqrt(jnp.where(fast, across, 1.0)), 1.0
+    )
+    climb = jnp.clip(wanted[2], -DESCENT_M_S, MAX_CLIMB_SPEED)
     wanted = jnp.stack([share * wanted[0], share * wanted[1], climb])
     missed = wanted - state.velocity_m_s
     rate = (state.velocity_m_s - memory.velocity_m_s) / period_s
-    passed = -jnp.expm1(-LOW_PASS * period_s) * memory.begun
+    # Exact discretization of a first-order low pass. The first sample has no velocity
+    # before it, so its finite difference is masked by `begun`.
+    passed = -jnp.expm1(-ACCELERATION_CUTOFF * period_s) * memory.begun
     gained = memory.gained_m_s2 + passed * (rate - memory.gained_m_s2)
-    asked = loops.velocity * missed + memory.pull_m_s2 - loops.acceleration * gained
+    command = loops.velocity * missed + memory.pull_m_s2 - loops.acceleration * gained
     pull, leans, low, high = limited_pull(
-        vehicle, three(asked.at[2].add(FLIGHT_GRAVITY))
+        vehicle, three(command.at[2].add(FLIGHT_GRAVITY))
     )
+    # Conditional integration: an axis at its limit does not wind up further.
     stays = jnp.stack(
         [
-            leans & (missed[0] * asked[0] > 0),
-            leans & (missed[1] * asked[1] > 0),
+            leans & (missed[0] * command[0] > 0),
+            leans & (missed[1] * command[1] > 0),
             (low & (missed[2] < 0)) | (high & (missed[2] > 0)),
         ]
     )
     more = jnp.where(stays, 0.0, loops.velocity_integral * period_s * missed)
-    sums = jnp.clip(memory.pull_m_s2 + more, -GATHERED_MOST, GATHERED_MOST)
+    sums = jnp.clip(
+        memory.pull_m_s2 + more, -MAX_VELOCITY_INTEGRAL, MAX_VELOCITY_INTEGRAL
+    )
     return pull, sums, gained
 
 
 def attitude_error(quaternion: Four, pull: Vector, yaw_rad: Float[Array, ""]) -> Vector:
-    """Return the error about body x, y and z [rad, for small ones].
+    """Return the attitude error about body x, y and z [rad, for small errors].
 
     Args:
         quaternion: Body to world.
-        pull: Where z should point to, world; of any length but zero.
-        yaw_rad: Where x should point to, from east to north.
+        pull: Desired direction of body z, world axes; of any length but zero.
+        yaw_rad: Desired heading of body x, from east to north.
     """
     seen = turned_back(quaternion, pull)
     length = jnp.sqrt(dot(seen, seen))
     x, y, z = (part / length for part in seen)
     plus = 1 + z
-    opposite = plus < OPPOSITE
-    half = jnp.sqrt(jnp.where(opposite, OPPOSITE, plus) / 2)
-    # z cross the pull, (-y, x, 0), has the length sin(alpha)
+    opposite = plus < OPPOSITE_DIRECTION
+    half = jnp.sqrt(jnp.where(opposite, OPPOSITE_DIRECTION, plus) / 2)
+    # The cross product of z and the pull, (-y, x, 0), has the length sin(alpha).
     n_x = jnp.where(opposite, 1.0, -y / (2 * half))
     n_y = jnp.where(opposite, 0.0, x / (2 * half))
     half = jnp.where(opposite, 0.0, half)
     east, north = jnp.cos(yaw_rad), jnp.sin(yaw_rad)
     heading = turned_back(quaternion, (east, north, jnp.zeros_like(east)))
     turned = turned_back((n_x, n_y, jnp.zeros_like(n_x), half), heading)
-    # what of the heading lies in the plane that is square to the pull
-    angle = jnp.arctan2(*_in_front(turned[1], turned[0]))
+    # The heading's component in the plane perpendicular to the pull.
+    y, x = turned[1], turned[0]
+    # arctan2(0, 0) has a NaN gradient: a heading parallel to the pull gives no error.
+    none = (y == 0) & (x == 0)
+    angle = jnp.arctan2(jnp.where(none, 0.0, y), jnp.where(none, 1.0, x))
     turn = YAW_WEIGHT * angle / 2
     c, s = jnp.cos(turn), jnp.sin(turn)
     return (
@@ -243,9 +266,3 @@ def attitude_error(quaternion: Four, pull: Vector, yaw_rad: Float[Array, ""]) ->
         2 * (n_y * c - n_x * s),
         2 * half * s / YAW_WEIGHT,
     )
-
-
-def _in_front(y: Array, x: Array) -> tuple[Array, Array]:
-    """Return both, or (0, 1) where neither is anything: that angle has no slope."""
-    none = (y == 0) & (x == 0)
-    return jnp.where(none, 0.0, y), jnp.where(none, 1.0, x)

@@ -9,39 +9,39 @@ Lee, Leok and McClamroch (2010), with a target at rest:
   $b_1 = b_2 \times b_3$, $R_d = (b_1, b_2, b_3)$;
 - $e_R = \frac12 (R_d^T R - R^T R_d)^\vee$;
 - $M = J(-k_R e_R - k_\omega \omega) + \omega \times J\omega$;
-- rotor speeds from thrust and moment by `allocation`: within their limits, roll and
-  pitch before the thrust and that before yaw; with a lead if the gains have one.
+- rotor speeds from thrust and moment by `allocation`, within their limits; roll and
+  pitch have priority over thrust and thrust over yaw; with a lead if the gains have
+  one.
 
 The pull $F/m$ is the commanded force of the rotors per kilogram, $g$ upwards at rest.
 Its limits are those of PX4 (PX4-Autopilot, PositionControl.cpp, commit 02c4e03;
 defaults of its parameters, commit 1e9f3a0, in brackets):
 
 - above the target, the commanded descent is at most 1.5 m/s [MPC_Z_VEL_MAX_DN];
-- upwards it is at least 0.24 g [MPC_THR_MIN 0.12 of the full thrust, of which a vehicle
-  that hovers has MPC_THR_HOVER 0.5], because rotors at rest make no moment; at most it
-  is the pull of all rotors at their highest speed;
-- its tilt is at most 45 degrees [MPC_TILTMAX_AIR]: a larger horizontal part is cut;
-- the integral of an axis that is cut does not grow further in that direction.
+- the upward pull is at least 0.24 g [MPC_THR_MIN, 0.12 of the full thrust; hover is
+  MPC_THR_HOVER, 0.5], because rotors at rest make no moment; at most it is the pull of
+  all rotors at their highest speed;
+- its tilt is at most 45 degrees [MPC_TILTMAX_AIR]: a larger horizontal part is reduced;
+- the integral of a limited axis does not grow further in that direction.
 
 No limit is reached near hover. Without them the law requires less than zero thrust when
 it climbs faster than $g/k_d$, 1.1 m/s: the rotors stop, and the vehicle can neither
 right itself nor brake. Without the integral a steady wind leaves a permanent offset;
-each axis of the integral is kept within its limit.
+each axis of the integral is limited.
 
-`ObservedHold` has a disturbance observer in place of the integral. The force besides
-that of the rotors follows from the motion: with the velocity $v$ of two turns a period
-$T$ apart and the pull of the rotors $u = \sum k \Omega^2 / m \; R z - g z$ as they
-turn,
+`ObservedHold` has a disturbance observer in place of the integral. The disturbance
+follows from the motion, with the velocity $v$ of two samples a period $T$ apart and the
+acceleration by rotors and weight $u = \sum k \Omega^2 / m \; R z - g z$,
 
 $$ \hat d \leftarrow \hat d + (1 - e^{-L T}) \left(\frac{v - v_{before}}{T} - u - \hat
 d\right), $$
 
 a first-order observer (Chen, Ballance, Gawthrop and O'Reilly 2000, eq. 9, with a gain
-that does not depend on the state; here exact for a force that is constant over a turn).
+that does not depend on the state; exact for a force that is constant over a period).
 The controller adds $-\hat d$ to its command, within its `integral_limit`. A blast that
-changes the velocity within a turn by $\Delta v$ makes $\hat d = L \Delta v$, whose
-integral over time is $\Delta v$: the observer cancels just the velocity that the blast
-added.
+changes the velocity within a period by $\Delta v$ gives $\hat d = L \Delta v$, whose
+integral over time is $\Delta v$. The observer thus cancels exactly the velocity that
+the blast added.
 """
 
 import abc
@@ -56,7 +56,11 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError, nearest
-from jblast.vehicle.control.allocation import allocation, led, speeds_within
+from jblast.vehicle.control.allocation import (
+    allocation,
+    lead_compensated,
+    speeds_within,
+)
 from jblast.vehicle.quadrotor import Vehicle, floats, number, numbers
 from jblast.vehicle.state import (
     MatrixRows,
@@ -73,9 +77,10 @@ from jblast.vehicle.state import (
     turned,
 )
 
-# RotorPy 3.0.0's. Declared are those of the Iris' attitude, 12 rad/s and a damping of
-# 0.8 before the motors' lag, for PX4's own loops do not translate, and all of the
-# integral: a quarter of k_p, which takes an offset out in some 4 s.
+# Gains of RotorPy 3.0.0, with two exceptions that are declared. The attitude gains of
+# the Iris give 12 rad/s and a damping of 0.8 before the motors' lag, since PX4's own
+# loops do not translate. All integral gains are a quarter of k_p, which removes an
+# offset within some 4 s.
 NAMED_GAINS = {
     name: {
         "kp_pos": [6.5, 6.5, 15.0],
@@ -91,28 +96,36 @@ NAMED_GAINS = {
     )
 }
 OBSERVER_RATE = 4.0
-"""Of named vehicles [1/s]: as quick as their holds brake sideways; declared."""
+"""Observer rate of named vehicles [1/s]; declared.
+
+The value of their horizontal velocity gain: a faster observer amplifies noise of the
+velocity, a slower one compensates a blast later than the controller brakes.
+"""
 Flag = Bool[Array, ""]
 DESCENT_M_S = 1.5
-"""Greatest commanded descent: MPC_Z_VEL_MAX_DN of PX4."""
+"""Maximum commanded descent speed: MPC_Z_VEL_MAX_DN of PX4."""
 INTEGRAL_LIMIT_M_S2 = 5.0
-"""Of the integral along each axis, unless the gains have one; declared."""
+"""Default limit of the integral along each axis; declared.
+
+Half of g, a tilt of 27 degrees: it leaves room for braking below the limit of 45.
+"""
 THRUST_FLOOR = 0.24
-"""Least thrust, of the weight."""
+"""Minimum thrust as a share of the weight: MPC_THR_MIN over MPC_THR_HOVER of PX4."""
 TILT_SLOPE = math.tan(math.radians(45.0))
-"""Most pull across, of the pull upwards."""
+"""Maximum horizontal over vertical acceleration: MPC_TILTMAX_AIR of PX4."""
 
 
 @runtime_checkable
 class Controller(Protocol):
-    """A controller of the rotors: called at fixed times, its answer held in between.
+    """A controller of the rotors, sampled at fixed times.
 
-    It may also have a method `ready(vehicle)` that returns a controller for a flight of
-    that vehicle, with whatever does not change in flight calculated.
+    Its command is constant between two samples.
+    It may also have a method `ready(vehicle)` that returns a controller for flights of
+    that vehicle, with everything precomputed that does not change in flight.
     """
 
     def start(self) -> PyTree[Array]:
-        """Return its memory at the start."""
+        """Return the controller's state at the start."""
         ...
 
     def __call__(
@@ -123,27 +136,27 @@ class Controller(Protocol):
         memory: PyTree[Array],
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
-        """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
+        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
         ...
 
 
-class Readied(eqx.Module):
-    """A controller that a flight calls as prepared by `ready`.
+class PreparedController(eqx.Module):
+    """Base of controllers that flights call as prepared by `ready`.
 
-    Called directly it is prepared for this one turn.
+    A direct call prepares the controller for this one sample.
 
     Raises:
-        TypeError: A subclass has a `__call__` of its own, which no flight would call.
+        TypeError: A subclass overrides `__call__`, which flights never call.
     """
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse a `__call__` that no flight would use."""
+        """Reject a `__call__` that no flight would use."""
         super().__init_subclass__(**options)
         if "__call__" in vars(cls):
             message = (
-                f"{cls.__name__}: a flight asks what ready() returns, never __call__: "
-                "expected a ready() of its own, or a controller that has this one "
-                "as a field"
+                f"{cls.__name__}: expected an overridden ready(), got an overridden "
+                "__call__, which flights never call; override ready(), or write a "
+                "controller with this one as a field"
             )
             raise TypeError(message)
 
@@ -159,22 +172,22 @@ class Readied(eqx.Module):
         memory: Any,
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Any]:
-        """Return rotor speeds to ask for [rad/s], and its memory afterwards."""
+        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
         return self.ready(vehicle)(time_s, state, vehicle, memory, period_s)
 
 
 class Gains(eqx.Module):
-    """Gains of an SE(3) position hold.
+    r"""Gains of the SE(3) position controller.
 
     Attributes:
-        position: $k_p$ of the position, east, north, up [1/s2].
-        velocity: $k_d$ of the position [1/s].
-        attitude: $k_p$ of the attitude [1/s2].
-        body_rate: $k_d$ of the attitude [1/s].
-        integral: $k_i$ of the position [1/s3]; zero: no integral action.
-        integral_limit: Most the integral may ask for, along each axis [m/s2].
-        motor_lead: By what factor the motors' lag is shortened (`allocation.led`) [-],
-            1 and more; None: it is not.
+        position: Position gain $k_p$, east, north, up [1/s2], shape (3,).
+        velocity: Velocity gain $k_d$ [1/s], shape (3,).
+        attitude: Attitude gain $k_R$ [1/s2].
+        body_rate: Body-rate gain $k_\omega$ [1/s].
+        integral: Integral gain $k_i$ [1/s3], shape (3,); zero: no integral action.
+        integral_limit: Limit of the integral along each axis [m/s2].
+        motor_lead: Factor that shortens the motors' lag
+            (`allocation.lead_compensated`) [-], at least 1; None: no compensation.
     """
 
     position: Float[Array, "3"] = eqx.field(converter=floats)
@@ -193,12 +206,12 @@ class Gains(eqx.Module):
 
     @property
     def lead(self) -> Float[Array, ""] | float:
-        """The motors' lead; 1 where there is none [-]."""
+        """Motor lead [-]; 1 without compensation."""
         return 1.0 if self.motor_lead is None else self.motor_lead
 
 
-class PositionHold(Readied):
-    """Holds a place and a heading.
+class PositionHold(PreparedController):
+    """SE(3) controller of a position and a heading.
 
     Attributes:
         target_m: East, north, up [m].
@@ -211,12 +224,12 @@ class PositionHold(Readied):
     yaw_rad: Float[Array, ""] = eqx.field(converter=floats, default=0.0)
 
     def start(self) -> Float[Array, "3"]:
-        """Return the integral at the start: the acceleration it asks for [m/s2]."""
+        """Return the integral at the start, an acceleration [m/s2], shape (3,)."""
         return jnp.zeros_like(self.target_m)
 
     def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the same hold with its allocation inverted, once for a flight."""
-        return _ReadyHold(self, jnp.linalg.inv(allocation(vehicle)))
+        """Return the controller with its allocation inverted, once per flight."""
+        return _PreparedPositionHold(self, jnp.linalg.inv(allocation(vehicle)))
 
     def _answer(
         self,
@@ -250,12 +263,14 @@ class PositionHold(Readied):
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
         speeds = speeds_within(vehicle, inverse, (thrust, *moment))
         if gains.motor_lead is not None:
-            speeds = led(vehicle, gains.motor_lead, state.rotor_speed_rad_s, speeds)
+            speeds = lead_compensated(
+                vehicle, gains.motor_lead, state.rotor_speed_rad_s, speeds
+            )
         return speeds, jnp.stack(integral)
 
 
-class _ReadyHold(eqx.Module):
-    """A hold that need not invert its allocation at every turn."""
+class _PreparedPositionHold(eqx.Module):
+    """A position controller with its allocation inverted in advance."""
 
     hold: PositionHold
     inverse: Float[Array, "4 4"]
@@ -275,10 +290,10 @@ class _ReadyHold(eqx.Module):
 
 
 def _heading(aim: tuple[Array, Array], attitude: MatrixRows) -> tuple[Array, Array]:
-    """Return a heading within 45 degrees of the vehicle's; the aim if that is.
+    """Return the desired heading, limited to 45 degrees from the vehicle's.
 
-    The further off the heading, the less $e_R$ sees of a tilt: half a turn off nothing,
-    and a vehicle that spins falls over.
+    The larger the heading error, the less $e_R$ depends on the tilt. At half a turn it
+    does not depend on it at all, and a spinning vehicle would overturn.
     """
     x, y = attitude[0][0], attitude[1][0]
     along, across = aim[0] * x + aim[1] * y, aim[1] * x - aim[0] * y
@@ -287,7 +302,7 @@ def _heading(aim: tuple[Array, Array], attitude: MatrixRows) -> tuple[Array, Arr
 
 
 def _error(wanted: MatrixRows, attitude: MatrixRows) -> Vector:
-    """Attitude error from the columns wanted and the rows of the attitude."""
+    """Attitude error from the desired columns and the rows of the attitude."""
     x, y, z = zip(*attitude, strict=True)
     b_1, b_2, b_3 = wanted
     return (
@@ -299,19 +314,21 @@ def _error(wanted: MatrixRows, attitude: MatrixRows) -> Vector:
 
 def _unit(v: Vector) -> Vector:
     """Vector of length 1; zero has no direction and gives NaN."""
+    # One division and three products: cheaper than three divisions in a flight's inner
+    # loop.
     scale = 1 / jnp.sqrt(dot(v, v))
     return v[0] * scale, v[1] * scale, v[2] * scale
 
 
 def named_gains(name: str, *, integral: bool = False) -> Gains:
-    """Return the gains of a vehicle with a name.
+    """Return the gains of a named vehicle.
 
     Args:
         name: "crazyflie", "hummingbird" or "iris".
-        integral: Whether the hold has integral action.
+        integral: Whether the controller has integral action.
 
     Raises:
-        InputError: There are none of that name.
+        InputError: The name is unknown.
     """
     if name not in NAMED_GAINS:
         raise InputError(
@@ -326,14 +343,14 @@ def named_gains(name: str, *, integral: bool = False) -> Gains:
 def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
     """Read gains by RotorPy's names: kp_pos, kd_pos, kp_att, kd_att.
 
-    `ki_pos` (3), `integral_limit` and `motor_lead` may be left out; what else is there
-    is a vehicle's and not looked at.
+    `ki_pos` (3), `integral_limit` and `motor_lead` are optional. Other names belong to
+    the vehicle and are ignored.
 
     Args:
         parameters: Numbers by name.
 
     Raises:
-        InputError: One is missing, no number, or negative, or the lead is below 1.
+        InputError: A gain is missing, not a number or negative, or the lead is below 1.
     """
     lead = None
     if "motor_lead" in parameters:
@@ -354,13 +371,13 @@ def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
     )
 
 
-class Seen(eqx.Module):
-    """Memory of the observer.
+class ObserverState(eqx.Module):
+    """State of the disturbance observer between two samples.
 
     Attributes:
-        push_m_s2: Estimate of the disturbance, world.
-        velocity_m_s: At the turn before.
-        begun: 1 from the first turn on, 0 before.
+        push_m_s2: Estimate of the disturbance, world axes.
+        velocity_m_s: Velocity at the previous sample.
+        begun: 1 from the first sample on, 0 before.
     """
 
     push_m_s2: Float[Array, "3"]
@@ -368,8 +385,8 @@ class Seen(eqx.Module):
     begun: Float[Array, ""]
 
 
-class ObservedHold(Readied):
-    """Holds a place, and compensates the disturbance that it estimates.
+class ObservedHold(PreparedController):
+    """Position controller that compensates an estimated disturbance.
 
     Attributes:
         hold: Target and gains; its integral gains are not used.
@@ -381,34 +398,36 @@ class ObservedHold(Readied):
 
     @property
     def gains(self) -> Gains:
-        """Of the hold: by them the step is checked."""
+        """Gains of the position controller; the step limit depends on them."""
         return self.hold.gains
 
     @property
     def target_m(self) -> Float[Array, "3"]:
-        """Of the hold."""
+        """Target of the position controller: east, north, up [m]."""
         return self.hold.target_m
 
-    def start(self) -> Seen:
-        """Return what it remembers at the start: nothing."""
+    def start(self) -> ObserverState:
+        """Return the observer's state at the start: zeros."""
         none = jnp.zeros_like(self.hold.target_m)
-        return Seen(none, none, jnp.zeros_like(none[0]))
+        return ObserverState(none, none, jnp.zeros_like(none[0]))
 
     def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the same with its allocation inverted, once for a flight."""
+        """Return the controller with its allocation inverted, once per flight."""
         hold = self.hold
+        # The observer replaces the integral: with both, a steady wind would be
+        # compensated twice.
         without = dataclasses.replace(hold.gains, integral=0 * hold.gains.integral)
         hold = dataclasses.replace(hold, gains=without)
-        return _Ready(self, hold.ready(vehicle))
+        return _PreparedObservedHold(self, hold.ready(vehicle))
 
 
-class _Ready(eqx.Module):
-    """An observed hold that need not invert its allocation at every turn."""
+class _PreparedObservedHold(eqx.Module):
+    """An observed position controller with its allocation inverted in advance."""
 
     whole: ObservedHold
     hold: Controller
 
-    def start(self) -> Seen:
+    def start(self) -> ObserverState:
         return self.whole.start()
 
     def __call__(
@@ -416,19 +435,25 @@ class _Ready(eqx.Module):
         time_s: Float[Array, ""],
         state: State,
         vehicle: Vehicle,
-        memory: Seen,
+        memory: ObserverState,
         period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Seen]:
+    ) -> tuple[Float[Array, "4"], ObserverState]:
         gained = (state.velocity_m_s - memory.velocity_m_s) / period_s
         rest = gained - pull_of_rotors(state, vehicle) - memory.push_m_s2
+        # Exact for a constant disturbance at any period; `begun` masks the first
+        # sample, which has no velocity before it.
         share = -jnp.expm1(-self.whole.observer_rate * period_s) * memory.begun
         push = memory.push_m_s2 + share * rest
+        # The estimate takes the place of the integral, so that its limits apply to
+        # both.
         speeds, _ = self.hold(time_s, state, vehicle, -push, period_s)
-        return speeds, Seen(push, state.velocity_m_s, jnp.ones_like(memory.begun))
+        return speeds, ObserverState(
+            push, state.velocity_m_s, jnp.ones_like(memory.begun)
+        )
 
 
 def pull_of_rotors(state: State, vehicle: Vehicle) -> Float[Array, "3"]:
-    """Return the acceleration that rotors in still air and the weight give [m/s2]."""
+    """Return the acceleration by rotors in still air and weight [m/s2], world axes."""
     speed = state.rotor_speed_rad_s
     thrust = vehicle.thrust_coefficient * jnp.sum(speed * speed) / vehicle.mass_kg
     zero = jnp.zeros_like(thrust)
@@ -444,15 +469,15 @@ def pull_within(
     memory: Float[Array, "3"],
     period_s: Float[Array, ""],
 ) -> tuple[Vector, Vector]:
-    """Return the pull to ask for [m/s2], and the integral afterwards [m/s2].
+    """Return the commanded acceleration and the updated integral [m/s2].
 
     Args:
         vehicle: The vehicle.
-        gains: Of the hold.
-        away: From the target to the vehicle [m].
-        velocity: World [m/s].
-        memory: The integral so far.
-        period_s: Since the turn before.
+        gains: Controller gains.
+        away: Position relative to the target [m].
+        velocity: World axes [m/s].
+        memory: The integral before this sample [m/s2].
+        period_s: Time since the previous sample.
     """
     k_p, k_d, k_i = map(three, (gains.position, gains.velocity, gains.integral))
     limit = gains.integral_limit
@@ -461,11 +486,14 @@ def pull_within(
         jnp.clip(total + gain, -limit, limit)
         for total, gain in zip(memory, gained, strict=True)
     ]
+    # The position term alone is limited, so that the commanded descent stays at most
+    # 1.5 m/s however far below the target is.
     back, dive = -k_p[2] * away[2], -k_d[2] * DESCENT_M_S
     east, north = (sums[n] - k_p[n] * away[n] - k_d[n] * velocity[n] for n in (0, 1))
     up = sums[2] + jnp.maximum(back, dive) - k_d[2] * velocity[2] + FLIGHT_GRAVITY
     pull, leans, low, high = limited_pull(vehicle, (east, north, up))
     low = (back < dive) | low
+    # Conditional integration: an axis at a limit does not wind up further.
     winds = (
         leans & (gained[0] * east > 0),
         leans & (gained[1] * north > 0),
@@ -478,20 +506,20 @@ def pull_within(
     return pull, (first, second, third)
 
 
-def limited_pull(vehicle: Vehicle, asked: Vector) -> tuple[Vector, Flag, Flag, Flag]:
-    """Return a pull within limits, and whether it was cut across, below and above.
+def limited_pull(vehicle: Vehicle, command: Vector) -> tuple[Vector, Flag, Flag, Flag]:
+    """Return a limited acceleration and flags: horizontal, lower and upper limit.
 
     Args:
         vehicle: The vehicle.
-        asked: East, north, up [m/s2], weight included.
+        command: Acceleration, east, north, up [m/s2], weight included.
     """
-    east, north, up = asked
+    east, north, up = command
     speed = vehicle.rotor_speed_max_rad_s
     most = 4 * vehicle.thrust_coefficient * speed * speed / vehicle.mass_kg
     floor = THRUST_FLOOR * FLIGHT_GRAVITY
-    held = jnp.minimum(jnp.maximum(up, floor), most)
-    across = TILT_SLOPE * held
+    limited = jnp.minimum(jnp.maximum(up, floor), most)
+    across = TILT_SLOPE * limited
     square = east * east + north * north
     leans = square > across * across
     share = jnp.where(leans, across / jnp.sqrt(jnp.where(leans, square, 1)), 1)
-    return (share * east, share * north, held), leans, up < floor, up > most
+    return (share * east, share * north, limited), leans, up < floor, up > most

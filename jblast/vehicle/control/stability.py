@@ -1,4 +1,4 @@
-r"""Stability of the SE(3) position controller near hover: margins and the largest step.
+r"""Stability of the SE(3) position controller near hover: margins and step limit.
 
 Near hover the controlled vehicle decouples into chains of integrals. Each is driven by
 the command, constant over the controller's period, through the motors' lag, $\dot a =
@@ -8,7 +8,7 @@ the command, constant over the controller's period, through the motors' lag, $\d
 - upward: $\dot x = v$, $\dot v = a$; heading: $\dot\theta = \omega$, $\dot\omega = a$.
 
 Largest step. Over a period each chain is a matrix: the integrator's own steps, then the
-controller's answer. The loop is stable while no eigenvalue exceeds 1 in magnitude. The
+controller's command. The loop is stable while no eigenvalue exceeds 1 in magnitude. The
 motors alone, $\dot\Omega = -\Omega/\tau_m$, decay under RK4 while
 $|1 + z + z^2/2 + z^3/6 + z^4/24| < 1$, $z = -h/\tau_m$, up to $h = 2.785\,\tau_m$, and
 under Euler while $|1 - h/\tau_m| < 1$, up to $2\,\tau_m$. Far from hover, in
@@ -23,14 +23,14 @@ a dead time $T$:
 - upward: $\left[\frac{k_d}{s} + \frac{k_p}{s^2} + \frac{k_i}{s^3}\right]$;
 - heading: $\left[\frac{k_\omega}{s} + \frac{k_R}{s^2}\right]$, each with the same lag.
 
-With a lead $\lambda$ of the motors (`allocation.led`) the brackets are $\lambda$ times
-as large, and $\lambda - 1$ more, because the rotors' own speed is fed back. A command
-that is constant over a period is late by half of it on average. The gain margin is the
-factor by which the rotors' response may grow or shrink before the loop oscillates,
-where $L$ is real and negative; the phase margin is the angle by which it may lag, where
-$|L| = 1$ (Skogestad and Postlethwaite 2005, section 2.4). Margins are interpolated
-between the frequencies of a fine grid and are differentiable. They are meaningless
-unless the loop is stable (`is_stable`).
+With a motor lead $\lambda$ (`allocation.lead_compensated`) the brackets are $\lambda$
+times as large, and $\lambda - 1$ more, because the rotors' own speed is fed back. A
+command that is constant over a period is late by half of it on average. The gain margin
+is the factor by which the rotors' response may grow or shrink before the loop
+oscillates, where $L$ is real and negative; the phase margin is the angle by which it
+may lag, where $|L| = 1$ (Skogestad and Postlethwaite 2005, section 2.4). Margins are
+interpolated between the frequencies of a fine grid and are differentiable. They are
+meaningless unless the loop is stable (`is_stable`).
 """
 
 from functools import lru_cache
@@ -45,19 +45,23 @@ from jblast.vehicle.control.position_hold import Gains
 
 LOOPS = ("east", "north", "upward", "heading")
 FREQUENCY = np.geomspace(1e-3, 1e5, 6001)
-"""Of the grid [rad/s]; 750 a decade."""
+"""Frequency grid [rad/s], 750 points per decade.
+
+Margins are interpolated between points 0.3 % apart. The range spans eight decades
+around the loops' crossover frequencies of 1 to 100 rad/s.
+"""
 MOTOR_LIMIT = {"rk4": 2.785293563405282, "euler": 2.0}
-"""Largest step over the motors' lag: where the growth of a step is 1."""
+"""Step over motor lag at which the growth factor of a step is 1, by integrator."""
 
 
 class Margins(NamedTuple):
-    """Margins of loops; infinite: nothing of the kind makes the loop swing.
+    """Stability margins of loops; infinite if the loop has no such limit.
 
     Attributes:
-        up_db: By what the answer of the rotors may grow [dB].
-        down_db: By what it may shrink [dB].
-        phase_deg: By what it may lag, or lead [degrees].
-        distance: Least of $|1 + L|$.
+        up_db: Gain margin of a growing rotor response [dB].
+        down_db: Gain margin of a shrinking rotor response [dB].
+        phase_deg: Phase margin, of lag or lead [degrees].
+        distance: Minimum of $|1 + L|$ [-].
     """
 
     up_db: Float[Array, "*loop"]
@@ -67,20 +71,20 @@ class Margins(NamedTuple):
 
     @property
     def gain_db(self) -> Float[Array, "*loop"]:
-        """By what the answer of the rotors may grow or shrink [dB]."""
+        """The smaller of both gain margins [dB]."""
         return jnp.minimum(self.up_db, self.down_db)
 
 
 def hold_margins(
     gains: Gains, motor_lag_s: Float[Array, ""] | float, dead_time_s: float
 ) -> Margins:
-    """Return the margins of a hold's loops, in the order of `LOOPS`.
+    """Return the stability margins of a controller's loops, in the order of `LOOPS`.
 
     Args:
-        gains: Of the hold.
-        motor_lag_s: Of the motors [s].
-        dead_time_s: Of each loop: half the period over which a command is held, and
-            whatever else delays it [s].
+        gains: Controller gains.
+        motor_lag_s: Time constant of the motors [s].
+        dead_time_s: Dead time of each loop: half the controller's period and all other
+            delays [s].
     """
     return loop_margins(*hold_loops(gains, motor_lag_s, dead_time_s))
 
@@ -91,9 +95,9 @@ def hold_loops(
     """Return ln of |L|, and the angle of -L [rad], at the frequencies of the grid.
 
     Args:
-        gains: Of the hold.
-        motor_lag_s: Of the motors [s].
-        dead_time_s: Of each loop [s].
+        gains: Controller gains.
+        motor_lag_s: Time constant of the motors [s].
+        dead_time_s: Dead time of each loop [s].
     """
     k_p, k_d, k_i = gains.position, gains.velocity, gains.integral
     k_r, k_w = gains.attitude, gains.body_rate
@@ -102,14 +106,15 @@ def hold_loops(
     rows.append([k_d[2], k_p[2], k_i[2], none, none])
     rows.append([k_w, k_r, none, none, none])
     w = jnp.asarray(FREQUENCY, k_r.dtype)[None, :]
-    # of L i w: the powers of 1 / (i w) are 1, -i, -1, i, 1 over those of w
+    # Numerator of i w L: the powers of 1 / (i w) are 1, -i, -1, i, 1 over those of w.
     factors = gains.lead * jnp.moveaxis(jnp.asarray(rows), 1, 0)[..., None]
     one, two, three, four, five = factors
     real = one - three / w**2 + five / w**4
     imaginary = (gains.lead - 1) * w - two / w + four / w**3
     lag = motor_lag_s * w
+    # In logarithms, because |L| spans 40 decades over the grid.
     size = 0.5 * jnp.log(real**2 + imaginary**2) - jnp.log(w) - 0.5 * jnp.log1p(lag**2)
-    # -L = i (i w L) / w
+    # The angle of -L = i (i w L) / w is zero where L is real and negative.
     angle = jnp.arctan2(imaginary, real) + jnp.pi / 2 - jnp.arctan(lag)
     angle = angle - dead_time_s * w
     return size, angle - 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
@@ -121,18 +126,20 @@ def loop_margins(
     """Return the margins of loops.
 
     Args:
-        size: ln of |L| along rising frequencies.
-        angle: Of -L, within half a turn [rad].
+        size: ln of |L| at increasing frequencies.
+        angle: Angle of -L, within half a turn [rad].
     """
     decibels = 20 / jnp.log(10.0)
     at_one = _between(size, angle)
     phase = _least(jnp.abs(at_one.value), at_one.crosses)
-    # a jump from one end of the angles to the other is no crossing
+    # A jump by a whole turn, where the angle wraps around, is not a crossing.
     near = jnp.abs(angle[..., 1:] - angle[..., :-1]) < jnp.pi
     at_real = _between(angle, size)
     crosses = at_real.crosses & near
     up = _least(-at_real.value, crosses & (at_real.value < 0))
     down = _least(at_real.value, crosses & (at_real.value >= 0))
+    # Far above 1, |1 + L| is about |L| and never the minimum: the cap only avoids
+    # overflow.
     big = jnp.exp(jnp.minimum(size, 20.0))
     away = (big - 1) ** 2 + 4 * big * jnp.sin(angle / 2) ** 2
     return Margins(
@@ -144,16 +151,16 @@ def loop_margins(
 
 
 def is_stable(gains: Gains, motor_lag_s: float, period_s: float) -> bool:
-    """Whether the hold comes back near hover, asked over and over again.
+    """Return whether the controlled vehicle is stable near hover.
 
     Args:
-        gains: Of the hold.
-        motor_lag_s: Of the motors [s].
-        period_s: Over which its answer is held [s].
+        gains: Controller gains.
+        motor_lag_s: Time constant of the motors [s].
+        period_s: Period of the controller [s].
     """
-    # an integral without a gain stays where it is: it grows by 1
-    longest = growth("rk4", chains(gains, float(motor_lag_s)), period_s, 1)
-    return longest <= 1 + 1e-9
+    # An unused integral stays constant: its eigenvalue is 1, up to rounding.
+    largest = growth("rk4", chains(gains, float(motor_lag_s)), period_s, 1)
+    return largest <= 1 + 1e-9
 
 
 class _Crossings(NamedTuple):
@@ -164,7 +171,7 @@ class _Crossings(NamedTuple):
 def _between(
     zero: Float[Array, "loop frequency"], value: Float[Array, "loop frequency"]
 ) -> _Crossings:
-    """Return where one curve crosses zero, and what another is there."""
+    """Return the zero crossings of one curve and the values of another there."""
     before, after = zero[..., :-1], zero[..., 1:]
     crosses = (before < 0) != (after < 0)
     rise = jnp.where(crosses, after - before, 1.0)
@@ -184,36 +191,37 @@ def step_limit(
 ) -> float:
     """Return the largest stable step [s].
 
-    A loop that is unstable at any step is not the step's fault: then the motors' limit
-    is returned.
+    A loop that is unstable at any step has no such limit; then the limit of the motors
+    alone is returned.
 
     Args:
         integrator: "rk4" or "euler".
-        motor_lag_s: Of the motors [s].
-        gains: Of the position hold; None for flight without.
-        held: Steps over which the controller's answer is held.
+        motor_lag_s: Time constant of the motors [s].
+        gains: Controller gains; None for flights without a controller.
+        held: Steps per controller period.
     """
     motors = MOTOR_LIMIT[integrator] * motor_lag_s
     if gains is None:
         return motors
-    asked = (gains.position, gains.velocity, gains.integral)
-    numbers = (*asked, gains.attitude, gains.body_rate, gains.lead)
+    by_axis = (gains.position, gains.velocity, gains.integral)
+    numbers = (*by_axis, gains.attitude, gains.body_rate, gains.lead)
     by_value = tuple(float(x) for part in numbers for x in np.ravel(part))
-    return _hold_limit(integrator, float(motor_lag_s), by_value, held)
+    return _controlled_limit(integrator, float(motor_lag_s), by_value, held)
 
 
+# Flights of one study share gains and steps, and the search solves some 150 eigenvalue
+# problems for each chain.
 @lru_cache(maxsize=64)
-def _hold_limit(
+def _controlled_limit(
     integrator: str, motor_lag_s: float, numbers: tuple[float, ...], held: int
 ) -> float:
-    """Return the limit with a position hold: a search, kept for the next flight.
+    """Return the largest stable step with a position controller [s].
 
     Args:
         integrator: "rk4" or "euler".
-        motor_lag_s: Of the motors [s].
-        numbers: Of the gains: position, velocity, integral, attitude, body rate,
-            and the motors' lead.
-        held: Steps over which the controller's answer is held.
+        motor_lag_s: Time constant of the motors [s].
+        numbers: Gains: position, velocity, integral, attitude, body rate, motor lead.
+        held: Steps per controller period.
     """
     position, velocity, integral = np.reshape(numbers[:9], (3, 3))
     attitude, body_rate, lead = numbers[9:]
@@ -223,6 +231,9 @@ def _hold_limit(
     def grows(step: float) -> bool:
         return growth(integrator, links, step, held) > 1 + 1e-9
 
+    # A grid first, because stability need not be monotonic in the step: the first
+    # unstable step counts. Bisection then resolves the limit to 2**-30 of a grid
+    # interval.
     steps = motors * np.geomspace(1e-3 / held, 1, 120)
     if grows(steps[0]):
         return motors
@@ -237,19 +248,19 @@ def _hold_limit(
 
 
 def growth(integrator: str, chains: list, step: float, held: int) -> float:
-    """Return the longest eigenvalue of a period of the closed loop.
+    """Return the largest eigenvalue magnitude of a period of the closed loop.
 
     Args:
         integrator: "rk4" or "euler".
         chains: Rates and feedback of each chain.
-        step: Of the integrator [s].
-        held: Steps of a period.
+        step: Step of the integrator [s].
+        held: Steps per controller period.
     """
-    longest = 0.0
+    largest = 0.0
     for matrix, feedback, integral in chains:
         size = len(matrix)
         advance = np.linalg.matrix_power(_advance(integrator, matrix, step), held)
-        # state, integral: the integral takes this turn's error before it answers
+        # State and integral: the integral adds this sample's error before the command.
         total = np.eye(size + 1)
         total[size, 0] = -integral * step * held
         command = np.append(feedback, 1.0) @ total
@@ -257,16 +268,16 @@ def growth(integrator: str, chains: list, step: float, held: int) -> float:
         period[:size, :size] = advance[:size, :size]
         period[:size] += np.outer(advance[:size, size], command)
         period[size] = total[size]
-        longest = max(longest, np.abs(np.linalg.eigvals(period)).max())
-    return float(longest)
+        largest = max(largest, np.abs(np.linalg.eigvals(period)).max())
+    return float(largest)
 
 
 def chains(gains: Gains, lag: float) -> list:
-    """Return the rates of each chain, its command last, and what is fed back of it.
+    """Return rates (command in the last column), feedback and integral of each chain.
 
     Args:
-        gains: Of the position hold.
-        lag: Of the motors [s].
+        gains: Controller gains.
+        lag: Time constant of the motors [s].
     """
     k_p, k_d, k_i = (
         np.asarray(x, float) for x in (gains.position, gains.velocity, gains.integral)
@@ -278,7 +289,7 @@ def chains(gains: Gains, lag: float) -> list:
         (_integrals([1.0, 1.0], lag), np.array([-k_p[2], -k_d[2], 0.0]), k_i[2])
     )
     for axis in (0, 1):
-        tilt = k_r / g  # of the command per acceleration asked for
+        tilt = k_r / g  # command per commanded acceleration: the tilt is a / g
         back = np.array([-k_p[axis] * tilt, -k_d[axis] * tilt, -k_r, -k_w, 0.0])
         found.append((_integrals([1.0, g, 1.0, 1.0], lag), back, k_i[axis] * tilt))
     return [
@@ -288,7 +299,7 @@ def chains(gains: Gains, lag: float) -> list:
 
 
 def _integrals(links: list[float], lag: float) -> np.ndarray:
-    """Rates of a chain of integrals that ends in a lag; last, of the command."""
+    """Rates of a chain of integrals behind a lag; the last column is the command's."""
     size = len(links) + 1
     rates = np.diag(np.append(links, 0.0)[: size - 1], 1)
     rates[-1, -1] = -1 / lag
@@ -296,14 +307,14 @@ def _integrals(links: list[float], lag: float) -> np.ndarray:
 
 
 def _advance(integrator: str, rates: np.ndarray, step: float) -> np.ndarray:
-    """Matrix of one step on chain and command, which stays."""
+    """Matrix of one step on chain and command, which is constant."""
     size = len(rates)
     square = np.vstack([rates, np.zeros(size + 1)])
     z, one = step * square, np.eye(size + 1)
     if integrator == "rk4":
         return one + z @ (one + z / 2 @ (one + z / 3 @ (one + z / 4)))
     total = one + z
-    # place and angle move on with the new velocity and rate
+    # Semi-implicit: position and angle advance with the new velocity and rate.
     for n in range(0, size - 1, 2):
         total[n] = one[n] + z[n, n + 1] * total[n + 1]
     return total

@@ -1,48 +1,47 @@
 r"""The load of blasts on a vehicle, at its position and as it moves.
 
-The load has three parts, each of which can be left out.
+The load has three parts, each optional.
 
 1. Drag of the blast wind, quasi-steady, on the body's own areas and at its centre of
    pressure:
 
    $$F = \tfrac12 \rho C_d \sqrt{\sum_i (A_i r_i)^2}\;r, \qquad r = w - v$$
 
-   with $r$ the wind past the vehicle along body axes; the area varies with direction
-   as the projected area of an ellipsoid.
+   where $r$ is the wind past the vehicle along body axes. The area depends on direction
+   like the projected area of an ellipsoid.
 2. Pressure gradient and added mass as the front crosses the body, at the same point.
-3. The rotors in the blast wind: forces and moments of the equations of flight with it
-   minus those without, frame drag excluded, which part 1 replaces. Their coefficients
-   are fitted at a few metres a second, and a rotor's lift takes some turns to follow:
-   in a blast wind both are extrapolated far.
+3. The rotors in the blast wind: forces and moments of the equations of flight with the
+   blast wind minus those without. Frame drag is excluded, because part 1 replaces it.
+   The rotors' coefficients are fitted at a few metres per second, and a rotor's lift
+   lags by some revolutions. In a blast wind both are extrapolated far.
 
-The time since arrival is that at the vehicle's own position, which within a step moves
-with the velocity and acceleration of its beginning. Blasts that overlap are added, as
-if drag were linear.
+The time since arrival is that at the vehicle's position, which within a step moves with
+the velocity and acceleration at its beginning. Overlapping blasts are added, as if drag
+were linear.
 
 A step may contain the whole wave. So the drag is integrated by Gauss's rule over the
-part of each phase within the step, and the vehicle's velocity in it follows the impulse
-so far (one step of Picard's iteration); the part of the wave that passes within the
-step accounts for this motion, too. With a constant velocity, steps of 10 ms would miss
-up to 1.4 %.
+part of each phase within the step. The vehicle's velocity at each node includes the
+impulse so far (one step of Picard's iteration), and the part of the wave that passes
+within the step accounts for this motion, too. With a constant velocity, steps of 10 ms
+would miss up to 1.4 %.
 
-A burst in free air has a second wave, reflected by the ground. It comes from the image
-of the charge, as far below the ground: the wave of free air at that distance, later,
-weaker, and pushing upwards. On the ground both arrive simultaneously and the pressure
-is doubled (the rigid wall of acoustics, as for microphones). It is a blast like any
-other, so its impulse within a step is complete. Strong fronts are reflected more
-strongly: at the ground, head on, by $1 + 3x/(7 + x)$ (Rankine and Hugoniot), 1.04 at 10
-kPa, 1.37 at 100. A burst whose reflection arrives within the positive phase, as in the
-region of the Mach stem, has the surface curves and one front. The vehicle does not
-deflect the front.
+A burst in free air has a second wave, reflected by the ground. It is the free-air wave
+of the mirror image of the charge: later, weaker, and directed upwards. On the ground
+both waves arrive simultaneously and the pressure is doubled (the rigid wall of
+acoustics, as for microphones). The reflection is computed like any blast, so its
+impulse within a step is complete. Real strong fronts are reflected more strongly: at
+the ground, head on, by $1 + 3x/(7 + x)$ (Rankine and Hugoniot), 1.04 at 10 kPa, 1.37 at
+100. A burst whose reflection arrives within the positive phase, as in the region of the
+Mach stem, has the surface curves and one front. The vehicle does not deflect the front.
 
 The jolt is the change of velocity by the whole wave,
 
 $$\Delta v = \frac1m \int F_{blast}\,dt$$
 
-over front and suction, as if the wave passed a hovering vehicle within one step: the
-same forces by the same rule, with the same allowance for the vehicle's motion. The
-effects of rotation, rotor dynamics and controller are left out; `calibration.jolts`
-measures them.
+over front and suction, as if the wave passed a hovering vehicle within one step.
+Forces, quadrature and the correction for the vehicle's motion are those of a step.
+Rotation, rotor dynamics and controller are neglected; `calibration.jolts` measures
+their effect.
 """
 
 import functools
@@ -93,28 +92,32 @@ from jblast.vehicle.state import (
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
 
-MOST_ACCELERATION_M_S2 = 1e3
-"""Beyond that of any rotors; a wave that gives more is not quiet."""
+MAX_ACCELERATION_M_S2 = 1e3
+"""Bound on a vehicle's acceleration outside waves, in `quiet_until`.
+
+Far above that of any rotors (some 20 m/s2); a larger bound only shortens the intervals
+in which a wave is not evaluated.
+"""
 _UP = np.array([0.0, 0.0, 1.0])
-Gained = tuple[tuple[Array, Array, Array], Array]
-"""Impulse of drag and rotors, world, and that of the front, away, at the nodes."""
+GainedImpulse = tuple[tuple[Array, Array, Array], Array]
+"""Impulses until each node: drag and rotors, world; front, away from the charge."""
 T = TypeVar("T")
 R = TypeVar("R")
 
 
 class BlastLoad(eqx.Module):
-    """The pulse that blasts give a vehicle; for a batch of scenes, wrap it in `Each`.
+    """Pulse of blasts on a vehicle; for a batch of scenes, wrap it in `Each`.
 
     Attributes:
         blasts: The charges.
         pressure_pa: Ambient pressure.
-        sound_speed_m_s: In still air.
-        wind_m_s: Of the air, east, north, up; it carries the waves.
-        drag: Whether the blast wind drags the body.
-        front: Whether the front pushes it as it crosses.
-        rotors: Whether the rotors feel the blast wind.
-        images: Whose waves come by way of the ground; those of charges not above it
-            never happen.
+        sound_speed_m_s: Speed of sound in still air.
+        wind_m_s: Ambient wind, east, north, up; it advects the waves.
+        drag: Include the drag of the blast wind on the body.
+        front: Include the impulse of the front that crosses the body.
+        rotors: Include the rotors' forces in the blast wind.
+        images: Mirror images of the charges, whose waves are the ground reflections;
+            the images of charges not above the ground never detonate.
     """
 
     blasts: tuple[Blast, ...]
@@ -128,7 +131,7 @@ class BlastLoad(eqx.Module):
 
     @property
     def waves(self) -> tuple[Blast, ...]:
-        """Of the charges, and by way of the ground."""
+        """Direct waves and ground reflections."""
         return (*self.blasts, *self.images)
 
     def impulse(
@@ -138,14 +141,14 @@ class BlastLoad(eqx.Module):
         state: State,
         vehicle: Vehicle,
     ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """Return what the blasts give between two times to a vehicle in a state.
+        """Return the impulse of the blasts on a vehicle between two times.
 
         Returns:
             Impulse, world [N s], and angular impulse about the centre of mass, body
             [N m s].
 
         Raises:
-            InputError: Nothing is known of what a blast acts on.
+            InputError: The vehicle has no `body`.
         """
         body = required_body(vehicle.body)
         motion = components(state)
@@ -161,7 +164,8 @@ class BlastLoad(eqx.Module):
         )
 
         def of(blast: Blast) -> tuple[Vector, Vector]:
-            # one that never happens has not come by the step's end, and gives nothing
+            # A blast that never happens is computed as a detonation at the step's end
+            # and masked: an infinite time would give NaN gradients even if masked.
             happens = ~blast.never
             passage = blast_passage(
                 blast.by(end_s),
@@ -194,7 +198,7 @@ class BlastLoad(eqx.Module):
             return _only(happens, gained), _only(happens, turned_by)
 
         impulse = angular_impulse = three(jnp.zeros_like(state.position_m))
-        for gained, turned_by in over_alike(of, self.waves):
+        for gained, turned_by in map_grouped(of, self.waves):
             impulse = add(impulse, gained)
             angular_impulse = add(angular_impulse, turned_by)
         return jnp.stack(impulse), jnp.stack(angular_impulse)
@@ -202,43 +206,45 @@ class BlastLoad(eqx.Module):
     def quiet_until(
         self, start_s: Float[Array, ""], state: State, vehicle: Vehicle
     ) -> Float[Array, ""]:
-        """Return until when no wave reaches a vehicle, as fast as it may be.
+        """Return a time until which no wave reaches the vehicle, whatever its motion.
 
-        A front comes to a place earlier by 1/c at most for each metre nearer to the
-        charge, so a vehicle at a speed v does not meet it before the share c/(c + v) of
-        the time left at its place. Nor does one slower than c/5 overtake a wave: its
-        end comes to a place later by 4.7/c at most for each metre farther from the
-        charge, whatever the burst. Both hold while it gains no more speed than by
-        `MOST_ACCELERATION_M_S2`.
+        A front arrives earlier by at most 1/c for each metre nearer to the charge. A
+        vehicle at a speed v therefore does not meet it before the share c/(c + v) of
+        the time left at its position. The end of a wave arrives later by at most 4.7/c
+        for each metre farther from the charge, whatever the burst, so a vehicle slower
+        than c/5 does not overtake a wave. Both bounds hold while the vehicle gains
+        speed by at most `MAX_ACCELERATION_M_S2`.
         """
         body, blow = required_body(vehicle.body), _length(self.wind_m_s)
-        # of a wind across the way too
+        # Twice the wind speed also covers a wind across the line to the charge.
         sound = jnp.maximum(self.sound_speed_m_s - 2 * blow, 0.0)
-        speed, most = _length(state.velocity_m_s), MOST_ACCELERATION_M_S2
+        speed, most = _length(state.velocity_m_s), MAX_ACCELERATION_M_S2
 
         def quiet(blast: Blast) -> Float[Array, ""]:
             wave, happens = self.wave_of(blast, state.position_m), ~blast.never
             came = self.front_time_s(blast, state.position_m, start_s)
-            crossing = crossing_time(body, wave)  # of which half comes before
+            crossing = crossing_time(body, wave)  # half of it precedes the arrival
             left = jnp.maximum(came - crossing - start_s, 0)
             wait = left * sound / (sound + speed + most * left)
+            # 5 % more than the wave's duration, for its growth along the vehicle's
+            # path.
             over = start_s - came - crossing > 1.05 * (wave.duration_s + wave.suction_s)
             slow = jnp.maximum(sound / 5 - speed, 0) / most
             return jnp.where(happens, start_s + jnp.where(over, slow, wait), jnp.inf)
 
         never = jnp.asarray(jnp.inf, start_s.dtype)
-        return functools.reduce(jnp.minimum, over_alike(quiet, self.waves), never)
+        return functools.reduce(jnp.minimum, map_grouped(quiet, self.waves), never)
 
     def arrival_time_s(
         self, position_m: Float[Array, "... 3"]
     ) -> Float[Array, "... blast"]:
-        """Return when the fronts come to places, straight [s]; infinite: never."""
+        """Return the arrival times of the direct fronts [s]; infinite: never."""
 
         def front(blast: Blast) -> Float[Array, "..."]:
             came = self.front_time_s(blast, position_m, jnp.zeros_like(blast.time_s))
             return jnp.where(blast.never, jnp.inf, came)
 
-        return jnp.stack(over_alike(front, self.blasts), axis=-1)
+        return jnp.stack(map_grouped(front, self.blasts), axis=-1)
 
     def front_time_s(
         self,
@@ -246,18 +252,18 @@ class BlastLoad(eqx.Module):
         position_m: Float[Array, "... 3"],
         else_s: Float[Array, "..."],
     ) -> Float[Array, "..."]:
-        """Return when a front comes to places [s].
+        """Return the arrival time of a front [s].
 
         Args:
-            blast: Whose.
-            position_m: Where.
-            else_s: When one that never happens is taken to have gone off.
+            blast: The blast.
+            position_m: Positions: east, north, up.
+            else_s: Substitute time of a blast that never happens.
         """
         travel = blast.travel_time_s(self.surroundings(), position_m)
         return blast.by(else_s).time_s + travel
 
     def wave_of(self, blast: Blast, position_m: Float[Array, "... 3"]) -> Wave:
-        """Return what passes a place; without pressure if it never happens."""
+        """Return the wave at positions; zero pressure if the blast never happens."""
         wave = blast.wave(self.surroundings(), position_m)
         return wave._replace(
             peak=jnp.where(blast.never, 0.0, wave.peak),
@@ -265,9 +271,9 @@ class BlastLoad(eqx.Module):
         )
 
     def in_range(self, position_m: Float[Array, "... 3"]) -> Bool[Array, "... blast"]:
-        """Return where all laws of the waves hold (`RANGE`).
+        """Return whether positions are within the range of validity of all laws.
 
-        Elsewhere the load is finite, but extrapolated.
+        Outside (`RANGE`) the load is finite but extrapolated.
         """
 
         def holds(blast: Blast) -> Bool[Array, "..."]:
@@ -278,10 +284,10 @@ class BlastLoad(eqx.Module):
             z = scaled_distance(positive, blast.mass_kg, self.pressure_pa)
             return (z >= first) & (z <= last)
 
-        return jnp.stack(over_alike(holds, self.blasts), axis=-1)
+        return jnp.stack(map_grouped(holds, self.blasts), axis=-1)
 
     def surroundings(self) -> Surroundings:
-        """Return the air that the waves go through."""
+        """Return the ambient air."""
         return Surroundings(self.pressure_pa, self.sound_speed_m_s, self.wind_m_s)
 
 
@@ -295,11 +301,11 @@ def _length(v: Float[Array, "3"]) -> Float[Array, ""]:
 
 
 class RotorForce(NamedTuple):
-    """Force of the rotors in a wind along one direction, beyond that in none.
+    """Additional force of the rotors in a wind along one direction.
 
     Attributes:
-        linear: Times the wind's speed: world [N s/m].
-        square: Times its square: world [N s2/m2].
+        linear: Coefficient of the wind speed: world [N s/m].
+        square: Coefficient of its square: world [N s2/m2].
     """
 
     linear: Vector
@@ -307,12 +313,12 @@ class RotorForce(NamedTuple):
 
 
 class WindImpulse(NamedTuple):
-    """Impulse of the wind within a step.
+    """Impulse of the blast wind within a step.
 
     Attributes:
         body: Impulse of drag and front, world [N s].
-        way: By which `RotorForce.linear` is multiplied [m].
-        square: By which `RotorForce.square` is multiplied [m2/s].
+        way: Integral of the wind speed, factor of `RotorForce.linear` [m].
+        square: Integral of its square, factor of `RotorForce.square` [m2/s].
     """
 
     body: Vector
@@ -332,27 +338,29 @@ def wind_impulse(
     drag: bool,
     front: bool,
 ) -> WindImpulse:
-    """Return what the wind gives within a step.
+    """Return the impulse of the blast wind within a step.
 
     Args:
-        body: What it acts on.
-        mass_kg: Of the vehicle.
-        passage: The part of the wave.
+        body: Areas, volume and coefficients of the vehicle.
+        mass_kg: Mass of the vehicle.
+        passage: The part of the wave within the step.
         attitude: Body to world.
-        air: What blows past the vehicle without the blast, world [m/s].
-        acceleration: Of the vehicle without the blast, world [m/s2].
-        rotors: What moves the vehicle besides; None: nothing.
-        drag: Whether there is drag.
-        front: Whether there is a force of the front.
+        air: Velocity of the air past the vehicle without the blast, world [m/s].
+        acceleration: Acceleration of the vehicle without the blast, world [m/s2].
+        rotors: Force of the rotors in the blast wind; None: neglected.
+        drag: Include the drag on the body.
+        front: Include the impulse of the front.
     """
     away = passage.away
     nothing = jnp.zeros_like(passage.start_s)
     before = front_impulse(body, passage, passage.start_s)
 
-    def run(end_s: Number, gained: Gained) -> tuple[Gained, WindImpulse]:
-        """Impulse until each node, and of all, for one guess of both."""
+    def run(end_s: Number, gained: GainedImpulse) -> tuple[GainedImpulse, WindImpulse]:
+        """Return the impulses until each node and in total, from a previous guess."""
 
-        def at_node(place: NodePlace, gained: Gained) -> tuple[WindImpulse, Gained]:
+        def at_node(
+            place: NodePlace, gained: GainedImpulse
+        ) -> tuple[WindImpulse, GainedImpulse]:
             given, leap = gained
             node = node_at(passage, end_s, place)
             past_s = (node.since - passage.start_s) / passage.rate
@@ -384,7 +392,8 @@ def wind_impulse(
                 leap = front_impulse(body, passage, node.since) - before
             return share, ((x, y, z), leap)
 
-        # all nodes at once: one after another they are programs of a few numbers each
+        # All nodes at once: a loop over nodes would be a program of single numbers
+        # each.
         shares, (force, leap) = jax.vmap(at_node)(rule, gained)
         total = jax.tree.map(lambda share: jnp.sum(share, axis=0), shares)
         if front:
@@ -397,7 +406,9 @@ def wind_impulse(
     rule = places(passage.start_s.dtype)
     none = jnp.zeros_like(rule.share)
     gained, first = run(passage.end_s, ((none, none, none), none))
-    # The integrator spreads the impulse over the step: half of it is way by its end.
+    # The integrator applies the impulse as a constant force, so the vehicle is
+    # displaced by half of impulse times step at its end, and meets a later part of the
+    # wave.
     pushed = dot(away, first.body)
     if rotors is not None:
         pushed = pushed + dot(away, rotors.linear) * first.way
@@ -410,19 +421,20 @@ def wind_impulse(
 def drag_force(
     body: Body, attitude: MatrixRows, density: Number, past: Vector
 ) -> Vector:
-    """Return the drag, world [N]; its gradient at rest is zero, not NaN.
+    """Return the drag, world [N]; its gradient at rest is zero.
 
     Args:
-        body: What the wind acts on.
+        body: Areas and drag coefficient.
         attitude: Body to world.
-        density: Of the air [kg/m3].
+        density: Density of the air [kg/m3].
         past: Velocity of the air past the vehicle, world [m/s].
     """
     x, y, z = past
     r_x, r_y, r_z = times_transposed(attitude, past)
     a, b, c = three(body.area_m2)
     square = (a * r_x) ** 2 + (b * r_y) ** 2 + (c * r_z) ** 2
-    blows = ~(square <= 0)  # an area that is no number does not stand still
+    # Negated, so that an area of NaN gives NaN and not zero drag.
+    blows = ~(square <= 0)
     size = jnp.where(blows, jnp.sqrt(jnp.where(blows, square, 1.0)), 0.0)
     half = 0.5 * density * body.drag_coefficient * size
     return half * x, half * y, half * z
@@ -431,11 +443,13 @@ def drag_force(
 def rotors_in_wind(
     vehicle: Vehicle, motion: StateComponents, air: Vector, passage: Passage
 ) -> tuple[RotorForce, RotorForce]:
-    """Return what the rotors feel of a wind: force, world, and moment, body.
+    """Return force (world) and moment (body) of the rotors in a blast wind.
 
-    Without the frame's drag both are polynomials of second degree in the speed of the
-    wind, which three of its values define.
+    Without the frame's drag both are polynomials of second degree in the wind speed,
+    defined by their values at three wind speeds.
     """
+    # Any wind speed gives the same polynomial; a tenth of the speed of sound is far
+    # above the rounding of the differences.
     probe = passage.wave.sound_speed_m_s / 10
     bare = eqx.tree_at(
         lambda v: v.frame_drag, vehicle, jnp.zeros_like(vehicle.frame_drag)
@@ -461,7 +475,7 @@ def rotors_in_wind(
 
 
 def polynomial(rotors: RotorForce, given: WindImpulse) -> Vector:
-    """Return the impulse of such a force, or moment."""
+    """Return the impulse of a rotor force, or the angular impulse of a moment."""
     x, y, z = (
         a * given.way + b * given.square
         for a, b in zip(rotors.linear, rotors.square, strict=True)
@@ -472,22 +486,22 @@ def polynomial(rotors: RotorForce, given: WindImpulse) -> Vector:
 def jolt_velocity(
     blast: Blast, air: Surroundings, vehicle: Vehicle, state: State
 ) -> Float[Array, "3"]:
-    r"""Return what a blast changes of a vehicle's velocity, world [m/s].
+    r"""Return the change of a vehicle's velocity by a blast, world [m/s], shape (3,).
 
     Args:
-        blast: It happens.
-        air: What its wave goes through.
-        vehicle: What it pushes.
-        state: The vehicle as the wave finds it, at rest.
+        blast: A blast that happens.
+        air: Ambient air.
+        vehicle: The vehicle.
+        state: State of the vehicle at the arrival, at rest.
 
     Raises:
-        InputError: Nothing is known of what a blast acts on.
+        InputError: The vehicle has no `body`.
     """
     body, motion = required_body(vehicle.body), components(state)
     passage = _whole(blast, air, body, state)
     place = places(passage.end_s.dtype)
     node, wind = node_at(passage, passage.end_s, place), three(air.wind_m_s)
-    # at rest all that turns a rotor's force is the wind: a polynomial in its speed
+    # At rest the rotors' force depends on the wind only: a polynomial in its speed.
     rotors, _ = rotors_in_wind(vehicle, motion, wind, passage)
     attitude = rotation(motion.quaternion)
 
@@ -498,7 +512,7 @@ def jolt_velocity(
     away, width = jnp.stack(passage.away), node.width[:, None]
     leap = front_impulse(body, passage, node.since)[:, None] * away[None, :]
     first = jax.vmap(force)(node, jnp.zeros_like(leap))
-    # one step of Picard's iteration, as in `wind_impulse`
+    # One step of Picard's iteration, as in `wind_impulse`.
     gained = jax.vmap(until, 1, 1)(width * first)
     forces = jax.vmap(force)(node, (gained + leap) / vehicle.mass_kg)
     whole = front_impulse(body, passage, passage.end_s)
@@ -507,14 +521,14 @@ def jolt_velocity(
 
 
 def _whole(blast: Blast, air: Surroundings, body: Body, state: State) -> Passage:
-    """Return a whole wave as it passes a vehicle at rest."""
+    """Return the passage of a whole wave over a vehicle at rest."""
     wave = blast.wave(air, state.position_m)
     _, away, speed = blast.way(air, state.position_m)
     density = AIR_HEAT_CAPACITY_RATIO * air.pressure_pa
     return Passage(
         wave=wave,
         away=three(away),
-        start_s=-crossing_time(body, wave),  # of which half comes before
+        start_s=-crossing_time(body, wave),  # half of it precedes the arrival
         end_s=wave.duration_s + wave.suction_s,
         rate=jnp.ones_like(wave.peak),
         front_speed_m_s=speed,
@@ -531,16 +545,16 @@ def _force(
     pushed: Vector,
     rotors: RotorForce,
 ) -> Vector:
-    """Return the force of drag and rotors at a node, beyond that without a blast.
+    """Return the additional force of drag and rotors due to the blast at a node.
 
     Args:
-        body: What the wind acts on.
+        body: Areas and drag coefficient.
         passage: The wave.
         attitude: Body to world.
-        node: Where in the wave.
-        wind: Of the air, world [m/s].
-        pushed: Velocity by then, world [m/s].
-        rotors: Their force in a wind.
+        node: Wave at the node.
+        wind: Ambient wind, world [m/s].
+        pushed: Velocity of the vehicle at the node, world [m/s].
+        rotors: Force of the rotors in a wind.
     """
     away = passage.away
     x, y, z = (w - dv for w, dv in zip(wind, pushed, strict=True))
@@ -556,16 +570,15 @@ def _force(
     return x, y, z
 
 
-def over_alike(function: Callable[[T], R], values: Sequence[T]) -> list[R]:
-    """Return what a function gives of each value.
-
-    Values of one structure, as blasts of one curve set, are stacked and computed
-    together: a program of a hundred of them is as long as that of two.
+def map_grouped(function: Callable[[T], R], values: Sequence[T]) -> list[R]:
+    """Map a function over values, with one `vmap` for each PyTree structure.
 
     Args:
-        function: Of one value; pure.
+        function: Pure function of one value.
         values: PyTrees of arrays.
     """
+    # Stacked values of one structure, as blasts of one curve set, share a program: that
+    # of a hundred blasts is as long as that of two.
     kinds: dict[object, list[int]] = {}
     for n, value in enumerate(values):
         leaves, tree = jax.tree.flatten(value)

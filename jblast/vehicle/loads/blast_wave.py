@@ -2,8 +2,8 @@ r"""The blast wave at a vehicle: overpressure, wind, and its part within a step.
 
 Overpressure: Friedlander's pulse, then the cubic suction of
 `waves.negative_phase_pressure`. Arrival, peak, duration, decay and suction are those of
-`waves.waveform.blast_pulse`, which records of gauges use, too; the two differ in one
-thing, the duration of the suction, for the reason below.
+`waves.waveform.blast_pulse`, also used for gauges. The two differ in the duration of
+the suction, for the reason below.
 
 Wind: at the front that of Rankine and Hugoniot, $u_s = 5c_0x/(7\sqrt{1+6x/7})$ with
 $x = p/P_0$. Behind it, with $x$ of the moment and the afterflow of a spherical wave,
@@ -18,23 +18,23 @@ carries 0.89 of $\int u|u|\,dt$ at Z = 2, 0.96 at 3.5, 0.98 at 5, 1.00 at 10 and
 wind of the shape of the overpressure, as in handbooks, 0.52, 0.64, 0.70, 0.79 and 0.85.
 
 The whole wave has no impulse, like any spherical sound (the same article): the suction
-lasts $t^- = \tfrac{16}{9}\,i^+/P^-$, so the wind ends at zero. A record has the impulse
-of the tables of the suction: 1.05 to 1.16 times the positive one at Z = 5 to 36, 1.3 at
-2, 1.5 at 1 and 3 at 0.5, and lasts longer by the same factors.
+lasts $t^- = \tfrac{16}{9}\,i^+/P^-$, so the wind ends at zero. The suction of a gauge
+record has the impulse of the published tables: 1.05 to 1.16 times the positive one at Z
+= 5 to 36, 1.3 at 2, 1.5 at 1 and 3 at 0.5, and lasts longer by the same factors.
 
-The density of the wind is that behind a shock of the overpressure at that moment. The
-front leaves an impulse of its own on a body that it crosses. The part of a wave that
-passes a moving vehicle within a step is bounded by the times since arrival at both ends
-of the step, and each phase in it is integrated by Gauss's rule.
+The density of the wind is that behind a shock of the same overpressure. The front adds
+an impulse on a body that it crosses. The part of a wave that passes a moving vehicle
+within a step is bounded by the times since arrival at both ends of the step, and each
+phase in it is integrated by Gauss's rule.
 
 A load is evaluated at every step of every flight, and the laws themselves (polynomials
 blended at joins, Chebyshev series, Newton's steps for the decay) cost more than the
-flight. So they are tabulated once, for 1 kg in standard air: a cubic spline over even
-steps of $\ln Z$ of 0.02. Arrival is within 1e-6 of its law, peak 1e-5, duration 2e-3
-(at the joins, which the spline rounds off). Outside the range of all of them the decay
-is constant, above 0.13 everywhere; past its last point the suction is a constant share
-of the peak. Nearer than Z = 0.07 everything is as it is there; past Z = 1000 a power
-law.
+flight. So they are tabulated once, for 1 kg in standard air, as cubic splines with
+nodes every 0.02 in $\ln Z$. Arrival is within 1e-6 of its law, peak 1e-5, duration 2e-3
+(at the joins, which the spline smooths). Outside the range of validity of all laws the
+decay is constant, above 0.13 everywhere. Beyond its last point the suction is a
+constant share of the peak. Below Z = 0.07 all curves are constant; above Z = 1000 they
+are power laws.
 """
 
 from dataclasses import replace
@@ -66,18 +66,23 @@ from jblast.waves.shock import plane_wave_wind
 from jblast.waves.waveform import blast_pulse
 
 FIRST, LAST = 0.07, 1000.0
-"""Scaled distances that the curves span [m/kg^(1/3)]."""
-# Of the nodes in ln Z: 2 % of distance, which resolves the curvature of the laws.
+"""Range of scaled distance of the curves [m/kg^(1/3)].
+
+The lower end is next to the surface of a TNT charge (radius 0.053). At the upper end
+the overpressure is near 100 Pa, far below any effect on a vehicle.
+"""
+# Node spacing in ln Z: 2 % of distance, which resolves the curvature of the laws.
 SPACING = 0.02
 RANGE = {"surface": (0.178, 40.0), "free-air": (0.147, 36.975)}
-"""Scaled distances at which all laws hold: durations start later than pressures, and
-suctions in free air end sooner [m/kg^(1/3)]."""
+"""Range of validity of all laws: durations start later than pressures, and suctions in
+free air end sooner [m/kg^(1/3)]."""
 NODES = 8
-"""Of each phase: they leave below 1e-3 of the drag's impulse where a step holds all."""
+"""Gauss nodes per phase; the error of the drag's impulse is below 1e-3 if a step
+contains the whole wave."""
 
 
 class WaveCurves(NamedTuple):
-    """Each against ln Z.
+    """Curves against ln Z.
 
     Attributes:
         sound_fraction: $c_0 t_a/R$, in ln.
@@ -108,8 +113,11 @@ def wave_curves(burst: str) -> WaveCurves:
 
 
 def _laws(z: Float[Array, " node"], burst: str) -> tuple[Float[Array, " node"], ...]:
-    """Return what the curves pass through; the decay as its exponential."""
+    """Return the values at the curves' nodes; for the decay its exponential."""
     first, last = RANGE[burst]
+    # One call for three sets of distances, because the laws compile slowly: as they
+    # are, clipped to all ranges (for the decay) and below the last point (for the
+    # suction).
     places = jnp.concatenate([z, jnp.clip(z, first, last), jnp.minimum(z, last)])
     found = blast_pulse(places, 1.0, burst=burst)
     pulse, held, within = (
@@ -126,13 +134,13 @@ def _laws(z: Float[Array, " node"], burst: str) -> tuple[Float[Array, " node"], 
 
 
 class Wave(NamedTuple):
-    r"""Blast wave at a place.
+    r"""Parameters of a blast wave at a position.
 
     Attributes:
         peak: Overpressure over the ambient pressure [-].
         duration_s: Of the positive phase.
         decay: Friedlander's $b$ [-].
-        suction: Greatest underpressure over the ambient pressure [-].
+        suction: Maximum underpressure over the ambient pressure [-].
         suction_s: Duration of the negative phase.
         sound_speed_m_s: $c_0$.
         afterflow_m_s2: $P_0/(\rho_0 R)$.
@@ -158,12 +166,12 @@ def arrival_time(
 
     Args:
         distance_m: Range $R$ [m], positive.
-        mass_kg: TNT that makes the same pressure [kg].
+        mass_kg: TNT mass of equal pressure [kg].
         pressure_pa: Ambient $P_0$ [Pa].
         sound_speed_m_s: $c_0$ [m/s].
         burst: "surface" or "free-air".
     """
-    log_z = _held(log_scaled_distance(distance_m, mass_kg, pressure_pa))
+    log_z = _clamped(log_scaled_distance(distance_m, mass_kg, pressure_pa))
     fraction = jnp.exp(wave_curves(burst).sound_fraction.value(log_z))
     return distance_m / sound_speed_m_s * fraction
 
@@ -180,15 +188,15 @@ def wave_at(
 
     Args:
         distance_m: Range $R$ [m], positive.
-        mass_kg: TNT that makes the same pressure: decides peak, decay and suction [kg].
-        impulse_mass_kg: TNT that makes the same impulse: decides the duration [kg].
+        mass_kg: TNT mass of equal pressure, for peak, decay and suction [kg].
+        impulse_mass_kg: TNT mass of equal impulse, for the duration [kg].
         pressure_pa: Ambient $P_0$ [Pa].
         sound_speed_m_s: $c_0$ [m/s].
         burst: "surface" or "free-air".
     """
     curves = wave_curves(burst)
-    log_z = _held(log_scaled_distance(distance_m, mass_kg, pressure_pa))
-    own = _held(log_scaled_distance(distance_m, impulse_mass_kg, pressure_pa))
+    log_z = _clamped(log_scaled_distance(distance_m, mass_kg, pressure_pa))
+    own = _clamped(log_scaled_distance(distance_m, impulse_mass_kg, pressure_pa))
     time = sachs_time_factor(impulse_mass_kg, pressure_pa, sound_speed_m_s)
     peak, suction = (
         jnp.exp(curve.value(log_z)) for curve in (curves.peak, curves.suction)
@@ -209,21 +217,22 @@ def wave_at(
 
 
 def overpressure(wave: Wave, since_s: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return the overpressure over the ambient pressure, at a time since arrival [-].
+    """Return overpressure over ambient pressure [-] at a time since arrival.
 
-    The limit from inside at the arrival; zero before it and past the suction.
+    The peak at the arrival itself; zero before it and after the suction.
     """
     x, s = _phases(wave, since_s)
     pulse = wave.peak * (1 - x) * jnp.exp(-wave.decay * x)
+    # 6.75 s (1 - s)^2 is the cubic of unit maximum, at s = 1/3.
     return jnp.where(
         since_s < 0, 0.0, pulse - 6.75 * wave.suction * s * jnp.square(1 - s)
     )
 
 
 def wind_speed(wave: Wave, since_s: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return the speed of the air away from the charge, at a time since arrival [m/s].
+    """Return the wind speed away from the charge [m/s] at a time since arrival.
 
-    The limit from inside at the arrival; zero before it and past the suction.
+    That behind the front at the arrival itself; zero before it and after the suction.
     """
     x, s = _phases(wave, since_s)
     positive = _pulse_impulse(x, wave.peak, wave.duration_s, wave.decay)
@@ -235,23 +244,23 @@ def wind_speed(wave: Wave, since_s: Float[Array, "..."]) -> Float[Array, "..."]:
 
 
 def density_ratio(overpressure: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return the density behind a shock over the ambient one, suctions too [-].
+    """Return the density behind a shock over ambient density [-], also for suctions.
 
     Args:
-        overpressure: Over the ambient pressure [-], above -1.
+        overpressure: Overpressure over ambient pressure [-], above -1.
     """
     return (7 + 6 * overpressure) / (7 + overpressure)
 
 
-def _held(log_z: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Stay where the curves start: nothing is known nearer."""
+def _clamped(log_z: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return ln Z, at least the first node: no law is valid below."""
     return jnp.maximum(log_z, jnp.log(jnp.asarray(FIRST, log_z.dtype)))
 
 
 def _phases(
     wave: Wave, since_s: Float[Array, "..."]
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """Return how far both phases have gone, 0 to 1."""
+    """Return the elapsed shares of positive and negative phase, 0 to 1."""
     x = jnp.clip(since_s / wave.duration_s, 0, 1)
     s = jnp.clip((since_s - wave.duration_s) / wave.suction_s, 0, 1)
     return x, s
@@ -264,18 +273,20 @@ def _pulse_impulse(
     decay: Float[Array, "..."],
 ) -> Float[Array, "..."]:
     """Return the pulse's impulse until a share x of its duration; b at least 0.1."""
+    # The closed form loses digits as 1 / b**2: below b = 0.1 it would need a series.
+    # The curves keep b above 0.13.
     gone = -jnp.expm1(-decay * x)
     part = ((decay - 1) * gone + decay * x * (1 - gone)) / jnp.square(decay)
     return peak * duration_s * part
 
 
 class Surroundings(NamedTuple):
-    """The air that waves go through.
+    """Ambient air.
 
     Attributes:
-        pressure_pa: Ambient.
-        sound_speed_m_s: In still air.
-        wind_m_s: East, north, up; it carries the waves.
+        pressure_pa: Ambient pressure.
+        sound_speed_m_s: Speed of sound in still air.
+        wind_m_s: Ambient wind, east, north, up; it advects the waves.
     """
 
     pressure_pa: Float[Array, ""]
@@ -284,13 +295,13 @@ class Surroundings(NamedTuple):
 
 
 class Blast(eqx.Module):
-    """A charge as the loads need it.
+    """Position, time and TNT masses of a charge.
 
     Attributes:
         position_m: East, north, up.
-        time_s: Of detonation; infinite: it never happens.
-        mass_kg: TNT that makes the same pressure.
-        impulse_mass_kg: TNT that makes the same impulse.
+        time_s: Time of detonation; infinite: it never happens.
+        mass_kg: TNT mass of equal pressure.
+        impulse_mass_kg: TNT mass of equal impulse.
         burst: "surface" or "free-air".
     """
 
@@ -302,14 +313,14 @@ class Blast(eqx.Module):
 
     @property
     def never(self) -> Bool[Array, "*batch"]:
-        """Whether it never happens."""
+        """True for a blast that never happens."""
         return jnp.isposinf(self.time_s)
 
     def by(self, time_s: Float[Array, "..."]) -> "Blast":
-        """Return a blast that never happens as if it did at a time; others as they are.
+        """Return the blast with a finite time: `time_s` instead of an infinite one.
 
-        For what is computed before it is masked: an infinite time has gradients that
-        are no numbers, masked or not.
+        For computations that are masked afterwards: an infinite time gives NaN
+        gradients, masked or not.
         """
         return replace(self, time_s=jnp.where(self.never, time_s, self.time_s))
 
@@ -318,7 +329,7 @@ class Blast(eqx.Module):
     ) -> tuple[Float[Array, "..."], Float[Array, "... 3"], Float[Array, "..."]]:
         """Return distance [m], direction and speed of sound along it [m/s].
 
-        Nearer than the laws' start everything is as it is there.
+        The distance is at least that of the first node of the curves.
         """
         source = jnp.broadcast_to(self.position_m, position_m.shape)
         distance = slant_range(source, position_m)
@@ -336,7 +347,7 @@ class Blast(eqx.Module):
         return arrival_time(distance, self.mass_kg, air.pressure_pa, speed, self.burst)
 
     def wave(self, air: Surroundings, position_m: Float[Array, "... 3"]) -> Wave:
-        """Return what passes a place."""
+        """Return the wave at positions."""
         distance, _, _ = self.way(air, position_m)
         return wave_at(
             distance,
@@ -352,13 +363,14 @@ class Passage(NamedTuple):
     """The part of a wave that passes a vehicle within a step.
 
     Attributes:
-        wave: At the vehicle.
+        wave: Wave at the vehicle.
         away: Direction from the charge.
         start_s: Time since arrival at the step's beginning.
-        end_s: At its end.
-        rate: Time since arrival over time: the vehicle runs from the front, or to it.
-        front_speed_m_s: Over ground.
-        air_density: Ambient [kg/m3].
+        end_s: Time since arrival at its end.
+        rate: Change of the time since arrival per time; not 1 if the vehicle moves
+            along the wave's direction.
+        front_speed_m_s: Speed of the front over ground.
+        air_density: Ambient density [kg/m3].
     """
 
     wave: Wave
@@ -382,11 +394,11 @@ def blast_passage(
 
     Args:
         blast: The charge.
-        air: What its wave goes through.
-        start_s: When the step begins.
-        end_s: When it ends.
-        state: Of the vehicle at its beginning.
-        acceleration: Of the vehicle without the blast, world [m/s2].
+        air: Ambient air.
+        start_s: Beginning of the step.
+        end_s: End of the step.
+        state: State of the vehicle at its beginning.
+        acceleration: Acceleration of the vehicle without the blast, world [m/s2].
     """
     step = end_s - start_s
     way = (state.velocity_m_s + acceleration * step / 2) * step
@@ -394,8 +406,8 @@ def blast_passage(
     came = blast.time_s + blast.travel_time_s(air, places)
     first, last = start_s - came[0], end_s - came[1]
     met = jnp.clip(-first / (last - first), 0, 1)
-    # From where the front meets it to where half of the positive phase is over, or to
-    # the step's end: the drag is that of the middle.
+    # The wave is evaluated midway between the positions at the arrival and at half of
+    # the positive phase (or the step's end): most of the drag acts there.
     half = blast.wave(air, state.position_m + met * way).duration_s / 2
     left = jnp.minimum(1, met + half / step)
     place = state.position_m + (met + left) / 2 * way
@@ -414,23 +426,25 @@ def blast_passage(
 
 
 def crossing_time(body: Body, wave: Wave) -> Number:
-    """Return how long the front takes across the sphere of a body's mean area [s]."""
+    """Return the front's crossing time of a sphere of the body's mean area [s]."""
     speed = wave.sound_speed_m_s * jnp.sqrt(1 + 6 / 7 * wave.peak)
     area = jnp.mean(body.area_m2)
     known = ~(area <= 0)
     diameter = jnp.sqrt(4 / jnp.pi * jnp.where(known, area, 1.0))
+    # Without an area the front crosses in some microseconds: any positive time gives
+    # the same impulse of an area of zero.
     return jnp.where(known, diameter, 1e-3) / speed
 
 
 def front_impulse(
     body: Body, passage: Passage, since_s: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    r"""Return what pressure gradient and added mass have given until then [N s].
+    r"""Return the impulse of pressure gradient and added mass until a time [N s].
 
     $\rho_0 V (1 + C_m)\,Du/Dt$. With the ambient density the gradient's part is exact
-    across a shock, $p_s/U = \rho_0 u_s$. As an impulse it is $\rho_0 V (1 + C_m)$ times
-    the change of $u$: whatever the step, a jump is whole. That the added mass also
-    resists the vehicle's own acceleration is left out: $\rho_0 V C_m$ is below 1e-3 of
+    across a shock, $p_s/U = \rho_0 u_s$. The impulse is $\rho_0 V (1 + C_m)$ times the
+    change of $u$, so a jump is complete at any step. The added mass also resists the
+    vehicle's own acceleration; this is neglected, since $\rho_0 V C_m$ is below 1e-3 of
     its mass.
     """
     wave = passage.wave
@@ -440,12 +454,12 @@ def front_impulse(
 
 
 class NodePlace(NamedTuple):
-    """Position of a node in its phase: a number each, or an array over all nodes.
+    """Position of a quadrature node in its phase, or arrays over all nodes.
 
     Attributes:
-        share: How far in its phase.
-        weight: Of the rule.
-        later: Whether it is in the second phase.
+        share: Share of its phase, 0 to 1.
+        weight: Weight of the rule.
+        later: True in the negative phase.
     """
 
     share: Float[Array, "..."]
@@ -458,7 +472,7 @@ class Node(NamedTuple):
 
     Attributes:
         since: Time since arrival [s].
-        width: Of its phase, as time of the flight [s].
+        width: Duration of its phase within the step, in time of the flight [s].
         wind: Speed [m/s].
         density: [kg/m3].
     """
@@ -470,10 +484,10 @@ class Node(NamedTuple):
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes of Gauss's rule on 0 to 1, weights, and weights of the integrals so far."""
+    """Gauss's rule on 0 to 1: nodes, weights, and integration matrix to each node."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     nodes, weights = (nodes + 1) / 2, weights / 2
-    # l_j of Lagrange, in Legendre's polynomials, whose integrals stay well conditioned
+    # Lagrange's basis in Legendre polynomials, whose integrals stay well conditioned.
     legendre = np.polynomial.legendre
     basis = np.linalg.inv(legendre.legvander(2 * nodes - 1, NODES - 1))
     so_far = np.stack(
@@ -490,7 +504,7 @@ PLACES, WEIGHTS, SO_FAR = _gauss()
 
 
 def places(dtype: np.dtype) -> NodePlace:
-    """Return all nodes, those of the first phase first."""
+    """Return all nodes, those of the positive phase first."""
     return NodePlace(
         jnp.asarray(np.tile(PLACES, 2), dtype),
         jnp.asarray(np.tile(WEIGHTS, 2), dtype),
@@ -502,7 +516,7 @@ def until(value: Float[Array, " node"]) -> Float[Array, " node"]:
     """Integrate from the step's beginning to each node.
 
     Args:
-        value: At all nodes, times the width of their phase.
+        value: Integrand at all nodes, times the duration of their phase.
     """
     whole = np.tile(WEIGHTS, (NODES, 1))
     matrix = np.block([[SO_FAR, 0 * SO_FAR], [whole, SO_FAR]])
@@ -510,7 +524,7 @@ def until(value: Float[Array, " node"]) -> Float[Array, " node"]:
 
 
 def node_at(passage: Passage, end_s: Number, place: NodePlace) -> Node:
-    """Return a node of the part of a passage before a time since arrival [s]."""
+    """Return the wave at a node of the part of a passage before `end_s` [s]."""
     wave = passage.wave
     zero, past = jnp.zeros_like(end_s), wave.duration_s + wave.suction_s
     first, middle, last = (

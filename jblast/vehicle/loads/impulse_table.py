@@ -1,26 +1,26 @@
-r"""Impulses of blasts calculated elsewhere, one case a row, as a pulse on a vehicle.
+r"""Tabulated impulses of blasts, one case per row, as a pulse on a vehicle.
 
-A case contains the delay of the wave after the detonation, the distance of the charge,
+A case contains the delay of the wave after detonation, the distance of the charge,
 its direction as seen from the vehicle, and the effect of the wave: impulses along body
 axes and angular impulses about them. The file is a CSV in the format of the custom
 profiles of Parab's thesis.
 
 The thesis does not define its axes. Declared here: axial, side and normal are body x, y
 and z; the polar angle is from body z, the azimuth from x towards y. With these, the
-charge of the sample lies at (-5, -5, -5) m and (-10, -10, -10) m and pushes away from
-there.
+charges of the sample are at (-5, -5, -5) m and (-10, -10, -10) m, and their impulses
+are directed away from them.
 
-Between distances $J R^2$, $M R^2$ and delay/$R$ are linear in $\ln R$, and constant
-beyond them: an inverse square and a steady speed. Between directions the cases are
-weighted by the inverse fourth power of the angle to each (Shepard 1968). No case gives
-the duration of the wave: its impulse is applied as a constant force.
+Between distances, $J R^2$, $M R^2$ and delay/$R$ are linear in $\ln R$. Beyond the
+table they are constant: an inverse square and a steady speed. Between directions the
+cases are weighted by the inverse fourth power of the angle to each (Shepard 1968). The
+table has no durations, so an impulse is applied as a constant force.
 
 **Moments.** The sample's angular impulses are 100.0 m times its impulses across body x:
-they are about a point 100 m behind the vehicle, and as moments about the vehicle 1e4
-times too large. With `moment_point_m` they are taken about the vehicle,
+they refer to a point 100 m behind the vehicle, and as moments about the vehicle they
+are 1e4 times too large. With `moment_point_m` they are converted to the vehicle,
 $M - r \times J$ with $r$ from that point to the centre of mass: (100, 0, 0) m leaves
 (-1.8, 2.4, -0.5) mN m s of the first case. A profile whose moments have lever arms far
-beyond the vehicle's size is refused without `moment_point_m`.
+beyond the vehicle's size is rejected without `moment_point_m`.
 """
 
 import csv
@@ -48,7 +48,11 @@ from jblast.vehicle.state import (
 )
 
 SOLE_DIRECTION_RAD = 0.1
-"""Angle up to which a single case is used for other directions."""
+"""Angle up to which a single case counts as in range, 6 degrees; declared.
+
+A table of several directions has their spacing instead. The angle affects `in_range`
+only, not the interpolation.
+"""
 COLUMNS = (
     "Time Delay (s)",
     "Distance (m)",
@@ -61,28 +65,32 @@ COLUMNS = (
     "Mm (N*m*s)",
     "Mn (N*m*s)",
 )
-"""In any order; others (the sample has Case Number) are not read."""
+"""Columns of the file, in any order; others (as Case Number) are ignored."""
 LIMITS = {0: (0.0, math.inf), 1: (0.0, math.inf), 2: (0.0, 180.0), 3: (-360.0, 360.0)}
-"""Of the columns that have any; the delay and the distance lie above theirs."""
-SIZES = 3.0
-"""A wave's impulse acts on the vehicle itself: its lever about the centre of mass is no
-longer than so many distances from there to the farthest rotor."""
+"""Limits by column index; delay and distance must exceed their lower limit."""
+MAX_LEVER_SIZES = 3.0
+"""Maximum lever of an impulse, in distances from the centre of mass to the farthest
+rotor.
+
+An impulse acts on the vehicle itself, so its lever is at most about 1; 3 leaves room
+for protruding parts. The sample's levers about the wrong point are above 400.
+"""
 
 
 class CustomProfile(eqx.Module):
-    """A pulse by interpolation between cases.
+    """Pulse interpolated between tabulated cases.
 
     Attributes:
-        direction: Towards the charge, body axes, of length 1.
+        direction: Unit vectors towards the charge, body axes.
         log_distance: Ln of distance [m], ascending for each direction.
         push: $J R^2$, body axes [N s m2].
         turn: $M R^2$, body axes [N m s m2].
         slowness: Delay over distance [s/m].
-        reach: Ln of the least and greatest distance of each direction.
-        spacing_rad: Angle up to which a case is used for other directions.
-        charge_m: Where the charge is: east, north, up.
-        time_s: Of its detonation; infinite: it never happens.
-        duration_s: Over which the impulse is given.
+        reach: Ln of the minimum and maximum distance of each direction.
+        spacing_rad: Angle up to which a direction counts as in range.
+        charge_m: Position of the charge: east, north, up.
+        time_s: Time of its detonation; infinite: it never happens.
+        duration_s: Duration over which the impulse is applied.
     """
 
     direction: Float[Array, "way 3"]
@@ -124,7 +132,7 @@ class CustomProfile(eqx.Module):
         state: State,
         vehicle: Vehicle,
     ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """Return what falls between two times.
+        """Return the impulse on a vehicle between two times.
 
         Returns:
             Impulse, world [N s], and angular impulse, body [N m s].
@@ -143,7 +151,8 @@ class CustomProfile(eqx.Module):
             return jnp.clip(last, 0, 1) - jnp.clip(first, 0, 1)
 
         ahead = state.position_m + state.velocity_m_s * step
-        # pushed away it sees less of the pulse: what is left the next step gives
+        # A vehicle pushed away receives a smaller share of the pulse within this step.
+        # The remainder follows in the next step, so the total is complete.
         pushed = share(ahead) * world * step / (2 * vehicle.mass_kg)
         given = jnp.where(never, 0.0, share(ahead + pushed))
         return world * given, turn * given
@@ -151,28 +160,29 @@ class CustomProfile(eqx.Module):
     def in_range(
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
     ) -> Bool[Array, ""]:
-        """Return whether cases are near: the nearest in direction, and its distances.
+        """Return whether the nearest direction and its distances cover a position.
 
-        A case is used for directions as far from its own as the cases' are apart.
+        A direction counts as covered up to the spacing of the table's directions.
         """
         distance, _, apart = self._seen(position_m, quaternion)
         nearest = jnp.argmin(apart)
         low, high = self.reach[nearest]
         log_distance = jnp.log(distance)
-        slack = 1e-6  # for roundings of a place, single precision's too
+        slack = 1e-6  # rounding of a position in float32
         inside = (log_distance >= low - slack) & (log_distance <= high + slack)
         return inside & (apart[nearest] <= self.spacing_rad)
 
     def _seen(
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
     ) -> tuple[Float[Array, ""], Float[Array, " way"], Float[Array, " way"]]:
-        """Return the charge's distance, the cases' weights, angles from them [rad]."""
+        """Return distance [m], weights and angles [rad] of the directions."""
         toward = self.charge_m - position_m
         square = jnp.sum(jnp.square(toward))
         distance = jnp.sqrt(jnp.maximum(square, 1e-6))
         attitude = rotation(unit(four(quaternion)))
         seen = jnp.stack(times_transposed(attitude, three(toward / distance)))
-        # 2 sin(angle/2): its square has a slope everywhere, the angle has none at zero
+        # The squared chord (2 sin(angle/2))^2 is differentiable everywhere, unlike the
+        # angle at zero. 1e-9 keeps the weight finite at a tabulated direction.
         chord = jnp.sum(jnp.square(self.direction - seen[None]), axis=1)
         near = 1 / jnp.square(chord + 1e-9)
         apart = 2 * jnp.arcsin(jnp.clip(jnp.sqrt(chord) / 2, 0, 1))
@@ -188,21 +198,23 @@ def custom_profile(
     moment_point_m: Sequence[float] | None = None,
     vehicle: Vehicle | None = None,
 ) -> CustomProfile:
-    """Return the pulse of cases.
+    """Return the pulse of tabulated cases.
 
     Args:
-        cases: As `read_custom_profile` returns them: delay [s], distance [m], polar and
-            azimuthal angle [rad], impulses x, y, z [N s], angular impulses [N m s].
-        charge_m: Where the charge is: east, north, up [m].
-        time_s: When it detonates [s].
-        duration_s: Over which the impulse is given [s]; the thesis's is 1 ms.
-        moment_point_m: From the point about which the moments are given to the
-            vehicle's centre of mass, body axes [m]; None: they are about that.
-        vehicle: On which they act. Without a point their levers are compared with its
-            size; None: they are not.
+        cases: Table as returned by `read_custom_profile`: delay [s], distance [m],
+            polar and azimuthal angle [rad], impulses x, y, z [N s], angular impulses
+            [N m s].
+        charge_m: Position of the charge: east, north, up [m].
+        time_s: Time of detonation [s].
+        duration_s: Duration over which the impulse is applied [s]; 1 ms in the thesis.
+        moment_point_m: Vector from the reference point of the moments to the vehicle's
+            centre of mass, body axes [m]; None: they refer to the centre of mass.
+        vehicle: Vehicle whose size limits the levers if there is no reference point;
+            None: no check.
 
     Raises:
-        InputError: The duration is not positive, or a point has not three numbers.
+        InputError: The duration is not positive, a point does not have three numbers,
+            or a lever is too long.
     """
     if not duration_s > 0:
         raise InputError(f"duration_s: expected a positive time [s], got {duration_s}")
@@ -223,7 +235,7 @@ def custom_profile(
         ],
         axis=1,
     )
-    # directions to a billionth: those of a file are in degrees
+    # Rounded, so that equal directions of a file in degrees compare equal in radians.
     _, first, way = np.unique(
         np.round(toward, 9), axis=0, return_index=True, return_inverse=True
     )
@@ -234,17 +246,18 @@ def custom_profile(
     most = max(map(len, order))
 
     def table(column: np.ndarray) -> Float[Array, "..."]:
-        """Put a column into rows of one direction each, the last case held."""
+        """Return a column by direction, padded with the last case."""
         filled = [column[np.pad(o, (0, most - len(o)), mode="edge")] for o in order]
         return as_float_array(np.stack(filled))
 
     square = np.square(distance)[:, None]
     logs = np.array(table(np.log(distance)))
-    held = np.array([np.maximum(np.arange(most) - len(o) + 1, 0) for o in order])
+    # Padding must ascend for `interp`; its values are constant, so the step is free.
+    padding = np.array([np.maximum(np.arange(most) - len(o) + 1, 0) for o in order])
     reach = np.stack([logs.min(axis=1), logs.max(axis=1)], axis=1)
     return CustomProfile(
         direction=as_float_array(toward[first]),
-        log_distance=as_float_array(logs + held),
+        log_distance=as_float_array(logs + padding),
         push=table(push * square),
         turn=table(turn * square),
         slowness=table(delay / distance),
@@ -257,7 +270,7 @@ def custom_profile(
 
 
 def _spacing(toward: np.ndarray) -> float:
-    """Return how far directions are from their nearest neighbours at most [rad]."""
+    """Return the largest angle between a direction and its nearest neighbour [rad]."""
     if len(toward) == 1:
         return SOLE_DIRECTION_RAD
     angle = np.arccos(np.clip(toward @ toward.T, -1, 1))
@@ -281,7 +294,7 @@ def read_custom_profile(path: str | os.PathLike[str]) -> Float[np.ndarray, "case
     if not numbered:
         raise InputError(
             f"{path}: line 1: the file is empty; expected a header {','.join(COLUMNS)} "
-            "and a case a row"
+            "and one case per row"
         )
     number, top = numbered[0]
     header = [_plain(name) for name in _fields(top)]
@@ -293,7 +306,7 @@ def read_custom_profile(path: str | os.PathLike[str]) -> Float[np.ndarray, "case
         )
     if len(numbered) == 1:
         raise InputError(
-            f"{path}: line {number}: nothing after the header; expected a case a row"
+            f"{path}: line {number}: expected one case per row, got only a header"
         )
     place = [header.index(_plain(name)) for name in COLUMNS]
     cases = []
@@ -321,7 +334,7 @@ def _plain(name: str) -> str:
 
 
 def _number(where: str, column: int, texts: list[str]) -> float:
-    """Return a field's number."""
+    """Return the number in a field, checked against the column's limits."""
     text = texts[column]
     low, high = LIMITS.get(column, (-math.inf, math.inf))
     try:
@@ -345,32 +358,32 @@ def _number(where: str, column: int, texts: list[str]) -> float:
 def _refuse_twice(
     path: str | os.PathLike[str], cases: np.ndarray, lines: list[int]
 ) -> None:
-    """Refuse two cases of one place, which are ambiguous."""
+    """Reject two cases with equal distance and direction, which are ambiguous."""
     first: dict[tuple[float, ...], int] = {}
     for case, line in zip(cases, lines, strict=True):
         at = tuple(case[1:4])
         if first.setdefault(at, line) != line:
             raise InputError(
-                f"{path}: line {line}: expected a new distance or direction, got those "
-                f"of line {first[at]}"
+                f"{path}: line {line}: expected a new distance or direction, got the "
+                f"same as in line {first[at]}"
             )
 
 
 def check_levers(cases: Float[np.ndarray, "case 10"], vehicle: Vehicle) -> None:
-    """Refuse moments that cannot be about a vehicle's centre of mass.
+    """Reject moments that cannot refer to a vehicle's centre of mass.
 
     Args:
-        cases: As `read_custom_profile` returns them.
-        vehicle: On which they act.
+        cases: Table as returned by `read_custom_profile`.
+        vehicle: The vehicle.
 
     Raises:
-        InputError: A case's moment is its impulse times a lever longer than `SIZES`
-            times the vehicle's.
+        InputError: The lever of a case, moment over impulse, exceeds `MAX_LEVER_SIZES`
+            times the distance of the rotors.
     """
     arms = np.linalg.norm(np.asarray(vehicle.rotor_position_m, float), axis=-1)
     size = float(arms.max())
     push, turn = (np.linalg.norm(cases[:, a:b], axis=1) for a, b in ((4, 7), (7, 10)))
-    far = turn > SIZES * size * push
+    far = turn > MAX_LEVER_SIZES * size * push
     if not far.any():
         return
     with np.errstate(divide="ignore"):
@@ -379,8 +392,9 @@ def check_levers(cases: Float[np.ndarray, "case 10"], vehicle: Vehicle) -> None:
     raise InputError(
         f"profile: case {worst + 1} of {len(cases)} has a moment of {turn[worst]:.3g} "
         f"N m s with an impulse of {push[worst]:.3g} N s, a lever of "
-        f"{levers[worst]:.3g} m; expected at most {SIZES * size:.2g} m, {SIZES:g} "
-        "times from the vehicle's centre to its rotors. Moments about another point "
-        f"need {argument('moment_point_m')}: from that point to the "
-        "centre of mass, body axes; 0,0,0 where they are about that after all"
+        f"{levers[worst]:.3g} m; expected at most {MAX_LEVER_SIZES * size:.2g} m, "
+        f"{MAX_LEVER_SIZES:g} times the distance from the vehicle's centre to its "
+        f"rotors. For moments about another point give {argument('moment_point_m')}: "
+        "the vector from that point to the centre of mass, body axes; 0,0,0 if the "
+        "moments do refer to the centre of mass"
     )

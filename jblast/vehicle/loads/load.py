@@ -1,12 +1,12 @@
-"""Loads on a vehicle besides air and weight, short pulses, and gusts.
+"""Loads on a vehicle other than air and weight: forces, short pulses, and gusts.
 
-A load is a function of time and state. A pulse gives its impulse between two times: the
-part within a step acts there as a constant force, so that the impulse is complete
-whatever the step, even where the pulse is shorter.
+A load is a function of time and state. A pulse returns its impulse between two times.
+The part within a step is applied as a constant force over that step, so the impulse is
+complete at any step, even if the pulse is shorter.
 
-Gusts are winds that fill the whole air simultaneously: a step, an N-wave, a Friedlander
-pulse. Each has its limit from inside at its beginning and is zero before it. A gust
-with an infinite beginning never blows.
+Gusts are uniform winds: a step, an N-wave, a Friedlander pulse. At its beginning a gust
+has the limit from inside, and it is zero before. A gust with an infinite beginning
+never occurs.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ from jblast.waves.waveform import modified_friedlander_pressure
 
 @runtime_checkable
 class Load(Protocol):
-    """A force that varies slowly within a step, jumps at a step's edges aside."""
+    """A force that varies slowly within a step; jumps at its ends are allowed."""
 
     def __call__(
         self, time_s: Float[Array, ""], state: State, vehicle: Vehicle
@@ -44,11 +44,11 @@ class Load(Protocol):
 
 @runtime_checkable
 class Pulse(Protocol):
-    """A force that may come and go within a step.
+    """A force that may begin and end within a step.
 
-    It may also have a method `quiet_until(start_s, state, vehicle)`: the time until
-    which it surely gives nothing to a vehicle that is in a state at a time, the same
-    time if it may give something at once. Its impulse is not evaluated before.
+    It may also have a method `quiet_until(start_s, state, vehicle)` that returns a time
+    before which the pulse cannot act on a vehicle with this state at `start_s`, or
+    `start_s` itself if it may act immediately. Its impulse is not evaluated before.
     """
 
     def impulse(
@@ -58,7 +58,7 @@ class Pulse(Protocol):
         state: State,
         vehicle: Vehicle,
     ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """Return what it gives between two times to a vehicle in a state.
+        """Return its impulse on a vehicle between two times.
 
         Returns:
             Impulse, world [N s], and angular impulse, body [N m s].
@@ -73,7 +73,7 @@ def load_wrench(
     vehicle: Vehicle,
     start: Wrench,
 ) -> Wrench:
-    """Sum of the loads at a time, added to what is there."""
+    """Sum of `start` and the loads at a time; pulses are skipped."""
     for load in loads:
         if not isinstance(load, Pulse):
             start = _plus(start, load(time_s, state, vehicle), 1.0)
@@ -89,19 +89,20 @@ def pulse_wrench(
     inactive_until_s: tuple[Number, ...],
     axis: str | None,
 ) -> tuple[Wrench, tuple[Number, ...]]:
-    """Mean over a step of the pulses, from the state at its beginning.
+    """Mean force and moment of the pulses over a step, from the state at its beginning.
 
     Args:
         pulses: The pulses.
-        start_s: When the step begins.
-        step_s: Its length.
-        motion: State then.
+        start_s: Beginning of the step.
+        step_s: Length of the step.
+        motion: State at its beginning.
         vehicle: The vehicle.
-        inactive_until_s: Until when each of them gives nothing.
-        axis: Of vehicles that are calculated together; None: there is one.
+        inactive_until_s: Time before which each pulse is zero.
+        axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
 
     Returns:
-        Force and moment, and until when each gives nothing to any of the vehicles.
+        Force and moment, and the times before which each pulse is zero for all of the
+        vehicles.
     """
     zero = (0 * step_s, 0 * step_s, 0 * step_s)
     total: Wrench = (zero, zero)
@@ -117,14 +118,16 @@ def pulse_wrench(
 
         def look(load: Any = load, mean: Any = mean) -> tuple[Wrench, Number]:
             until = load.quiet_until(start_s, joined(motion), vehicle)
-            # A vehicle that is lost waits for nothing. For another a time that is no
-            # number is a fault of the load, which is asked and loses it.
+            # A diverged vehicle must not keep the chunk evaluating its loads. For any
+            # other vehicle a NaN is an error of the load, which is then evaluated and
+            # makes the flight diverge visibly.
             lost = ~jnp.isfinite(sum(jax.tree.leaves(motion)))
             unknown = jnp.where(lost, jnp.inf, -jnp.inf)
             until = jnp.where(jnp.isnan(until), unknown, until)
             until = jax.lax.stop_gradient(until).astype(start_s.dtype)
             if axis is not None:
-                # one answer for all keeps the branch a branch
+                # A condition that differs between vehicles would turn `cond` into a
+                # `select`, which evaluates both branches: one time for the chunk.
                 until = jax.lax.pmin(until, axis)
             return jax.lax.cond(end_s > until, mean, none), until
 
@@ -144,7 +147,7 @@ def _plus(
     given: tuple[Float[Array, "3"], Float[Array, "3"]],
     scale: float | Number,
 ) -> Wrench:
-    """Add what a load gave, scaled; in the precision of the flight."""
+    """Return the sum of a total and a scaled load, in the precision of the flight."""
     dtype = total[0][0].dtype
 
     def scaled(vector: Float[Array, "3"]) -> Vector:
@@ -173,7 +176,7 @@ class StepGust(eqx.Module):
 
 
 class NWaveGust(eqx.Module):
-    """A wind that falls straight from a peak to its opposite: zero in the mean.
+    """A wind that falls linearly from a peak to its opposite, with zero mean.
 
     Attributes:
         velocity_m_s: At the peak: east, north, up [m/s].
@@ -195,7 +198,7 @@ class NWaveGust(eqx.Module):
 
 
 class FriedlanderGust(eqx.Module):
-    """A blast wind with the shape of Friedlander's pulse, tail and all.
+    """A blast wind with the shape of Friedlander's pulse, negative phase included.
 
     Attributes:
         velocity_m_s: At the peak: east, north, up [m/s].

@@ -1,29 +1,29 @@
-r"""Loads of a blast as printed in Parab's thesis, and as computed by its plugin.
+r"""Loads of a blast as printed in Parab's thesis and as computed by its plugin.
 
-Both are wrong, the first in part, and are kept for comparison.
+Both are provided for comparison only: the second is wrong, the first in part.
 
 As printed (sections 3.4.1 and 4.3; the file is that of the public plugin):
 
 - Arrival: Wu and Hao's air shock (eq. 3.4), as for the sound.
 - Force: "the Friedlander waveform" (eq. 3.5), $P_s (1 - t/t^*) e^{-t/t^*}$ over its
-  positive phase. Neither size nor area is printed. Declared here: Kingery and Bulmash's
+  positive phase. Neither peak nor area is printed. Declared here: Kingery and Bulmash's
   peak and duration of a surface burst, and the vehicle's own projected area.
 - Moment: that of its file of pressure data, whose two rows are 100 m times the force
-  across body x, about a point far away. No charge is given, so the moment is the same
-  for all; between the rows $M R^2$ is linear in $\ln R$, beyond them constant. It is
-  applied with the force.
+  across body x, about a point far away. The file names no charge, so the moment is the
+  same for all charges. Between the rows $M R^2$ is linear in $\ln R$, beyond them
+  constant. It is applied with the force.
 
 As computed: the model plugin of gazebo_blast3d (`e6dd04c`; GPL, so only its facts are
-stated here and nothing is copied) waits r/300 m/s and then pushes for one step of the
-simulator, 4 ms, with
+stated here and nothing is copied) waits for r over 300 m/s and then applies, for one
+step of the simulator, 4 ms,
 
 $$F = \frac{2.2116^2\,r^{-2.1604}\,Q + 0.0196}{1\,\mathrm{ms}}, \qquad
   M = \frac{4.8894^2\,r^{-0.0262}\,Q + 5.4295}{1\,\mathrm{ms}}$$
 
-in metres, kilograms, newtons: impulses meant for 1 ms, so that four times as much is
-given. Both were fitted to a file of two rows, whose moments are about a point 100 m
-away. The direction of the force has azimuth and polar angle exchanged; the moment is
-perpendicular to it. A limit in the simulator's model cuts the moment; its value is not
+in metres, kilograms, newtons: impulses divided by 1 ms, so the applied impulse is four
+times too large. Both were fitted to a file of two rows, whose moments are about a point
+100 m away. The direction of the force has azimuth and polar angle exchanged; the moment
+is perpendicular to it. The simulator's model limits the moment; the limit is not
 published and is declared here.
 
 Two properties of the plugin are not reproduced: there the push begins at a step of the
@@ -56,17 +56,17 @@ DISTANCES_M = np.array([8.660254, 17.320508])
 MOMENTS_N_M_S = np.array(
     [[-0.0017737, -21.1733, 9.56593], [-0.00027762, -5.65982, 3.1391]]
 )
-"""Of the file: body x, y and z, a row for each distance."""
-SPEED_M_S = 300.0
-"""Of the plugin's wave, whatever the charge."""
-MEANT_S, HELD_S = 1e-3, 4e-3
-"""Over how long the impulse is meant to be given, and how long it is."""
+"""Angular impulses of the file about body x, y and z, one row per distance."""
+WAVE_SPEED_M_S = 300.0
+"""Wave speed of the plugin, for every charge."""
+NOMINAL_PULSE_S, APPLIED_PULSE_S = 1e-3, 4e-3
+"""Nominal duration of the plugin's pulse, and the step over which it is applied."""
 FORCE, MOMENT = (2.2116, -2.1604, 0.0196), (4.8894, -0.0262, 5.4295)
-"""a, n and b of an impulse $a^2 r^n Q + b$: N s and N m s of metres and kilograms."""
-MOST_MOMENT_N_M = 1.0
-"""Declared: a third of what the Hummingbird's rotors can do about its y axis."""
+"""Coefficients a, n, b of an impulse $a^2 r^n Q + b$ [N s], [N m s], in m and kg."""
+MAX_MOMENT_N_M = 1.0
+"""Limit of the moment; declared: a third of the Hummingbird's pitch authority."""
 NEAREST_M = 0.1
-"""Nearer than that everything is as it is there."""
+"""Minimum distance in the laws, within any charge; it avoids a division by zero."""
 
 
 def printed_impulse(
@@ -93,12 +93,12 @@ def printed_angular_impulse(
 
 
 class Blasts(eqx.Module):
-    """Charges; leading axes are a batch's.
+    """Charges; leading axes are those of a batch.
 
     Attributes:
         position_m: East, north, up.
-        time_s: Of detonation; infinite: it never happens.
-        mass_kg: Of TNT.
+        time_s: Time of detonation; infinite: it never happens.
+        mass_kg: TNT mass.
     """
 
     position_m: Float[Array, "*batch blast 3"] = eqx.field(converter=as_float_array)
@@ -107,13 +107,13 @@ class Blasts(eqx.Module):
 
     @property
     def never(self) -> Bool[Array, "*batch blast"]:
-        """Which never happen."""
+        """True for charges that never detonate."""
         return jnp.isposinf(self.time_s)
 
     def distance_m(
         self, position_m: Float[Array, "... 3"]
     ) -> Float[Array, "... blast"]:
-        """Return how far the charges are from places."""
+        """Return the distances between charges and positions [m]."""
         here = position_m[..., None, :]
         source = jnp.broadcast_to(
             self.position_m, (*here.shape[:-2], *self.position_m.shape)
@@ -128,17 +128,17 @@ class Blasts(eqx.Module):
         travel_s: Callable[[Float[Array, " blast"]], Float[Array, " blast"]],
         given: Callable[[Float[Array, " blast"]], Float[Array, " blast"]],
     ) -> Float[Array, " blast"]:
-        """Return which share of each pulse falls between two times.
+        """Return the share of each pulse between two times.
 
-        Shares of following steps are the differences of one function of time, so that
-        over all steps the whole is given once, however the vehicle moves.
+        Shares of successive steps are differences of one function of time, so that
+        their sum over all steps is 1, however the vehicle moves.
 
         Args:
             start_s: Beginning of the step.
-            end_s: Its end.
-            state: Of the vehicle at the beginning; it goes on as it moves.
-            travel_s: Time from detonation to arrival, from the distance [m].
-            given: Share of the whole until a time since the arrival [s].
+            end_s: End of the step.
+            state: State of the vehicle at the beginning; its velocity is constant.
+            travel_s: Function from distance [m] to travel time of the wave [s].
+            given: Function from time since arrival [s] to the share until then.
         """
         ahead = state.position_m + state.velocity_m_s * (end_s - start_s)
         time = jnp.where(self.never, 0.0, self.time_s)
@@ -151,11 +151,11 @@ class Blasts(eqx.Module):
 
 
 class PrintedLoad(eqx.Module):
-    """The pulse of a scene's blasts as the thesis prints it.
+    """Pulse of a scene's blasts as printed in the thesis.
 
     Attributes:
         blasts: The charges.
-        sound_speed_m_s: The one number of air in its arrival.
+        sound_speed_m_s: Speed of sound in the arrival law.
     """
 
     blasts: Blasts
@@ -164,7 +164,7 @@ class PrintedLoad(eqx.Module):
     )
 
     def arrival_time_s(self, position_m: Float[Array, "... 3"]) -> Float[Array, "..."]:
-        """Return when the fronts come to places, a blast in each of the last axis."""
+        """Return arrival times at positions; blasts along the last axis [s]."""
         return self.blasts.time_s + self._travel_s(self.blasts.distance_m(position_m))
 
     def impulse(
@@ -174,13 +174,13 @@ class PrintedLoad(eqx.Module):
         state: State,
         vehicle: Vehicle,
     ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """Return what falls between two times.
+        """Return the impulse on a vehicle between two times.
 
         Returns:
             Impulse, world [N s], and angular impulse, body [N m s].
 
         Raises:
-            InputError: Nothing is known of what a blast acts on.
+            InputError: The vehicle has no `body`.
         """
         body = required_body(vehicle.body)
         blasts = self.blasts
@@ -188,6 +188,8 @@ class PrintedLoad(eqx.Module):
         duration = kingery_bulmash_duration(distance, blasts.mass_kg)
 
         def given(since: Float[Array, " blast"]) -> Float[Array, " blast"]:
+            # The integral of (1 - x) exp(-x) from 0 to x is x exp(-x), here divided by
+            # its value at the end of the phase, 1/e.
             x = jnp.clip(since / duration, 0.0, 1.0)
             return x * jnp.exp(1.0 - x)  # 1 at the end of the positive phase
 
@@ -198,6 +200,7 @@ class PrintedLoad(eqx.Module):
             [jnp.stack(times_transposed(attitude, three(one))) for one in away]
         )
         area = jnp.sqrt(
+            # 1e-30 keeps the root's gradient finite for a body without area.
             jnp.sum(jnp.square(body.area_m2[None] * along), axis=-1) + 1e-30
         )
         push = share * printed_impulse(distance, blasts.mass_kg, area)
@@ -217,33 +220,33 @@ def printed_load(scene: Scene) -> PrintedLoad:
 def coded_impulse(
     distance_m: Float[Array, "..."], mass_kg: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    """Return the impulse that is meant; four times as much is given [N s]."""
+    """Return the nominal impulse [N s]; the plugin applies four times as much."""
     return _fitted(FORCE, distance_m, mass_kg)
 
 
 def coded_angular_impulse(
     distance_m: Float[Array, "..."], mass_kg: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    """Return the angular impulse that is meant, nothing clipped [N m s]."""
+    """Return the nominal angular impulse [N m s], without the limit of the moment."""
     return _fitted(MOMENT, distance_m, mass_kg)
 
 
 class CodedLoad(eqx.Module):
-    """The pulse of a scene's blasts as the plugin gives it.
+    """Pulse of a scene's blasts as computed by the plugin.
 
     Attributes:
         blasts: The charges.
-        most_moment_n_m: At which the moment is cut.
+        most_moment_n_m: Limit of the moment.
     """
 
     blasts: Blasts
     most_moment_n_m: Float[Array, "*batch"] = eqx.field(
-        converter=as_float_array, default=MOST_MOMENT_N_M
+        converter=as_float_array, default=MAX_MOMENT_N_M
     )
 
     def arrival_time_s(self, position_m: Float[Array, "... 3"]) -> Float[Array, "..."]:
-        """Return when the push begins at places, a blast in each of the last axis."""
-        return self.blasts.time_s + self.blasts.distance_m(position_m) / SPEED_M_S
+        """Return start times of the force; blasts along the last axis [s]."""
+        return self.blasts.time_s + self.blasts.distance_m(position_m) / WAVE_SPEED_M_S
 
     def impulse(
         self,
@@ -252,7 +255,7 @@ class CodedLoad(eqx.Module):
         state: State,
         vehicle: Vehicle,
     ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """Return what falls between two times.
+        """Return the impulse on a vehicle between two times.
 
         Returns:
             Impulse, world [N s], and angular impulse, body [N m s].
@@ -262,21 +265,22 @@ class CodedLoad(eqx.Module):
             start_s,
             end_s,
             state,
-            lambda r: r / SPEED_M_S,
-            lambda since: jnp.clip(since / HELD_S, 0.0, 1.0),
+            lambda r: r / WAVE_SPEED_M_S,
+            lambda since: jnp.clip(since / APPLIED_PULSE_S, 0.0, 1.0),
         )
         mass = self.blasts.mass_kg
-        force = coded_impulse(distance, mass) / MEANT_S
+        force = coded_impulse(distance, mass) / NOMINAL_PULSE_S
         moment = jnp.minimum(
-            coded_angular_impulse(distance, mass) / MEANT_S, self.most_moment_n_m
+            coded_angular_impulse(distance, mass) / NOMINAL_PULSE_S,
+            self.most_moment_n_m,
         )
         toward = (self.blasts.position_m - state.position_m[None]) / distance[:, None]
         push, across = _directions(toward)
-        held = share * HELD_S
+        duration = share * APPLIED_PULSE_S
         attitude = rotation(unit(four(state.quaternion)))
-        turn = jnp.sum((held * moment)[:, None] * across, axis=0)
+        turn = jnp.sum((duration * moment)[:, None] * across, axis=0)
         return (
-            jnp.sum((held * force)[:, None] * push, axis=0),
+            jnp.sum((duration * force)[:, None] * push, axis=0),
             jnp.stack(times_transposed(attitude, three(turn))),
         )
 
@@ -298,15 +302,17 @@ def _fitted(
 def _directions(
     toward: Float[Array, "blast 3"],
 ) -> tuple[Float[Array, "blast 3"], Float[Array, "blast 3"]]:
-    """Return where the plugin's force points, and about what its moment turns.
+    """Return unit vectors of the plugin's force and of the axis of its moment.
 
     Args:
-        toward: From the vehicle to each charge, of length 1.
+        toward: Unit vectors from the vehicle to each charge.
     """
     x, y, z = toward.T
+    # The azimuth is undefined for a charge straight above or below; the floor avoids 0
+    # / 0.
     level = jnp.sqrt(jnp.maximum(1.0 - z**2, 1e-12))
     sin_azimuth, cos_azimuth = y / level, x / level
-    # with the polar angle in place of the azimuth, and that in place of it
+    # The plugin exchanges azimuth and polar angle; reproduced here.
     charge = jnp.stack([sin_azimuth * z, level**2, cos_azimuth], axis=-1)
     push = jnp.stack([sin_azimuth * z, -sin_azimuth * level, -cos_azimuth], axis=-1)
     across = jnp.cross(charge, push)
@@ -315,7 +321,7 @@ def _directions(
 
 
 def blasts_of(scene: Scene) -> Blasts:
-    """Return a scene's charges."""
+    """Return the charges of a scene with their TNT masses of equal pressure."""
     charges = scene.charges
     return Blasts(
         jnp.stack([jnp.stack(charge.position_m) for charge in charges]),

@@ -3,4 +3,4 @@
 import warp as wp
 
 wp.config.log_level = wp.LOG_ERROR
-"""It greets on stdout, where an answer may stand, and warns where there is no GPU."""
+"""Warp prints a banner on stdout, which is for results, and warns without a GPU."""

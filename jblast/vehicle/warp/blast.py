@@ -26,15 +26,15 @@ from jblast.vehicle.loads.blast_wave import (
 from jblast.vehicle.warp.dynamics import body_functions
 
 DRAG, FRONT, ROTORS = 1, 2, 4
-"""Parts of a load, as bits."""
+"""Parts of a load, as bits: powers of two, so that one integer has any combination."""
 GAUSS = np.column_stack([PLACES, WEIGHTS, SO_FAR])
-"""Of `Blasts.gauss`."""
+"""Table of `Blasts.gauss`."""
 COLUMNS = (
     *("east", "north", "up", "time", "nearest", "log_scale", "log_impulse_scale"),
     *("time_scale", "sound_speed", "wind_east", "wind_north", "wind_up", "density"),
 )
-"""Numbers of a blast: where and when, $S_d$ times the curves' start, ln S_d, ln S_d of
-the mass for impulses, its $S_t$, and the air."""
+"""Numbers of a blast: position, time, $S_d$ times the curves' first node, ln S_d, ln
+S_d of the mass for impulses, its $S_t$, and the air."""
 
 
 @cache
@@ -54,7 +54,7 @@ def blast_functions(real: type) -> SimpleNamespace:
     rankine = wp.constant(real(6.0 / 7.0))
 
     class Push:
-        """Impulse and angular impulse; whether the wave has gone by, or never comes."""
+        """Impulse, angular impulse, and whether no later step receives any."""
 
         impulse: vec3
         turn: vec3
@@ -66,7 +66,7 @@ def blast_functions(real: type) -> SimpleNamespace:
     def blown(
         vehicle: Vehicle, motion: StateComponents, air: vec3, attitude: mat33
     ) -> Wrench:
-        """Wrench of the rotors alone; air: past the vehicle; force along world axes."""
+        """Wrench of the rotors in air past the vehicle; force along world axes."""
         u = wp.transpose(attitude) @ (-air)
         frame = -wp.length(u) * wp.cw_mul(vehicle.frame_drag, u)
         wrench = body.air_wrench(vehicle, motion.rotor_speed, u, motion.body_rate)
@@ -83,7 +83,7 @@ def blast_functions(real: type) -> SimpleNamespace:
         end: real,
         motion: StateComponents,
     ) -> Push:
-        """As `BlastLoad.impulse`, of one blast."""
+        """As `BlastLoad.impulse`, for one blast."""
         n = wave.lane_of(blasts, lane)
         parts = blasts.parts[b]
         step = end - start
@@ -93,7 +93,8 @@ def blast_functions(real: type) -> SimpleNamespace:
         if wp.isinf(first) and first < real(0.0):  # it never happens
             total.over = True
             return total
-        # by the step's end its first half may cross, as the vehicle flies to meet it
+        # Before the front reaches the vehicle there is nothing to integrate. The margin
+        # covers half of the crossing and twice the vehicle's own way.
         nearer = wp.length(motion.velocity) * real(2.0) * step + drag.width(vehicle)
         if first + step + nearer / near.speed < real(0.0):
             return total
@@ -156,7 +157,8 @@ def blast_functions(real: type) -> SimpleNamespace:
         total.turn = wp.cross(vehicle.pressure_centre, on_body)
         total.turn += given.way * moment_linear + given.square * moment_square
         gone = passage.wave.duration + passage.wave.suction_time
-        total.over = first > real(2.0) * gone  # the vehicle may still move after it
+        # Twice the duration, since a vehicle may still move along with the wave.
+        total.over = first > real(2.0) * gone
         return total
 
     return SimpleNamespace(blast_impulse=blast_impulse)
@@ -165,7 +167,7 @@ def blast_functions(real: type) -> SimpleNamespace:
 @cache
 @no_type_check
 def drag_functions(real: type) -> SimpleNamespace:
-    """Return types and functions of a wind's impulse.
+    """Return types and functions of the blast wind's impulse.
 
     Args:
         real: `wp.float32` or `wp.float64`.
@@ -179,7 +181,7 @@ def drag_functions(real: type) -> SimpleNamespace:
     sphere = wp.constant(real(4.0 / np.pi))
 
     class Passage:
-        """As `blast_wave.Passage`, with what does not change within a step."""
+        """As `blast_wave.Passage`, with the constants of a step."""
 
         wave: Wave
         away: vec3
@@ -230,7 +232,7 @@ def drag_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def front_until(vehicle: Vehicle, passage: Passage, since: real) -> real:
-        """Return what the front has given until then."""
+        """Return the impulse of the front until a time since arrival."""
         inside = wp.max(since, real(0.0))
         p = wave.overpressure(passage.wave, inside)
         u = wave.wind_speed(passage.wave, inside, p)
@@ -245,7 +247,7 @@ def drag_functions(real: type) -> SimpleNamespace:
         end: real,
         gained: mat_n,
     ) -> Given:
-        """One guess of impulses and velocities gained: `run` of `wind_impulse`."""
+        """One Picard iteration of impulses and velocities: `run` of `wind_impulse`."""
         given = Given()
         given.body = vec3(real(0.0))
         given.way = real(0.0)
@@ -322,7 +324,7 @@ def curve_table() -> np.ndarray:
 @cache
 @no_type_check
 def wave_functions(real: type) -> SimpleNamespace:
-    """Return types and functions of a wave at a place.
+    """Return types and functions of a wave at a position.
 
     Args:
         real: `wp.float32` or `wp.float64`.
@@ -330,7 +332,7 @@ def wave_functions(real: type) -> SimpleNamespace:
     vec3, vec4 = body_functions(real).vec3, body_functions(real).vec4
     curves = wave_curves("surface")
     nodes = curves.sound_fraction.nodes
-    # slopes past the last node, of each curve
+    # Slopes beyond the last node, where each curve is a power law.
     slopes = [c.slope_after for burst in BURSTS for c in wave_curves(burst)]
     outer = wp.constant(wp.types.vector(len(slopes), real)(*slopes))
     first, last = wp.constant(real(nodes[0])), wp.constant(real(nodes[-1]))
@@ -343,10 +345,11 @@ def wave_functions(real: type) -> SimpleNamespace:
     assert nodes[0] <= np.log(FIRST) + 1e-12
 
     class Blasts:
-        """Rows: for each blast, then of `COLUMNS`, a column for each vehicle or one.
+        """Numbers of all blasts.
 
-        Besides, of each blast its curves and the parts of its load; all the curves; and
-        of Gauss's rule a row a node: place, weight, weights of the integral so far.
+        `rows` has the axes blast, `COLUMNS`, and vehicle (or 1 for all). `burst` and
+        `parts` select curves and parts of the load per blast. `gauss` has one row per
+        node: position, weight, weights of the integral to the node.
         """
 
         count: int
@@ -357,7 +360,7 @@ def wave_functions(real: type) -> SimpleNamespace:
         gauss: wp.array2d[real]
 
     class Way:
-        """From a blast to a place."""
+        """Distance, direction and sound speed from a blast to a position."""
 
         distance: real
         away: vec3
@@ -378,12 +381,12 @@ def wave_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def lane_of(blasts: Blasts, lane: int) -> int:
-        """Return where a vehicle's numbers stand."""
+        """Return the column of a vehicle's numbers."""
         return wp.min(lane, blasts.rows.shape[2] - 1)
 
     @wp.func
     def curve(blasts: Blasts, n: int, log_z: real) -> real:
-        """Return the value of a curve; nearer than its start, that of the start."""
+        """Return the value of a curve; constant before its first node."""
         inside = wp.clamp(log_z, first, last)
         way = (inside - first) * per_spacing
         stretch = wp.min(int(way), stretches - 1)
@@ -408,7 +411,7 @@ def wave_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def since_arrival(blasts: Blasts, b: int, n: int, way: Way, time: real) -> real:
-        """Return the time since the front came, from the start of the way."""
+        """Return the time since the front's arrival at the end of a way."""
         log_z = wp.log(way.distance) - blasts.rows[b, 5, n]
         fraction = wp.exp(curve(blasts, blasts.burst[b] * own + ARRIVAL, log_z))
         return time - blasts.rows[b, 3, n] - way.distance / way.speed * fraction

@@ -1,4 +1,4 @@
-"""Flights of a batch by the Warp kernel, with arrays sent and rows returned."""
+"""Flights of a batch by the Warp kernel: transfer of arguments, launch, results."""
 
 from typing import Any
 
@@ -24,11 +24,11 @@ from jblast.vehicle.warp.rollout import COLUMNS, FIELDS, KINDS, rollout_kernel
 from jblast.waves.scaling import sachs_distance_factor, sachs_time_factor
 
 THREADS = 128
-"""Of a block of threads."""
+"""Threads per block: four warps, so that several blocks share a multiprocessor."""
 
 
 class KernelFlight:
-    """Flights of a batch, or of one vehicle, on a device; `fly` may be called again."""
+    """Flights of a batch or of one vehicle on a device; `fly` can be repeated."""
 
     def __init__(
         self,
@@ -42,20 +42,20 @@ class KernelFlight:
         store_every: int,
         device: str | None,
     ):
-        """Put everything on the device.
+        """Transfer the arguments to the device.
 
         Args:
-            flight: As for `rollout.fly`, all its floats of one precision.
+            flight: As for `rollout.fly`, with floats of one precision.
             ticks: The steps.
-            time_s: Of the rows that are stored.
-            period_s: Time between two turns of the controller.
+            time_s: Times of the stored rows.
+            period_s: Period of the controller.
             batch: Axes of the batch.
             integrator: "rk4" or "euler".
             store_every: Steps between rows.
-            device: Warp's name of it; by default the first GPU, or the CPU.
+            device: Warp's name of the device; default: the first GPU, or the CPU.
 
         Raises:
-            InputError: There is no such device, or the rows do not fit on it.
+            InputError: The device is unknown, or its memory is too small for the rows.
         """
         place = device_named(device)
         dtype = np.dtype(time_s.dtype)
@@ -71,7 +71,7 @@ class KernelFlight:
             size = time_s.size * COLUMNS * count * dtype.itemsize / 1e9
             raise InputError(
                 f"store_every: {time_s.size} rows of {count} vehicles take {size:.3g} "
-                f"GB, more than {place} has; store fewer"
+                f"GB, more than {place} has; increase store_every"
             ) from None
         up = flight.ground_up_m
         state = jnp.concatenate(jax.tree.leaves(own(flight.state)), axis=-1)
@@ -88,7 +88,7 @@ class KernelFlight:
         self.rows, self.lost = rows, wp.zeros(count, dtype=wp.int32, device=place)
 
     def fly(self) -> None:
-        """Fly them all, to the end."""
+        """Run all flights to their end."""
         wp.launch(
             self.kernel,
             dim=self.lost.size,
@@ -100,7 +100,7 @@ class KernelFlight:
         wp.synchronize_device(self.device)
 
     def trajectory(self) -> Trajectory:
-        """Return the rows as JAX has them."""
+        """Return the trajectory as JAX arrays."""
         size = self.time_s.size
         rows = jnp.moveaxis(wp.to_jax(self.rows), 2, 0)
         x, v, q, w, speeds, force, moment = jnp.split(
@@ -113,10 +113,10 @@ class KernelFlight:
 
 
 def device_named(name: str | None) -> Any:
-    """Return a device of Warp's.
+    """Return a Warp device by name.
 
     Raises:
-        InputError: There is none of that name.
+        InputError: The name is unknown.
     """
     try:
         return wp.get_device(name)
@@ -128,25 +128,25 @@ def device_named(name: str | None) -> Any:
 
 
 class Sender:
-    """Puts numbers on a device: a column for each vehicle, or one for all."""
+    """Transfer of numbers to a device: one column per vehicle, or one for all."""
 
     def __init__(self, device: Any, real: Any, batch: tuple[int, ...]):
-        """Take what is the same for all.
+        """Store the common arguments.
 
         Args:
-            device: Of Warp's.
+            device: Warp device.
             real: `wp.float32` or `wp.float64`.
             batch: Axes of the batch.
         """
         self.device, self.real, self.axes = device, real, len(batch)
 
     def array(self, value: Any, kind: Any = None) -> Any:
-        """Return an array as it is; one of JAX from where it lies."""
+        """Return a Warp array; JAX arrays are not copied if they are on the device."""
         kind = kind or self.real
         if isinstance(value, jax.Array):
             there = wp.from_jax(jax.block_until_ready(value.astype(kind)))
             return there.to(self.device)
-        scalar = getattr(kind, "_wp_scalar_type_", kind)  # of a vector, its numbers'
+        scalar = getattr(kind, "_wp_scalar_type_", kind)  # scalar type of a vector type
         numbers = np.asarray(value, wp.dtype_to_numpy(scalar))
         return wp.array(numbers, dtype=kind, device=self.device)
 
@@ -155,7 +155,7 @@ class Sender:
         return self.array(jnp.asarray(value).reshape(-1, value.shape[-1]).T)
 
     def vehicles(self, struct: Any, vehicle: Vehicle | Each) -> Any:
-        """Return the numbers of each vehicle, or of the one that all are."""
+        """Return one struct per vehicle, or a single one shared by all."""
         each = isinstance(vehicle, Each)
         fields = _craft_fields(own(vehicle), self.axes if each else 0)
         table: Any = np.zeros(len(fields["mass"]), struct.numpy_dtype())
@@ -176,7 +176,7 @@ class Sender:
         return clock
 
     def pilot(self, Pilot: Any, flight: Flight, period_s: float) -> Any:
-        """Return what commands the rotors."""
+        """Return the source of rotor commands."""
         pilot = Pilot()
         pilot.period = self.real(period_s)
         if flight.commands is not None:
@@ -188,12 +188,13 @@ class Sender:
             pilot.kind = 2
             control = own(flight.control)
             kernel = kernel_of(control)
-            assert kernel is not None, "JAX flies the others (`simulate.flies_on_warp`)"
+            # `simulate.flies_on_warp` leaves controllers without a kernel to JAX.
+            assert kernel is not None, "controller without Warp functions"
             pilot.orders = self.columns(kernel.orders(control))
         return pilot
 
     def air(self, Air: Any, flight: Flight) -> Any:
-        """Return what blows and pushes."""
+        """Return wind and blasts."""
         air, wind = Air(), own(flight.wind)
         air.wind.kind = KINDS[type(wind)]
         if wind is not None:
@@ -222,13 +223,15 @@ class Sender:
 
 
 def _craft_fields(vehicle: Vehicle, axes: int) -> dict[str, np.ndarray]:
-    """Return the numbers of a kernel's vehicles, which are the first axis of each."""
+    """Return the fields of a kernel's vehicles, with vehicles along the first axis."""
     allocated = allocation
     for _ in range(axes):
         allocated = jax.vmap(allocated)
     fields = {
         "mass": vehicle.mass_kg,
         "inertia": vehicle.inertia_kg_m2,
+        # Inverses in float64 on the host: inverting in float32 on the device would cost
+        # digits.
         "inverse_inertia": np.linalg.inv(np.asarray(vehicle.inertia_kg_m2, float)),
         "inverse_allocation": np.linalg.inv(np.asarray(allocated(vehicle), float)),
         "rotor_position": vehicle.rotor_position_m,
@@ -256,7 +259,7 @@ def _craft_fields(vehicle: Vehicle, axes: int) -> dict[str, np.ndarray]:
 
 
 def _blast_columns(load: BlastLoad, blast: Blast) -> Float[Array, "*batch column"]:
-    """Return the numbers of a blast, in the order in which the kernel reads them."""
+    """Return the numbers of a blast in the order of `COLUMNS`."""
     pressure, speed = load.pressure_pa, load.sound_speed_m_s
     scale = sachs_distance_factor(blast.mass_kg, pressure)
     pushing = sachs_distance_factor(blast.impulse_mass_kg, pressure)

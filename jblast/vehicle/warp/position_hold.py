@@ -9,7 +9,7 @@ import warp as wp
 from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.vehicle.control.allocation import SLOWEST
+from jblast.vehicle.control.allocation import STANDSTILL_SHARE
 from jblast.vehicle.control.position_hold import (
     DESCENT_M_S,
     THRUST_FLOOR,
@@ -23,7 +23,7 @@ from jblast.vehicle.warp.dynamics import body_functions
 @cache
 @no_type_check
 def hold_functions(real: type) -> SimpleNamespace:
-    """Return types and functions of the position hold.
+    """Return types and functions of the position controller.
 
     Args:
         real: `wp.float32` or `wp.float64`.
@@ -34,10 +34,10 @@ def hold_functions(real: type) -> SimpleNamespace:
     gravity = wp.constant(real(FLIGHT_GRAVITY))
     floor = wp.constant(real(THRUST_FLOOR * FLIGHT_GRAVITY))
     descent, slope = wp.constant(real(DESCENT_M_S)), wp.constant(real(TILT_SLOPE))
-    slowest, one = wp.constant(real(SLOWEST)), wp.constant(real(1.0))
+    slowest, one = wp.constant(real(STANDSTILL_SHARE)), wp.constant(real(1.0))
 
     class Order:
-        """Where to stay, the heading as a vector, and `Gains`."""
+        """Target, desired heading as a vector, and `Gains`."""
 
         target: vec3
         heading: vec3
@@ -49,7 +49,7 @@ def hold_functions(real: type) -> SimpleNamespace:
         limit: real
 
     class Answer:
-        """Rotor speeds asked for, and the integral afterwards."""
+        """Rotor speed commands and the updated integral."""
 
         command: vec4
         integral: vec3
@@ -58,7 +58,7 @@ def hold_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def order_of(rows: wp.array2d[real], lane: int) -> Order:
-        """Read an order: a row a number, a column a vehicle, or one for all."""
+        """Read an order; rows are numbers, columns vehicles, or one for all."""
         n = wp.min(lane, rows.shape[1] - 1)
         order = Order()
         for i in range(3):
@@ -84,7 +84,7 @@ def hold_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def attitude_error(pull: vec3, heading: vec3, attitude: mat33) -> vec3:
-        """Return how far the attitude is from the one a pull and a heading ask for."""
+        """Return the attitude error from the attitude for a pull and a heading."""
         x = column(attitude, 0)
         y = column(attitude, 1)
         z = column(attitude, 2)
@@ -103,15 +103,15 @@ def hold_functions(real: type) -> SimpleNamespace:
         )
 
     @wp.func
-    def kept(room: real, asked: real) -> real:
-        """As `allocation._kept`."""
+    def feasible_share(room: real, requested: real) -> real:
+        """As `allocation._feasible_share`."""
         share = one
-        if asked > room:
-            share = room / asked
+        if requested > room:
+            share = room / requested
         return share
 
     @wp.func
-    def speeds_within(vehicle: Vehicle, asked: real, moment: vec3) -> vec4:
+    def speeds_within(vehicle: Vehicle, lift: real, moment: vec3) -> vec4:
         """As `allocation.speeds_within`."""
         b = vehicle.inverse_allocation
         k = vehicle.thrust_coefficient
@@ -124,13 +124,13 @@ def hold_functions(real: type) -> SimpleNamespace:
             tilt[i] = (b[i, 1] * moment[0] + b[i, 2] * moment[1]) / b[i, 0]
             turn[i] = b[i, 3] * moment[2] / b[i, 0]
         room = wp.max(wp.min(high) - wp.max(low), real(0.0))
-        tilt = kept(room, wp.max(tilt) - wp.min(tilt)) * tilt
-        thrust = wp.min(wp.max(asked, wp.max(low - tilt)), wp.min(high - tilt))
+        tilt = feasible_share(room, wp.max(tilt) - wp.min(tilt)) * tilt
+        thrust = wp.min(wp.max(lift, wp.max(low - tilt)), wp.min(high - tilt))
         share = one
         for i in range(4):
             level = tilt[i] + thrust
             space = wp.where(turn[i] > real(0.0), high[i] - level, level - low[i])
-            share = wp.min(share, kept(space, wp.abs(turn[i])))
+            share = wp.min(share, feasible_share(space, wp.abs(turn[i])))
         standing = slowest * slowest * vehicle.speed_max * vehicle.speed_max
         speeds = vec4(real(0.0))
         for i in range(4):
@@ -161,12 +161,12 @@ def hold_functions(real: type) -> SimpleNamespace:
         up = pull[2] + wp.max(back, dive) + gravity
         speed = vehicle.speed_max
         most = real(4.0) * vehicle.thrust_coefficient * speed * speed / vehicle.mass
-        held = wp.min(wp.max(up, floor), most)
+        limited = wp.min(wp.max(up, floor), most)
         if ((back < dive or up < floor) and gained[2] < real(0.0)) or (
             up > most and gained[2] > real(0.0)
         ):
             sums[2] = so_far[2]
-        across = slope * held
+        across = slope * limited
         square = pull[0] * pull[0] + pull[1] * pull[1]
         if square > across * across:
             share = across / wp.sqrt(square)
@@ -174,7 +174,7 @@ def hold_functions(real: type) -> SimpleNamespace:
                 if gained[i] * pull[i] > real(0.0):
                     sums[i] = so_far[i]
                 pull[i] = share * pull[i]
-        pull[2] = held
+        pull[2] = limited
         attitude = body.rotation(motion.quaternion)
         thrust = vehicle.mass * wp.max(wp.dot(pull, column(attitude, 2)), floor)
         w = motion.body_rate
@@ -190,7 +190,7 @@ def hold_functions(real: type) -> SimpleNamespace:
 
 
 def orders(hold: PositionHold) -> Float[Array, "*batch row"]:
-    """Return the numbers of a hold in the rows that `order_of` reads."""
+    """Return the numbers of a controller in the rows that `order_of` reads."""
     yaw, k = hold.yaw_rad[..., None], hold.gains
     order = [hold.target_m, jnp.cos(yaw), jnp.sin(yaw), 0 * yaw]
     order += [k.position, k.velocity, k.integral]
@@ -199,7 +199,7 @@ def orders(hold: PositionHold) -> Float[Array, "*batch row"]:
 
 
 def refused(hold: PositionHold) -> str:
-    """Return the option of a hold that the functions do not have."""
+    """Return the unsupported option of a controller; "" if none."""
     return "control with a motor_lead" if hold.gains.motor_lead is not None else ""
 
 

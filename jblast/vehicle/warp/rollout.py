@@ -1,9 +1,9 @@
-"""Whole flights as one Warp kernel: one thread a vehicle, its state in registers.
+"""Whole flights as one Warp kernel: one thread per vehicle, its state in registers.
 
 The physics is that of `vehicle.dynamics`, `vehicle.rollout` and `vehicle.loads`,
-function by function; a test compares the flights of both. Nothing here has a
-derivative: an adjoint of a loop that overwrites its state in registers would be wrong
-without a warning. JAX has derivatives.
+function by function; a test compares both. The kernel has no derivatives: the adjoint
+of a loop that overwrites its state in registers would be wrong without a warning. Use
+JAX for derivatives.
 """
 
 from collections.abc import Callable
@@ -19,14 +19,15 @@ from jblast.vehicle.warp.dynamics import body_functions, sum_functions
 from jblast.vehicle.warp.position_hold import hold_functions
 
 COLUMNS = 23
-"""Of a stored row: position, velocity, quaternion, body rate, rotor speeds, force,
-moment."""
+"""Numbers of a stored row: position, velocity, quaternion, body rate, rotor speeds,
+force, moment."""
 OPTIONS = {"enable_backward": False, "max_unroll": 4, "fast_math": True}
-"""Fast division and roots in float32 on a GPU: twice as fast, to some 1e-7."""
+"""Compiler options; fast division and roots in float32 on a GPU are twice as fast, with
+relative errors near 1e-7."""
 KINDS = {type(None): 0, StepGust: 1, NWaveGust: 2, FriedlanderGust: 3}
-"""Number of each gust in a kernel; 0: still air."""
+"""Integer of each type of gust in a kernel; 0: still air."""
 FIELDS = ("start_s", "duration_s", "decay")
-"""Rows of a kernel after the velocity; 1 where a gust has no such field."""
+"""Rows of a gust after its velocity; 1 if the gust has no such field."""
 
 
 @cache
@@ -34,7 +35,7 @@ FIELDS = ("start_s", "duration_s", "decay")
 def rollout_kernel(
     real: type, integrator: str, controller: Callable = hold_functions
 ) -> SimpleNamespace:
-    """Return the kernel, and the types of what it takes.
+    """Return the kernel and the types of its arguments.
 
     Args:
         real: `wp.float32` or `wp.float64`.
@@ -53,7 +54,7 @@ def rollout_kernel(
 
     @wp.func
     def begun(start: wp.array2d[real], lane: int) -> StateComponents:
-        """Return the state at the start."""
+        """Return the initial state of a vehicle."""
         now = StateComponents()
         for i in range(3):
             now.position[i] = start[i, lane]
@@ -69,7 +70,7 @@ def rollout_kernel(
     def store(
         rows: wp.array3d[real], k: int, lane: int, motion: StateComponents, net: Wrench
     ) -> bool:
-        """Write a row; return whether its numbers are finite."""
+        """Write a row and return whether all its numbers are finite."""
         total = real(0.0)
         for i in range(3):
             rows[k, i, lane] = motion.position[i]
@@ -126,7 +127,7 @@ def rollout_kernel(
         )
         alive = store(rows, 0, lane, now, net_wrench(vehicle, now, rate))
         row = wp.int32(1)
-        passed = wp.int32(0)  # a bit for each blast whose wave has gone by
+        passed = wp.int32(0)  # one bit per blast whose wave has passed
         count = clock.step.shape[0]
         if not alive:
             row = 0
@@ -140,6 +141,8 @@ def rollout_kernel(
                 memory = answer.integral
             impulse_wrench = Wrench()
             for b in range(air.blasts.count):
+                # The bits fit 31 blasts; later ones are evaluated in every step, which
+                # costs time only.
                 bit = wp.where(b < 31, 1 << b, 0)
                 if (passed & bit) == 0:
                     ended = began + clock.step[n]
@@ -202,13 +205,13 @@ def step_functions(real: type) -> SimpleNamespace:
     half, third = wp.constant(real(0.5)), wp.constant(real(1.0 / 3.0))
 
     class Air:
-        """What blows and pushes."""
+        """Wind and blasts."""
 
         wind: gust.Gust
         blasts: wave.Blasts
 
     class Clock:
-        """As `rollout.Ticks`, a row a step."""
+        """As `rollout.Ticks`, one row per step."""
 
         stages: wp.array2d[real]
         start: wp.array[real]
@@ -218,7 +221,7 @@ def step_functions(real: type) -> SimpleNamespace:
         store_every: int
 
     class Pilot:
-        """What commands the rotors: 0 nothing, 1 a table, 2 the controller."""
+        """Source of rotor commands by `kind`: 0 none, 1 table, 2 controller."""
 
         kind: int
         table: wp.array3d[real]
@@ -228,7 +231,7 @@ def step_functions(real: type) -> SimpleNamespace:
     Air, Clock, Pilot = wp.struct(Air), wp.struct(Clock), wp.struct(Pilot)
 
     @wp.func
-    def asked(pilot: Pilot, lane: int, row: int) -> vec4:
+    def command_row(pilot: Pilot, lane: int, row: int) -> vec4:
         """Return a row of the table of commands."""
         n = wp.min(lane, pilot.table.shape[2] - 1)
         command = vec4()
@@ -248,10 +251,12 @@ def step_functions(real: type) -> SimpleNamespace:
         held: vec4,
         impulse_wrench: Wrench,
     ) -> StateComponents:
-        """What `dynamics.rk4_step` adds to a state."""
+        """Increment of a state as in `dynamics.rk4_step`."""
         step = clock.step[n]
         gain = StateComponents()
         rate = StateComponents()
+        # A loop with branches, not four calls: inlined, the kernel would hold four
+        # copies of the rates.
         for stage in range(4):
             place = (stage + 1) / 2
             reach = wp.where(stage == 3, step, half * step)
@@ -262,7 +267,7 @@ def step_functions(real: type) -> SimpleNamespace:
                 share = share * half
             command = held
             if pilot.kind == 1:
-                command = asked(pilot, lane, clock.row[n, place])
+                command = command_row(pilot, lane, clock.row[n, place])
             wind = gust.wind_at(air.wind, lane, clock.stages[n, place])
             there = body.moved(motion, reach, rate)
             rate = body.rates(vehicle, there, command, wind, impulse_wrench)
@@ -281,11 +286,11 @@ def step_functions(real: type) -> SimpleNamespace:
         held: vec4,
         impulse_wrench: Wrench,
     ) -> StateComponents:
-        """What `dynamics.euler_step` adds to a state."""
+        """Increment of a state as in `dynamics.euler_step`."""
         step = clock.step[n]
         command = held
         if pilot.kind == 1:
-            command = asked(pilot, lane, clock.row[n, 1])
+            command = command_row(pilot, lane, clock.row[n, 1])
         wind = gust.wind_at(air.wind, lane, clock.stages[n, 1])
         rate = body.rates(vehicle, motion, command, wind, impulse_wrench)
         gain = body.moved(StateComponents(), step, rate)
@@ -308,7 +313,7 @@ def gust_functions(real: type) -> SimpleNamespace:
     vec3 = body_functions(real).vec3
 
     class Gust:
-        """A row for each number, a column for each vehicle, or one for all."""
+        """One row per number; one column per vehicle, or one for all."""
 
         kind: int
         rows: wp.array2d[real]

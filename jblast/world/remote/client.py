@@ -1,6 +1,6 @@
-"""A client in Python: registers entities, and takes their packets as they come.
+"""Python client: registers entities and receives their packets.
 
-Packets, announcements and motions are those of `world.server`, as in one process.
+Packets, announcements and motions have the types of `world.server`.
 """
 
 import queue
@@ -21,16 +21,16 @@ from jblast.world.remote.messages import (
 from jblast.world.server import Motion, Packet
 from jblast.world.server.registry import SENSES
 
-PATIENCE_S = 30.0
-"""How long a call that is answered once may take."""
+CALL_TIMEOUT_S = 30.0
+"""Timeout of a call with a single answer [s]; staging may compile for some seconds."""
 
 
 class Ticket(NamedTuple):
-    """What one who registered was given.
+    """Registration of an entity.
 
     Attributes:
-        name: Of the entity.
-        word: That it shows.
+        name: Name of the entity.
+        word: Secret token of the entity.
         first_packet: Number of its first packet.
     """
 
@@ -40,24 +40,24 @@ class Ticket(NamedTuple):
 
 
 class ServedStream:
-    """Packets of one entity, and what it says meanwhile. Closing it is leaving.
+    """Stream of packets to one entity and of its reports; closing it leaves the world.
 
     Attributes:
-        ticket: Of the entity.
+        ticket: Ticket of the entity.
     """
 
     def __init__(self, call: Any, ticket: Ticket):
-        """Open the stream of one who registered."""
+        """Open the stream of a registered entity."""
         self.ticket = ticket
         self._asks: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._asks.put(messages().Ask(name=ticket.name, ticket=ticket.word))
         self._replies = call(iter(self._asks.get, None))
 
     def ask(self, packets: int = 1, motion: Motion | None = None) -> None:
-        """Ask for more packets, in lockstep, and say how one moves.
+        """Request more packets, in lockstep, and report the entity's motion.
 
         Args:
-            packets: How many more.
+            packets: Number of additional packets.
             motion: Motion of the entity; None: as last reported.
         """
         ask = messages().Ask(packets=packets)
@@ -69,27 +69,27 @@ class ServedStream:
         """Return the next packet; None after the last.
 
         Raises:
-            InputError: The server refused something; its own words.
+            InputError: The server reported an error; the message is the server's.
         """
         try:
             return packet_of(next(self._replies))
         except StopIteration:
             return None
         except grpc().RpcError as error:
-            raise _said(error) from None
+            raise _server_error(error) from None
 
     def packets(self, ahead: int = 1) -> Iterator[Packet]:
-        """Yield packets to the end of the world, in lockstep some asked for ahead."""
+        """Yield all packets; in lockstep, `ahead` of them are requested in advance."""
         self.ask(ahead)
         while (packet := self.next()) is not None:
             yield packet
             self.ask()
 
     def close(self) -> None:
-        """Leave."""
+        """Close the stream and leave the world."""
         self._asks.put(None)
         if self._replies.is_active():
-            for _ in self._replies:  # what is on its way
+            for _ in self._replies:  # packets in transit
                 pass
 
 
@@ -97,7 +97,7 @@ class Client:
     """A client of one server."""
 
     def __init__(self, channel: Any, token: str = ""):
-        """Take a channel of gRPC, which `close` closes."""
+        """Create a client on a gRPC channel, which `close` closes."""
         self._channel = channel
         self._metadata = (("authorization", f"Bearer {token}"),) if token else ()
 
@@ -113,14 +113,14 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Close the channel: streams that are open are cut off."""
+        """Close the channel and all open streams."""
         self._channel.close()
 
     def describe(self) -> Any:
         """Return the message `World` of the server.
 
         Raises:
-            InputError: The server refuses, or is not there.
+            InputError: The server rejects the call or is not reachable.
         """
         return self._ask("Describe", messages().DescribeRequest(protocol=PROTOCOL))
 
@@ -140,14 +140,14 @@ class Client:
         Args:
             name: Unique among entities.
             senses: Some of flash, ground, pressure, sound, force.
-            position_m: Where it stands or starts: east, north, up [m]; or
-            path: times [s] and places.
-            vehicle: Model that feels the force.
-            samples_hz: Of pressure and sound; 0: 8000 Hz.
-            first_packet: In lockstep, where to begin.
+            position_m: East, north, up [m]; alternatively `path`.
+            path: Times [s] and positions [m].
+            vehicle: Vehicle model for the force.
+            samples_hz: Sampling rate of pressure and sound; 0: 8000 Hz.
+            first_packet: Number of the first packet, in lockstep.
 
         Raises:
-            InputError: The server refuses, in its own words.
+            InputError: The server rejects the registration.
         """
         to = messages()
         for sense in senses:
@@ -155,7 +155,7 @@ class Client:
                 raise InputError(
                     f"senses: expected some of {', '.join(SENSES)}, got {sense!r}"
                 )
-        asked = to.Registration(
+        registration = to.Registration(
             protocol=PROTOCOL,
             name=name,
             senses=[SENSES.index(sense) + 1 for sense in senses],
@@ -164,14 +164,14 @@ class Client:
             first_packet=first_packet,
         )
         if position_m is not None:
-            asked.position_m.CopyFrom(vector_message(position_m))
+            registration.position_m.CopyFrom(vector_message(position_m))
         for time, place in zip(*(path or ((), ())), strict=True):
-            asked.path.add(time_s=time, position_m=vector_message(place))
-        given = self._ask("Register", asked)
+            registration.path.add(time_s=time, position_m=vector_message(place))
+        given = self._ask("Register", registration)
         return Ticket(name, given.ticket, given.first_packet)
 
     def stream(self, ticket: Ticket) -> ServedStream:
-        """Open the stream of an entity that registered."""
+        """Open the stream of a registered entity (`ServedStream`)."""
         to = messages()
         call = self._channel.stream_stream(
             f"/{SERVICE}/Stream",
@@ -181,10 +181,10 @@ class Client:
         return ServedStream(lambda asks: call(asks, metadata=self._metadata), ticket)
 
     def leave(self, ticket: Ticket) -> None:
-        """Let go of an entity that has no stream.
+        """Remove an entity that has no stream.
 
         Raises:
-            InputError: The server refuses, in its own words.
+            InputError: The server rejects the call.
         """
         name, word, _ = ticket
         self._ask("Leave", messages().LeaveRequest(name=name, ticket=word))
@@ -197,10 +197,10 @@ class Client:
         mass_kg: float,
         explosive: str = "",
     ) -> float:
-        """Add a blast for all; return how far the world had come [s].
+        """Add a blast for all entities and return the time of the world [s].
 
         Raises:
-            InputError: The server refuses, in its own words.
+            InputError: The server rejects the blast.
         """
         new = messages().NewBlast(
             protocol=PROTOCOL,
@@ -220,9 +220,9 @@ class Client:
             response_deserializer=answer.FromString,
         )
         try:
-            return call(message, timeout=PATIENCE_S, metadata=self._metadata)
+            return call(message, timeout=CALL_TIMEOUT_S, metadata=self._metadata)
         except grpc().RpcError as error:
-            raise _said(error) from None
+            raise _server_error(error) from None
 
 
 def connect(
@@ -232,8 +232,8 @@ def connect(
 
     Args:
         address: HOST:PORT.
-        token: That the server asks for.
-        certificate: What the server's is checked by, in PEM, for TLS; None: without.
+        token: Token required by the server; "": none.
+        certificate: Root certificate for TLS, in PEM; None: no TLS.
 
     Raises:
         InputError: gRPC is not installed.
@@ -248,7 +248,7 @@ def connect(
     return Client(channel, token)
 
 
-def _said(error: Any) -> InputError:
+def _server_error(error: Any) -> InputError:
     """Return a server's message as an error."""
     return InputError(f"server: {error.details()} ({error.code().name})")
 

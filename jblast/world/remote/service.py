@@ -18,7 +18,7 @@ from jblast.world.remote.messages import (
     MOST_BYTES,
     PROTOCOL,
     SERVICE,
-    Garbage,
+    InvalidMessage,
     OtherProtocol,
     TooLarge,
     air_message,
@@ -45,7 +45,7 @@ from jblast.world.server import (
     ScaledRealTime,
     Stager,
 )
-from jblast.world.server.playback import Wanted
+from jblast.world.server.playback import StagingRequest
 from jblast.world.server.registry import (
     CAPACITY,
     Clock,
@@ -61,48 +61,57 @@ STATUS = {
     NotRegistered: "NOT_FOUND",
     OtherProtocol: "FAILED_PRECONDITION",
 }
-"""Of an error; of any other `INVALID_ARGUMENT`."""
-SOON_S = 0.1
-"""Declared: after the loop has handled the call's end."""
-TOO_SLOW = f"too slow: {CAPACITY} packets waited for it, which is all that may"
+"""gRPC status by type of error; all others have `INVALID_ARGUMENT`."""
+COLLECT_DELAY_S = 0.1
+"""Delay of the garbage collection that closes a hanging call [s]; declared.
+
+Long enough for the event loop to process the end of the call before.
+"""
+TOO_SLOW = f"too slow: {CAPACITY} packets are waiting, the maximum"
 
 
 async def _check_token(context: Any, token: str) -> None:
-    """Refuse a call that does not show the token."""
+    """Abort a call without the server's token."""
     if not token:
         return
     shows = dict(context.invocation_metadata() or ()).get("authorization", "")
     if not secrets.compare_digest(str(shows).encode(), f"Bearer {token}".encode()):
-        detail = "authorization: expected 'Bearer', a blank and the token of the server"
+        detail = "authorization: expected 'Bearer ' and the server's token"
         await _abort(context, "UNAUTHENTICATED", detail)
 
 
 async def _abort(context: Any, status: str, detail: str) -> Any:
-    """End a call with a status; never returns."""
+    """Abort a call with a status; raises in gRPC and never returns."""
     await context.abort(getattr(grpc().StatusCode, status), detail)
 
 
 STAGED_AHEAD_S = 2.0
-"""Lead of staging a blast before its announcement, in real time [s of the world]."""
+"""Lead of staging before the announcement of a blast, with a real-time clock [s].
+
+Staging takes milliseconds; a first compilation takes longer and may delay packets.
+"""
 CATCH_UP_S = 2.0
-"""A full buffer is accepted for this time after a blast was staged: the first blasts
-compile programs, after which their packets arrive together [s]."""
-SETTLES_S = 1.0
-"""Time left to a write to a client that is disconnected."""
-LINGER_S = 0.05
-"""gRPC reports the end of a call that was cut off first, and cancels it then."""
-WAITS_FOR_NOBODY = float("inf")
+"""Time after staging in which a full buffer is accepted [s of real time].
+
+The first blasts compile programs; afterwards their packets arrive all together.
+"""
+WRITE_TIMEOUT_S = 1.0
+"""Timeout of a pending write to a client that is disconnected [s]; declared."""
+CANCEL_DELAY_S = 0.05
+"""Delay after the end of a stream [s]: gRPC first reports the end of a broken call and
+cancels it shortly afterwards."""
+NOT_WAITING = float("inf")
 
 
 class ServedWorld(NamedTuple):
-    """What is served.
+    """A served world and its options.
 
     Attributes:
-        drawn: Its blasts, air and ground.
-        schedule: Of the blasts.
-        times: Of packets.
-        clock: How time goes on.
-        ends_s: When it ends; infinite: never [s].
+        drawn: Blasts, air and ground.
+        schedule: Schedule of the blasts.
+        times: Times of the packets.
+        clock: Clock of the world.
+        ends_s: End of the world [s]; infinite: never.
     """
 
     drawn: DrawnWorld
@@ -113,7 +122,7 @@ class ServedWorld(NamedTuple):
 
     @property
     def lockstep(self) -> bool:
-        """Whether time goes on as clients ask."""
+        """True if time advances with the clients' requests."""
         return isinstance(self.clock, Lockstep)
 
 
@@ -122,26 +131,26 @@ class Table:
 
     Attributes:
         world: The world.
-        registry: Who takes part, and who was dropped.
-        sessions: Streams that are open, by name.
-        sent: Packets that were sent.
-        late: Of those in real time, how many were made after their time was over.
-        closing: Whether the server stops, and cancels all that goes on.
-        foremost_s: In lockstep, how far the foremost entity has come [s].
+        registry: Registered entities and disconnected clients.
+        sessions: Open streams by name.
+        sent: Number of sent packets.
+        late: Number of packets completed after their end in real time.
+        closing: True while the server stops and cancels all calls.
+        foremost_s: Time of the most advanced entity, in lockstep [s].
     """
 
     def __init__(
         self,
         world: ServedWorld,
         patience_s: float,
-        say: Callable[[str], object],
+        report_line: Callable[[str], object],
     ):
-        """Begin with nobody.
+        """Create a table without clients.
 
         Args:
-            world: What is served.
-            patience_s: How long a client may keep the server waiting [s].
-            say: Receives a line for each client that is disconnected.
+            world: The served world.
+            patience_s: Maximum time that a client may keep the server waiting [s].
+            report_line: Receives a line for each client that is disconnected.
         """
         self.world = world
         self.registry = Registry()
@@ -150,20 +159,20 @@ class Table:
         self.foremost_s = 0.0
         self.closing = False
         self.stager = Stager(world.drawn)
-        self._patience_s, self._say = patience_s, say
+        self._patience_s, self._report_line = patience_s, report_line
         self._joined: dict[str, Joined] = {}
         self._thread = ThreadPoolExecutor(1, "staging")
 
     @property
     def now_s(self) -> float:
-        """How far the world has come [s]."""
+        """Current time of the world [s]."""
         clock = self.world.clock
         if isinstance(clock, Lockstep):
             return self.foremost_s
         return max(clock.world_s(), 0.0)
 
     def join(self, entity: Entity, first: int, peer: str) -> str:
-        """Let an entity in; return its ticket.
+        """Register an entity and return its ticket.
 
         Raises:
             InputError: As in `Registry.register`.
@@ -173,11 +182,11 @@ class Table:
         return ticket
 
     def first_packet(self, name: str) -> int:
-        """Return where the packets of one who joined begin."""
+        """Return the first packet of a registered entity."""
         return self._joined[name].first
 
     def leave(self, name: str) -> None:
-        """Remove a client that leaves in order."""
+        """Remove a client that leaves by itself."""
         self._joined.pop(name, None)
         self.registry.leave(name)
 
@@ -186,10 +195,10 @@ class Table:
         self._joined.pop(name, None)
         self.registry.drop(name, peer, why)
         who = f"{name!r} ({peer})" if name else peer
-        self._say(f"dropped {who}: {why}")
+        self._report_line(f"dropped {who}: {why}")
 
-    async def stage(self, wanted: Wanted) -> Announcement:
-        """Stage a blast in the thread that does it: others are played back meanwhile.
+    async def stage(self, wanted: StagingRequest) -> Announcement:
+        """Stage a blast in a worker thread, so that other streams continue.
 
         Raises:
             InputError: As in `Stager.stage`.
@@ -214,7 +223,7 @@ class Table:
                     self.drop(name, joined.peer, why)
 
     async def end(self) -> None:
-        """End the open streams, each with a message."""
+        """End the open streams, each with a message, within about a second."""
         self.closing = True
         for session in self.sessions.values():
             if not session.why and session.task:
@@ -226,16 +235,16 @@ class Table:
             await asyncio.sleep(0.01)
 
     def close(self) -> None:
-        """Let go of the thread that stages."""
+        """Shut down the worker thread."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
 
 def handler(table: Table, token: str) -> Any:
-    """Return the methods, as `grpc.aio` asks for them.
+    """Return the method handlers for `grpc.aio`.
 
     Args:
-        table: What they share.
-        token: That each call must show; "": none.
+        table: Shared state of all calls.
+        token: Required token of each call; "": none.
     """
     rpc = grpc()
     methods = {"Describe": _describe, "Register": _register}
@@ -259,7 +268,7 @@ def _unary(
     name: str,
     method: Callable[[Table, Any, str], Any],
 ) -> Callable[[bytes, Any], Awaitable[bytes]]:
-    """Return a method over bytes, its errors made statuses."""
+    """Return a method from bytes to bytes that converts errors to statuses."""
 
     async def answered(data: bytes, context: Any) -> bytes:
         await _check_token(context, token)
@@ -267,7 +276,7 @@ def _unary(
             message = parsed(METHODS[name][0], data)
             return method(table, message, context.peer()).SerializeToString()
         except InputError as error:
-            if isinstance(error, Garbage | TooLarge):
+            if isinstance(error, InvalidMessage | TooLarge):
                 table.drop("", context.peer(), str(error))
             return await _abort(context, _status_of(error), str(error))
 
@@ -275,7 +284,7 @@ def _unary(
 
 
 async def _streamed(table: Table, context: Any) -> None:
-    """Play back to one client, and let go of it whatever it does."""
+    """Serve the stream of one client and remove the client in any case."""
     stream = Stream(table, context)
     try:
         await stream.run()
@@ -285,7 +294,7 @@ async def _streamed(table: Table, context: Any) -> None:
             status = "UNAVAILABLE"
         else:
             table.drop(stream.name, context.peer(), why or "went away")
-        if not why:  # the client is gone, and gRPC cancels nothing but this
+        if not why:  # cancelled by gRPC: the client is gone and cannot get a status
             return
     except BufferFull:
         status, why = "RESOURCE_EXHAUSTED", TOO_SLOW
@@ -301,8 +310,9 @@ async def _streamed(table: Table, context: Any) -> None:
         await _abort(context, status, why)
     except grpc().aio.AbortError:
         raise
-    except Exception:  # it reads nothing: a write hangs, and nothing can follow it
-        asyncio.get_running_loop().call_later(SOON_S, gc.collect)  # closes its call
+    except Exception:  # the client does not read: a hanging write blocks the abort
+        # Collecting the call object closes the call.
+        asyncio.get_running_loop().call_later(COLLECT_DELAY_S, gc.collect)
 
 
 def _status_of(error: InputError) -> str:
@@ -337,14 +347,14 @@ def _register(table: Table, message: Any, peer: str) -> Any:
         world.clock.begin()
         if first:
             raise InputError(
-                "first_packet: expected 0 in real time, where the present comes first, "
-                f"got {first}"
+                "first_packet: expected 0 in real time (streams begin at the current "
+                f"time), got {first}"
             )
         first = world.times.at(table.now_s)
     if not world.times.start_s(first) < world.ends_s:
         raise InputError(
-            f"first_packet: expected one before the world ends at {world.ends_s:g} s, "
-            f"got {first}"
+            f"first_packet: expected a packet before the end of the world at "
+            f"{world.ends_s:g} s, got {first}"
         )
     ticket = table.join(entity, first, peer)
     return messages().Registered(ticket=ticket, first_packet=first)
@@ -360,8 +370,8 @@ def _leave(table: Table, message: Any, peer: str) -> Any:
     entity = table.registry.of(message.name, message.ticket)
     if entity.name in table.sessions:
         raise InputError(
-            f"entity {shown(entity.name)}: expected one without a stream, got one that "
-            "streams: closing that is leaving"
+            f"entity {shown(entity.name)}: expected an entity without a stream, got "
+            "one with an open stream; close the stream to leave"
         )
     table.leave(entity.name)
     return messages().Left()
@@ -369,7 +379,7 @@ def _leave(table: Table, message: Any, peer: str) -> Any:
 
 @contextlib.contextmanager
 def _first_error() -> Iterator[None]:
-    """Have a group of tasks raise what its first one did, and not a group of it."""
+    """Raise the first error of a task group instead of an exception group."""
     try:
         yield
     except BaseExceptionGroup as group:
@@ -380,12 +390,12 @@ class Stream:
     """The stream of one client.
 
     Attributes:
-        name: Of the entity, once it is known; "" before.
-        session: That may be dropped.
+        name: Name of the entity; "" until known.
+        session: Session that the table can cancel.
     """
 
     def __init__(self, table: Table, context: Any):
-        """Take the stream that a client opens."""
+        """Create the server's end of a stream."""
         self.name = ""
         self.session = Session(asyncio.current_task())
         self._table, self._context = table, context
@@ -394,11 +404,11 @@ class Stream:
         self._staged: dict[tuple[str, int], asyncio.Task[Announcement]] = {}
 
     async def run(self) -> None:
-        """Play back until the client has had enough, or the world ends.
+        """Send packets until the client closes the stream or the world ends.
 
         Raises:
-            InputError: What the client sends cannot be used.
-            BufferFull: It is too slow.
+            InputError: A message of the client is invalid.
+            BufferFull: The client is too slow.
         """
         table = self._table
         ask = await self._read()
@@ -407,7 +417,7 @@ class Stream:
         entity = table.registry.of(ask.name, ask.ticket)
         if entity.name in table.sessions:
             raise InputError(
-                f"entity {entity.name!r}: expected one stream, got another"
+                f"entity {entity.name!r}: expected one stream, got a second one"
             )
         self.name = entity.name
         table.sessions[self.name] = self.session
@@ -431,13 +441,14 @@ class Stream:
                 task.cancel()
 
     async def _as_asked(self, playback: Playback, ask: Any) -> None:
-        """Send as many packets as are asked for, each time."""
+        """Send the requested number of packets after each request."""
         table, write = self._table, self._context.write
         while ask is not None:
-            self._reported(playback, ask)
+            self._store_motion(playback, ask)
             if ask.packets > CAPACITY:
                 raise InputError(
-                    f"packets: expected at most {CAPACITY} at a time, got {ask.packets}"
+                    f"packets: expected at most {CAPACITY} per request, got "
+                    f"{ask.packets}"
                 )
             for _ in range(ask.packets):
                 packet = await self._next(playback, playback.wanted())
@@ -452,8 +463,8 @@ class Stream:
     async def _by_the_clock(
         self, playback: Playback, ask: Any, clock: ScaledRealTime
     ) -> None:
-        """Send packets as time goes on, while the client may say how it moves."""
-        self._reported(playback, ask)
+        """Send packets in real time and accept reports of motion."""
+        self._store_motion(playback, ask)
         buffer: PacketBuffer[Packet] = PacketBuffer()
         filled = asyncio.Event()
         with _first_error():
@@ -467,9 +478,9 @@ class Stream:
                     task.cancel()
 
     async def _listen(self, playback: Playback) -> None:
-        """Take note of what the client reports; when it has done, it still listens."""
+        """Store reports of motion until the client stops sending."""
         while (ask := await self._read(patient=True)) is not None:
-            self._reported(playback, ask)
+            self._store_motion(playback, ask)
 
     async def _fill(
         self,
@@ -478,7 +489,7 @@ class Stream:
         buffer: PacketBuffer[Packet],
         filled: asyncio.Event,
     ) -> None:
-        """Put each packet into the buffer as its time begins."""
+        """Put each packet into the buffer at its beginning."""
         table, times = self._table, self._table.world.times
         patient_until = 0.0
         while True:
@@ -486,7 +497,7 @@ class Stream:
             self._stage_ahead(playback)
             wanted = playback.wanted()
             packet = await self._next(playback, wanted)
-            if wanted:  # perhaps that made us late, which is no fault of the client
+            if wanted:  # staging may delay packets without a fault of the client
                 patient_until = time.monotonic() + CATCH_UP_S
             table.late += clock.world_s() > times.start_s(packet.number + 1)
             while (
@@ -499,9 +510,9 @@ class Stream:
                 return
 
     async def _empty(self, buffer: PacketBuffer[Packet], filled: asyncio.Event) -> None:
-        """Send what waits in the buffer, to the last."""
+        """Send the packets of the buffer, up to the last one."""
         while True:
-            self.session.waits_since = WAITS_FOR_NOBODY
+            self.session.waits_since = NOT_WAITING
             await filled.wait()
             filled.clear()
             for packet in buffer.read():
@@ -510,62 +521,62 @@ class Stream:
                 self._writing = writing = asyncio.ensure_future(
                     self._context.write(data)
                 )
-                # a write that is broken off would leave no way to say why
+                # A cancelled write would break the call before its status is sent.
                 await asyncio.shield(writing)
                 self._table.sent += 1
                 if packet.last:
                     return
 
     async def settled(self) -> None:
-        """Wait a moment for what is being written."""
+        """Wait for a pending write, up to a timeout."""
         if self._writing is not None:
-            await asyncio.wait({self._writing}, timeout=SETTLES_S)
+            await asyncio.wait({self._writing}, timeout=WRITE_TIMEOUT_S)
 
-    async def _next(self, playback: Playback, wanted: list[Wanted]) -> Packet:
-        """Return the next packet, what it needs staged before."""
+    async def _next(self, playback: Playback, wanted: list[StagingRequest]) -> Packet:
+        """Return the next packet after staging its blasts."""
         staged = []
         for one in wanted:
             ahead = self._staged.pop((one.charge.name, one.revision), None)
-            self.session.waits_since = WAITS_FOR_NOBODY  # it waits for us
+            self.session.waits_since = NOT_WAITING  # the client waits for the server
             staged.append(await (ahead or self._table.stage(one)))
         return playback.next(staged)
 
     def _stage_ahead(self, playback: Playback) -> None:
-        """Begin with what will be told soon."""
+        """Begin to stage blasts that will be announced soon."""
         for wanted in playback.soon(STAGED_AHEAD_S):
             key = wanted.charge.name, wanted.revision
             if key not in self._staged:
                 self._staged[key] = asyncio.create_task(self._table.stage(wanted))
 
     async def _read(self, *, patient: bool = False) -> Any:
-        """Return what the client asks next; None: it has done.
+        """Return the next message of the client; None at the end of its stream.
 
         Args:
-            patient: Whether it may take as long as it likes.
+            patient: Do not limit the waiting time.
 
         Raises:
-            InputError: It cannot be read.
+            InputError: The message is invalid.
         """
         if not patient:
             self.session.waits_since = time.monotonic()
         data = await self._context.read()
         if data is self._end:
-            await asyncio.sleep(LINGER_S)
+            await asyncio.sleep(CANCEL_DELAY_S)
             return None
         return parsed("Ask", data)
 
-    def _reported(self, playback: Playback, ask: Any) -> None:
+    def _store_motion(self, playback: Playback, ask: Any) -> None:
         if ask.HasField("motion"):
             playback.report(motion_of(ask.motion))
 
 
 class Joined(NamedTuple):
-    """One who registered.
+    """A registered client.
 
     Attributes:
-        since: When, by the clock of the machine [s].
+        since: Time of the registration, monotonic clock [s].
         first: Number of its first packet.
-        peer: Where it speaks from.
+        peer: Network address.
     """
 
     since: float
@@ -574,12 +585,13 @@ class Joined(NamedTuple):
 
 
 class Session:
-    """A stream that is open.
+    """An open stream.
 
     Attributes:
-        task: That plays it back.
-        waits_since: Since when it waits for its client, by the clock of the machine.
-        why: What it is dropped for; "" while it is not.
+        task: Task that serves the stream.
+        waits_since: Time since which the server waits for the client, monotonic clock
+            [s].
+        why: Reason of its disconnection; "" while connected.
     """
 
     def __init__(self, task: "asyncio.Task[object] | None"):

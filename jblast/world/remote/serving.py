@@ -1,4 +1,4 @@
-"""The server that listens: its address, access, TLS and duration."""
+"""Server of a world: address, access, TLS and life cycle."""
 
 import asyncio
 import contextlib
@@ -25,22 +25,22 @@ from jblast.world.server.registry import SENSES, packet_times
 
 ADDRESS = "127.0.0.1:50551"
 GRACE_S = 0.5
-"""How long streams may go on once the server is asked to stop."""
+"""Time for open streams to end once the server stops [s]; declared."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a world is served.
+    """Options of a server.
 
     Attributes:
-        address: HOST:PORT; port 0 is any free one.
-        packets_hz: Packets a second of the world's time.
-        lead_s: How long before it happens a blast is told [s].
-        speed: Seconds of the world a second of real time; None: lockstep.
-        ends_s: When the world ends; infinite: never [s].
-        patience_s: How long a client may keep the server waiting [s].
-        token: That each call has to show; "": none.
-        certificate: File of the chain, in PEM, for TLS; None: without.
+        address: HOST:PORT; port 0 selects a free port.
+        packets_hz: Packets per second of the world's time.
+        lead_s: Lead of the announcement before a blast [s].
+        speed: World time per real time [-]; None: lockstep.
+        ends_s: End of the world [s]; infinite: never.
+        patience_s: Maximum time that a client may keep the server waiting [s].
+        token: Required token of each call; "": none.
+        certificate: File of the certificate chain, in PEM, for TLS; None: no TLS.
         key: File of its private key.
     """
 
@@ -56,11 +56,11 @@ class Options:
 
 
 class Serving:
-    """A server that runs.
+    """A running server.
 
     Attributes:
-        address: HOST:PORT that it listens on.
-        table: Who takes part.
+        address: HOST:PORT of its socket.
+        table: Table of its clients.
     """
 
     def __init__(self, address: str, table: Table):
@@ -68,35 +68,35 @@ class Serving:
 
 
 def checked_address(options: Options) -> tuple[str, int]:
-    """Return host, in brackets if it is of IPv6, and port.
+    """Return the host (an IPv6 address in brackets) and the port.
 
     Raises:
-        InputError: It is none, or others could reach it without a token or TLS.
+        InputError: The address is invalid, or not loopback without a token or TLS.
     """
     where = argument("address")
     host, port = host_and_port(options.address, where, "HOST:PORT")
     secured = bool(options.token) or options.certificate is not None
     if not secured and not is_loopback(host):
         raise InputError(
-            f"{where}: expected a loopback address, as {ADDRESS}, or a token or TLS "
-            f"for one that others can reach; got {shown(options.address)} without"
+            f"{where}: expected a loopback address, as {ADDRESS}, or a token or TLS, "
+            f"got {shown(options.address)} without token and TLS"
         )
     return f"[{host}]" if ":" in host else host, port
 
 
 @contextlib.asynccontextmanager
 async def listening(
-    world: DrawnWorld, options: Options, say: Callable[[str], object]
+    world: DrawnWorld, options: Options, report_line: Callable[[str], object]
 ) -> AsyncIterator[Serving]:
     """Serve a world while the context lasts.
 
     Args:
-        world: Its blasts, air and ground.
-        options: How it is served.
-        say: Receives a line for each client that is disconnected.
+        world: Blasts, air and ground.
+        options: Options of the server.
+        report_line: Receives a line for each client that is disconnected.
 
     Raises:
-        InputError: An option cannot be used, or the port is taken.
+        InputError: An option is invalid, or the port is in use.
     """
     rpc = grpc()
     host, port = checked_address(options)
@@ -108,13 +108,16 @@ async def listening(
         clock = ScaledRealTime(options.speed)
     schedule = BlastSchedule(world, options.lead_s)
     served = ServedWorld(world, schedule, times, clock, options.ends_s)
-    table = Table(served, options.patience_s, say)
+    table = Table(served, options.patience_s, report_line)
     if options.speed is not None:
-        _make_programs(table.stager, world)
+        _compile_programs(table.stager, world)
     server = rpc.aio.server(
         options=[
-            ("grpc.so_reuseport", 0),  # else a second server shares the port unsaid
+            ("grpc.so_reuseport", 0),  # else a second server shares the port silently
+            # Larger than `MOST_BYTES`, so that `parsed` rejects a large message with a
+            # reason.
             ("grpc.max_receive_message_length", 4 * MOST_BYTES),
+            # Detects clients that vanished without closing the connection, within 30 s.
             ("grpc.keepalive_time_ms", 20_000),
             ("grpc.keepalive_timeout_ms", 10_000),
         ]
@@ -132,7 +135,7 @@ async def listening(
         table.close()
         raise InputError(
             f"{argument('address')}: expected a free port of this machine, got "
-            f"{options.address}, which is taken or cannot be listened on"
+            f"{options.address}, which is in use or not available"
         )
     await server.start()
     watch = asyncio.create_task(table.watch())
@@ -145,8 +148,8 @@ async def listening(
         table.close()
 
 
-def _make_programs(stager: Stager, world: DrawnWorld) -> None:
-    """Compile what blasts are staged by: no time is for it once the clock goes."""
+def _compile_programs(stager: Stager, world: DrawnWorld) -> None:
+    """Compile the programs of staging, before the real-time clock starts."""
     for charge in world.charges[:1]:
         east, north, up = (float(x) for x in charge.position_m)
         place = [east + 30.0, north, max(up, 0.0) + 1.5]
@@ -155,7 +158,7 @@ def _make_programs(stager: Stager, world: DrawnWorld) -> None:
 
 
 def _check_times(options: Options) -> None:
-    """Refuse what is out of range."""
+    """Reject times and speeds that are not positive."""
     for name, value in (
         ("speed", options.speed),
         ("ends_s", options.ends_s),
@@ -168,11 +171,11 @@ def _check_times(options: Options) -> None:
 
 
 def _credentials(options: Options) -> Any:
-    """Return what TLS needs; None: there is none."""
+    """Return the credentials for TLS; None without TLS."""
     if (options.certificate is None) != (options.key is None):
         raise InputError(
-            f"{argument('certificate')}: expected a certificate and its key, got one "
-            "of them"
+            f"{argument('certificate')}: expected a certificate and its key, got only "
+            "one of them"
         )
     if options.certificate is None or options.key is None:
         return None
@@ -185,14 +188,14 @@ def _credentials(options: Options) -> Any:
 def serving(
     world: DrawnWorld,
     options: Options | None = None,
-    say: Callable[[str], object] = lambda line: None,
+    report_line: Callable[[str], object] = lambda line: None,
 ) -> Iterator[Serving]:
     """Serve a world in a thread of this process while the context lasts.
 
     Args:
-        world: Its blasts, air and ground.
-        options: How it is served; None: as by default.
-        say: Receives a line for each client that is disconnected.
+        world: Blasts, air and ground.
+        options: Options of the server; None: the defaults.
+        report_line: Receives a line for each client that is disconnected.
 
     Raises:
         InputError: As in `listening`.
@@ -208,7 +211,7 @@ def serving(
         over = asyncio.Event()
         loop = asyncio.get_running_loop()
         stop.append(lambda: loop.call_soon_threadsafe(over.set))
-        async with listening(world, options or Options(), say) as server:
+        async with listening(world, options or Options(), report_line) as server:
             begun.append(server)
             ready.set()
             await over.wait()

@@ -1,6 +1,6 @@
-"""A world for several clients: its entities, and the packets that each receives.
+"""A world for several clients: entities, and the packets for each of them.
 
-Nothing here depends on a network: `world.remote` carries it over one.
+Nothing here depends on a network; `world.remote` adds the network.
 """
 
 from jblast.world.server.playback import (

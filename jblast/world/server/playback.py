@@ -1,25 +1,24 @@
 """The packets of one entity, computed ahead of time.
 
-One blast for one entity is computed at a time, by programs that are the same for all:
-of the load, of the arrivals, and of each sensor that samples. Where a moving entity
-meets a wave follows from its path or from its last report, continued in a straight
-line.
+One blast for one entity is computed at a time, by programs that are the same for all
+blasts and entities: for the load, the arrivals, and each kind of sampled sensor. The
+position of a moving entity at an arrival follows from its path or from its last report,
+extrapolated linearly.
 
 A blast is announced in the first packet that begins within the lead before it. An
-entity that reports its motion gets the announcement again before a wave comes, by its
-last report: in one of the `AHEAD` packets before. Until then it cannot approach faster
-than sound, so no wave comes unannounced, and the wave that comes is the one announced
-last.
+entity that reports its motion receives an updated announcement, computed from its last
+report, in one of the `UPDATE_PACKETS` packets before an arrival. As an entity is slower
+than sound, no wave arrives unannounced, and an arriving wave is the one announced last.
 
 Samples are those of `sensors.microphone.record` and `sensors.pressure_gauge.record` for
-an instrument without errors, at the same instants. Between the waves of a blast, and
-where they are below `SILENCE_PA`, nothing is kept.
+an instrument without errors, at the same times. Samples between the waves of a blast
+and below `SILENCE_PA` are not stored.
 
 Force and moment of a force profile are means over each step, from the impulses of
-`vehicle.blast_load`. While the pulse passes, the vehicle is taken to stay in the state
-in which it was met. The announced load (`announced_load`) contains the change
-of that state as well: a flight by it is the flight in one process. A C++ client, which
-has no laws, flies by the force profiles.
+`vehicle.blast_load`, for a vehicle in its state at the arrival. The announced load
+(`announced_load`) also includes the change of that state during the pulse, so a flight
+with it equals the flight in one process. A C++ client, which has no laws, uses the
+force profiles.
 """
 
 import math
@@ -57,37 +56,46 @@ from jblast.world.server.registry import (
     PacketTimes,
 )
 
-AHEAD = 2
-"""Packets before a wave comes in which the last word on it is told."""
+UPDATE_PACKETS = 2
+"""Number of packets before an arrival in which the announcement is updated.
+
+Two, because staging takes part of one packet's time.
+"""
 WAVES = ("flash_s", "ground_s", "air_s")
-STRAIGHT_S = 30.0
-"""How long one who reports its motion is taken to go straight on."""
+EXTRAPOLATION_S = 30.0
+"""Duration of the linear extrapolation of a reported motion [s]; declared.
+
+Waves that arrive later are updated by later reports.
+"""
 NAME = "entity"
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
-"""Attitude of an entity without one: level, ahead to the east."""
+"""Default attitude: level, body x towards east."""
 SILENCE_PA = 1e-9
-"""What is quieter at either end of a stretch is left out: 86 dB below what is heard."""
-GROUND_LASTS = 50.0
-"""Time constants of a pulse in the ground until it is over, u^2 exp(-u) = 5e-19."""
+"""Pressure below which samples at both ends of an interval are dropped.
+
+86 dB below the threshold of hearing (20 uPa).
+"""
+GROUND_TIME_CONSTANTS = 50.0
+"""Duration of a ground pulse in time constants: there u^2 exp(-u) is 5e-19."""
 KINDS = {"pressure": "pressure", "sound": "microphone"}
 STEPS_HZ = 2000.0
-"""Steps a second: the default of a flight."""
-MOST_STEPS = 2**14
-"""Eight seconds: longer than any blast wave here."""
+"""Steps per second of a force profile: the default of a flight."""
+MAX_STEPS = 2**14
+"""Maximum number of steps of a force profile: 8 s, longer than any blast wave here."""
 
 
 class AirPulse(NamedTuple):
-    """The air shock at an entity, as `waves.pulse.Pulse` has it, in floats.
+    """The air shock at an entity: `waves.pulse.Pulse` in floats.
 
     Attributes:
-        arrival_s: When pressure first departs from the still air's [s].
-        peak_pa: Overpressure.
-        rise_s: From zero to the peak.
-        duration_s: Of the positive phase, rise included.
+        arrival_s: Beginning of the pressure rise [s].
+        peak_pa: Peak overpressure.
+        rise_s: Time from zero to the peak.
+        duration_s: Duration of the positive phase, rise included.
         decay: Friedlander's b behind the peak [-].
-        suction_pa: Greatest underpressure.
+        suction_pa: Maximum underpressure.
         suction_s: Duration of the negative phase.
-        hold_s: How long the peak lasts.
+        hold_s: Duration of the peak.
     """
 
     arrival_s: float
@@ -101,12 +109,12 @@ class AirPulse(NamedTuple):
 
 
 class BlastArrivals(NamedTuple):
-    """When a blast comes to an entity, on the common clock [s]; infinite: never.
+    """Arrival times of a blast at an entity, common clock [s]; infinite: never.
 
     Attributes:
-        flash_s: Its light.
-        ground_s: The wave through the ground.
-        air_s: The air shock.
+        flash_s: Arrival of the light.
+        ground_s: Arrival of the ground wave.
+        air_s: Arrival of the air shock.
     """
 
     flash_s: float
@@ -115,15 +123,15 @@ class BlastArrivals(NamedTuple):
 
 
 class ForceProfile(NamedTuple):
-    """What a blast gives a vehicle, as it is when the front comes.
+    """Force and moment of a blast on a vehicle in its state at the arrival.
 
-    Step n is from `first / rate_hz` on, counted in steps from 0 on the common clock.
+    Step n begins at `n / rate_hz` on the common clock.
 
     Attributes:
         first: Number of the first step.
-        rate_hz: Steps a second.
-        force_n: Mean over each step, world.
-        moment_nm: Likewise, body axes, about the centre of mass.
+        rate_hz: Steps per second.
+        force_n: Mean force over each step, world axes.
+        moment_nm: Mean moment over each step about the centre of mass, body axes.
     """
 
     first: int
@@ -133,12 +141,12 @@ class ForceProfile(NamedTuple):
 
 
 class Record(NamedTuple):
-    """Samples in a row, of one blast alone.
+    """Contiguous samples of a single blast.
 
     Attributes:
         first: Number of the first sample, counted from 0 on the common clock.
-        rate_hz: Samples a second.
-        samples: Mean over each sample [Pa].
+        rate_hz: Samples per second.
+        samples: Mean over each sampling interval [Pa].
     """
 
     first: int
@@ -150,15 +158,15 @@ class Announcement(NamedTuple):
     """A blast, announced to one entity before it happens.
 
     Attributes:
-        charge: What explodes, where and when; its name is the blast's.
-        revision: 0 at first; one more at each repetition.
-        arrivals: When it comes to the entity.
-        pulse: The air shock there; None: it never comes.
-        burst: By which curves its load is, "surface" or "free-air".
-        tnt_mass_kg: Mass of TNT that makes the same pressure, and the same impulse.
-        force: For who senses force.
-        pressure: For who senses pressure.
-        sound: For who senses sound.
+        charge: Charge, position and time; its name is the blast's.
+        revision: 0 at first; increased by one with each update.
+        arrivals: Arrival times at the entity.
+        pulse: Air shock at the entity; None: it never arrives.
+        burst: Curve set of its load, "surface" or "free-air".
+        tnt_mass_kg: TNT masses of equal pressure and of equal impulse.
+        force: Force profile, for the sense "force".
+        pressure: Records, for the sense "pressure".
+        sound: Records, for the sense "sound".
     """
 
     charge: Charge
@@ -172,7 +180,7 @@ class Announcement(NamedTuple):
     sound: tuple[Record, ...] = ()
 
     def last_s(self) -> float:
-        """Return when nothing of it is left to be played back [s]."""
+        """Return the end of its last arrival, force profile and record [s]."""
         ends = [time for time in self.arrivals if np.isfinite(time)]
         if self.force is not None:
             steps = self.force.first + len(self.force.force_n)
@@ -193,26 +201,26 @@ def announced_load(
     since_s: float = 0.0,
     room: int = 4,
 ) -> BlastLoad:
-    """Return the load of blasts, for flights of a short while one after another.
+    """Return the load of announced blasts, for successive short flights.
 
     Args:
-        announced: The blasts, those of both curve sets in any order.
-        pressure_pa: Of the air.
-        sound_speed_m_s: In still air.
+        announced: The blasts, of both curve sets in any order.
+        pressure_pa: Ambient pressure.
+        sound_speed_m_s: Speed of sound in still air.
         wind_m_s: East, north, up.
-        since_s: When the flight begins: its own clock is 0 then [s].
-        room: Blasts of each curve set that a load has, the missing ones never: one
-            program for all numbers of them.
+        since_s: Beginning of the flight, where its own clock is 0 [s].
+        room: Number of blasts per curve set; the load is padded with blasts that never
+            happen, so that one program serves any number.
 
     Raises:
-        InputError: There are more than fit.
+        InputError: There are more blasts than `room`.
     """
     blasts = []
     for burst in ("surface", "free-air"):
         of_burst = [one for one in announced if one.burst == burst]
         if len(of_burst) > room:
             raise InputError(
-                f"expected at most {room} blasts of burst {burst!r} at a time, got "
+                f"expected at most {room} simultaneous blasts of burst {burst!r}, got "
                 f"{len(of_burst)}"
             )
         blasts += [_blast(one, since_s) for one in of_burst]
@@ -247,11 +255,11 @@ def _blast(announced: Announcement, since_s: float) -> Blast:
 
 
 class PlayedForce(eqx.Module):
-    """A pulse of forces that were staged, whatever the vehicle does meanwhile.
+    """A pulse of precomputed forces, independent of the vehicle's motion.
 
     Attributes:
         rows: Force, world [N], and moment, body [N m], of each step.
-        rate_hz: Steps a second; the first begins with the flight.
+        rate_hz: Steps per second; the first begins with the flight.
     """
 
     rows: Float[Array, "step 6"] = eqx.field(converter=as_float_array)
@@ -264,7 +272,7 @@ class PlayedForce(eqx.Module):
         state: State,
         vehicle: Vehicle,
     ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """Return what is given between two times: impulse and angular impulse."""
+        """Return impulse [N s] and angular impulse [N m s] between two times."""
         edges = jnp.arange(self.rows.shape[0] + 1, dtype=float) / self.rate_hz
         until = jnp.clip(end_s, edges[:-1], edges[1:])
         since = jnp.clip(start_s, edges[:-1], edges[1:])
@@ -273,12 +281,12 @@ class PlayedForce(eqx.Module):
 
 
 class Slice(NamedTuple):
-    """What is sampled within a packet, all blasts together.
+    """Samples within a packet, summed over all blasts.
 
     Attributes:
         first: Number of the first sample, counted from 0 on the common clock.
-        rate_hz: Samples a second.
-        samples: A row each; empty: all zero.
+        rate_hz: Samples per second.
+        samples: One row per sample; empty if all are zero.
     """
 
     first: int
@@ -287,17 +295,17 @@ class Slice(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """What comes to an entity within one packet's time.
+    """Announcements, perceptions and samples of an entity in one interval of time.
 
     Attributes:
-        number: Counted from 0 at 0 on the common clock.
-        time_s: When it begins [s]; it ends as the next one begins.
-        announcements: Blasts announced for the first time, or again.
-        perceived: What each sense had first in this time.
-        force: Six numbers a step: force, world [N], and moment, body [N m].
-        pressure: In Pa.
-        sound: In Pa.
-        last: Whether the world ends with it.
+        number: Number of the packet; packet 0 begins at 0 on the common clock.
+        time_s: Beginning [s]; the packet ends where the next one begins.
+        announcements: New or updated blasts.
+        perceived: First perceptions within the packet.
+        force: Six numbers per step: force, world [N], and moment, body [N m].
+        pressure: Pressure samples [Pa].
+        sound: Sound samples [Pa].
+        last: True if the world ends with this packet.
     """
 
     number: int
@@ -311,13 +319,13 @@ class Packet(NamedTuple):
 
 
 def played_force(packet: Packet, packets_hz: float) -> PlayedForce:
-    """Return the force of a packet, for a flight as long as it.
+    """Return the force of a packet, for a flight of the packet's length.
 
     Args:
-        packet: Of one who senses force.
-        packets_hz: Packets a second.
+        packet: Packet of an entity with the sense "force".
+        packets_hz: Packets per second.
     """
-    assert packet.force is not None, "who senses force is sent it"
+    assert packet.force is not None, "the entity lacks the sense force"
     rate = packet.force.rate_hz
     rows = jnp.asarray(packet.force.samples)
     if not rows.size:
@@ -325,13 +333,13 @@ def played_force(packet: Packet, packets_hz: float) -> PlayedForce:
     return PlayedForce(rows, jnp.asarray(rate))
 
 
-class Wanted(NamedTuple):
-    """A blast that an entity is to be told of, arguments of `Stager.stage`.
+class StagingRequest(NamedTuple):
+    """A blast to announce to an entity: the arguments of `Stager.stage`.
 
     Attributes:
         entity: Recipient.
         charge: The blast.
-        motion: What it reported last, or None.
+        motion: Last report of the entity, or None.
         revision: Number of earlier announcements.
     """
 
@@ -351,7 +359,7 @@ class _Live:
 
 
 class Stager:
-    """Makes the announcements of blasts to entities.
+    """Computation of announcements for entities.
 
     Attributes:
         scene: Air and ground of the world, with its laws stated.
@@ -380,7 +388,7 @@ class Stager:
             revision: Number of earlier announcements.
 
         Raises:
-            InputError: It is at the charge, or as fast as sound.
+            InputError: The entity is at the charge, or as fast as sound.
         """
         place = standpoint(entity, motion)
         scene = self._alone(charge)
@@ -391,7 +399,7 @@ class Stager:
             met = met._replace(
                 quaternion=motion.quaternion, body_rate_rad_s=motion.body_rate_rad_s
             )
-        # the load depends on the position of its vehicle alone
+        # The load depends only on the position of the vehicle, so any model will do.
         spec = VehicleSpec(entity.vehicle or "hummingbird", met.position_m)
         load = blast_load(replace(scene, vehicle=spec))
         force = None
@@ -415,8 +423,8 @@ class Stager:
     def _arrivals(self, scene: Scene, place: np.ndarray | Track) -> BlastArrivals:
         tracks = {NAME: place} if isinstance(place, Track) else {}
         start = place.position[0] if isinstance(place, Track) else place
-        asked = replace(scene, sensors=(Sensor(NAME, np.asarray(start)),))
-        times = arrivals_of(asked, tracks).times_s
+        observed = replace(scene, sensors=(Sensor(NAME, np.asarray(start)),))
+        times = arrivals_of(observed, tracks).times_s
         flash, ground, air = (
             float(times[wave][0, 0])
             for wave in ("flash_time_s", "ground_arrival_s", "air_arrival_s")
@@ -432,11 +440,11 @@ class Stager:
 
 
 class Playback:
-    """The packets of one entity; `wanted` and `next` in turn.
+    """The packets of one entity, by alternating calls of `wanted` and `next`.
 
     Attributes:
         entity: Recipient.
-        number: Of the next packet.
+        number: Number of the next packet.
     """
 
     def __init__(
@@ -453,17 +461,17 @@ class Playback:
 
         Args:
             entity: Recipient.
-            schedule: Which blasts there will be.
-            times: When packets are.
-            stager: Of the same world; asked here for its air alone.
+            schedule: The blasts of the world.
+            times: Times of the packets.
+            stager: Stager of the same world; only its air is used here.
             first: Number of the first packet.
-            until_s: When the world ends: the packet that holds this is the last [s].
+            until_s: End of the world [s]; the packet that contains it is the last.
         """
         self.entity = entity
         self.number = first
         self._schedule, self._times = schedule, times
         self._until_s = until_s
-        self._ahead_s = AHEAD / float(times.rate)
+        self._ahead_s = UPDATE_PACKETS / float(times.rate)
         self._sound_m_s = float(sound_speed_of(stager.scene.air))
         self._announced_s = times.start_s(first) - schedule.lead_s - PAST_S
         self._live: dict[str, _Live] = {}
@@ -471,7 +479,7 @@ class Playback:
 
     @property
     def time_s(self) -> float:
-        """When the next packet begins [s]."""
+        """Beginning of the next packet [s]."""
         return self._times.start_s(self.number)
 
     @property
@@ -480,32 +488,34 @@ class Playback:
         return len(self._live)
 
     def report(self, motion: Motion) -> None:
-        """Take note of how the entity moves; what has a path keeps to it."""
+        """Store a report of the entity's motion; entities with a path ignore it."""
         self._motion = motion
 
-    def soon(self, ahead_s: float) -> list[Wanted]:
-        """Return blasts that will be told for the first time within a while.
+    def soon(self, ahead_s: float) -> list[StagingRequest]:
+        """Return the blasts announced for the first time within the next interval.
 
         Args:
-            ahead_s: After the next packet begins [s].
+            ahead_s: Length of the interval from the beginning of the next packet [s].
         """
         charges = self._schedule.announced(self._announced_s, self.time_s + ahead_s)
-        return [Wanted(self.entity, charge, self._motion, 0) for charge in charges]
+        return [
+            StagingRequest(self.entity, charge, self._motion, 0) for charge in charges
+        ]
 
-    def wanted(self) -> list[Wanted]:
-        """Return what has to be staged for the next packet."""
+    def wanted(self) -> list[StagingRequest]:
+        """Return the blasts to stage for the next packet: updates, then new ones."""
         uncertain = [x.newest for x in self._live.values() if self._uncertain(x)]
-        anew = [
-            Wanted(self.entity, one.charge, self._motion, one.revision + 1)
+        updates = [
+            StagingRequest(self.entity, one.charge, self._motion, one.revision + 1)
             for one in uncertain
         ]
-        return anew + self.soon(0.0)
+        return updates + self.soon(0.0)
 
     def next(self, staged: list[Announcement]) -> Packet:
         """Return the next packet.
 
         Args:
-            staged: What `wanted` asked for.
+            staged: Announcements of the blasts that `wanted` returned.
         """
         start, end = self.time_s, self._times.start_s(self.number + 1)
         announced = []
@@ -515,7 +525,7 @@ class Playback:
             if known is not None:
                 new = _with_past(new, known.newest, start)
             elif new.last_s() < start:
-                continue  # over before it could be told
+                continue  # over before its announcement
             live = _Live(new, self._motion)
             live.settled |= {
                 wave
@@ -542,7 +552,7 @@ class Playback:
         return packet
 
     def _uncertain(self, live: _Live) -> bool:
-        """Whether a wave may come before it is told once more where the entity is."""
+        """Return whether a wave may arrive so soon that an update is due."""
         if self._motion is None or self.entity.path is not None:
             return False
         if live.motion is self._motion:
@@ -552,6 +562,8 @@ class Playback:
         if live.motion is not None:
             since = self._motion.time_s - live.motion.time_s
             then = live.motion.position_m + since * live.motion.velocity_m_s
+        # Distance from the extrapolated position: the wave may arrive earlier by at
+        # most this time.
         early = float(np.linalg.norm(here - then)) / self._sound_m_s
         limit = self.time_s + early + self._ahead_s
         return any(
@@ -561,7 +573,7 @@ class Playback:
         )
 
     def _perceived(self, start: float, end: float) -> list[Perceived]:
-        """Return what senses have first within a packet, in order of time."""
+        """Return the perceptions within a packet, sorted by time."""
         found: list[Perceived] = []
         for name, live in self._live.items():
             flash, ground, air = live.newest.arrivals
@@ -606,7 +618,7 @@ class Playback:
     def _slice(
         self, rows: list[tuple[int, np.ndarray]], rate_hz: float, shape: tuple[int, ...]
     ) -> Slice:
-        """Return the sum of what is sampled within the next packet; empty: silence."""
+        """Return the summed samples within the next packet; empty without any."""
         first, last = self._times.samples(self.number, rate_hz)
         total: np.ndarray | None = None
         for begin, samples in rows:
@@ -630,7 +642,7 @@ def packets_of(playback: Playback, stager: Stager) -> Iterator[Packet]:
 
 
 def _with_past(new: Announcement, known: Announcement, now_s: float) -> Announcement:
-    """Leave the arrivals that were as they were."""
+    """Return an update with the past arrivals of the previous announcement."""
     was = {
         wave: time for wave, time in known.arrivals._asdict().items() if time < now_s
     }
@@ -638,10 +650,10 @@ def _with_past(new: Announcement, known: Announcement, now_s: float) -> Announce
 
 
 def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
-    """Return where an entity is over time, as far as is known.
+    """Return the position of an entity, or its path over time.
 
     Args:
-        entity: Its path goes before what it reports.
+        entity: The entity; its own path has priority over reports.
         motion: Last report; None without one.
     """
     if entity.path is not None:
@@ -649,7 +661,7 @@ def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
     if motion is None:
         return entity.position_m
     place = np.maximum(motion.position_m, [-np.inf, -np.inf, 0.0])
-    lasts = STRAIGHT_S
+    lasts = EXTRAPOLATION_S
     if (sinks := -motion.velocity_m_s[2]) * lasts > place[2]:  # it lands before
         lasts = max(place[2] / sinks, 1e-3)
     later = place + lasts * motion.velocity_m_s
@@ -658,7 +670,8 @@ def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
 
 
 def _padded(time: np.ndarray, place: np.ndarray) -> Track:
-    """Return a track of a power of two of knots: who stands on goes on standing."""
+    """Return a path padded to a power of two of knots, at rest at its end."""
+    # Programs are compiled per number of knots: powers of two give at most 12.
     missing = max(2 ** (len(time) - 1).bit_length(), 2) - len(time)
     after = time[-1] + 1.0 + np.arange(missing)
     return Track(
@@ -668,7 +681,7 @@ def _padded(time: np.ndarray, place: np.ndarray) -> Track:
 
 
 def _motion_at(place: np.ndarray | Track, time_s: float) -> Motion:
-    """Return where and how fast one is at a time, level."""
+    """Return position and velocity at a time, with level attitude."""
     if not isinstance(place, Track):
         return Motion(time_s, place, np.zeros(3), LEVEL, np.zeros(3))
     time, knots = np.asarray(place.time), np.asarray(place.position)
@@ -687,14 +700,14 @@ def records_of(
     rate_hz: float,
     laws: dict[str, str],
 ) -> tuple[Record, ...]:
-    """Return what one blast makes of pressure at a place, in order of time.
+    """Return the pressure records of one blast at a position, sorted by time.
 
     Args:
-        scene: Of this one blast.
-        place: East, north, up [m], or where that is over time.
-        sense: "pressure", or "sound", which hears the ground and what air absorbs, too.
-        rate_hz: Samples a second.
-        laws: By quantity.
+        scene: Scene with this blast only.
+        place: East, north, up [m], or a path.
+        sense: "pressure", or "sound" with ground sound and atmospheric absorption.
+        rate_hz: Samples per second.
+        laws: Laws by quantity.
     """
     track = place if isinstance(place, Track) else None
     start = place.position[0] if isinstance(place, Track) else place
@@ -705,7 +718,8 @@ def records_of(
     tail = TAIL_S if sense == "sound" else 0.0
     recorder = SENSOR_KINDS[KINDS[sense]].samples()
     found = []
-    for first, last in _stretches(waves, rate_hz, tail):
+    for first, last in _intervals(waves, rate_hz, tail):
+        # Record lengths are powers of two blocks, for few compiled programs.
         size = BLOCK * 2 ** math.ceil(math.log2(max((last - first) / BLOCK, 1.0)))
         samples = recorder.record(
             scene,
@@ -716,17 +730,17 @@ def records_of(
             laws=laws,
             track=track,
         )
-        found.append(_heard_part(first, rate_hz, np.asarray(samples)[: last - first]))
+        found.append(_trimmed(first, rate_hz, np.asarray(samples)[: last - first]))
     return tuple(record for record in found if record.samples.size)
 
 
-def _stretches(
+def _intervals(
     waves: tuple[Heard, ...], rate_hz: float, tail_s: float
 ) -> list[tuple[int, int]]:
-    """Return first samples, and those after the last, that waves come in."""
+    """Return the intervals of samples with waves, as first and last + 1."""
     spans = sorted(
         (arrival, arrival + lasts + tail_s)
-        for arrival, lasts in (_span(wave) for wave in waves)
+        for arrival, lasts in (_duration(wave) for wave in waves)
         if math.isfinite(arrival)
     )
     found: list[tuple[int, int]] = []
@@ -739,18 +753,20 @@ def _stretches(
     return found
 
 
-def _span(wave: Heard) -> tuple[float, float]:
-    """Return when a wave comes, and how long it lasts [s]."""
+def _duration(wave: Heard) -> tuple[float, float]:
+    """Return arrival and duration of a wave [s]."""
     pulse = wave.pulse
     if isinstance(pulse, GroundPulse):
         if not float(pulse.amplitude) > 0:
             return math.inf, 0.0
-        return float(pulse.arrival_time), GROUND_LASTS * float(pulse.time_constant)
+        return float(pulse.arrival_time), GROUND_TIME_CONSTANTS * float(
+            pulse.time_constant
+        )
     return float(pulse.arrival_time), float(pulse.duration + pulse.suction_duration)
 
 
-def _heard_part(first: int, rate_hz: float, samples: np.ndarray) -> Record:
-    """Leave out what is silent at either end."""
+def _trimmed(first: int, rate_hz: float, samples: np.ndarray) -> Record:
+    """Return a record without the silent samples at both ends."""
     loud = np.flatnonzero(np.abs(samples) >= SILENCE_PA)
     if not loud.size:
         return Record(first, rate_hz, samples[:0])
@@ -759,7 +775,7 @@ def _heard_part(first: int, rate_hz: float, samples: np.ndarray) -> Record:
 
 
 def state_met(vehicle: Vehicle, motion: Motion) -> State:
-    """Return a vehicle's state as it moves, its rotors carrying its weight."""
+    """Return a vehicle's state for a motion, with the rotor speeds of hover."""
     zero = jnp.zeros(())
     weight = vehicle.mass_kg * FLIGHT_GRAVITY
     return State(
@@ -772,17 +788,17 @@ def state_met(vehicle: Vehicle, motion: Motion) -> State:
 
 
 def force_profile(load: BlastLoad, vehicle: Vehicle, state: State) -> ForceProfile:
-    """Return what a blast gives a vehicle.
+    """Return force and moment of a blast on a vehicle.
 
     Args:
-        load: Of one blast, which happens.
+        load: Load of a single blast that happens.
         vehicle: The vehicle.
-        state: As the front comes.
+        state: State at the arrival.
     """
     begins, ends = (float(x) for x in _passing(load, vehicle, state))
     first = math.floor(begins * STEPS_HZ)
     last = math.ceil(ends * STEPS_HZ) + 1
-    steps = min(last - first, MOST_STEPS)
+    steps = min(last - first, MAX_STEPS)
     size = max(2 ** math.ceil(math.log2(steps)), 256)
     edges = np.arange(first, first + size + 1) / STEPS_HZ
     force, moment = (
@@ -795,7 +811,7 @@ def force_profile(load: BlastLoad, vehicle: Vehicle, state: State) -> ForceProfi
 def _passing(
     load: BlastLoad, vehicle: Vehicle, state: State
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return when a blast begins to push, and when it has, by way of the ground too."""
+    """Return beginning and end of a blast's force, reflection included."""
     assert vehicle.body is not None, "models have one"
     body = vehicle.body
 
@@ -816,7 +832,7 @@ def _passing(
 def _means(
     load: BlastLoad, vehicle: Vehicle, state: State, edges: Float[Array, " edge"]
 ) -> tuple[Float[Array, "step 3"], Float[Array, "step 3"]]:
-    """Return mean force and moment over each step, the state held where it is met."""
+    """Return mean force and moment over each step, for the state at the arrival."""
 
     def mean(
         start: Float[Array, ""], end: Float[Array, ""]

@@ -1,8 +1,8 @@
-"""The entities of a world by name, and the times of packets.
+"""Entities of a world, schedule of its blasts, and times of packets.
 
 Packet k covers the time from k/rate to (k + 1)/rate of the world's clock. Rates are
-used as they are written (`1/Fraction("0.1")` is ten), so no time drifts, and a sample
-belongs to one packet whatever the two rates.
+exact decimal fractions (`1/Fraction("0.1")` is ten), so times do not drift, and each
+sample belongs to exactly one packet at any pair of rates.
 """
 
 import bisect
@@ -25,41 +25,46 @@ from jblast.vehicle import named
 from jblast.world.drawn import DrawnWorld
 
 PAST_S = 60.0
-"""A blast is announced to a new client up to this time after it: its wave may still be
-on its way, for 20 km."""
-MOST_ANNOUNCED = 10_000
-"""Blasts that are announced beside those of the scene, at most."""
+"""Age up to which a blast is announced to a new client.
+
+In this time its wave travels 20 km; later waves are inaudible for the charges here.
+"""
+MAX_ANNOUNCED = 10_000
+"""Maximum number of blasts added to those of the scene; declared, bounds memory."""
 T = TypeVar("T")
 CAPACITY = 256
-"""Packets that wait for one entity, at most: 2.56 s at 100 Hz."""
+"""Maximum number of packets waiting for one entity: 2.56 s at 100 Hz; declared.
+
+A longer queue would hide a slow client, whose data is then old.
+"""
 RATES_HZ = (1.0, 1000.0)
-"""Least and most packets a second."""
+"""Range of packets per second: above, messages cost more than their samples."""
 MOST_ENTITIES = 10_000
-"""Registered at once; declared."""
-REMEMBERED = 1000
-"""Of those who were dropped so many are remembered, the latest."""
+"""Maximum number of simultaneous entities; declared."""
+MAX_DROPPED = 1000
+"""Number of disconnected entities that are stored, the latest ones; bounds memory."""
 SENSES = ("flash", "ground", "pressure", "sound", "force")
-"""What an entity may sense; payloads are made of the last three."""
+"""Senses of an entity; the last three have samples."""
 SAMPLED = {"pressure", "sound"}
 SAMPLES_HZ = (100.0, 192_000.0)
-"""Least and most samples a second of who senses pressure or sound."""
+"""Range of samples per second of pressure and sound, up to common audio hardware."""
 LONGEST_NAME = 64
-"""Characters of a name; declared."""
-MOST_KNOTS = 4096
-"""Places of a path, at most."""
+"""Maximum number of characters of a name; declared."""
+MAX_KNOTS = 4096
+"""Maximum number of positions of a path; declared, bounds compile time and memory."""
 Numbers = Sequence[float | int] | Float[np.ndarray, "..."]
-"""Some in a row, as callers have them."""
+"""Array-like of floats."""
 
 
 class BlastSchedule:
-    """The blasts of a world by time; more may be announced ahead of time.
+    """The blasts of a world by time, including blasts added by clients.
 
     Attributes:
         lead_s: Lead of an announcement before its blast [s].
     """
 
     def __init__(self, world: DrawnWorld, lead_s: float):
-        """Begin with what was drawn and what the scene gives.
+        """Begin with the sampled blasts and those of the scene.
 
         Args:
             world: The world.
@@ -80,7 +85,7 @@ class BlastSchedule:
 
     @property
     def charges(self) -> tuple[Charge, ...]:
-        """All of them, in order of time."""
+        """All blasts, sorted by time."""
         return tuple(self._charges)
 
     def announced(self, after_s: float, until_s: float) -> tuple[Charge, ...]:
@@ -90,32 +95,31 @@ class BlastSchedule:
         return tuple(self._charges[first:last])
 
     def announce(self, charge: Charge, now_s: float) -> None:
-        """Add a blast that is yet to come.
+        """Add a future blast.
 
         Args:
-            charge: Its name is new, its time is the lead after now, or later.
-            now_s: How far the foremost entity has come [s].
+            charge: Charge with a new name and a time at least the lead after `now_s`.
+            now_s: Time of the most advanced entity [s].
 
         Raises:
-            InputError: It comes too soon, its name is taken or empty, or there are too
+            InputError: It is too early, its name is taken or empty, or there are too
                 many.
         """
         where = f"blast {shown(charge.name)}"
         when = float(charge.time_s)
         if not charge.name:
-            raise InputError("blast name: expected one, got none")
+            raise InputError("blast name: expected a name, got an empty one")
         if charge.name in self._names:
             raise InputError(f"{where}: expected a new name, got that of another blast")
         if not now_s + self.lead_s < when < math.inf:
             raise InputError(
-                f"{where} time_s: expected one after {now_s + self.lead_s:g} s, as it "
-                f"is {now_s:g} s and blasts are told {self.lead_s:g} s ahead; got "
-                f"{when:g}"
+                f"{where} time_s: expected one after {now_s + self.lead_s:g} s (now "
+                f"{now_s:g} s plus the lead of {self.lead_s:g} s), got {when:g} s"
             )
-        if self._announced >= MOST_ANNOUNCED:
+        if self._announced >= MAX_ANNOUNCED:
             raise InputError(
-                f"{where}: expected at most {MOST_ANNOUNCED:,} announced blasts, got "
-                "more"
+                f"{where}: expected at most {MAX_ANNOUNCED:,} announced blasts, got "
+                "one more"
             )
         place = bisect.bisect_right(self._times, when)
         self._times.insert(place, when)
@@ -125,38 +129,38 @@ class BlastSchedule:
 
 
 class BufferFull(Exception):
-    """There is no room for another packet: who takes them is too slow."""
+    """A packet buffer is full, because its client is too slow."""
 
 
 class PacketBuffer(Generic[T]):
-    """A ring of fixed size; when it is full, nothing is lost: `write` raises.
+    """Ring buffer of packets; `write` raises when it is full.
 
-    No packet is overwritten, because the loss would remain unnoticed. The caller
-    decides how to treat a slow client.
+    No packet is overwritten, because the loss would go unnoticed. The caller decides
+    how to treat a slow client.
     """
 
     def __init__(self, capacity: int = CAPACITY):
-        """Make an empty ring.
+        """Create an empty buffer.
 
         Raises:
-            ValueError: It would hold nothing.
+            ValueError: The capacity is below one packet.
         """
         if capacity < 1:
-            raise ValueError(f"capacity must be one packet or more, got {capacity}")
+            raise ValueError(f"capacity: expected at least 1 packet, got {capacity}")
         self._places: list[T | None] = [None] * capacity
         self._first = 0
         self.waiting = 0
 
     @property
     def capacity(self) -> int:
-        """How many packets fit in."""
+        """Maximum number of packets."""
         return len(self._places)
 
     def write(self, packet: T) -> None:
         """Append a packet.
 
         Raises:
-            BufferFull: There is no room; nothing changes.
+            BufferFull: The buffer is full and unchanged.
         """
         if self.waiting == self.capacity:
             raise BufferFull
@@ -164,10 +168,10 @@ class PacketBuffer(Generic[T]):
         self.waiting += 1
 
     def read(self) -> Iterator[T]:
-        """Take what waits, the oldest first."""
+        """Yield and remove the waiting packets, oldest first."""
         while self.waiting:
             packet = self._places[self._first]
-            self._places[self._first] = None  # let go of
+            self._places[self._first] = None  # release the packet's memory
             self._first = (self._first + 1) % self.capacity
             self.waiting -= 1
             assert packet is not None
@@ -175,25 +179,25 @@ class PacketBuffer(Generic[T]):
 
 
 class PacketTimes(NamedTuple):
-    """How many packets a second, exactly.
+    """Exact times of packets.
 
     Attributes:
-        rate: Packets a second.
+        rate: Packets per second.
     """
 
     rate: Fraction
 
     def start_s(self, number: int) -> float:
-        """Return when a packet begins [s]."""
-        # of whole numbers Python's quotient is the float nearest to it
+        """Return the beginning of a packet [s]."""
+        # Python's quotient of integers is correctly rounded, so no error accumulates.
         return number * self.rate.denominator / self.rate.numerator
 
     def samples(self, number: int, rate_hz: float) -> tuple[int, int]:
-        """Return the first sample that begins within a packet, and that of the next.
+        """Return the first samples of a packet and of the next one.
 
         Args:
-            number: Of the packet.
-            rate_hz: Samples a second.
+            number: Number of the packet.
+            rate_hz: Samples per second.
         """
         part, whole = _samples_each(rate_hz, self.rate)
         return -(-number * part // whole), -(-(number + 1) * part // whole)
@@ -205,57 +209,57 @@ class PacketTimes(NamedTuple):
 
 @functools.cache
 def _samples_each(rate_hz: float, rate: Fraction) -> tuple[int, int]:
-    """Return the samples of a packet as a fraction of whole numbers."""
+    """Return the samples per packet as numerator and denominator."""
     each = exact(rate_hz) / rate
     return each.numerator, each.denominator
 
 
 def exact(rate_hz: float) -> Fraction:
-    """Return a rate as it is written: 0.1 is a tenth, not the float nearest to it."""
+    """Return a rate as the decimal fraction it was written as: 0.1 is 1/10."""
     return Fraction(repr(float(rate_hz)))
 
 
 def packet_times(packets_hz: float) -> PacketTimes:
-    """Return the packets of a rate.
+    """Return the packet times of a rate.
 
     Raises:
-        InputError: It is out of range.
+        InputError: The rate is out of range.
     """
     if not RATES_HZ[0] <= packets_hz <= RATES_HZ[1]:
         raise InputError(
             f"{argument('packets_hz')}: expected {RATES_HZ[0]:g} to {RATES_HZ[1]:g} "
-            f"packets a second, got {packets_hz:g}"
+            f"packets per second, got {packets_hz:g}"
         )
     return PacketTimes(exact(packets_hz))
 
 
 class Lockstep(NamedTuple):
-    """Time goes on for each entity as it asks for packets, as fast as that may be.
+    """Clock that advances for each entity with its requests for packets.
 
-    What a packet holds depends on its number, and not on how long anything took.
+    The content of a packet depends on its number only, not on computing times.
     """
 
 
 class ScaledRealTime:
-    """Time goes on by the wall clock, the same for all, once somebody has come.
+    """Clock that follows the wall clock for all entities, from the first client on.
 
     Attributes:
-        speed: Seconds of the world a second.
+        speed: World time per real time [-].
     """
 
     def __init__(self, speed: float, now: Callable[[], float] = time.monotonic):
-        """Stand at 0.
+        """Create a clock at 0 that does not run yet.
 
         Args:
-            speed: Seconds of the world a second.
-            now: A clock that does not jump.
+            speed: World time per real time [-].
+            now: A monotonic clock [s].
         """
         self.speed = speed
         self._now = now
         self._began: float | None = None
 
     def begin(self) -> None:
-        """Go, unless it goes already."""
+        """Start the clock, unless it runs already."""
         if self._began is None:
             self._began = self._now()
 
@@ -264,7 +268,7 @@ class ScaledRealTime:
         return 0.0 if self._began is None else (self._now() - self._began) * self.speed
 
     def wait_s(self, world_s: float) -> float:
-        """Return how long until the world's clock says so; not below 0 [s]."""
+        """Return the real time until a time of the world [s]; at least 0."""
         return max((world_s - self.world_s()) / self.speed, 0.0)
 
 
@@ -272,28 +276,28 @@ Clock = Lockstep | ScaledRealTime
 
 
 class NameTaken(InputError):
-    """There is an entity of this name already."""
+    """An entity of this name exists already."""
 
 
 class WorldFull(InputError):
-    """There are as many entities as fit."""
+    """The maximum number of entities is reached."""
 
 
 class NotRegistered(InputError):
-    """Nobody of this name and ticket takes part."""
+    """No entity has this name and ticket."""
 
 
 class Entity(NamedTuple):
-    """One who takes part.
+    """A participant of a world.
 
     Attributes:
-        name: Unique among entities.
-        senses: Some of `SENSES`.
-        position_m: Where it stands, or starts: east, north, up [m].
-        path: Times [s] and places [m] that it will be at, straight between and at rest
-            before and after; None: it stands, or reports how it moves.
-        vehicle: Model that feels the force; "" without one.
-        samples_hz: Of pressure and sound [Hz].
+        name: Unique name.
+        senses: Subset of `SENSES`.
+        position_m: Position, or initial position: east, north, up [m].
+        path: Times [s] and positions [m], linear between and at rest before and after;
+            None: at rest, or reported by the client.
+        vehicle: Vehicle model for the force; "" without one.
+        samples_hz: Sampling rate of pressure and sound [Hz].
     """
 
     name: str
@@ -305,11 +309,11 @@ class Entity(NamedTuple):
 
 
 class Registered(NamedTuple):
-    """An entity and what it shows that it is the one that registered.
+    """A registered entity with its ticket.
 
     Attributes:
         entity: The entity.
-        ticket: A secret word that only this entity received.
+        ticket: Secret token that authenticates the entity's client.
     """
 
     entity: Entity
@@ -317,12 +321,12 @@ class Registered(NamedTuple):
 
 
 class Dropped(NamedTuple):
-    """One who was dropped.
+    """A disconnected client.
 
     Attributes:
-        name: Of the entity; "" if it had not said.
-        peer: Where it spoke from.
-        why: What it did.
+        name: Name of the entity; "" if unknown.
+        peer: Network address of the client.
+        why: Reason.
     """
 
     name: str
@@ -334,15 +338,15 @@ class Registry:
     """Entities by name.
 
     Attributes:
-        dropped: Those who were dropped, the latest last.
-        dropped_count: How many in all.
+        dropped: Disconnected clients, the latest last.
+        dropped_count: Total number of disconnected clients.
     """
 
     def __init__(self, most: int = MOST_ENTITIES):
-        """Begin with nobody."""
+        """Create an empty registry of at most `most` entities."""
         self._most = most
         self._by_name: dict[str, Registered] = {}
-        self.dropped: deque[Dropped] = deque(maxlen=REMEMBERED)
+        self.dropped: deque[Dropped] = deque(maxlen=MAX_DROPPED)
         self.dropped_count = 0
 
     def __len__(self) -> int:
@@ -352,16 +356,16 @@ class Registry:
         return name in self._by_name
 
     def register(self, entity: Entity) -> Registered:
-        """Let an entity take part.
+        """Add an entity.
 
         Raises:
-            NameTaken: Another has its name.
-            WorldFull: There is no room.
+            NameTaken: Another entity has its name.
+            WorldFull: The maximum number of entities is reached.
         """
         if entity.name in self._by_name:
             raise NameTaken(
-                f"entity {shown(entity.name)}: expected another name, got that of one "
-                "who takes part already"
+                f"entity {shown(entity.name)}: expected another name, got that of a "
+                "registered entity"
             )
         if len(self) >= self._most:
             raise WorldFull(f"expected at most {self._most:,} entities, got one more")
@@ -370,27 +374,27 @@ class Registry:
         return registered
 
     def of(self, name: str, ticket: str) -> Entity:
-        """Return the entity that shows its ticket.
+        """Return the entity of a name and ticket.
 
         Raises:
-            NotRegistered: There is none.
+            NotRegistered: The name is unknown or the ticket differs.
         """
         found = self._by_name.get(name)
         if found is None or not secrets.compare_digest(
             found.ticket.encode(), ticket.encode()
         ):
             raise NotRegistered(
-                f"entity {shown(name)}: expected one that takes part, and its ticket; "
-                f"got {'no such' if found is None else 'another ticket'}"
+                f"entity {shown(name)}: expected a registered entity and its ticket, "
+                f"got {'no such entity' if found is None else 'another ticket'}"
             )
         return found.entity
 
     def leave(self, name: str) -> None:
-        """Let go of an entity; its name is free again."""
+        """Remove an entity; its name becomes available again."""
         self._by_name.pop(name, None)
 
     def drop(self, name: str, peer: str, why: str) -> Dropped:
-        """Let go of one who misbehaves, and remember it."""
+        """Remove an entity and store the reason."""
         self.leave(name)
         gone = Dropped(name, peer, why)
         self.dropped.append(gone)
@@ -399,12 +403,12 @@ class Registry:
 
 
 class Motion(NamedTuple):
-    """Motion of an entity, as it reports it.
+    """Reported motion of an entity.
 
     Attributes:
-        time_s: When, on the common clock [s].
+        time_s: Time on the common clock [s].
         position_m: East, north, up [m].
-        velocity_m_s: Likewise [m/s].
+        velocity_m_s: East, north, up [m/s].
         quaternion: Body to world, scalar last.
         body_rate_rad_s: Body axes [rad/s].
     """
@@ -425,18 +429,18 @@ def checked_entity(
     vehicle: str = "",
     samples_hz: float | int | None = None,
 ) -> Entity:
-    """Return an entity, looked at before it is let in.
+    """Return an entity after checking its properties.
 
     Args:
         name: Printable, at most `LONGEST_NAME` characters.
-        senses: Some of `SENSES`, at least one.
-        position_m: East, north, up [m]; or
-        path: times [s] that rise and the places [m] at them.
-        vehicle: Model that feels the force; needed by who senses it.
-        samples_hz: Of pressure and sound; None: 8000 Hz.
+        senses: Subset of `SENSES`, at least one.
+        position_m: East, north, up [m]; alternatively `path`.
+        path: Ascending times [s] and positions [m].
+        vehicle: Vehicle model; required for the sense "force".
+        samples_hz: Sampling rate of pressure and sound; None: 8000 Hz.
 
     Raises:
-        InputError: Any of these cannot be used.
+        InputError: A property is invalid.
     """
     where = f"entity {shown(name)}"
     if not (0 < len(name) <= LONGEST_NAME and name.isprintable()):
@@ -451,10 +455,12 @@ def checked_entity(
                 f"{shown(sense)}{nearest(sense, SENSES)}"
             )
     if not senses:
-        raise InputError(f"{where} senses: expected some of {', '.join(SENSES)}")
+        raise InputError(
+            f"{where} senses: expected some of {', '.join(SENSES)}, got none"
+        )
     if (position_m is None) == (path is None):
         came = "neither" if path is None else "both"
-        raise InputError(f"{where}: expected either a place or a path, got {came}")
+        raise InputError(f"{where}: expected either a position or a path, got {came}")
     track = None if path is None else _path(where, *path)
     if track is not None:
         position_m = track[1][0]
@@ -466,8 +472,8 @@ def checked_entity(
         )
     if "force" in senses and not vehicle:
         raise InputError(
-            f"{where} vehicle: expected the model that feels the force, one of "
-            f"{', '.join(VEHICLE_MODELS)}; got none"
+            f"{where} vehicle: expected one of {', '.join(VEHICLE_MODELS)} for the "
+            "sense force, got none"
         )
     if vehicle:
         named(vehicle)
@@ -488,21 +494,21 @@ def checked_motion(
     quaternion: Numbers = (0.0, 0.0, 0.0, 1.0),
     body_rate_rad_s: Numbers = (0.0, 0.0, 0.0),
 ) -> Motion:
-    """Return what an entity reports of its motion, looked at.
+    """Return the motion of an entity after checking its numbers.
 
     Args:
-        time_s: When, on the common clock [s].
+        time_s: Time on the common clock [s].
         position_m: East, north, up [m].
-        velocity_m_s: Likewise [m/s].
+        velocity_m_s: East, north, up [m/s].
         quaternion: Body to world, scalar last, of any length but 0.
         body_rate_rad_s: Body axes [rad/s].
 
     Raises:
-        InputError: One of them is no number, or of another length.
+        InputError: A number is not finite, or a vector has another length.
     """
     turn = numbers("motion quaternion", quaternion, 4)
     if not (length := float(np.linalg.norm(turn))) > 0:
-        raise InputError("motion quaternion: expected one of a length, got zeros")
+        raise InputError("motion quaternion: expected a positive length, got zeros")
     if not math.isfinite(time_s):
         raise InputError(f"motion time_s: expected a finite number, got {time_s}")
     return Motion(
@@ -515,10 +521,10 @@ def checked_motion(
 
 
 def numbers(where: str, values: Numbers, count: int) -> np.ndarray:
-    """Return so many finite numbers as an array.
+    """Return an array of `count` finite numbers.
 
     Raises:
-        InputError: They are not.
+        InputError: The count differs or a number is not finite.
     """
     found = np.asarray(values, float)
     if found.shape != (count,) or not np.isfinite(found).all():
@@ -529,16 +535,16 @@ def numbers(where: str, values: Numbers, count: int) -> np.ndarray:
 
 
 def above_ground(where: str, values: Numbers) -> np.ndarray:
-    """Return a place on the ground or above it, east, north, up [m].
+    """Return a position on or above the ground, east, north, up [m].
 
     Raises:
-        InputError: It is none.
+        InputError: It is not a position, or below the ground.
     """
     place = numbers(where, values, 3)
     if place[2] < 0:
         raise InputError(
-            f"{where}: expected a place on the ground or above it, got "
-            f"{place[2]:g} m up"
+            f"{where}: expected a position on or above the ground, got up = "
+            f"{place[2]:g} m"
         )
     return place
 
@@ -548,14 +554,19 @@ def _path(
     times: Numbers,
     places: Sequence[Numbers] | Float[np.ndarray, "knot 3"],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the knots of a path."""
-    if not 1 <= len(times) == len(places) <= MOST_KNOTS:
+    """Return times and positions of a path."""
+    if not 1 <= len(times) == len(places) <= MAX_KNOTS:
         raise InputError(
-            f"{where} path: expected 1 to {MOST_KNOTS} times and as many places, got "
+            f"{where} path: expected 1 to {MAX_KNOTS} times and as many positions, got "
             f"{len(times)} and {len(places)}"
         )
     when = numbers(f"{where} path time_s", times, len(times))
-    if (np.diff(when) <= 0).any():
-        raise InputError(f"{where} path time_s: expected rising times, got others")
+    falls = np.flatnonzero(np.diff(when) <= 0)
+    if falls.size:
+        before, after = when[falls[0]], when[falls[0] + 1]
+        raise InputError(
+            f"{where} path time_s: expected ascending times, got {after:g} s after "
+            f"{before:g} s"
+        )
     place = [above_ground(f"{where} path position_m", place) for place in places]
     return when, np.stack(place)

@@ -47,7 +47,7 @@ def tcp() -> Link:
 
 def test_a_port_that_is_taken_is_refused():
     link = tcp()
-    with pytest.raises(InputError, match=f"got {link.address}, which is taken"):
+    with pytest.raises(InputError, match=f"got {link.address}, which is in use"):
         Link(link.address, "mavlink")
     link.close()
 

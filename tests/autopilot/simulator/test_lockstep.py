@@ -95,7 +95,7 @@ def test_before_it_is_armed_the_vehicle_and_its_clock_stand():
 def test_disarmed_in_flight_its_rotors_stand():
     half = {"controls": [0.5] * 16}
     flight, _ = flown([half, half | {"mode": 1}, "gone"])
-    asked = [row.asked_rad_s[0] for row in flight.rows]
+    asked = [row.command_rad_s[0] for row in flight.rows]
     assert asked == [50.0, 0.0, 0.0]
 
 
@@ -107,7 +107,7 @@ def test_an_answer_to_an_earlier_turn_is_passed_over_and_counted():
 ENDS = {
     "hung up": (["gone"], "the connection was closed"),
     "silent": ([None], "no answer came within 0.05 s"),
-    "early": ([{"time_usec": 10**9}], "got some for 1000000000 us: messages out of"),
+    "early": ([{"time_usec": 10**9}], "controls for 1000000000 us: messages out of"),
     "not in lockstep": ([{"flags": 0}], "expected an autopilot in lockstep, bit 0"),
 }
 

@@ -123,7 +123,7 @@ def test_actions_of_another_shape_and_a_step_before_a_reset_are_refused(lanes):
 
 
 def test_options_beside_params_are_refused():
-    with pytest.raises(InputError, match="expected them alone, got spread_m"):
+    with pytest.raises(InputError, match="expected no other options, got spread_m"):
         QuadrotorBlast(2, params=PARAMS, spread_m=1.0)
 
 

@@ -19,7 +19,7 @@ LOOPS = Cascade(HOME, named_gains("iris").body_rate)
 
 @jax.jit
 def pull_of(state, memory):
-    return cascade._pull(LOOPS, state, IRIS, memory, PERIOD)
+    return cascade._commanded_acceleration(LOOPS, state, IRIS, memory, PERIOD)
 
 
 @jax.jit

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.vehicle import PositionHold, StepGust, named, named_gains, simulate
-from jblast.vehicle.control.allocation import led
+from jblast.vehicle.control.allocation import lead_compensated
 from jblast.vehicle.control.stability import chains, growth, hold_margins
 from tests.vehicle.flights import at_hover
 
@@ -23,14 +23,16 @@ def test_a_led_motor_is_asked_for_more_than_is_wanted_within_its_limits():
     vehicle = named("crazyflie")
     turns = jnp.array([1000.0, 1000.0, 2400.0, 100.0])
     wanted = jnp.array([1100.0, 900.0, 2500.0, 0.0])
-    asked = led(vehicle, jnp.asarray(LEAD), turns, wanted)
+    asked = lead_compensated(vehicle, jnp.asarray(LEAD), turns, wanted)
     fast = float(vehicle.rotor_speed_max_rad_s)
     np.testing.assert_allclose(asked, [1300.0, 700.0, fast, 0.0])
 
 
 def test_without_a_lead_a_motor_is_asked_for_what_is_wanted():
     wanted = jnp.array([1100.0, 900.0, 2400.0, 700.0])
-    asked = led(named("crazyflie"), jnp.asarray(1.0), jnp.full(4, 1000.0), wanted)
+    asked = lead_compensated(
+        named("crazyflie"), jnp.asarray(1.0), jnp.full(4, 1000.0), wanted
+    )
     np.testing.assert_allclose(asked, wanted)
 
 

@@ -6,9 +6,9 @@ from typing import Any
 import jax.numpy as jnp
 import pytest
 
-from jblast.vehicle.rollout import Now, OneStep, Ticks, fly
+from jblast.vehicle.rollout import FlightState, OneStep, Ticks, fly
 
-few = sys.modules[fly.__module__]._few
+few = sys.modules[fly.__module__]._advance_block
 
 
 class Counting(OneStep):
@@ -17,10 +17,10 @@ class Counting(OneStep):
     def __init__(self):
         pass
 
-    def advance(self, now: Any, tick: Ticks) -> Now:
+    def advance(self, now: Any, tick: Ticks) -> FlightState:
         return now._replace(motion=now.motion + 1)
 
-    def advance_pushed(self, now: Any, tick: Ticks) -> Now:
+    def advance_pushed(self, now: Any, tick: Ticks) -> FlightState:
         return now._replace(command=now.command + 1)
 
 
@@ -38,5 +38,5 @@ def test_a_front_within_the_last_step_of_a_block_is_met(front_s, reached):
     )
     none: Any = jnp.zeros(())
     fronts = (jnp.asarray(7.0), jnp.asarray(front_s))
-    after = few(Counting(), Now(none, None, none, (), none, fronts), ticks)
+    after = few(Counting(), FlightState(none, None, none, (), none, fronts), ticks)
     assert (after.motion, after.command) == ((0, 2) if reached else (2, 0))

@@ -117,7 +117,7 @@ ANNOUNCED = {
     "too soon": (Charge(1.0, time_s=0.5, name="a"), "time_s: expected one after 0.6 s"),
     "never": (Charge(1.0, time_s=math.inf, name="a"), "time_s: expected"),
     "another's name": (Charge(1.0, time_s=9.0, name="1"), "expected a new name"),
-    "no name": (Charge(1.0, time_s=9.0), "name: expected one"),
+    "no name": (Charge(1.0, time_s=9.0), "name: expected a name"),
 }
 
 
@@ -136,17 +136,17 @@ ENTITIES = {
     "an unknown sense": (("a", ["sond"]), {}, "did you mean sound"),
     "no place": (("a", ["flash"]), {"position_m": None}, "got neither"),
     "both": (("a", ["flash"]), {"path": ([0.0], [HERE])}, "got both"),
-    "underground": (("a", ["flash"]), {"position_m": [0, 0, -1]}, "-1 m up"),
+    "underground": (("a", ["flash"]), {"position_m": [0, 0, -1]}, "up = -1 m"),
     "NaN": (("a", ["flash"]), {"position_m": [0, 0, math.nan]}, "3 finite numbers"),
     "two numbers": (("a", ["flash"]), {"position_m": [0, 0]}, "3 finite numbers"),
     "a rate too high": (("a", ["sound"]), {"samples_hz": 1e6}, "100 to 192,000"),
     "a rate that is none": (("a", ["sound"]), {"samples_hz": math.nan}, "samples_hz"),
-    "no vehicle": (("a", ["force"]), {}, "vehicle: expected the model"),
+    "no vehicle": (("a", ["force"]), {}, "vehicle: expected one of"),
     "an unknown one": (("a", ["force"]), {"vehicle": "iri"}, "did you mean iris"),
     "falling times": (
         ("a", ["flash"]),
         {"position_m": None, "path": ([1.0, 0.0], [HERE, HERE])},
-        "rising times",
+        "expected ascending times, got 0 s after 1 s",
     ),
     "half a path": (
         ("a", ["flash"]),
@@ -169,7 +169,7 @@ def test_who_cannot_take_part_is_refused(name):
         (((math.nan), HERE), "time_s: expected a finite number"),
         ((0.0, [0, 0]), "position_m: expected 3"),
         ((0.0, HERE, [math.inf, 0, 0]), "velocity_m_s: expected 3 finite"),
-        ((0.0, HERE, HERE, [0, 0, 0, 0]), "quaternion: expected one of a length"),
+        ((0.0, HERE, HERE, [0, 0, 0, 0]), "quaternion: expected a positive length"),
     ],
 )
 def test_a_motion_that_is_no_motion_is_refused(given, message):

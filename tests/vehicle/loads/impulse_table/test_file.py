@@ -65,7 +65,7 @@ def test_the_sample_s_moments_are_about_a_point_100_m_away(tmp_path):
     ("text", "message"),
     [
         ("", "line 1: the file is empty"),
-        (",".join(COLUMNS), "line 1: nothing after the header"),
+        (",".join(COLUMNS), "line 1: expected one case per row, got only a header"),
         (
             ",".join(COLUMNS[:8]) + "\n1,2,3,4,5,6,7,8",
             r"line 1: missing column Mm \(N\*m\*s\), Mn \(N\*m\*s\)",
@@ -93,7 +93,7 @@ def test_the_sample_s_moments_are_about_a_point_100_m_away(tmp_path):
         ),
         (
             ",".join(COLUMNS) + 2 * "\n0.1,1,90,4,5,6,7,8,9,10",
-            "line 3: expected a new distance or direction, got those of line 2",
+            "line 3: expected a new distance or direction, got the same as in line 2",
         ),
     ],
 )
