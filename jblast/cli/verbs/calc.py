@@ -361,16 +361,16 @@ def _check_options(options: argparse.Namespace, measured: Sequence[str]) -> None
     for other in ("json", "csv"):
         if options.units == "us" and _given(options, other):
             raise InputError(
-                f"--units: expected si with --{other}, whose names end in SI units; got "
-                "us"
+                f"--units: expected si with --{other}, whose names end in SI units; "
+                "got us"
             )
         if options.table and _given(options, other):
             raise InputError(f"expected --table or --{other}, got both")
     for rival in ("pressure", "temperature"):
         if options.altitude is not None and _given(options, rival) is not None:
             raise InputError(
-                f"--altitude: expected --altitude, or --temperature and --pressure; got "
-                f"--altitude and --{rival}"
+                f"--altitude: expected --altitude, or --temperature and --pressure; "
+                f"got --altitude and --{rival}"
             )
 
 
@@ -477,8 +477,8 @@ def selection(options: argparse.Namespace) -> tuple[str, str]:
     quantity, law = options.quantity or "", options.law or ""
     if quantity and measured:
         raise InputError(
-            f"--quantity: expected --mass and --range, got --{measured[0]}, which finds "
-            "the range or the mass"
+            f"--quantity: expected --mass and --range, got --{measured[0]}, which "
+            "finds the range or the mass"
         )
     laws = calculated_laws()
     known = {one.quantity for one in laws} | set(COMBINATIONS)

@@ -249,7 +249,7 @@ def tune_gains_of(options: argparse.Namespace) -> bool:
     from jblast.report.gain_files import write_gains
     from jblast.report.gains import gains_answer, gains_text
     from jblast.scene import read_scene
-    from jblast.study.gains import Wish, tune_gains
+    from jblast.study.gains import TuningSettings, tune_gains
 
     if options.out:
         check_directory(options.out, options.force)
@@ -261,7 +261,7 @@ def tune_gains_of(options: argparse.Namespace) -> bool:
         if (value := getattr(options, option)) is not None
     }
     begin("tuning")
-    tuned = tune_gains(uncertain, Wish(**given))
+    tuned = tune_gains(uncertain, TuningSettings(**given))
     begin("writing")
     written: tuple[str, ...] = ()
     if options.out:
