@@ -67,33 +67,34 @@ FEWEST_OF_INTERVAL = 19
 SEGMENTS = 5
 """Segments of a record, each held out once: as in five-fold cross-validation."""
 RESTART_HALF_WIDTHS = 8.0
-"""Half widths of a window after which an integration restarts: about 1.3 periods, so that
-chaos and phase drift do not decide the prediction."""
+"""Half widths of a window after which an integration restarts: about 1.3 periods, so
+that chaos and phase drift do not decide the prediction."""
 MIN_SKILL = 0.3
 """Share by which a law must reduce the squared error of the better guess, declared."""
 SIGNIFICANCE = 1e-3
-"""p below which residuals are more than noise: three tests of each of several states."""
+"""p below which residuals are more than noise: three tests of each of several
+states."""
 MIN_MEMBERS = 5
 """Members of the ensemble that are needed for a p: fewer give no standard deviation."""
 MIN_SD = (0.1, 0.05, 0.05)
 """Smallest standard deviations of the three statistics: smaller differences are due to
 quadrature and smoothing, not to noise."""
 EXACT = 1e-6
-"""Residual, as a share of the derivative's square, below which a fit counts as exact and
-is not tested: it is the error of quadrature."""
+"""Residual, as a share of the derivative's square, below which a fit counts as exact
+and is not tested: it is the error of quadrature."""
 WINDOWS_PER_TERM = 4
 """Windows for each candidate outside of the search at least: with fewer, some candidate
 resembles any residual."""
 Find = Callable[[Bool[np.ndarray, " window"]], Float[np.ndarray, "state term"]]
 """Function from a mask of windows to coefficients."""
 CLOSE = 0.1
-"""Misfit relative to the standard deviation of a state up to which it is reproduced: 1 %
-of its variance."""
+"""Misfit relative to the standard deviation of a state up to which it is reproduced:
+1 % of its variance."""
 DIVERGED_SPREADS = 1e3
 """Standard deviations of a state at which an integration is stopped as diverged."""
 MAX_CALLS = 500
-"""Evaluations of the equations per row at which an integration is stopped: a stiff wrong
-equation would not end."""
+"""Evaluations of the equations per row at which an integration is stopped: a stiff
+wrong equation would not end."""
 TOLERANCE = 1e-6
 """Relative tolerance of the integrator, far below any noise."""
 
@@ -556,7 +557,8 @@ def held_out_skill(
 ) -> Float[np.ndarray, " state"]:
     """Return the skill of equations on held-out segments relative to a guess.
 
-    The coefficients are fitted without the segment; the terms were chosen with all rows.
+    The coefficients are fitted without the segment; the terms were chosen with all
+    rows.
     """
     rows = len(record.time_s)
     place = np.log(record.time_s) if record.relative else record.time_s

@@ -21,7 +21,8 @@ from jblast.errors import InputError
 from jblast.waves import sedov_taylor_shock_radius
 
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
-"""Noise relative to a state's standard deviation; relative to the radius for a shock."""
+"""Noise relative to a state's standard deviation; relative to the radius for a
+shock."""
 SEEDS = 20
 """Records for each noise level: a share then has a standard error of 0.1."""
 MEMBERS = 40
@@ -31,13 +32,15 @@ ROWS_APART_S = 0.02
 GUST_M_S, GUST_PERIOD_S = 14.0, 4.0
 """Amplitude [m/s] and period [s] of the wind, declared."""
 FLIGHT_S = 16.0
-"""Duration of the flight [s], four periods of the wind, while the vehicle stays level."""
+"""Duration of the flight [s], four periods of the wind, while the vehicle stays
+level."""
 COMMANDS = (0.9, 1.1, 0.95, 1.2, 0.8, 1.05, 0.85, 1.15)
 """Commanded rotor speeds in turn, relative to the speed at hover."""
 COMMAND_S = 0.4
 """Duration of each command [s], much longer than the motor lag."""
 SHOCK_S = (4e-4, 25e-3)
-"""First and last time [s], within those of Taylor's pictures of Trinity, 0.1 to 62 ms."""
+"""First and last time [s], within those of Taylor's pictures of Trinity, 0.1 to
+62 ms."""
 SHOCK_ROWS = 60
 """Rows, evenly spaced in ln of the time, declared."""
 SHOCK_KG = 20e6

@@ -412,8 +412,8 @@ def _smooth(
     """Return the spline of each column at the rows."""
     gaps = np.diff(time)
     left, right = 1.0 / gaps[:-1], 1.0 / gaps[1:]
-    # column j of Q has left, -(left + right), right at the rows j, j + 1, j + 2, so that
-    # the matrix is banded and a solution costs as much as the rows
+    # column j of Q has left, -(left + right), right at the rows j, j + 1, j + 2, so
+    # that the matrix is banded and a solution costs as much as the rows
     middle = -(left + right)
     bands = np.zeros((3, len(middle)))
     bands[2] = (gaps[:-1] + gaps[1:]) / 3.0

@@ -19,7 +19,8 @@ SIGNIFICANT = 3.0
 RIDGE = 1e-10
 """Ridge penalty for columns of unit mean square: too small to change a coefficient."""
 REPEATED = 1e-6
-"""Residual share of a term after regression on earlier ones below which it repeats them."""
+"""Residual share of a term after regression on earlier ones below which it repeats
+them."""
 COLLINEAR = 10.0
 """Variance inflation factor of two terms above which they count as nearly collinear:
 the usual limit (Marquardt 1970, Technometrics 12:591). Regression on one then leaves

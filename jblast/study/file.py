@@ -312,7 +312,8 @@ def size_of(document: dict[str, Any], source: str) -> tuple[int, dict[str, float
     if "samples" not in document:
         if not targets:
             raise InputError(
-                f"{source}: samples: expected a number of samples, or sd_target, got neither"
+                f"{source}: samples: expected a number of samples, or sd_target, got "
+                "neither"
             )
         return MAX_SAMPLES_FOR_TARGETS, {
             name: float(value) for name, value in targets.items()

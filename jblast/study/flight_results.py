@@ -64,8 +64,8 @@ QUANTILES = (0.05, 0.5, 0.95)
 TOLERANCE_M = 0.05
 """Default path error within which a vehicle has recovered [m], by declaration."""
 WINDOW_S = 5e-5
-"""Averaging time of an acceleration [s]: a tenth of the time that a front takes to cross
-a vehicle, so that the peak is resolved."""
+"""Averaging time of an acceleration [s]: a tenth of the time that a front takes to
+cross a vehicle, so that the peak is resolved."""
 WINDOWS = np.arange(-20.0, 80.0)
 """Windows around an arrival, -1 to 4 ms: they cover the passage of a front."""
 ThesisLoad = PrintedLoad | CodedLoad
@@ -453,7 +453,7 @@ def load_of(scene: Scene, profile: Profile | None, by: LoadLaw = "laws") -> Flig
 def arrival_at(
     load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
 ) -> Float[Array, " blast"]:
-    """Return the arrivals of blasts at a position [s]; infinite if they do not occur."""
+    """Return the arrivals of blasts at a position [s]; infinite for no blast."""
     if isinstance(load, CustomProfile):
         return (load.time_s + load.impulse_at(position_m, quaternion)[2])[None]
     return load.arrival_time_s(position_m)

@@ -1,10 +1,11 @@
 """Flights of a scene's vehicles with position controllers through its blasts.
 
-One flight is simulated, or many that are sampled from the scene's priors. A flight begins at time 0 of the
-scene's clock, over level ground at height 0, in the scene's wind. Each vehicle flies
-once with each controller. If none is named, these are the SE(3) controller with and
-without integral action: without it wind leaves a permanent offset, and the vehicle does
-not recover. Vehicles with instruments are controlled by an estimate of their state.
+One flight is simulated, or many that are sampled from the scene's priors. A flight
+begins at time 0 of the scene's clock, over level ground at height 0, in the scene's
+wind. Each vehicle flies once with each controller. If none is named, these are the
+SE(3) controller with and without integral action: without it wind leaves a permanent
+offset, and the vehicle does not recover. Vehicles with instruments are controlled by an
+estimate of their state.
 """
 
 import math
@@ -79,7 +80,7 @@ _exposed_each = eqx.filter_jit(
 followed_along = kept(followed)
 thrown_of = kept(thrown)
 AFTER_S = 5.0
-"""Default time after the last arrival [s]: a vehicle that recovers does so in 2 to 3 s."""
+"""Default time after the last arrival [s], declared."""
 MAX_STEPS = 4_000_000
 """Steps of a flight, by declaration: half an hour at the default step."""
 ROWS = 20_000

@@ -14,11 +14,11 @@ Sequential quadratic programming (Kraft 1988, SciPy's SLSQP) searches from the s
 gains, whose margins may be too small, to the nearest local optimum.
 
 The flights of the search use the semi-implicit Euler rule, whose program is a third of
-that of RK4, and a few of many sampled flights. Of the best gains found, the result is the
-set with the best value over the many flights, among those whose largest peak does not
-exceed the largest with the scene's gains, if there are any. Unseen flights are computed
-as by `jblast fly`. Blasts that crash the vehicle with the scene's own gains are left
-out of the tuning, but not out of the evaluation.
+that of RK4, and a few of many sampled flights. Of the best gains found, the result is
+the set with the best value over the many flights, among those whose largest peak does
+not exceed the largest with the scene's gains, if there are any. Unseen flights are
+computed as by `jblast fly`. Blasts that crash the vehicle with the scene's own gains
+are left out of the tuning, but not out of the evaluation.
 """
 
 from collections.abc import Callable
@@ -71,7 +71,8 @@ from jblast.vehicle.controllers import gains_controller
 MAX_STEPS = 60
 """Limit of the steps of the search; the best gains so far are used beyond it."""
 MAX_LN_FACTOR = np.log(30.0)
-"""Bound of a factor in ln, far beyond those at which the margins constrain the search."""
+"""Bound of a factor in ln, far beyond those at which the margins constrain the
+search."""
 CANDIDATES = 12
 """Best gains of the search that are compared over all sampled flights."""
 UNSEEN_SEED_OFFSET = 1_000_003
@@ -80,8 +81,8 @@ SLACK = 0.002
 """Relative distance of the search from the margins: SLSQP violates constraints a
 little, and four printed digits round the gains."""
 SAMPLED_PER_FLIGHT, STRONGEST_SHARE = 8, 4
-"""Sampled flights for each flight of the search. One in `STRONGEST_SHARE` flights of the
-search has one of the highest peaks; the others represent all at even ranks."""
+"""Sampled flights for each flight of the search. One in `STRONGEST_SHARE` flights of
+the search has one of the highest peaks; the others represent all at even ranks."""
 TUNING_STEP_S = 1e-3
 """Longest time step: twice that of `jblast fly`, and half the cost of a gradient."""
 FLIGHT_EXTENSION_S = -2.0
@@ -492,8 +493,8 @@ def _unreachable(
     return (
         f"{uncertain.source or 'scene'}: expected attainable margins, got "
         f"{settings.margin_db:g} dB and {settings.margin_deg:g} degrees; the scene's "
-        f"gains have {gain:.3g} dB and {phase:.3g} degrees with a motor lag of {lag:g} s "
-        f"and a dead time of {dead:.3g} s"
+        f"gains have {gain:.3g} dB and {phase:.3g} degrees with a motor lag of {lag:g} "
+        f"s and a dead time of {dead:.3g} s"
     )
 
 

@@ -96,7 +96,8 @@ one is a crash."""
 AFTER_DISARMING_S = 1.0
 """Time stored after the vehicle is disarmed [s], to show that it is at rest."""
 WATCHED_S = 10.0
-"""Time after its arrival in which a deviation is attributed to a blast [s], declared."""
+"""Time after its arrival in which a deviation is attributed to a blast [s],
+declared."""
 
 
 @dataclass(frozen=True)
@@ -567,8 +568,8 @@ def _once(
 def crash_of(flight: Trajectory) -> tuple[str, float]:
     """Return cause and time [s] of a crash; "" and infinity without one.
 
-    A vehicle crashes if it hits the ground (height 0) faster than a landing, turns over,
-    or diverges.
+    A vehicle crashes if it hits the ground (height 0) faster than a landing, turns
+    over, or diverges.
     """
     time = np.asarray(flight.time_s)
     i, j = np.asarray(flight.quaternion)[:, :2].T

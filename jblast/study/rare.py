@@ -7,10 +7,10 @@ $g$ is linear. This design point is found by the steps of Rackwitz and Fiessler 
 
 $$u_{k+1} = \frac{\nabla g^T u_k - g}{|\nabla g|^2}\,\nabla g,$$
 
-each shortened until the merit $\tfrac12|u|^2 + c\,|g|$ falls (Zhang and Der Kiureghian 1995).
-An event may have several such points. Searches start at random and at the mirror image
-of each point found. After $n$ searches that ended at $w$ different points the expected
-number of points is (Boender and Rinnooy Kan 1987, Math. Program. 37:59, eq. 9)
+each shortened until the merit $\tfrac12|u|^2 + c\,|g|$ falls (Zhang and Der Kiureghian
+1995). An event may have several such points. Searches start at random and at the mirror
+image of each point found. After $n$ searches that ended at $w$ different points the
+expected number of points is (Boender and Rinnooy Kan 1987, Math. Program. 37:59, eq. 9)
 
 $$\hat w = \frac{w\,(n - 1)}{n - w - 2},$$
 
@@ -88,7 +88,8 @@ Margin = Callable[[Float[Array, " dimension"]], Float[Array, ""]]
 """Function of standard normal coordinates, positive inside the event."""
 MAX_STEPS = 20
 """Largest number of steps of a search. At a strongly curved boundary it converges
-slowly, and the rest is not worth its calls: a point is only the centre of a component."""
+slowly, and the rest is not worth its calls: a point is only the centre of a
+component."""
 CUTS = 0.5 ** np.array([0, 1, 2, 4, 6])
 """Shares of a step, down to 1/64, that are tried together: one call of a batch in place
 of a line search."""
@@ -97,8 +98,8 @@ BATCH = 8
 MIN_STARTS = 32
 """Fewest searches: a region that one start in ten leads to is missed in 3 % of runs."""
 MAX_STARTS = 1024
-"""Largest number of searches; 22 equal regions need 1,036. More regions than that are a continuum
-for practical purposes, and the search is reported as incomplete."""
+"""Largest number of searches; 22 equal regions need 1,036. More regions than that are a
+continuum for practical purposes, and the search is reported as incomplete."""
 SAME_POINT = 0.5
 """Distance below which two points are one: their components overlap by 80 %."""
 MIN_SHARE = 1e-3
@@ -108,7 +109,8 @@ TOLERANCE = 1e-3
 """Residual (`search`) below which the end of a search is a design point. The error of
 its distance from the origin is of the order of the square, a millionth."""
 CONVERGED = 1e-8
-"""Residual below which a search takes no further step, about the root of the precision of float64."""
+"""Residual below which a search takes no further step, about the root of the precision
+of float64."""
 
 
 class DesignPoints(NamedTuple):

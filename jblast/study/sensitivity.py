@@ -59,7 +59,8 @@ MAX_TERMS = 200
 """Coefficients of an expansion beyond its first degree: the cost of a bootstrap grows
 with the cube."""
 PATIENCE = 3
-"""Degrees without improvement after which the search ends; an even outcome skips one."""
+"""Degrees without improvement after which the search ends; an even outcome skips
+one."""
 FAMILIES = ("hermite", "legendre")
 
 

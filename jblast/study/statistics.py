@@ -45,8 +45,8 @@ LEVEL = 0.90
 UNKNOWN = -1
 """Value of a yes-or-no outcome whose sample failed."""
 BLOCK = 8192
-"""Samples reduced together. Streams that are cut at multiples of it end in the same state
-to the last bit, because sums are then rounded in the same order."""
+"""Samples reduced together. Streams that are cut at multiples of it end in the same
+state to the last bit, because sums are then rounded in the same order."""
 SLAB = 16 * BLOCK
 """Values counted together: counts are exact in any order, so that the size is free."""
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
@@ -55,7 +55,8 @@ State = TypeVar("State")
 BITS = 7
 """Binary digits of the fraction that select a bin: 128 bins to a factor of two."""
 MIN_EXPONENT, MAX_EXPONENT = -40, 40
-"""Exponents of two of the bins, 9e-13 to 1.1e12: beyond any quantity of a study in SI."""
+"""Exponents of two of the bins, 9e-13 to 1.1e12: beyond any quantity of a study in
+SI."""
 SIDE = (MAX_EXPONENT - MIN_EXPONENT) << BITS
 """Number of bins of one sign."""
 BINS = 2 * SIDE + 1
@@ -645,8 +646,8 @@ def finish_moments(state: Moments) -> dict[str, np.ndarray]:
 
     Returns:
         `count`, `infinite`, `lost`, `effective_size`, `mean`, `standard_error`,
-        `variance`, `sd`, `minimum`, `maximum`. The statistics from mean to sd are of the
-        finite values.
+        `variance`, `sd`, `minimum`, `maximum`. The statistics from mean to sd are of
+        the finite values.
     """
     count, infinite, lost, weight, mean, squares, w_2, mean_2, squares_2, low, high = (
         np.asarray(part) for part in state

@@ -24,8 +24,8 @@ from jblast.kept_programs import WIDE
 LANES = "lanes"
 """Axis of the mesh along which samples are shared."""
 Blocks = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
-"""Function from shared arrays and arrays of blocks (block first) to the outcomes of each
-sample (block, sample)."""
+"""Function from shared arrays and arrays of blocks (block first) to the outcomes of
+each sample (block, sample)."""
 Launched = tuple[PyTree[Array], int, PyTree[Array]]
 """Result of a device: outcomes of blocks or groups, their number, and counts."""
 

@@ -65,7 +65,8 @@ ROWS = 64
 """Rows of a block that are reduced together, in a fixed order (`_folded`)."""
 State = Any
 States = Mapping[str, State]
-"""State by outcome; its arrays have the group (variant and cell) first, then sensors."""
+"""State by outcome; its arrays have the group (variant and cell) first, then
+sensors."""
 MAX_COUNTS = 1 << 26
 """Bins of all histograms of a study: half a gigabyte in int64."""
 

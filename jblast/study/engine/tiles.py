@@ -38,8 +38,8 @@ class Numbering(NamedTuple):
         variants: Number of scenes that differ in more than numeric parameters.
         cells: Number of combinations of the listed values of the axes.
         samples: Number of all samples.
-        tile: Samples of a chunk of the store, the unit of progress: a power of two times
-            the block.
+        tile: Samples of a chunk of the store, the unit of progress: a power of two
+            times the block.
     """
 
     block: int
@@ -210,7 +210,7 @@ class Estimates:
 
 
 class InOrder:
-    """Running estimates from tiles in any order, added in the order of their numbers."""
+    """Running estimates of tiles in any order, added in the order of numbers."""
 
     def __init__(
         self,

@@ -54,7 +54,8 @@ RATE_HZ, SECONDS, BEFORE_S = 2000.0, 1.0, 0.02
 """Sampling rate [Hz], length of the record [s], and its part before the arrival [s], by
 declaration: a second contains the pulse and the suction of some tons."""
 FALSE_ALARMS_PER_HOUR = 1.0
-"""The default of `jblast detect`, repeated because its import would load the detectors."""
+"""The default of `jblast detect`, repeated because its import would load the
+detectors."""
 BAND = 4096
 """Frequencies of a band over which the mean of a smooth spectrum is taken."""
 OPTIONS = {

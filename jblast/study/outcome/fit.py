@@ -47,7 +47,8 @@ READINGS, TRUTH, EXACT = "_readings", "_truth", "_exact"
 """Results of a block for the fit, which are no columns of the store."""
 BOUND = "fit_bound_width"
 AGAIN_Z = 3.0
-"""Standard deviations by which the cost of a fit exceeds its mean before it starts again.
+"""Standard deviations by which the cost of a fit exceeds its mean before it starts
+again.
 
 With Student-t errors some logs have two optima. Of 384 logs of a charge of 100 kg with
 sensors in a line, one fit ended in the worse one (1/8 of the mass), at 4.6.

@@ -150,7 +150,7 @@ for _name, _units, _words, _yes in (
     (
         "recovery_time_s",
         "s",
-        "time from the blast until back within the tolerance; no answer without recovery",
+        "time from the blast until back within the tolerance, if it recovers",
         False,
     ),
     ("recovers", "1", "whether it returns to the tolerance and stays there", True),

@@ -1,8 +1,8 @@
 """Distribution of the tiles of a study among the workers of a Dask cluster.
 
 A task is the number of a tile and the path of the store: its worker reads the study
-from the store, computes the tile and writes the chunks itself, each completely or not at
-all. So a task that runs twice, for example after a lost connection, writes the same
+from the store, computes the tile and writes the chunks itself, each completely or not
+at all. So a task that runs twice, for example after a lost connection, writes the same
 bytes again, and a lost task is run by another worker. Only the completion of the
 tile is returned. All workers must see the store under the same path.
 """
@@ -28,7 +28,8 @@ from jblast.study.sampling.work import Reduced, Work
 
 EXTRA, WHAT = "cluster", "work is shared among processes"
 RETRIES = 5
-"""Retries of a task whose worker ended: a task that ends its worker each time must fail."""
+"""Retries of a task whose worker ended: a task that ends its worker each time must
+fail."""
 AHEAD = 3
 """Tasks queued for each worker, so that it does not wait for the scheduler."""
 CONNECT_S = 10.0

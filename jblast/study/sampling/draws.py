@@ -35,7 +35,8 @@ from jblast.study.file import Axis, Design
 MAX_LATIN = 20_000_000
 """Largest Latin hypercube: it is in memory as a whole, 160 MB for each parameter."""
 BITS = 32
-"""Bits of a Sobol' point, of which there are 2^32. With more, SciPy does not skip points."""
+"""Bits of a Sobol' point, of which there are 2^32. With more, SciPy does not skip
+points."""
 Points = Callable[[int, int], Float[np.ndarray, "draw dimension"]]
 """Function from the first sample and a count to standard normal coordinates."""
 OF_NUMBERS = 0

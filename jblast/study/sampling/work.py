@@ -63,8 +63,8 @@ memory is 8 bytes for each parameter."""
 AHEAD = 4
 """Parts or tiles in computation, so that devices do not wait for the host."""
 ANCHOR_SAMPLES = 16
-"""Samples of each cell that determine the origins of its histograms: only their order of
-magnitude matters."""
+"""Samples of each cell that determine the origins of its histograms: only their order
+of magnitude matters."""
 ANCHOR_SEED = 0
 """Seed of these samples, a constant, so that studies with other seeds can be merged."""
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
@@ -130,7 +130,7 @@ class Work:
 
     @property
     def places(self) -> dict[str, tuple[float, ...]]:
-        """Positions (east, north, up [m]) of the sensors by name, if outcomes use them."""
+        """Positions of sensors by name, east, north, up [m]; empty if unused."""
         if not any(variable.sensors for variable in self.variables):
             return {}
         return {
@@ -658,7 +658,7 @@ def outcome_variables(study: Study) -> tuple[Variable, ...]:
 
 
 def _failed_where(good: Array | None, values: Any) -> Array:
-    """Return answers, with those of samples with invalid parameters marked as failed."""
+    """Return answers, marked as failed for samples with invalid parameters."""
     if good is None:
         return values
     good = good.reshape(good.shape + (1,) * (values.ndim - 1))
