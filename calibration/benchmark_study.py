@@ -524,13 +524,13 @@ def written(folder: Path, samples: int) -> None:
 
 def workers_lines() -> tuple[list[str], float]:
     """Measure workers that calculate; return seconds a sample of one core, too."""
-    from jblast.study.sampling.work import MOST_TILES
+    from jblast.study.sampling.work import MAX_TILES
 
     cores = os.cpu_count() or 1
     counts = [n for n in (1, 2, 4, 8, 16) if n <= cores]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        written(folder, MOST_TILES * TILE)
+        written(folder, MAX_TILES * TILE)
         command(folder, "first", "--limit", "1")
         start = command(folder, "second", "--limit", "1")
 

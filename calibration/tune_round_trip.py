@@ -59,7 +59,7 @@ from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
 from jblast.sensors.camera.rendering import render
 from jblast.sensors.listening import packets, plan
-from jblast.study.gains import TunedGains, Wish, tune_gains
+from jblast.study.gains import TunedGains, TuningSettings, tune_gains
 
 start_jax(quick=True)
 
@@ -376,8 +376,8 @@ def tuned(model: str, motor_lead: float) -> TunedGains:
         "control": {"integral": True},
     }
     document = {"charge": CHARGE, "vehicle": vehicle}
-    wish = Wish(motor_lead=motor_lead)
-    return tune_gains(scene_from_document(document, "scene"), wish)
+    settings = TuningSettings(motor_lead=motor_lead)
+    return tune_gains(scene_from_document(document, "scene"), settings)
 
 
 def gains() -> None:

@@ -208,9 +208,9 @@ def test_laws_pull_in_neither_warp_nor_pysindy_nor_matplotlib(tmp_path):
 def test_the_calculator_pulls_in_neither_inference_nor_slow_parts_of_scipy(tmp_path):
     calculation = (
         "import jblast.report.calculator.terminal; from jblast.cli.parsers import "
-        "parsed; from jblast.cli.verbs.calc import question_of, wanted; "
-        "asked = parsed(['calc', '--mass', '1', '--range', '9']); "
-        "question_of(asked); wanted(asked)"
+        "parsed; from jblast.cli.verbs.calc import question_of, selection; "
+        "options = parsed(['calc', '--mass', '1', '--range', '9']); "
+        "question_of(options); selection(options)"
     )
     loaded = modules_after(calculation, tmp_path)
     assert "jblast.waves" in loaded

@@ -1,47 +1,51 @@
-"""The command line as its parsers tell it."""
+"""Reference of the command line, generated from its parsers."""
 
 import argparse
 from html import escape
 
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.cli.parsers import GROUPS, VERBS, verb_parser
 
 
 def verbs() -> str:
-    """Write a section for each verb: what it does, how it is typed, what it takes."""
+    """Return a section for each verb: description, example, usage and options."""
     groups = [
-        f"- **{group}**, {meaning}: "
+        f"- **{group}**, {subject}: "
         + ", ".join(f"[{v.name}](#jblast-{v.name})" for v in VERBS if v.group == group)
-        for group, meaning in GROUPS.items()
+        for group, subject in GROUPS.items()
     ]
     sections = (_verb(verb.name, verb_parser(verb)) for verb in VERBS)
     return "\n\n".join(["\n".join(groups), *sections])
 
 
-def _verb(name: str, verb: argparse.ArgumentParser) -> str:
+def _verb(name: str, verb: VerbParser) -> str:
     formatter = verb._get_formatter()
-    rows = [
-        f"| {_named(action)} | {_cell(formatter._expand_help(action))} |"
-        for action in verb._actions
-        if action.help is not argparse.SUPPRESS
-    ]
+    tables = []
+    for group in verb._action_groups:
+        rows = [
+            f"| {_named(action)} | {_cell(formatter._expand_help(action))} |"
+            for action in group._group_actions
+            if action.help is not argparse.SUPPRESS
+        ]
+        if rows:
+            tables += ["", "\n".join([f"| {group.title} | |", "|---|---|", *rows])]
     usage = verb.format_usage().removeprefix("usage: ").rstrip()
     return "\n".join(
         [
             f"## jblast {name}",
             "",
-            _prose(verb.description or ""),
+            _prose(f"{verb.summary}\n\n{verb.details}"),
             "",
             f"```text\n{usage}\n```",
             "",
-            "| word | what it does |",
-            "|---|---|",
-            *rows,
+            f"Example: `{verb.example}`",
+            *tables,
         ]
     )
 
 
 def _named(action: argparse.Action) -> str:
-    """Return how an argument is written: `--law NAME`, `SCENE.toml`."""
+    """Return an argument as it is typed: `--law NAME`, `SCENE.toml`."""
     value = action.metavar or ""
     if action.choices is not None and not value:
         value = "{" + ",".join(map(str, action.choices)) + "}"
@@ -66,5 +70,5 @@ def _cell(text: str) -> str:
 
 
 def _prose(text: str) -> str:
-    """Return a docstring as paragraphs."""
+    """Return the paragraphs of a docstring."""
     return escape(text.strip(), quote=False)

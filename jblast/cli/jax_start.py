@@ -1,4 +1,4 @@
-"""The start of JAX by a command: float64, and compiled code stored between runs."""
+"""Start of JAX by a command: float64, and a cache of compiled code between runs."""
 
 import os
 from importlib.metadata import version
@@ -11,27 +11,32 @@ QUICK = {
     "0.11": "--xla_cpu_opt_preset=fast_compile",
     "0.12": "--xla_cpu_opt_preset=fast_compile",
 }
-"""By version of jaxlib, which aborts at a flag it does not know: of another none."""
+"""Flags of quick compilation, by version of jaxlib.
+
+jaxlib aborts at an unknown flag, so that other versions get none.
+"""
+# Gain and cost are measured by calibration/compiling.py.
 UNOPTIMISED = (
     "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
 )
 
 
 def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
-    """Turn on float64 and the compilation cache. The library itself touches neither.
+    """Enable float64 and the compilation cache; the library itself changes neither.
 
     Args:
-        all_cores: Whether each core is a device of its own, among which a batch is
-            shared.
-        quick: Whether to compile in a third of the time code that takes 1.7 times as
-            long to run: for a command that compiles for longer than it computes.
+        all_cores: Whether each core is a device of its own, so that a batch is shared
+            among them.
+        quick: Whether to compile in a third of the time, for code that takes 1.7 times
+            as long to run. A command that compiles for longer than it computes gains.
     """
     import atexit
     import contextlib
     import gc
 
-    # Imports and tracing make millions of objects; collecting at Python's pace costs a
-    # tenth of an import of JAX and a seventh of a fit, and at the end is for nothing.
+    # Imports and tracing make millions of objects. Collection at Python's default
+    # thresholds costs a tenth of an import of JAX and a seventh of a fit; at exit it
+    # frees memory that the system takes back anyway.
     gc.set_threshold(1_000_000)
     atexit.register(gc.freeze)
 
@@ -41,13 +46,13 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
 
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     if all_cores:
-        with contextlib.suppress(RuntimeError):  # the devices stand already
+        with contextlib.suppress(RuntimeError):  # the devices exist already
             jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", str(Path(home) / "jblast"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
-    _write_whole()
+    _write_cache_atomically()
     if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
         from jblast.kept_programs import keep_in
 
@@ -55,23 +60,23 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
 
 
 def _compile_quickly() -> None:
-    """Ask XLA for little optimisation; what the user asks of it goes before."""
+    """Set flags of XLA for little optimisation; flags of the user take precedence."""
     release = ".".join(version("jaxlib").split(".")[:2])
-    wanted = f"{QUICK.get(release, '')} {UNOPTIMISED}".strip()
+    quick_flags = f"{QUICK.get(release, '')} {UNOPTIMISED}".strip()
     flags = os.environ.get("XLA_FLAGS", "")
-    if wanted not in flags:
-        os.environ["XLA_FLAGS"] = f"{wanted} {flags}".strip()
+    if quick_flags not in flags:
+        os.environ["XLA_FLAGS"] = f"{quick_flags} {flags}".strip()
 
 
-def _write_whole() -> None:
-    """Have JAX give a kept program its name only once it is whole.
+def _write_cache_atomically() -> None:
+    """Make JAX rename a file of its cache into place once it is complete.
 
-    As it stands, another process may read half of one; and what was cut short by a
-    kill is read again at every later start, each time with a warning.
+    JAX itself writes in place, so that another process may read half of a program. A
+    file cut short by a kill is read again at every later start, with a warning each.
     """
     try:
         from jax._src import lru_cache
-    except ImportError:  # a JAX that keeps them elsewhere: as it stands there
+    except ImportError:  # another version of JAX: its cache is left as it is
         return
 
     def put(cache, key: str, value: bytes) -> None:
@@ -79,4 +84,4 @@ def _write_whole() -> None:
         if not path.exists():
             write_bytes(path, value, durable=False)
 
-    setattr(lru_cache.LRUCache, "put", put)  # noqa: B010 (so that types allow it)
+    setattr(lru_cache.LRUCache, "put", put)  # noqa: B010 (type checkers)

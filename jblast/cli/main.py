@@ -1,7 +1,7 @@
-"""The command line: picks the verb, turns errors into one message and an exit code.
+"""Entry point of the command line: it runs a verb and reports errors in one line.
 
-Exit codes: 0 answered; 1 our own failure; 2 bad input; 3 nothing found; 4 computed, but
-not converged, not identifiable or not good enough.
+Exit codes: 0 success; 1 internal failure; 2 bad input; 3 nothing found; 4 computed, but
+not converged, not identifiable or not accurate enough.
 """
 
 import contextlib
@@ -14,23 +14,23 @@ from collections.abc import Sequence
 
 from jblast.cli.arguments.options import option_for
 from jblast.cli.parsers import parsed, root_parser
-from jblast.cli.progress_line import progress_told
+from jblast.cli.progress_line import printed_progress
 from jblast.errors import InputError
 
 CLOSED_PIPE, INTERRUPTED = 128 + 13, 128 + 2
-"""What a shell expects of a command that SIGPIPE or SIGINT ended."""
+"""Exit codes of a command ended by SIGPIPE or SIGINT, by convention of shells."""
 
 
 def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> int:
     """Run a command and return its exit code.
 
     Args:
-        arguments: What follows "jblast"; None: those of this process.
-        progress: Whether to say on stderr how far it has come.
+        arguments: Words after "jblast"; None for those of this process.
+        progress: Whether to print progress on stderr.
     """
     if sys.stdout is None:  # closed by the shell: `>&-`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (stays open to the end)
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal may lack a sensor's "é"
+    if isinstance(sys.stdout, io.TextIOWrapper):  # an ASCII terminal, "é" in a name
         sys.stdout.reconfigure(errors="backslashreplace")
     words = sys.argv[1:] if arguments is None else arguments
     if not words:
@@ -38,19 +38,20 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
         return 2
     debug = "--debug" in words
     try:
-        asked = parsed(words)
-        debug = asked.debug
+        options = parsed(words)
+        debug = options.debug
         progress_lines = (
-            progress_told(asked.verb)
-            if progress and asked.progress
+            printed_progress(options.verb)
+            if progress and options.progress
             else contextlib.nullcontext()
         )
         with warnings.catch_warnings(), progress_lines:
-            warnings.showwarning = _say
-            code = asked.run(asked)
+            warnings.showwarning = _print_warning
+            code = options.run(options)
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # `| head`: who reads has seen enough
+    except BrokenPipeError:  # as with `| head`
+        # Python flushes stdout at exit, which would fail again on the closed pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CLOSED_PIPE
     except InputError as error:
@@ -61,7 +62,7 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
     except OSError as error:
         if debug:
             traceback.print_exc()
-        sys.stderr.write(f"jblast: {error.strerror or error}: cannot go on\n")
+        sys.stderr.write(f"jblast: {error.strerror or error}: cannot continue\n")
         return 1
     except KeyboardInterrupt:
         sys.stderr.write("jblast: interrupted\n")
@@ -71,12 +72,12 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
             traceback.print_exc()
         sys.stderr.write(
             f"jblast: internal failure: {type(error).__name__}: {error} "
-            "(--debug shows where; please report it)\n"
+            "(--debug prints the traceback; please report it)\n"
         )
         return 1
 
 
-def _say(message, category, filename, lineno, file=None, line=None) -> None:
+def _print_warning(message, category, filename, lineno, file=None, line=None) -> None:
     """Print a warning as one line."""
     sys.stderr.write(f"jblast: warning: {' '.join(str(message).split())}\n")
 

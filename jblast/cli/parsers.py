@@ -1,92 +1,73 @@
-"""The verbs of the command line, their parsers, and messages about unknown words.
+"""Verbs of the command line, their parsers, and messages about unknown words.
 
-`VERBS` lists each verb with its group and one line of help. A verb is a module of
-`jblast.cli.verbs` with `add_arguments` and `run`; it is imported when it is typed, so
-that help and one verb do not import the others.
+`VERBS` lists each verb with its group, one line of help and an example. A verb is a
+module of `jblast.cli.verbs` with `add_arguments` and `run`. It is imported when it is
+typed, so that the help and one verb do not import the other verbs.
 """
 
 import argparse
-import re
 import sys
 import textwrap
 from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
-from typing import Any, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 from jblast import __version__
-from jblast.errors import InputError, closest, nearest
+from jblast.cli.arguments.verb_parser import WIDTH, VerbParser
+from jblast.errors import closest, nearest
 
-NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?([:,].*)?$", re.IGNORECASE)
-WIDTH = 79
-"""Of lines of help: that of a terminal of 80 columns."""
 PROLOGUE = "Differentiable blast physics: fit a blast from sensor recordings."
 EPILOGUE = (
     "Start with: jblast fit OBSERVATIONS.csv, or jblast calc --mass 15 --range 20. "
-    "Options of a verb: jblast VERB --help. Exit codes: 0 answered; 1 our own failure; "
-    "2 bad input; 3 nothing found; 4 computed, but not converged, not identifiable or "
-    "not good enough. "
+    "Options and an example of a verb: jblast VERB --help. Exit codes: 0 success; "
+    "1 internal failure; 2 bad input; 3 nothing found; 4 computed, but not converged, "
+    "not identifiable or not accurate enough. "
     "For safety engineering, forensics and sensing; designs no explosives."
 )
 GROUPS = {
-    "measure": "from what recorders wrote to a log; what the laws say; a scene",
-    "infer": "what a blast was, and what could be told",
-    "simulate": "what would be recorded, filmed and flown through",
-    "check": "a log before it is fitted; which method will do, where it breaks",
+    "main path": "from handbook laws, readings or pressure records to a blast",
+    "logs": "conversion of a log, and a scene file for it",
+    "analysis": "other recordings, trajectories, and sensor layouts",
+    "simulation": "readings, recordings, worlds of blasts and Monte Carlo studies",
+    "film": "images and camera events",
+    "flight": "vehicles and their missions",
+    "methods": "cost, accuracy and limits of the methods",
 }
-
-
-class VerbParser(argparse.ArgumentParser):
-    """A parser that makes one message of a bad value, and knows the nearest option."""
-
-    def __init__(self, **options: Any):
-        super().__init__(**options)
-        # argparse itself takes -1 for a number, but -1e-1 and -1:2 for options
-        self._negative_number_matcher = NEGATIVE
-
-    def error(self, message: str) -> NoReturn:
-        """Raise InputError for a value (`numbers`), else print usage and exit 2."""
-        option, _, said = message.removeprefix("argument ").partition(": ")
-        if said.startswith("expected ") and message.startswith("argument "):
-            raise InputError(f"{option}: {said}")
-        super().error(message)
-
-    def refuse(self, words: Sequence[str]) -> NoReturn:
-        """Print usage, which words it does not know, and the nearest option; exit 2."""
-        options = [word.partition("=")[0] for word in words if word[:1] == "-"]
-        # dashes are all options' and make none alike
-        known = {option.lstrip("-"): option for option in self._option_string_actions}
-        close = (closest(option.lstrip("-"), known) for option in options)
-        said = next((f"; did you mean {known[c]}?" for c in close if c), "")
-        self.error(f"unrecognized arguments: {' '.join(words)}{said}")
+"""Headings of the root help, each with its subject."""
 
 
 class Verb(NamedTuple):
     """A verb of the command line.
 
     Attributes:
-        name: What is typed, and the module's name.
-        group: Under which heading the help lists it, one of `GROUPS`.
-        help: What it does, in a line.
+        name: The word typed, and the name of the module.
+        group: Heading in the help, a key of `GROUPS`.
+        help: One line of help.
+        example: A command line that works.
     """
 
     name: str
     group: str
     help: str
+    example: str
 
     def module(self) -> ModuleType:
-        """Import what takes its words (`add_arguments`) and does it (`run`)."""
+        """Return the module with its arguments (`add_arguments`) and action (`run`)."""
         return import_module(f"jblast.cli.verbs.{self.name}")
 
 
 def verb_parser(verb: Verb) -> VerbParser:
-    """Return the parser of one verb; no other is imported."""
+    """Return the parser of one verb; no other verb is imported."""
     module = verb.module()
-    parser = VerbParser(prog=f"jblast {verb.name}", description=module.__doc__)
+    parser = VerbParser(f"jblast {verb.name}", module.__doc__ or "", verb.example)
     parser.set_defaults(progress=True)
     module.add_arguments(parser)
-    parser.add_argument(
-        "--debug", action="store_true", help="show the traceback of an error"
+    parser.advanced.add_argument(
+        "--debug", action="store_true", help="traceback of an error"
+    )
+    parser.advanced.add_argument(
+        "-h", "--help", action="help", help="this help, and exit"
     )
     parser.set_defaults(verb=verb.name, run=module.run)
     return parser
@@ -97,7 +78,7 @@ def root_parser() -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(
         prog="jblast",
         usage="%(prog)s [-h] [--version] VERB ...",
-        description="\n\n".join([PROLOGUE, *map(_listed, GROUPS)]),
+        description="\n\n".join([PROLOGUE, *map(_group_help, GROUPS)]),
         epilog=textwrap.fill(EPILOGUE, WIDTH),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -107,11 +88,12 @@ def root_parser() -> argparse.ArgumentParser:
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace:
-    """Return what is asked for.
+    """Return the options of a command line.
 
     Raises:
-        InputError: An option's value cannot be used.
-        SystemExit: Help was asked for (0); no such verb or option, or one too few (2).
+        InputError: An option has a value that cannot be used.
+        SystemExit: Help is requested (0); a verb or an option is unknown, or a required
+            argument is missing (2).
     """
     root = root_parser()
     name = root.parse_args(words[:1]).verb
@@ -119,15 +101,15 @@ def parsed(words: Sequence[str]) -> argparse.Namespace:
     if verb is None:
         _refuse_verb(root, name)
     parser = verb_parser(verb)
-    asked, unknown = parser.parse_known_args(words[1:])
+    options, unknown = parser.parse_known_args(words[1:])
     if unknown:
         parser.refuse(unknown)
-    asked.words = ("jblast", *words)
-    return asked
+    options.words = ("jblast", *words)
+    return options
 
 
 def _refuse_verb(root: argparse.ArgumentParser, name: str) -> NoReturn:
-    """Say which verbs there are, with the usage of the nearest; exit 2."""
+    """Print the known verbs, with the usage of the nearest; exit 2."""
     names = [verb.name for verb in VERBS]
     close = closest(name, names)
     parser = root if close is None else verb_parser(VERBS[names.index(close)])
@@ -140,7 +122,7 @@ def _refuse_verb(root: argparse.ArgumentParser, name: str) -> NoReturn:
     )
 
 
-def _listed(group: str) -> str:
+def _group_help(group: str) -> str:
     """Return the verbs of a group as a paragraph of the help."""
     lines = [f"{group}: {GROUPS[group]}"]
     for verb in VERBS:
@@ -155,73 +137,148 @@ def _listed(group: str) -> str:
 
 VERBS = (
     Verb(
-        "pick", "measure", "pick blasts from records of pressure: a log, from samples"
-    ),
-    Verb("convert", "measure", "write a log in our columns and units, from others"),
-    Verb("scene", "measure", "write a commented starter scene for a log"),
-    Verb(
         "calc",
-        "measure",
+        "main path",
         "calculate a blast by every law, or the range or mass for a value",
+        "jblast calc --mass 15 --range 20",
     ),
-    Verb("fit", "infer", "fit a blast to a log of sensor readings"),
+    Verb(
+        "check",
+        "main path",
+        "list all errors and warnings of a log before a fit",
+        "jblast check log.csv",
+    ),
+    Verb(
+        "fit",
+        "main path",
+        "fit a blast to a log of sensor readings, or to pressure records",
+        "jblast fit log.csv --scene scene.toml --out report",
+    ),
+    Verb(
+        "pick",
+        "main path",
+        "pick blasts from pressure records and write a log",
+        "jblast pick records/ --positions stations.csv --out picks.csv",
+    ),
+    Verb(
+        "convert",
+        "logs",
+        "convert a log with other columns and units",
+        "jblast convert theirs.xlsx --out log.csv",
+    ),
+    Verb(
+        "scene",
+        "logs",
+        "write a commented scene file for a log",
+        "jblast scene log.csv --out scene.toml",
+    ),
+    Verb(
+        "detect",
+        "analysis",
+        "detect a blast in sound, film or camera events",
+        "jblast detect recording.wav --charge 5 --range 80",
+    ),
     Verb(
         "tune",
-        "infer",
-        "tune sensors and media to recordings, or a vehicle's gains to blasts",
+        "analysis",
+        "estimate sensor and medium parameters from a recording, or tune a vehicle's "
+        "gains",
+        "jblast tune scene.toml phone.wav --free noise_pa,low_pass_hz --out tuned",
     ),
-    Verb("detect", "infer", "find a blast in sound, film or events, and when it came"),
-    Verb("bound", "infer", "say what a planned layout of sensors could tell"),
+    Verb(
+        "bound",
+        "analysis",
+        "predict the uncertainty of a fit for a planned sensor layout",
+        "jblast bound scene.toml --at charge_mass_kg=25 --map map.png",
+    ),
     Verb(
         "discover",
-        "infer",
-        "find the equations of motion in a trajectory, and how sure each term is",
+        "analysis",
+        "identify the equations of motion of a trajectory",
+        "jblast discover flight.csv --state u,v,w --degree 2 --out law",
     ),
-    Verb("simulate", "simulate", "write what a scene's sensors would record"),
+    Verb(
+        "simulate",
+        "simulation",
+        "simulate the readings of a scene's sensors",
+        "jblast simulate scene.toml --out log.csv --seed 1",
+    ),
     Verb(
         "listen",
-        "simulate",
-        "write down what every sensor hears and feels over time: sound, pressure, wind",
-    ),
-    Verb("render", "simulate", "film a scene's blast: frames and events of its camera"),
-    Verb(
-        "bake", "simulate", "make pictures of an explosion from all sides, by Blender"
-    ),
-    Verb(
-        "events",
-        "simulate",
-        "turn a sequence of frames into the events of an event camera",
-    ),
-    Verb(
-        "fly",
-        "simulate",
-        "fly a scene's vehicle through its blasts: deviation, recovery, who flies on",
-    ),
-    Verb(
-        "plan", "simulate", "write a plan for a vehicle: lanes over a field, a circle"
+        "simulation",
+        "simulate recordings over time: sound, pressure, wind, ground motion",
+        "jblast listen scene.toml --out recordings --seconds 10",
     ),
     Verb(
         "world",
-        "simulate",
-        "draw random blasts, and write what every sense of a scene perceives of them",
+        "simulation",
+        "simulate random blasts as all sensors of a scene record them",
+        "jblast world world.toml --out run --seed 1",
+    ),
+    Verb(
+        "report",
+        "simulation",
+        "write an HTML page for a run of `jblast world`",
+        "jblast report run --fit",
     ),
     Verb(
         "serve",
-        "simulate",
-        "let other simulators take part in a world, told of its blasts ahead of time",
+        "simulation",
+        "serve a world of blasts to other simulators and autopilots",
+        "jblast serve world.toml --seed 3 --seconds 4",
     ),
     Verb(
         "study",
-        "simulate",
-        "draw a scene many times over, and ask each sample what came of it",
+        "simulation",
+        "run a Monte Carlo study of a scene",
+        "jblast study study.toml --out study.zarr",
     ),
-    Verb("report", "simulate", "show a world on one page: every sense on one clock"),
-    Verb("check", "check", "say everything that is wrong with a log at once"),
-    Verb("choose", "check", "name the cheapest method that is good enough for a scene"),
-    Verb("chart", "check", "chart speed against accuracy, measured on this machine"),
+    Verb(
+        "render",
+        "film",
+        "render a scene's blast: frames and camera events",
+        "jblast render scene.toml --out film --views explosion",
+    ),
+    Verb(
+        "bake",
+        "film",
+        "make images of an explosion from all directions, with Blender",
+        "jblast bake --out explosion --seed 7",
+    ),
+    Verb(
+        "events",
+        "film",
+        "convert frames to the events of an event camera",
+        "jblast events frames/ --fps 1000 --noise off --out events.h5",
+    ),
+    Verb(
+        "fly",
+        "flight",
+        "fly a scene's vehicle through its blasts: path error and recovery",
+        "jblast fly flight.toml --vehicles 500 --out flights",
+    ),
+    Verb(
+        "plan",
+        "flight",
+        "write a mission plan: lanes over a field, or a circle",
+        "jblast plan field.plan --grid 40,20,10 --home 35.3075,-80.7353,200 --up 15",
+    ),
+    Verb(
+        "choose",
+        "methods",
+        "choose the cheapest method that is accurate enough for a scene",
+        "jblast choose scene.toml --quantity air_arrival_s --tolerance 0.01",
+    ),
+    Verb(
+        "chart",
+        "methods",
+        "chart cost against error, measured on this machine",
+        "jblast chart pressure --out charts",
+    ),
     Verb(
         "stability",
-        "check",
-        "measure where each method breaks, and what is done there",
+        "methods",
+        "measure the limits of each method and the behaviour there",
+        "jblast stability laws --out limits",
     ),
 )

@@ -1,8 +1,8 @@
-"""The progress of a command: its stage, and the time left.
+"""Progress of a command: its stage, and the time left.
 
-Nothing is printed in the first second. Then a terminal has one line on stderr that is
-overwritten and cleared at the end. A pipe or a file has a line at each stage, at
-intervals that grow with the run. Stdout is not used.
+Nothing is printed in the first second. After that a terminal has one line on stderr,
+which is overwritten and cleared at the end. A pipe or a file gets a line at each stage,
+at intervals that grow with the run. Stdout is not used.
 """
 
 import io
@@ -18,20 +18,25 @@ from jblast.progress import Listener, heard_by
 
 Stream = TextIO | io.TextIOBase
 
+# Intervals by judgement of readability, not by measurement.
 QUIET_S = 1.0
-"""A command that takes less says nothing."""
-OFTEN_S = 0.2
-"""Between two lines on a terminal."""
-AGAIN_S, AGAIN_SHARE = 10.0, 0.2
-"""Between two lines of one stage in a pipe, and as a share of the time so far."""
-NEXT_S, NEXT_SHARE = 1.0, 0.05
-"""The same between lines of two stages."""
+"""Time without a line [s]: a second's wait needs no explanation."""
+REFRESH_S = 0.2
+"""Interval of updates on a terminal [s]: slower looks stuck, faster cannot be read."""
+REPEAT_S, REPEAT_SHARE = 10.0, 0.2
+"""Least interval of lines of one stage in a pipe [s], and as a share of the run so far.
+
+The share keeps a log of a run of any length short: its lines grow with the logarithm of
+the duration.
+"""
+STAGE_S, STAGE_SHARE = 1.0, 0.05
+"""The same for the first line of a new stage, which has more to report."""
 WIDTH = 79
-"""Of the line on a terminal."""
+"""Characters of the line: a terminal of 80 columns would wrap a longer one."""
 
 
 class ProgressLine(Listener):
-    """A listener that writes what it hears."""
+    """A listener that prints the progress of a command."""
 
     def __init__(
         self, verb: str, file: Stream, clock: Callable[[], float] = time.monotonic
@@ -41,54 +46,55 @@ class ProgressLine(Listener):
         self._terminal = file.isatty()
         self._begun = self._last = clock()
         self._last_stages: tuple[str, ...] = ()
-        self._width, self._told = 0, False
+        self._width, self._reported = 0, False
         self._times, self._shares = [0.0], [0.0]
         self._lock = threading.RLock()
 
     def heard(self) -> None:
-        """Keep when it was, for the time left, and show it."""
+        """Record the time of a new share of the work, and show the line."""
         with self._lock:
-            share, self._told = self.share(), True
+            share, self._reported = self.share(), True
             if share > self._shares[-1]:
                 self._times.append(self._clock() - self._begun)
                 self._shares.append(share)
             self.show()
 
     def show(self) -> None:
-        """Write a line if there is reason to."""
+        """Write a line if the interval since the last one is over."""
         with self._lock:
             now, words, stages = self._clock(), self.words(), self.stages()
             gone, since = now - self._begun, now - self._last
             if gone < QUIET_S:
                 return
-            if self._told and not self.levels:  # a window is open, or it serves
+            if self._reported and not self.levels:  # a window is open, or a server runs
                 self.clear()
                 return
             if self._terminal:
-                if since >= OFTEN_S:
+                if since >= REFRESH_S:
                     self._write_over(self._line(words, gone))
                     self._last = now
                 return
-            least = (AGAIN_S, AGAIN_SHARE)
+            least = (REPEAT_S, REPEAT_SHARE)
             if stages != self._last_stages:
-                least = (NEXT_S, NEXT_SHARE)
+                least = (STAGE_S, STAGE_SHARE)
             first = self._last == self._begun
             if first or since >= max(least[0], least[1] * gone):
                 self._write(self._line(words, gone) + "\n")
                 self._last, self._last_stages = now, stages
 
     def clear(self) -> None:
-        """Take the line off a terminal: something else is written there."""
+        """Remove the line from a terminal, before other output."""
         with self._lock:
             if self._width:
                 self._write_over("")
 
     def seconds_left(self) -> float | None:
-        """Return about how long it will take: at the pace of the second half so far.
+        """Return the estimated time left [s], at the pace of the second half so far.
 
-        Not of the first, which compiles. None where that says nothing: no share of the
-        work is through, or the present one takes longer than it should.
+        None if there is no estimate: no share of the work is complete, or the present
+        one takes longer than the pace predicts.
         """
+        # the first half includes compilation, which does not recur
         share, gone = self._shares[-1], self._clock() - self._begun
         if share <= 0.0:
             return None
@@ -102,7 +108,7 @@ class ProgressLine(Listener):
         left_words = f", about {_time(left)} left" if left is not None else ""
         first, last = f"jblast {self._verb}: ", f", {_time(gone)} so far{left_words}"
         words, room = words or "working", WIDTH - len(first) - len(last)
-        if self._terminal and len(words) > room:  # the end says most
+        if self._terminal and len(words) > room:  # its end is the most specific
             words = "..." + words[3 - room :]
         return first + words + last
 
@@ -111,17 +117,17 @@ class ProgressLine(Listener):
         self._width = len(line)
 
     def _write(self, text: str) -> None:
-        # nobody reads any more, or there is no room: the answer is worth more
+        # a closed pipe or a full disk must not end the computation
         with suppress(OSError, ValueError):
             self._file.write(text)
             self._file.flush()
 
 
 @contextmanager
-def progress_told(verb: str) -> Iterator[None]:
-    """Say on stderr how far a command has come, as long as this is open.
+def printed_progress(verb: str) -> Iterator[None]:
+    """Print the progress of a command on stderr within the context.
 
-    What it writes to a terminal meanwhile takes the place of the line.
+    Other output to a terminal replaces the line.
     """
     if sys.stderr is None:  # closed by the shell: `2>&-`
         yield
@@ -129,14 +135,14 @@ def progress_told(verb: str) -> Iterator[None]:
     line, over = ProgressLine(verb, sys.stderr), threading.Event()
 
     def tick() -> None:
-        while not over.wait(OFTEN_S):
+        while not over.wait(REFRESH_S):
             line.show()
 
     streams = sys.stdout, sys.stderr
     ticking = threading.Thread(target=tick, daemon=True)
     ticking.start()
     if sys.stderr.isatty():
-        sys.stdout, sys.stderr = (_Over(line, stream) for stream in streams)
+        sys.stdout, sys.stderr = (_ClearingStream(line, stream) for stream in streams)
     try:
         with heard_by(line):
             yield
@@ -153,8 +159,8 @@ def serve_line(line: str) -> None:
     sys.stderr.flush()
 
 
-class _Over:
-    """A stream of text that takes the line off the terminal before it writes."""
+class _ClearingStream:
+    """A text stream that removes the progress line before it writes."""
 
     def __init__(self, line: ProgressLine, stream: Stream):
         self._line, self._stream = line, stream
@@ -168,6 +174,7 @@ class _Over:
 
 
 def _time(seconds: float) -> str:
+    # two significant digits: seconds below 90 s, minutes below 90 min, then hours
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,4 +1,4 @@
-"""The equation of motion in a recorded trajectory: terms, uncertainty, verdict.
+"""Discovery of the equation of motion of a trajectory: terms, uncertainty, tests.
 
 For each state x the terms of dx/dt are searched among candidates, in integrals over
 short windows (`discovery.record`), by PySINDy's thresholded least squares
@@ -53,44 +53,50 @@ from jblast.errors import InputError
 from jblast.progress import counted, stages
 
 THRESHOLD = 0.05
-"""Least share of a derivative's root mean square for a term to stay."""
+"""Smallest share of a derivative's root mean square that a term must contribute."""
 MEMBERS = 100
-"""Of the ensemble."""
-LIKELY = 0.5
-"""Share of the ensemble that has to hold a term."""
-STAGES = {"which terms": 4.0, "how sure": 3.0, "stretches left out": 3.0}
-"""Of a discovery, and about how long each takes."""
+"""Default members of the ensemble: five beyond each bound of a 90 % interval."""
+MIN_INCLUSION = 0.5
+"""Share of the ensemble that must contain a term: the majority."""
+STAGES = {"terms": 4.0, "uncertainty": 3.0, "held-out segments": 3.0}
+"""Stages of a discovery, with their approximate share of its time."""
 LEVEL = 0.9
-"""Of an interval, nominal."""
+"""Nominal level of an interval."""
 FEWEST_OF_INTERVAL = 19
-"""Members of which the 5 and 95 % quantiles are the least and the greatest."""
-STRETCHES = 5
-"""Each is left out once."""
+"""Smallest ensemble with 5 % and 95 % quantiles, its smallest and largest members."""
+SEGMENTS = 5
+"""Segments of a record, each held out once: as in five-fold cross-validation."""
 RESTART_HALF_WIDTHS = 8.0
-"""Half widths of a window after which an integration restarts: about 1.3 periods."""
-LEAST_SKILL = 0.3
-"""Share of the squared miss of the better guess that a law has to save."""
-DOUBTFUL = 1e-3
-"""p below which a law is not the whole of it."""
-FEWEST_MEMBERS = 5
-"""Of the ensemble, or there is no p."""
-LEAST_SD = (0.1, 0.05, 0.05)
-"""Of the three numbers: smaller differences are of our arithmetic, not of noise."""
+"""Half widths of a window after which an integration restarts: about 1.3 periods, so
+that chaos and phase drift do not decide the prediction."""
+MIN_SKILL = 0.3
+"""Share by which a law must reduce the squared error of the better guess, declared."""
+SIGNIFICANCE = 1e-3
+"""p below which residuals are more than noise: three tests of each of several
+states."""
+MIN_MEMBERS = 5
+"""Members of the ensemble that are needed for a p: fewer give no standard deviation."""
+MIN_SD = (0.1, 0.05, 0.05)
+"""Smallest standard deviations of the three statistics: smaller differences are due to
+quadrature and smoothing, not to noise."""
 EXACT = 1e-6
-"""Share of the derivative's square that nothing is made of, if no more is left over."""
-PER_TERM = 4
-"""Windows, at least, for each candidate outside; else they are not tried."""
+"""Residual, as a share of the derivative's square, below which a fit counts as exact
+and is not tested: it is the error of quadrature."""
+WINDOWS_PER_TERM = 4
+"""Windows for each candidate outside of the search at least: with fewer, some candidate
+resembles any residual."""
 Find = Callable[[Bool[np.ndarray, " window"]], Float[np.ndarray, "state term"]]
-"""Finds coefficients from some of the windows."""
+"""Function from a mask of windows to coefficients."""
 CLOSE = 0.1
-"""Miss, as a share of the spread of a state, up to which it is reproduced: 1 % of its
-variance."""
+"""Misfit relative to the standard deviation of a state up to which it is reproduced:
+1 % of its variance."""
 DIVERGED_SPREADS = 1e3
-"""Spreads of a state at which an integration is given up."""
-CALLS = 500
-"""Evaluations of the equations per row, at most."""
+"""Standard deviations of a state at which an integration is stopped as diverged."""
+MAX_CALLS = 500
+"""Evaluations of the equations per row at which an integration is stopped: a stiff
+wrong equation would not end."""
 TOLERANCE = 1e-6
-"""Of the integrator, relative: far below any noise."""
+"""Relative tolerance of the integrator, far below any noise."""
 
 
 def misfit(
@@ -98,10 +104,10 @@ def misfit(
     states: Float[np.ndarray, "row state"],
     noise_sd: Float[np.ndarray, " state"],
 ) -> Float[np.ndarray, " state"]:
-    """Return how far equations come off a record, beside the spread of each state.
+    """Return the misfit of integrated equations relative to the spread of each state.
 
-    It is the root mean square, the noise taken off in quadrature; infinite where the
-    integration was given up. Up to `CLOSE` the equations give the record back.
+    It is the root mean square difference, less the noise in quadrature, and infinite if
+    the integration was stopped. Up to `CLOSE` the equations reproduce the record.
     """
     over = np.mean((states - made) ** 2, axis=0) - noise_sd**2
     share = np.sqrt(np.maximum(over, 0.0)) / np.std(states, axis=0)
@@ -110,13 +116,13 @@ def misfit(
 
 @dataclass(frozen=True)
 class Replay:
-    """A trajectory by the equations alone, from the first row on.
+    """Trajectory integrated from the first row.
 
     Attributes:
-        states: At the rows; NaN from where the integration was given up.
-        misfit: Root mean square of what lies between it and the data, the noise taken
-            off in quadrature, as a share of the state's standard deviation.
-        reproduced: Whether the misfit is at most 10 %, state by state.
+        states: States at the rows; NaN after the integration was stopped.
+        misfit: Root mean square difference from the data, less the noise in quadrature,
+            relative to the state's standard deviation.
+        reproduced: Whether the misfit is at most 10 %, by state.
     """
 
     states: Float[np.ndarray, "row state"]
@@ -126,18 +132,18 @@ class Replay:
 
 @dataclass(frozen=True)
 class Judgement:
-    """Evidence for an equation and against it.
+    """Tests of an equation.
 
     Attributes:
-        skill: Share of the squared miss of the better of two guesses, mean and start,
-            that the equation saves over stretches its coefficients have not seen; -inf
-            if it runs away.
-        excess: p of so much being left over, were the equation and independent normal
-            noise all; NaN where it does not give the record back, all states at once,
-            or the ensemble is too small: then it is untested.
-        serial: p of what is left over being so much like itself a window later.
-        outside: p of it being so much like candidates outside; NaN if none were tried.
-        outside_term: Name of the likest of them; "" if none were tried.
+        skill: Relative reduction, over held-out segments, of the squared error of the
+            better of two guesses (mean and start); -inf if the integration diverges.
+        excess: p of the size of the residuals under the equation with independent
+            normal noise. NaN (untested) if the equations do not reproduce the record,
+            or the ensemble is too small.
+        serial: p of the correlation of the residuals with those of the next window.
+        outside: p of their correlation with candidates outside of the search; NaN
+            without such candidates.
+        outside_term: Name of the most correlated one of them; "" without.
     """
 
     skill: float
@@ -148,40 +154,40 @@ class Judgement:
 
     @property
     def law(self) -> bool:
-        """Whether it foretells stretches left out better than a guess."""
-        return self.skill >= LEAST_SKILL
+        """True if held-out segments are predicted better than by a guess."""
+        return self.skill >= MIN_SKILL
 
     @property
     def tested(self) -> bool:
-        """Whether what is left over could be held against noise."""
+        """True if the residuals could be compared with noise."""
         p = [self.excess, self.serial, *[self.outside] * bool(self.outside_term)]
         return bool(np.all(np.isfinite(p)))
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is left over that noise would not leave; no, untested."""
+        """True if the residuals are no more than noise; False if untested."""
         odds = (self.excess, self.serial, self.outside)
-        return self.tested and not any(p < DOUBTFUL for p in odds)
+        return self.tested and not any(p < SIGNIFICANCE for p in odds)
 
 
 @dataclass(frozen=True)
 class Discovery:
-    """Equations found, one a state.
+    """Equations found, one for each state.
 
     Attributes:
         states: Names of the states.
-        candidates: Terms they were looked for among.
-        coefficients: Of each equation, zero for a term it lacks.
-        low: Lower end of the interval of each, the terms kept.
-        high: Upper end.
-        level: Nominal, of the intervals: 0.9, or less of fewer than 19 members.
-        inclusion: Share of the ensemble that holds each term.
+        candidates: Candidate terms.
+        coefficients: Coefficients of each equation, zero for absent terms.
+        low: Lower bound of the interval of each coefficient, given the terms.
+        high: Upper bound.
+        level: Nominal level of the intervals: 0.9, or less below 19 members.
+        inclusion: Share of the ensemble that contains each term.
         noise_sd: Standard deviation of the noise of each state, in its unit.
-        repeated: Terms left out, since sums of others equal them on this record.
-        exchangeable: Of each equation, pairs of one of its terms and a candidate that
-            could stand in its place (`exchangeable_terms`).
+        repeated: Candidates left out, as sums of others equal them on this record.
+        exchangeable: Pairs, for each equation, of one of its terms and a candidate that
+            could replace it (`exchangeable_terms`).
         start: Smoothed states at the first row.
-        judged: Evidence for and against each equation.
+        judged: Tests of each equation.
     """
 
     states: tuple[str, ...]
@@ -212,15 +218,15 @@ def replay(
     held: bool = False,
     noise: bool = True,
 ) -> Replay:
-    """Integrate the equations and hold them against the data.
+    """Return the equations integrated from the first row, compared with the data.
 
     Args:
-        discovery: The equations.
-        time_s: Of the rows, rising [s].
-        states: At the rows.
-        inputs: At the rows.
-        held: Inputs keep their value until the next row; else linear between rows.
-        noise: Whether the states have the noise found; it is taken off then.
+        discovery: Equations.
+        time_s: Times of the rows, increasing [s].
+        states: States at the rows.
+        inputs: Inputs at the rows.
+        held: Whether inputs are constant until the next row; else linear.
+        noise: Whether the states have the estimated noise, which is then subtracted.
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
     own = flow(
@@ -249,20 +255,20 @@ def discover(
     members: int = MEMBERS,
     seed: int = 0,
 ) -> Discovery:
-    """Find dx/dt of each state of a trajectory.
+    """Return the equation of dx/dt of each state of a trajectory.
 
     Args:
-        time_s: Of the rows, rising [s].
-        states: What the equations are for, in any units.
-        inputs: What drives them, taken as exact.
-        names: Of the states, then of the inputs.
-        candidates: Terms looked among; default: products of up to two columns.
-        outside: Terms that what is left over is held against; default: products of up
-            to three columns, or none where `candidates` are named.
-        held: Inputs keep their value until the next row; else linear between rows.
-        threshold: Least share of a derivative's root mean square for a term to stay.
-        members: Of the ensemble.
-        seed: Of the ensemble.
+        time_s: Times of the rows, increasing [s].
+        states: States in any units.
+        inputs: Driving inputs, without errors.
+        names: Names of the states, then of the inputs.
+        candidates: Candidate terms; default: products of up to two columns.
+        outside: Terms outside of the search that residuals are compared with; default:
+            products of up to three columns, or none if `candidates` are given.
+        held: Whether inputs are constant until the next row; else linear.
+        threshold: Smallest share of a derivative's root mean square of a term.
+        members: Number of members of the ensemble.
+        seed: Seed of the ensemble.
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
     record = trajectory_record(time_s, states, inputs, held=held)
@@ -290,24 +296,24 @@ def discover_in(
     members: int = MEMBERS,
     seed: int = 0,
 ) -> Discovery:
-    """Find the equations of a record's states; other arguments as in `discover`.
+    """Return the equations of a record's states.
 
     Args:
-        record: The states.
-        candidates: Terms looked among.
-        states: Their names.
-        outside: Terms that what is left over is held against.
-        select: What picks the terms.
-        threshold: Of what picks them.
-        members: Of the ensemble.
-        seed: Of the ensemble.
+        record: Record of the states.
+        candidates: Candidate terms.
+        states: Names of the states.
+        outside: Terms outside of the search that residuals are compared with.
+        select: Selection of terms.
+        threshold: Threshold of the selection.
+        members: Number of members of the ensemble.
+        seed: Seed of the ensemble.
 
     Raises:
         InputError: A candidate overflows.
     """
     begin = stages(STAGES)
-    begin("which terms")
-    _refuse_overflow(record, candidates)
+    begin("terms")
+    _check_finite(record, candidates)
     terms = integrals(record, record.sides, candidates)
     distinct = ~repeated_terms(terms)
     covariances = [
@@ -335,9 +341,9 @@ def discover_in(
         count += found
         through(member + 1)
     inclusion = count / members
-    kept = inclusion > LIKELY
+    kept = inclusion > MIN_INCLUSION
     own = coefficients_of(terms, record.sides.left, kept)
-    begin("how sure")
+    begin("uncertainty")
     sure = ensemble_uncertainty(
         record,
         candidates,
@@ -347,7 +353,7 @@ def discover_in(
         members,
         rng,
     )
-    begin("stretches left out")
+    begin("held-out segments")
     skill = held_out_skill(
         record,
         candidates,
@@ -383,26 +389,26 @@ def discover_in(
     )
 
 
-def _refuse_overflow(record: Record, candidates: Candidates) -> None:
-    with np.errstate(over="ignore", invalid="ignore"):  # refused just below
+def _check_finite(record: Record, candidates: Candidates) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):  # rejected just below
         values = candidates.evaluate(record.sides.columns) * record.rate[:, None]
     if not np.all(np.isfinite(values)):
-        worst = candidates.names[np.argmin(np.all(np.isfinite(values), axis=0))]
+        place, term = np.argwhere(~np.isfinite(values))[0]
         raise InputError(
-            f"term {worst}: expected finite values all along the record, got others; "
-            "use larger units or a lower degree"
+            f"term {candidates.names[term]}: expected finite values along the record, "
+            f"got {values[place, term]}; use larger units or a lower degree"
         )
 
 
-class Sureness(NamedTuple):
-    """How sure the equations of some states are.
+class EnsembleUncertainty(NamedTuple):
+    """Uncertainty of the equations of some states.
 
     Attributes:
-        low: Lower end of the interval of each coefficient (`interval_level`).
-        high: Upper end.
-        odds: p of so much, so like itself and so like terms outside being left over,
-            state by state (`Judgement`).
-        likest: Name of the likest of the terms outside, state by state.
+        low: Lower bound of the interval of each coefficient (`interval_level`).
+        high: Upper bound.
+        odds: p of size, serial and outside correlation of the residuals, by state
+            (`Judgement`).
+        likest: Name of the most correlated term outside of the search, by state.
     """
 
     low: Float[np.ndarray, "state term"]
@@ -412,9 +418,10 @@ class Sureness(NamedTuple):
 
 
 def interval_level(members: int) -> float:
-    """Return the nominal level of an interval: 90 %, of fewer than 19 members less.
+    """Return the nominal level of an interval: 90 %, or less below 19 members.
 
-    The least and the greatest of them hold one more with (members - 1)/(members + 1).
+    The smallest and largest of them contain another one with the probability
+    (members - 1)/(members + 1).
     """
     return min(LEVEL, (members - 1) / (members + 1))
 
@@ -422,10 +429,10 @@ def interval_level(members: int) -> float:
 def basic_interval(
     own: Float[np.ndarray, "..."], off: Float[np.ndarray, "member ..."]
 ) -> Float[np.ndarray, "2 ..."]:
-    """Return the ends of an interval: a number less how far off members come.
+    """Return the bounds of an interval: an estimate minus quantiles of errors.
 
-    Quantile p of so many members is the (members + 1) p-th of them, and the least or
-    the greatest where there is none: its level is `interval_level`.
+    Quantile p of the members is the (members + 1) p-th of them, or the smallest or
+    largest if there is none: the level is `interval_level`.
     """
     tail = 0.5 * (1.0 - LEVEL)
     return own - np.quantile(off, (1.0 - tail, tail), axis=0, method="weibull")
@@ -439,20 +446,21 @@ def ensemble_uncertainty(
     kept: Bool[np.ndarray, "state term"],
     members: int,
     rng: np.random.Generator,
-) -> Sureness:
-    """Make records with new noise, and find the coefficients in each.
+) -> EnsembleUncertainty:
+    """Return the uncertainty from records with new noise.
 
-    The equations make them; where they do not give the record back (`misfit`, all
-    states), the smoothed states do, and there is no p.
+    The records are integrated equations plus noise. If the equations do not reproduce
+    the record (`misfit`, all states), they are the smoothed states plus noise, and
+    there is no p.
 
     Args:
-        record: What the equations were found in.
-        candidates: Terms they were looked for among.
-        others: Terms that what is left over is held against.
-        own: Coefficients found.
-        kept: Which terms they have.
-        members: Of the ensemble.
-        rng: Of the noise.
+        record: Record of the equations.
+        candidates: Candidate terms.
+        others: Terms outside of the search that residuals are compared with.
+        own: Coefficients of the equations.
+        kept: Mask of the terms of each equation.
+        members: Number of members of the ensemble.
+        rng: Generator of the noise.
     """
     made = flow(
         candidates.evaluate,
@@ -477,7 +485,7 @@ def ensemble_uncertainty(
             beyond = integrals(record, sides, others)
         coefficients = coefficients_of(terms, sides.left, kept)
         over = [
-            left_over(terms[:, row], sides.left[:, state], beyond, apart)
+            residual_statistics(terms[:, row], sides.left[:, state], beyond, apart)
             for state, row in enumerate(kept)
         ]
         return coefficients, np.stack([o[0] for o in over]), [o[1] for o in over]
@@ -503,7 +511,7 @@ def ensemble_uncertainty(
     else:
         likest = [others.names[int(np.argmax(share))] for share in shares]
     chances = [(float(a), float(b), float(c)) for a, b, c in odds]
-    return Sureness(low, high, chances, likest)
+    return EnsembleUncertainty(low, high, chances, likest)
 
 
 def outside_terms(
@@ -511,14 +519,14 @@ def outside_terms(
     candidates: Candidates,
     outside: Candidates | None,
 ) -> Candidates | None:
-    """Return the terms outside, if they are numbers and few enough to tell."""
+    """Return the terms outside of the search, if they are finite and few enough."""
     if outside is None:
         return None
     new = np.array([name not in candidates.names for name in outside.names])
     names = tuple(np.asarray(outside.names)[new].tolist())
-    with np.errstate(over="ignore", invalid="ignore"):  # not tried then
+    with np.errstate(over="ignore", invalid="ignore"):  # such terms are left out
         finite = np.all(np.isfinite(outside.evaluate(record.sides.columns)))
-    few = PER_TERM * len(names) <= len(record.windows.centre)
+    few = WINDOWS_PER_TERM * len(names) <= len(record.windows.centre)
     if not (names and finite and few):
         return None
     return Candidates(names, lambda values: outside.evaluate(values)[:, new])
@@ -537,7 +545,7 @@ def coefficients_of(
     left: Float[np.ndarray, "window state"],
     kept: Bool[np.ndarray, "state term"],
 ) -> Float[np.ndarray, "state term"]:
-    """Return each state's coefficients by least squares, zero for terms not kept."""
+    """Return the coefficients of each state by least squares, zero for other terms."""
     found = np.zeros(kept.shape)
     for state, row in enumerate(kept):
         found[state, row] = np.linalg.lstsq(terms[:, row], left[:, state])[0]
@@ -547,16 +555,17 @@ def coefficients_of(
 def held_out_skill(
     record: Record, candidates: Candidates, find: Find
 ) -> Float[np.ndarray, " state"]:
-    """Return how much better than a guess equations foretell stretches left out.
+    """Return the skill of equations on held-out segments relative to a guess.
 
-    Their coefficients have not seen these; their terms were chosen from all rows.
+    The coefficients are fitted without the segment; the terms were chosen with all
+    rows.
     """
     rows = len(record.time_s)
     place = np.log(record.time_s) if record.relative else record.time_s
     cut, spread = record.windows, np.std(record.states, axis=0)
-    missed = np.zeros((3, record.states.shape[1]))
-    ends = np.linspace(0, rows, STRETCHES + 1).astype(int)
-    for first, last in pairwise(ends):
+    squared_errors = np.zeros((3, record.states.shape[1]))
+    bounds = np.linspace(0, rows, SEGMENTS + 1).astype(int)
+    for first, last in pairwise(bounds):
         seen = (cut.centre + cut.half <= place[first]) | (
             cut.centre - cut.half >= place[last - 1]
         )
@@ -586,36 +595,36 @@ def held_out_skill(
                 held=record.held,
             )
             for nth, guess in enumerate((recorded, elsewhere, start)):
-                missed[nth] += np.sum((truth - guess) ** 2, axis=0)
-    missed = np.where(np.isnan(missed), np.inf, missed)
-    return 1.0 - missed[0] / np.minimum(missed[1], missed[2])
+                squared_errors[nth] += np.sum((truth - guess) ** 2, axis=0)
+    squared_errors = np.where(np.isnan(squared_errors), np.inf, squared_errors)
+    return 1.0 - squared_errors[0] / np.minimum(squared_errors[1], squared_errors[2])
 
 
-def left_over(
+def residual_statistics(
     terms: Float[np.ndarray, "window term"],
     left: Float[np.ndarray, " window"],
     outside: Float[np.ndarray, "window other"],
     windows_apart: int,
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " other"]]:
-    """Return three numbers of what an equation leaves over, and the share of each term.
+    """Return three statistics of the residuals of an equation, and shares of terms.
 
-    They are ln of its mean square beside that of the left side, how much it is like
-    itself a window later, and -ln of the share that terms outside leave of it.
+    They are ln of the mean square residual relative to the left side, the correlation
+    of residuals of different windows, and -ln of the share that terms outside leave.
 
     Args:
-        terms: Those of the equation.
+        terms: Terms of the equation.
         left: Left side.
-        outside: Other terms.
-        windows_apart: Windows from one to the next that shares nothing with it.
+        outside: Terms outside of the search.
+        windows_apart: Number of windows to the next one without common rows.
     """
     base = np.linalg.qr(terms)[0] if terms.shape[1] else terms
     over = left - base @ (base.T @ left)
     square = max(float(over @ over), np.finfo(float).tiny)
     later = over[windows_apart:]
-    like_itself = float(over[: len(later)] @ later) / square
+    correlation = float(over[: len(later)] @ later) / square
     size = np.log(square / float(left @ left))
     if not outside.shape[1]:
-        return np.array([size, like_itself, 0.0]), np.zeros(0)
+        return np.array([size, correlation, 0.0]), np.zeros(0)
     free = outside - base @ (base.T @ outside)
     norm = np.linalg.norm(free, axis=0)
     outlying = norm > 1e-6 * np.linalg.norm(outside, axis=0)
@@ -624,19 +633,19 @@ def left_over(
     vectors, sizes, _ = np.linalg.svd(unit, full_matrices=False)
     vectors = vectors[:, sizes > 1e-6 * sizes[0]] if sizes[0] > 0.0 else vectors[:, :0]
     gain = min(float(np.sum((vectors.T @ over) ** 2)) / square, 1.0 - 1e-12)
-    return np.array([size, like_itself, -np.log1p(-gain)]), share
+    return np.array([size, correlation, -np.log1p(-gain)]), share
 
 
 def unlikely(
     own: Float[np.ndarray, "3"], members: Float[np.ndarray, "member 3"]
 ) -> Float[np.ndarray, "3"]:
-    """Return p of each number, were it one more of the members'; they are normal."""
+    """Return p of each statistic as a further member of a normal ensemble."""
     count = len(members)
-    if count < FEWEST_MEMBERS:
+    if count < MIN_MEMBERS:
         return np.full(3, np.nan)
     if own[0] < np.log(EXACT):
         return np.ones(3)
-    sd = np.maximum(np.std(members, axis=0, ddof=1), LEAST_SD)
+    sd = np.maximum(np.std(members, axis=0, ddof=1), MIN_SD)
     away = (own - np.mean(members, axis=0)) / (sd * np.sqrt(1.0 + 1.0 / count))
     return student.sf(away, count - 1)
 
@@ -651,19 +660,20 @@ def flow(
     *,
     held: bool = False,
 ) -> Float[np.ndarray, "row state"]:
-    """Integrate equations from a start (Runge and Kutta 5(4)).
+    """Return equations integrated from a start (Runge and Kutta 5(4)).
 
     Args:
-        evaluate: From the columns to the terms.
-        coefficients: Of the equations.
+        evaluate: Function from the columns to the terms.
+        coefficients: Coefficients of the equations.
         start: States at the first row.
-        time_s: Of the rows, rising [s].
-        inputs: At the rows.
-        spread: Of each state: past 1e3 of them from the start it is given up.
-        held: Inputs keep their value until the next row; else linear between rows.
+        time_s: Times of the rows, increasing [s].
+        inputs: Inputs at the rows.
+        spread: Standard deviation of each state; the integration stops at 1e3 of them
+            from the start.
+        held: Whether inputs are constant until the next row; else linear.
 
     Returns:
-        States at the rows, NaN from where it was given up.
+        States at the rows, NaN after the integration was stopped.
     """
     calls = 0
 
@@ -674,21 +684,22 @@ def flow(
         terms = evaluate(np.concatenate([states, np.asarray(now)])[None])
         return coefficients @ terms[0]
 
-    def gone(time: float, states: np.ndarray) -> float:
+    def diverged(time: float, states: np.ndarray) -> float:
         far = np.max(np.abs(states - start) / spread) > DIVERGED_SPREADS
-        return -1.0 if far or calls > CALLS * len(time_s) else 1.0
+        return -1.0 if far or calls > MAX_CALLS * len(time_s) else 1.0
 
-    gone.terminal = True  # type: ignore[attr-defined] (how solve_ivp is told)
-    with np.errstate(all="ignore"):  # what overflows is given up
+    diverged.terminal = True  # type: ignore[attr-defined] (the interface of solve_ivp)
+    with np.errstate(all="ignore"):  # an overflow stops the integration
         answer = solve_ivp(
             slope,
             (time_s[0], time_s[-1]),
             start,
             t_eval=time_s,
-            events=gone,
+            events=diverged,
             rtol=TOLERANCE,
             atol=TOLERANCE * spread,
-            max_step=4.0 * float(np.max(np.diff(time_s))),  # steps over no pulse
+            max_step=4.0
+            * float(np.max(np.diff(time_s))),  # so that no pulse of an input is skipped
         )
     states = np.full((len(time_s), len(start)), np.nan)
     states[: answer.y.shape[1]] = answer.y.T

@@ -1,8 +1,8 @@
-"""The search for equations of motion in a trajectory, with more terms if in doubt.
+"""Search for the equations of motion of a trajectory, with more terms if necessary.
 
-`discover_law` does what `jblast discover` does: it looks among products of up to N
-columns, integrates the equations, and where they are in doubt looks once more among
-products of one column more. A trajectory is a CSV file with a time column and one
+`discover_law` is the library function of `jblast discover`. It searches products of up
+to N columns, integrates the equations, and if a test fails searches products of one
+more column. A trajectory is a CSV file with a time column and one
 column a state (`read_trajectory`).
 """
 
@@ -31,27 +31,27 @@ from jblast.progress import stages
 
 TIME = "time_s"
 MAX_VALUE = 1e100
-"""Largest value: its square must still be a finite number."""
+"""Largest value: its square and cube must still be finite numbers."""
 MIN_ROWS = 20
-"""Smallest number of rows: with fewer, noise is not separable from the motion."""
+"""Smallest number of rows: with fewer, noise cannot be separated from the motion."""
 DEGREE = 2
-"""Default: many equations of motion have products of two columns."""
+"""Default degree: many equations of motion have products of two columns."""
 DEGREES = (1, 6)
-"""Least and most columns of a product."""
+"""Smallest and largest number of columns in a product."""
 ENSEMBLES = (FEWEST_OF_INTERVAL, 10_000)
-"""Fewest and most members; the most is declared."""
-MOST_TERMS = 100
-"""Candidates: more are neither found fast nor told apart."""
+"""Smallest and largest ensemble; the largest is declared."""
+MAX_TERMS = 100
+"""Largest number of candidates: more are slow to search, and nearly collinear."""
 
 
 class TrajectoryColumns(NamedTuple):
-    """Columns of a file.
+    """Columns of a trajectory file.
 
     Attributes:
-        time_s: Of the rows, from the first row on [s].
-        states: What equations are for.
-        inputs: What drives them.
-        names: Of the states, then of the inputs.
+        time_s: Times of the rows since the first row [s].
+        states: States, for which equations are searched.
+        inputs: Driving inputs.
+        names: Names of the states, then of the inputs.
     """
 
     time_s: Float[np.ndarray, " row"]
@@ -64,15 +64,14 @@ class LawSearch(NamedTuple):
     """Equations of motion found in a trajectory.
 
     Attributes:
-        data: The trajectory.
-        found: The equations.
-        again: The equations integrated from the first row.
-        further: The same among products of one column more; None where that was not
-            tried.
-        certain: Whether nothing contradicts any of the equations.
-        threshold: Least share of a derivative for a term to stay.
-        members: Of the ensemble.
-        seed: Of its noise.
+        data: Trajectory.
+        found: Equations.
+        again: Equations integrated from the first row.
+        further: The same with products of one more column; None if not searched.
+        certain: Whether all equations pass their tests.
+        threshold: Smallest share of a derivative that a term must contribute.
+        members: Number of members of the ensemble.
+        seed: Seed of its noise.
     """
 
     data: TrajectoryColumns
@@ -100,23 +99,23 @@ def discover_law(
     """Find the equations of motion in a trajectory.
 
     Args:
-        trajectory: CSV file with `time_s` and columns of numbers, or its columns.
+        trajectory: CSV file with `time_s` and numeric columns, or its columns.
         states: Columns to find equations for; default: all but the inputs.
-        inputs: Columns that drive them, taken as exact.
-        held: Whether inputs keep their value until the next row, as commands do; else
-            they are linear between rows.
-        degree: Most columns of a product among the candidates.
+        inputs: Driving columns, without errors.
+        held: Whether inputs are constant until the next row, as commands are; else they
+            are linear between rows.
+        degree: Largest number of columns in a product.
         drag: Whether |x| x of each column x is a candidate.
-        threshold: Least share of a derivative's root mean square for a term to stay.
-        members: Records with new noise, for the uncertainty of a term.
-        seed: Of that noise.
+        threshold: Smallest share of a derivative's root mean square of a term.
+        members: Number of records with new noise, for the uncertainty of the terms.
+        seed: Seed of the noise.
 
     Returns:
-        The equations, their integration, and whether they are certain.
+        Equations, their integration, and whether they pass their tests.
 
     Raises:
-        InputError: The file cannot be read, a column is not there, or there are too
-            many candidates.
+        InputError: The file cannot be read, a column is missing, or there are too many
+            candidates.
 
     Example:
         `jblast.discover_law("orbit.csv", states=["x_m", "v_m_s"]).certain`
@@ -129,9 +128,9 @@ def discover_law(
         data = read_trajectory(data, states, inputs)
     columns = len(data.names)
     terms = _terms(columns, degree, drag)
-    if terms > MOST_TERMS:
+    if terms > MAX_TERMS:
         raise InputError(
-            f"{columns} columns to degree {degree}: expected at most {MOST_TERMS} "
+            f"{columns} columns to degree {degree}: expected at most {MAX_TERMS} "
             f"candidates, got {terms}; name fewer by {argument('states')} and "
             f"{argument('inputs')}, or lower {argument('degree')}"
         )
@@ -157,20 +156,20 @@ def discover_law(
     begin("finding")
     found, again = find(degree)
     sure, further = certain(found, again), None
-    few = _terms(columns, degree + 1, drag) <= MOST_TERMS
+    few = _terms(columns, degree + 1, drag) <= MAX_TERMS
     # more candidates do not distinguish exchangeable terms
     if not sure and few and not any(found.exchangeable):
         begin("one degree more")
-        with contextlib.suppress(InputError):  # a term that overflows is none to try
+        with contextlib.suppress(InputError):  # a term overflows: no search
             further = find(degree + 1)
     return LawSearch(data, found, again, further, sure, threshold, members, seed)
 
 
 def certain(found: Discovery, again: Replay) -> bool:
-    """Return whether nothing contradicts any equation.
+    """Return whether all equations pass their tests.
 
-    Each has a term, no exchangeable ones, holds over segments that its coefficients
-    were not fitted to, leaves nothing but noise, and reproduces its column.
+    Each has terms and no exchangeable ones, predicts held-out segments, has residuals
+    no larger than noise, and reproduces its column.
     """
     return all(
         bool(found.terms(state))
@@ -183,10 +182,10 @@ def certain(found: Discovery, again: Replay) -> bool:
 
 
 def check_search(*, degree: int = DEGREE, members: int = MEMBERS) -> None:
-    """Refuse numbers outside their ranges.
+    """Check the numbers of a search.
 
     Raises:
-        InputError: As said.
+        InputError: A number is outside its range.
     """
     for name, value, (least, most), why in (
         ("degree", degree, DEGREES, ""),
@@ -209,18 +208,18 @@ def read_trajectory(
     states: Sequence[str] = (),
     inputs: Sequence[str] = (),
 ) -> TrajectoryColumns:
-    """Read a trajectory: a header, `time_s` among its names, and numbers.
+    """Read a trajectory from a CSV file with a header that has `time_s`.
 
     Lines that begin with # are comments.
 
     Args:
-        path: The file.
-        states: Columns that equations are for; none: all that are no inputs.
-        inputs: Columns that drive them.
+        path: CSV file.
+        states: Columns to find equations for; empty for all except the inputs.
+        inputs: Driving columns.
 
     Raises:
-        InputError: The file is not as described, a column is missing or does not
-            change, the times do not rise, there are fewer than 20 rows.
+        InputError: The file has another form, a column is missing or constant, the
+            times do not increase, or there are fewer than 20 rows.
     """
     text = read_text(path, "a CSV file of a trajectory")
     numbered = [

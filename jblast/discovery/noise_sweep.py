@@ -1,4 +1,4 @@
-"""The noise at which discovery fails: known laws, searched in simulated records.
+"""Noise level at which discovery fails, for known laws in simulated records.
 
 Each case is a law with known terms and coefficients, a simulated record of it and the
 candidates of the search. The sweep adds normal noise of increasing size and reports
@@ -21,48 +21,51 @@ from jblast.errors import InputError
 from jblast.waves import sedov_taylor_shock_radius
 
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
-"""Shares of a state's standard deviation; of the radius itself for a shock."""
+"""Noise relative to a state's standard deviation; relative to the radius for a
+shock."""
 SEEDS = 20
-"""Noisy records of each level of noise; an extracted share is then known to 0.1."""
+"""Records for each noise level: a share then has a standard error of 0.1."""
 MEMBERS = 40
-"""Of each ensemble: enough for what is most likely, and for rough quantiles."""
+"""Members of each ensemble: enough for the majority and for rough quantiles."""
 ROWS_APART_S = 0.02
 """Time between two rows of a flight [s]: 50 a second, as a flight log has."""
 GUST_M_S, GUST_PERIOD_S = 14.0, 4.0
-"""Size and period of a wind; declared."""
+"""Amplitude [m/s] and period [s] of the wind, declared."""
 FLIGHT_S = 16.0
-"""A wind that swings four times to each side while the vehicle hovers, level."""
+"""Duration of the flight [s], four periods of the wind, while the vehicle stays
+level."""
 COMMANDS = (0.9, 1.1, 0.95, 1.2, 0.8, 1.05, 0.85, 1.15)
-"""Rotor speeds asked for one after another, as shares of the speed at hover."""
+"""Commanded rotor speeds in turn, relative to the speed at hover."""
 COMMAND_S = 0.4
-"""Duration of each: the lag of a motor is a small part of it."""
+"""Duration of each command [s], much longer than the motor lag."""
 SHOCK_S = (4e-4, 25e-3)
-"""Times from first to last: those of Taylor's pictures of Trinity are 0.1 to 62 ms."""
+"""First and last time [s], within those of Taylor's pictures of Trinity, 0.1 to
+62 ms."""
 SHOCK_ROWS = 60
-"""Evenly spaced in the logarithm of time; declared."""
+"""Rows, evenly spaced in ln of the time, declared."""
 SHOCK_KG = 20e6
-"""TNT equivalent of Trinity: 20 kilotons."""
+"""TNT mass of Trinity [kg]: 20 kilotons."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came out of the noisy records of one equation.
+    """Results of the noisy records of one equation.
 
     Attributes:
-        case: What was to be found.
-        state: Whose equation.
-        noise: Share of the state's standard deviation, or of the radius.
-        seeds: Records tried.
-        exact: Share of them in which exactly the true terms came out.
-        missing: Mean number of true terms that did not.
-        false: Mean number of terms that are not true.
-        error: Median over the exact ones of the largest relative error of a
-            coefficient; NaN where none was exact.
-        covered: Share of the true coefficients of the exact ones inside their 90 %
-            intervals, which are nominal.
-        reproduced: Share whose equations, integrated, give the clean record back.
-        law: Share judged to foretell stretches its coefficients have not seen.
-        whole: Share of which nothing is left over that noise would not leave.
+        case: Name of the case.
+        state: State of the equation.
+        noise: Noise relative to the state's standard deviation, or to the radius.
+        seeds: Number of records.
+        exact: Share of records in which exactly the true terms are found.
+        missing: Mean number of missing true terms.
+        false: Mean number of false terms.
+        error: Median over exact records of the largest relative error of a coefficient;
+            NaN without exact records.
+        covered: Share of the true coefficients of exact records inside their nominal
+            90 % intervals.
+        reproduced: Share of records whose integrated equations give the clean record.
+        law: Share of records whose equations predict held-out segments.
+        whole: Share of records whose residuals are no more than noise.
     """
 
     case: str
@@ -81,19 +84,19 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """A record without noise, and the equations behind it.
+    """Record without noise, with its true equations.
 
     Attributes:
-        name: What is to be found.
-        names: Of the states, then of the inputs.
-        time_s: Of the rows.
-        states: At the rows.
-        inputs: At the rows.
-        held: Whether inputs keep their value until the next row.
-        candidates: Terms to look among.
-        truth: Coefficient of each term of each state.
-        shock: Whether it is the radius of a shock since the detonation.
-        outside: Terms that what is left over is held against.
+        name: Name of the case.
+        names: Names of the states, then of the inputs.
+        time_s: Times of the rows.
+        states: States at the rows.
+        inputs: Inputs at the rows.
+        held: Whether inputs are constant until the next row.
+        candidates: Candidate terms.
+        truth: Coefficients of the terms of each state.
+        shock: Whether the state is the radius of a shock since the detonation.
+        outside: Terms outside of the search that residuals are compared with.
     """
 
     name: str
@@ -111,7 +114,7 @@ class Case:
 def noise_sweep(
     case: Case, noises: Sequence[float] = NOISES, seeds: int = SEEDS
 ) -> list[Outcome]:
-    """Look for a case's equations in records with noise, seed after seed."""
+    """Return the outcomes of a case at several noise levels."""
     return [
         outcome for noise in noises for outcome in _outcomes(case, noise, range(seeds))
     ]
@@ -126,7 +129,7 @@ def noisy_states(case: Case, noise: float, seed: int) -> np.ndarray:
 
 
 def found_in(case: Case, states: np.ndarray, seed: int) -> Discovery:
-    """Look for the equations of a case in a record of it."""
+    """Return the equations found in a record of a case."""
     if case.shock:
         slowing = shock_slowing(
             case.time_s, states[:, 0], threshold=THRESHOLD, members=MEMBERS, seed=seed
@@ -151,7 +154,7 @@ def _outcomes(case: Case, noise: float, seeds: Sequence[int]) -> list[Outcome]:
     for seed in seeds:
         try:
             found = found_in(case, noisy_states(case, noise, seed), seed)
-        except InputError:  # noise so large that the radius shrinks somewhere
+        except InputError:  # with large noise the smoothed radius decreases somewhere
             for row, true in zip(rows, case.truth.values(), strict=True):
                 row.append((0.0, float(len(true)), 0.0, np.nan, np.nan, 0.0, 0.0, 0.0))
             continue
@@ -171,7 +174,7 @@ def _outcomes(case: Case, noise: float, seeds: Sequence[int]) -> list[Outcome]:
 def _against(
     found: Discovery, state: int, true: dict[str, float]
 ) -> tuple[float, float, float, float, float]:
-    """Return whether exact, terms missing, false ones, error and share covered."""
+    """Return exactness, missing and false terms, error and coverage."""
     terms = set(found.terms(state))
     missing, false = float(len(set(true) - terms)), float(len(terms - set(true)))
     if missing or false:
@@ -184,7 +187,7 @@ def _against(
 
 
 def _summary(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
-    """Return the means, and the median of the errors of the exact ones."""
+    """Return the means, and the median error of exact records."""
     exact, missing, false, error, covered, *shares = np.array(rows, float).T
     any_exact = bool(np.any(exact))
     return (
@@ -198,9 +201,9 @@ def _summary(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
 
 
 def drag_case() -> Case:
-    r"""Return a Hummingbird blown to and fro: what the air does to u and w.
+    r"""Return a Hummingbird in an oscillating wind: drag of u and w.
 
-    With u and w its speed through the air, ahead and up, and |U| both together,
+    With u and w the airspeed, ahead and up, and |U| its magnitude,
     $$dv_x/dt = -(k_d \Sigma\Omega/m)\, u - (c_{Dx}/m) |U| u$$
     $$dv_z/dt = -(k_z \Sigma\Omega/m)\, w + (4 k_h/m)\, u^2 - (c_{Dz}/m) |U| w$$
     while the rotors turn as at hover and the vehicle stays level.
@@ -269,25 +272,27 @@ def motor_case() -> Case:
     """
     body = vehicle.named("crazyflie")
     speed = _hover_speed(body)
-    asked, lag = speed * np.asarray(COMMANDS), float(body.motor_lag_s)
+    commands, lag = speed * np.asarray(COMMANDS), float(body.motor_lag_s)
     flight = vehicle.simulate(
         body,
         _hovering(speed),
-        duration_s=COMMAND_S * len(asked),
+        duration_s=COMMAND_S * len(commands),
         step_s=ROWS_APART_S / 20.0,
-        commands=np.repeat(asked[:, None], 4, axis=1),
+        commands=np.repeat(commands[:, None], 4, axis=1),
         command_step_s=COMMAND_S,
         store_every=10,
     )
     time = np.asarray(flight.time_s)
-    nth = np.floor(time / COMMAND_S + 1e-6).astype(int)  # an edge begins the next one
+    nth = np.floor(time / COMMAND_S + 1e-6).astype(
+        int
+    )  # a row at a change belongs to the next command
     names = ("speed", "command")
     return Case(
         "lag of a motor",
         names,
         time,
         np.asarray(flight.rotor_speed_rad_s)[:, :1],
-        asked[np.minimum(nth, len(asked) - 1)][:, None],
+        commands[np.minimum(nth, len(commands) - 1)][:, None],
         True,
         polynomial(names),
         {"speed": {"speed": -1.0 / lag, "command": 1.0 / lag}},

@@ -1,4 +1,4 @@
-r"""A noisy record, smoothed, and the equations of motion in integral form.
+r"""Smoothing of a noisy record, and equations of motion in integral form.
 
 Smoothed states are the natural cubic spline that minimises
 $\sum (x_i - f(t_i))^2 + \lambda \int f''^2$, with $\lambda$ by generalised
@@ -25,33 +25,35 @@ from scipy.linalg import solveh_banded
 from jblast.errors import InputError
 
 POWER = 4
-r"""Of a window; $\varphi$ and three derivatives vanish at its ends."""
+r"""Power of a window: $\varphi$ and three derivatives vanish at its bounds."""
 PER_HALF_WIDTH = 4
-"""Windows in each half width of one: closer ones add nothing."""
+"""Windows per half width: closer ones overlap so much that they add no information."""
 MAX_WINDOWS = 600
-"""Largest number of windows."""
-FEWEST_ROWS = 4
-"""Rows in a half width, on average; fewer do not tell a window's shape."""
-PIECES = 4
-"""Pieces of quadrature in a half width, at least: a gap between rows may be wider."""
+"""Largest number of windows: their covariance is a full matrix of this size."""
+MIN_ROWS_PER_HALF_WIDTH = 4
+"""Mean number of rows in a half width: fewer do not resolve the shape of a window."""
+INTERVALS = 4
+"""Quadrature intervals per half width at least, as a gap between rows may be wider."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
-"""Gauss's rule of three points in each piece, exact to degree 5."""
+"""Gauss's rule with three points in each interval, exact to degree 5."""
 PENALTIES = np.logspace(-1.0, 12.0, 27)
-"""Tried, for rows one unit of time apart; the last gives a straight line."""
-FREEST = 0.5
-"""Degrees of freedom per row, at most: a spline through every row leaves no noise."""
+"""Penalties that are compared, two in a decade, for rows one unit of time apart: from
+nearly no smoothing to a straight line."""
+MAX_FREEDOM = 0.5
+"""Largest number of degrees of freedom per row: a spline through all rows leaves no
+residuals to estimate the noise from."""
 PROBES = 50
-"""Random vectors that estimate the trace of the smoother (Hutchinson 1990), but for the
-straight line, which it leaves as it is; for at most twice as many rows, unit vectors
-give it exactly."""
+"""Random vectors that estimate the trace of the smoother (Hutchinson 1990), without its
+straight line, whose part is known. For at most twice as many rows unit vectors give the
+exact trace."""
 
 
 class Sides(NamedTuple):
-    r"""Both sides of the equations of some states, but for the coefficients.
+    r"""Both sides of the equations of some states, without coefficients.
 
     Attributes:
-        columns: States, smoothed, then inputs, at the places of quadrature.
-        left: $-\int \varphi' x$ of the states as they were recorded.
+        columns: Smoothed states, then inputs, at the quadrature points.
+        left: $-\int \varphi' x$ of the recorded states.
     """
 
     columns: Float[np.ndarray, "place column"]
@@ -62,12 +64,12 @@ class Windows(NamedTuple):
     r"""Integrals over windows, as matrices.
 
     Attributes:
-        time: Places of quadrature, at least three between two rows.
-        integral: $\int \varphi f$ of what is known at the places.
-        derivative: $-\int \varphi' f$ of what is known at the places.
-        of_rows: $-\int \varphi' f$ of what is known at the rows, linear between them.
-        centre: Of each window.
-        half: Half width of all.
+        time: Quadrature points, at least three between two rows.
+        integral: $\int \varphi f$ from values at the quadrature points.
+        derivative: $-\int \varphi' f$ from values at the quadrature points.
+        of_rows: $-\int \varphi' f$ from values at the rows, linear between them.
+        centre: Centre of each window.
+        half: Half width of all windows.
     """
 
     time: Float[np.ndarray, " place"]
@@ -79,17 +81,17 @@ class Windows(NamedTuple):
 
 
 def windows(time: Float[np.ndarray, " row"], half: float) -> Windows:
-    """Return the integrals over windows spread evenly over a record.
+    """Return the integrals over windows that cover a record evenly.
 
     Args:
-        time: Of the rows, rising.
+        time: Times of the rows, increasing.
         half: Half width of a window, in the unit of the times.
     """
     span = time[-1] - time[0] - 2.0 * half
-    # overlapping, or some rows would count for more than others
+    # windows overlap, so that all rows have nearly the same weight
     count = min(MAX_WINDOWS, 1 + int(np.ceil(PER_HALF_WIDTH * span / half)))
-    # no piece crosses a row, where interpolated inputs have a kink
-    places, weights = _quadrature(time, half / PIECES)
+    # intervals end at rows, where interpolated inputs have a kink
+    places, weights = _quadrature(time, half / INTERVALS)
     centres = np.linspace(time[0] + half, time[-1] - half, count)
     first = np.searchsorted(places, centres - half)
     last = np.searchsorted(places, centres + half)
@@ -109,21 +111,20 @@ def windows(time: Float[np.ndarray, " row"], half: float) -> Windows:
 
 
 class Record(NamedTuple):
-    r"""States over a time, and what they look like without noise.
+    r"""Recorded states with their smoothed values and their integral equations.
 
     Attributes:
-        time_s: Of the rows.
-        states: At the rows, as recorded.
-        inputs: At the rows.
-        held: Whether inputs keep their value until the next row.
+        time_s: Times of the rows.
+        states: Recorded states at the rows.
+        inputs: Inputs at the rows.
+        held: Whether inputs are constant until the next row.
         windows: Integrals over windows.
-        rate: What the terms are multiplied by: dt/ds, where windows lie in another time
-            s than t.
-        smooth: States at the rows, smoothed.
-        sides: Of the equations, of the states as they were recorded.
+        rate: Factor of the terms, dt/ds, if windows are in another time s than t.
+        smooth: Smoothed states at the rows.
+        sides: Sides of the equations for the recorded states.
         noise_sd: Standard deviation of the noise of each state, relative if `relative`.
-        relative: Whether noise multiplies.
-        sides_of: The sides of other states at these rows, smoothed as much.
+        relative: Whether the noise is multiplicative.
+        sides_of: Function of other states at these rows, with the same smoothing.
     """
 
     time_s: Float[np.ndarray, " row"]
@@ -140,13 +141,13 @@ class Record(NamedTuple):
 
     @property
     def noise_in_unit(self) -> Float[np.ndarray, " state"]:
-        """Standard deviation of the noise of each state, in its unit, over the rows."""
+        """Standard deviation of the noise of each state, in its unit."""
         if not self.relative:
             return self.noise_sd
         return self.noise_sd * np.sqrt(np.mean(self.smooth**2, axis=0))
 
     def noise_map(self, state: int) -> sparse.csr_array:
-        """Return what takes the noise of a state at the rows to the left side."""
+        """Return the matrix from the noise of a state at the rows to the left side."""
         if not self.relative:
             return self.windows.of_rows
         return sparse.csr_array(
@@ -156,7 +157,7 @@ class Record(NamedTuple):
     def with_noise(
         self, states: Float[np.ndarray, "row state"], rng: np.random.Generator
     ) -> Float[np.ndarray, "row state"]:
-        """Return states with noise as large as this record's."""
+        """Return states with new noise of the size of this record's."""
         noise = self.noise_sd * rng.standard_normal(states.shape)
         return states * np.exp(noise) if self.relative else states + noise
 
@@ -168,14 +169,14 @@ def trajectory_record(
     *,
     held: bool = False,
 ) -> Record:
-    """Smooth the states and lay windows over them.
+    """Return the record of a trajectory.
 
     Args:
-        time_s: Of the rows, rising [s].
-        states: In any units.
-        inputs: Taken as exact.
-        held: Inputs keep their value until the next row, as commands do; else they are
-            linear between rows.
+        time_s: Times of the rows, increasing [s].
+        states: States in any units.
+        inputs: Inputs, without errors.
+        held: Whether inputs are constant until the next row, as commands are; else they
+            are linear between rows.
     """
     curves, noise_sd, again = smoothed(time_s, states)
     cut = windows(time_s, half_width(time_s, curves.value, curves.slope(time_s)))
@@ -183,8 +184,8 @@ def trajectory_record(
 
     def sides(states: Float[np.ndarray, "row state"], curves: Curves) -> Sides:
         at = curves.at(cut.time)
-        # the curve by quadrature and its residuals by the rows: together no noise is
-        # lost, and none is smoothed twice
+        # the curve by quadrature plus its residuals by the rows: the left side then has
+        # the noise of the rows, neither smoothed nor counted twice
         left = cut.derivative @ at + cut.of_rows @ (states - curves.value)
         return Sides(np.column_stack([at, *between]), left)
 
@@ -206,18 +207,18 @@ def trajectory_record(
 def shock_record(
     time_s: Float[np.ndarray, " row"], radius_m: Float[np.ndarray, " row"]
 ) -> Record:
-    """Smooth the radius of a shock and lay windows over it, both in ln of the time.
+    """Return the record of a shock radius, with windows in ln of the time.
 
-    A shock slows down as a power of time: in ln it is nearly straight, and few rows
-    tell it, however unevenly they lie. What is looked for is dR/dt still; its noise is
-    relative, so each window is divided by its own left side.
+    A shock slows down as a power of time, so that ln of the radius is nearly linear in
+    ln of the time, and few, unevenly spaced rows suffice. The equation is still that of
+    dR/dt; its noise is relative, so that each window is divided by its left side.
 
     Args:
-        time_s: Since the detonation, positive, rising [s].
-        radius_m: Positive [m].
+        time_s: Times since the detonation, positive, increasing [s].
+        radius_m: Radii, positive [m].
 
     Raises:
-        InputError: The smoothed radius does not grow all the time.
+        InputError: The smoothed radius decreases somewhere.
     """
     log_time = np.log(time_s)
     log_radius = np.log(radius_m)[:, None]
@@ -227,8 +228,8 @@ def shock_record(
     left = cut.derivative @ np.exp(curves.at(cut.time))
     if not np.all(left > 0.0):
         raise InputError(
-            "shock radius: expected one that grows with time; smoothed, it shrinks "
-            "somewhere: its noise is too large"
+            "shock radius: expected a smoothed radius that grows with time, got one "
+            "that decreases: its noise is too large"
         )
     relative = sparse.diags_array(1.0 / left[:, 0])
     cut = cut._replace(
@@ -268,7 +269,7 @@ def input_at(
     *,
     held: bool,
 ) -> Float[np.ndarray, "..."]:
-    """Return an input between its rows, held from each to the next or linear."""
+    """Return an input between its rows, constant from each to the next or linear."""
     if not held:
         return np.asarray(np.interp(places, time, value))
     row = np.searchsorted(time, places, side="right") - 1
@@ -280,27 +281,30 @@ def half_width(
     value: Float[np.ndarray, "row state"],
     slope: Float[np.ndarray, "row state"],
 ) -> float:
-    """Return the half width that the fastest state asks for.
+    """Return the half width for the fastest state.
 
-    It is the state's standard deviation over that of its derivative: 1/6 of the period
-    of an oscillation. At least four rows lie in it, and it is an eighth of the record
-    at most.
+    It is the ratio of the standard deviations of the state and of its derivative, 1/6
+    of the period of an oscillation. It contains four rows or more, and is an eighth of
+    the record at most.
     """
     length = float(time[-1] - time[0])
     own = float(np.min(np.std(value, axis=0) / np.sqrt(np.mean(slope**2, axis=0))))
-    fewest = FEWEST_ROWS * length / (len(time) - 1)
-    return min(max(own, fewest), length / 8.0)
+    shortest = MIN_ROWS_PER_HALF_WIDTH * length / (len(time) - 1)
+    return min(max(own, shortest), length / 8.0)
 
 
 def _quadrature(
     time: Float[np.ndarray, " row"], longest: float
 ) -> tuple[Float[np.ndarray, " place"], Float[np.ndarray, " place"]]:
-    """Return places and weights; no piece is longer than said, none crosses a row."""
+    """Return quadrature points and weights, in intervals that end at rows.
+
+    No interval is longer than `longest`.
+    """
     gaps = np.diff(time)
-    pieces = np.maximum(1, np.ceil(gaps / longest)).astype(int)
-    length = np.repeat(gaps / pieces, pieces)
-    nth = np.arange(len(length)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    start = np.repeat(time[:-1], pieces) + nth * length
+    counts = np.maximum(1, np.ceil(gaps / longest)).astype(int)
+    length = np.repeat(gaps / counts, counts)
+    nth = np.arange(len(length)) - np.repeat(np.cumsum(counts) - counts, counts)
+    start = np.repeat(time[:-1], counts) + nth * length
     places = start[:, None] + 0.5 * length[:, None] * (NODES + 1.0)
     return places.ravel(), (0.5 * length[:, None] * WEIGHTS).ravel()
 
@@ -308,7 +312,7 @@ def _quadrature(
 def _between(
     time: Float[np.ndarray, " row"], places: Float[np.ndarray, " place"]
 ) -> sparse.csr_array:
-    """Return what takes values at the rows to the places, linearly between rows."""
+    """Return the matrix of linear interpolation from the rows to other times."""
     left = np.searchsorted(time, places, side="right") - 1
     share = (places - time[left]) / (time[left + 1] - time[left])
     place = np.arange(len(places))
@@ -320,12 +324,12 @@ def _between(
 
 
 class Curves(NamedTuple):
-    """States as curves.
+    """States as smooth curves.
 
     Attributes:
-        value: At the rows.
-        at: The states at any time.
-        slope: Their derivatives at any time.
+        value: States at the rows.
+        at: States at any time.
+        slope: Derivatives of the states at any time.
     """
 
     value: Float[np.ndarray, "row state"]
@@ -337,10 +341,10 @@ class Smoothed(NamedTuple):
     """Smoothed states.
 
     Attributes:
-        curves: The states.
-        noise_sd: Standard deviation of the noise: the sum of squared residuals over
-            rows less degrees of freedom, its root.
-        again: Smooths other states of these rows as much.
+        curves: Curves of the states.
+        noise_sd: Standard deviation of the noise: root of the sum of squared residuals
+            over the number of rows less degrees of freedom.
+        again: Function that smooths other states at these rows equally.
     """
 
     curves: Curves
@@ -351,11 +355,11 @@ class Smoothed(NamedTuple):
 def smoothed(
     time: Float[np.ndarray, " row"], states: Float[np.ndarray, "row state"]
 ) -> Smoothed:
-    """Smooth each state by a cubic spline (Wahba 1990, chapter 4).
+    """Return each state smoothed by a cubic spline (Wahba 1990, chapter 4).
 
-    Errors are taken as independent from row to row, and equal.
+    Errors are assumed independent and of equal size.
     """
-    # in rows: the penalties then suit any unit of time
+    # time in rows, so that the penalties suit any unit of time
     scaled = (time - time[0]) / float(np.mean(np.diff(time)))
     rows, count = states.shape
     probes = _probes(scaled)
@@ -368,7 +372,7 @@ def smoothed(
         free = 2.0 + float(np.sum(probes * passed[:, count:]))
         over = np.mean((states - passed[:, :count]) ** 2, axis=0)
         score = over / max(1.0 - free / rows, 1.0 / rows) ** 2
-        better = (score < best) & (free < FREEST * rows)
+        better = (score < best) & (free < MAX_FREEDOM * rows)
         best = np.where(better, score, best)
         penalty = np.where(better, tried, penalty)
         freedom = np.where(better, free, freedom)
@@ -388,14 +392,14 @@ def smoothed(
 
 
 def _probes(time: Float[np.ndarray, " row"]) -> Float[np.ndarray, "row probe"]:
-    """Return vectors of which the products with what they become add up to a trace."""
+    """Return probe vectors whose products with their smoothed values add to a trace."""
     rows = len(time)
     if rows <= 2 * PROBES:
         probes = np.eye(rows)
     else:
         probes = np.random.default_rng(0).choice([-1.0, 1.0], (rows, PROBES))
         probes /= np.sqrt(PROBES)
-    # a spline passes straight lines as they are: their part of the trace is 2, exactly
+    # a spline does not change straight lines: their part of the trace is exactly 2
     line = np.linalg.qr(np.column_stack([np.ones(rows), time]))[0]
     return probes - line @ (line.T @ probes)
 
@@ -408,7 +412,8 @@ def _smooth(
     """Return the spline of each column at the rows."""
     gaps = np.diff(time)
     left, right = 1.0 / gaps[:-1], 1.0 / gaps[1:]
-    # column j of Q has left, -(left + right), right at the rows j, j + 1, j + 2
+    # column j of Q has left, -(left + right), right at the rows j, j + 1, j + 2, so
+    # that the matrix is banded and a solution costs as much as the rows
     middle = -(left + right)
     bands = np.zeros((3, len(middle)))
     bands[2] = (gaps[:-1] + gaps[1:]) / 3.0

@@ -22,22 +22,22 @@ from jblast.discovery.record import Record, Sides, shock_record
 from jblast.discovery.sparse_regression import grown_terms, powers
 
 EXPONENTS = (0.0, -0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
-"""Powers of R looked among; the first is a constant speed."""
+"""Powers of R among the candidates; the first is a constant speed."""
 STEEPEST, FLATTEST = -6.0, 1.0
-"""Between these the one exponent is looked for."""
+"""Bounds of the single exponent, wide about -1.5 (strong shock) and 0 (sound)."""
 
 
 @dataclass(frozen=True)
 class Slowing:
-    """What a radius history says of dR/dt.
+    """Equation of dR/dt of a radius history.
 
     Attributes:
-        discovery: The equation, as a sum of powers of R [m, s].
-        exponent: Of the one power that comes nearest, dR/dt = a R^n, any real number.
-        low: Lower end of its interval, whose nominal level is the discovery's.
-        high: Upper end.
-        misfit: Root mean square of what the one power leaves, as a share of dR/dt; what
-            noise does is in it.
+        discovery: Equation as a sum of powers of R [m, s].
+        exponent: Exponent of the best single power, dR/dt = a R^n, a real number.
+        low: Lower bound of its interval, with the nominal level of the discovery.
+        high: Upper bound.
+        misfit: Root mean square residual of the single power relative to dR/dt, noise
+            included.
     """
 
     discovery: Discovery
@@ -55,14 +55,14 @@ def shock_slowing(
     members: int = MEMBERS,
     seed: int = 0,
 ) -> Slowing:
-    """Find dR/dt of a shock.
+    """Return the equation of dR/dt of a shock.
 
     Args:
-        time_s: Since the detonation, positive, rising [s].
-        radius_m: Of the front, positive [m].
-        threshold: Least share of dR/dt for a term to stay.
-        members: Of the ensemble.
-        seed: Of the ensemble.
+        time_s: Times since the detonation, positive, increasing [s].
+        radius_m: Radii of the front, positive [m].
+        threshold: Smallest share of dR/dt that a term must contribute.
+        members: Number of members of the ensemble.
+        seed: Seed of the ensemble.
     """
     record = shock_record(time_s, radius_m)
     discovery = discover_in(
@@ -86,16 +86,16 @@ def shock_slowing(
 
 
 def _one_power(record: Record, sides: Sides) -> tuple[float, float]:
-    """Return the exponent that leaves least over, and how much that is, relative."""
+    """Return the exponent with the smallest relative residual, and this residual."""
     left = sides.left[:, 0]
-    # over the first radius: high powers of metres would overflow, and the factor takes
-    # it up
+    # relative to the first radius: high powers of metres would overflow, and the factor
+    # of the power absorbs the unit
     log_radius = np.log(sides.columns[:, 0] / record.smooth[0, 0])
 
-    def over(exponent: float) -> float:
+    def residual(exponent: float) -> float:
         term = record.windows.integral @ (record.rate * np.exp(exponent * log_radius))
         factor = np.dot(term, left) / np.dot(term, term)
         return float(np.sqrt(np.mean((left - factor * term) ** 2)))
 
-    best = minimize_scalar(over, bounds=(STEEPEST, FLATTEST), method="bounded")
+    best = minimize_scalar(residual, bounds=(STEEPEST, FLATTEST), method="bounded")
     return float(best.x), float(best.fun)

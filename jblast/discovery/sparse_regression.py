@@ -1,4 +1,4 @@
-"""Sparse regression on candidate terms, by PySINDy's optimizers.
+"""Sparse regression on candidate terms with PySINDy's optimizers.
 
 Candidates for the right side of an equation are named functions of the states, such as
 polynomials. Standard deviations of coefficients follow from the noise of the record; a
@@ -15,25 +15,26 @@ import pysindy
 from jaxtyping import Bool, Float
 
 SIGNIFICANT = 3.0
-"""Standard deviations by which a coefficient has to differ from zero."""
+"""Standard deviations by which a coefficient must differ from zero: by chance 0.3 %."""
 RIDGE = 1e-10
-"""Of the least squares, for columns of unit mean square: none to speak of."""
+"""Ridge penalty for columns of unit mean square: too small to change a coefficient."""
 REPEATED = 1e-6
-"""Share of a term that earlier terms must leave over, or it repeats them."""
+"""Residual share of a term after regression on earlier ones below which it repeats
+them."""
 COLLINEAR = 10.0
 """Variance inflation factor of two terms above which they count as nearly collinear:
-the usual limit (Marquardt 1970, Technometrics 12:591). One leaves less than a third of
-the other then."""
+the usual limit (Marquardt 1970, Technometrics 12:591). Regression on one then leaves
+less than a third of the other."""
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Terms that an equation may have.
+    """Candidate terms of an equation.
 
     Attributes:
-        names: One a term.
-        evaluate: From the columns, states before inputs, (place, column), to the terms,
-            (place, term).
+        names: Name of each term.
+        evaluate: Function from the columns (states, then inputs), shape (place,
+            column), to the terms, shape (place, term).
     """
 
     names: tuple[str, ...]
@@ -43,12 +44,12 @@ class Candidates:
 def polynomial(
     columns: Sequence[str], degree: int = 2, *, signed_squares: bool = False
 ) -> Candidates:
-    """Return all products of columns up to a degree, the constant among them.
+    """Return all products of columns up to a degree, with the constant.
 
     Args:
         columns: Names of states, then of inputs.
-        degree: Of the products at most.
-        signed_squares: Also |x| x of each column, as in drag.
+        degree: Largest degree of a product.
+        signed_squares: Whether |x| x of each column is included, as in drag.
     """
     library = pysindy.PolynomialLibrary(degree=degree)
     library.fit(np.zeros((1, len(columns))))  # pyright: ignore[reportArgumentType] (arrays are taken)
@@ -67,7 +68,7 @@ def polynomial(
 
 
 def powers(name: str, exponents: Sequence[float]) -> Candidates:
-    """Return powers of one positive column: $R^{-3/2}$ and others."""
+    """Return powers of a positive column, such as $R^{-3/2}$."""
     exponent = np.asarray(exponents, float)
 
     def evaluate(values: Float[np.ndarray, "place column"]) -> np.ndarray:
@@ -77,11 +78,11 @@ def powers(name: str, exponents: Sequence[float]) -> Candidates:
 
 
 class Regression(NamedTuple):
-    """One equation as a regression, window by window.
+    """Regression problem of one equation, with windows as rows.
 
     Attributes:
         terms: Integral of each candidate.
-        covariance: Of the noise of the left side.
+        covariance: Covariance of the noise of the left side.
     """
 
     terms: Float[np.ndarray, "window term"]
@@ -91,7 +92,7 @@ class Regression(NamedTuple):
 Selection = Callable[
     [Regression, Float[np.ndarray, " window"], float], Bool[np.ndarray, " term"]
 ]
-"""What picks terms: from candidates, left side and threshold."""
+"""Function from candidates, left side and threshold to a mask of terms."""
 
 
 def least_squares(
@@ -99,12 +100,11 @@ def least_squares(
     left: Float[np.ndarray, " window"],
     kept: Bool[np.ndarray, " term"],
 ) -> tuple[Float[np.ndarray, " term"], Float[np.ndarray, " term"]]:
-    """Return coefficients and their standard deviations; zero for terms not kept.
+    """Return coefficients and their standard deviations; zero for other terms.
 
-    Where the terms leave more over than the noise explains, the standard deviations
-    grow by that factor.
+    If the residuals exceed the noise, the standard deviations are scaled by the ratio.
     """
-    # terms may be nearly collinear: the pseudo-inverse keeps the least coefficients
+    # for nearly collinear terms the pseudo-inverse gives the smallest coefficients
     inverse = np.linalg.pinv(regression.terms[:, kept])
     found = inverse @ left
     over = np.mean((left - regression.terms[:, kept] @ found) ** 2)
@@ -120,25 +120,25 @@ def least_squares(
 def sparse_terms(
     regression: Regression, left: Float[np.ndarray, " window"], threshold: float
 ) -> Bool[np.ndarray, " term"]:
-    """Return which terms an equation needs.
+    """Return a mask of the terms of an equation, by backward selection.
 
     Sequentially thresholded least squares (Brunton, Proctor and Kutz 2016, PNAS
-    113:3932) on terms and left side of unit mean square, so that the threshold has no
-    unit. Of terms that resemble each other it keeps pairs that cancel; so the least
-    certain coefficient below three standard deviations is dropped, and the rest
-    thresholded again, until none is.
+    113:3932) is applied to terms and left side of unit mean square, so that the
+    threshold has no unit. It keeps pairs of similar terms that cancel. Therefore the
+    least significant coefficient below three standard deviations is dropped and the
+    rest thresholded again, until all are significant.
 
     Args:
-        regression: The candidates.
+        regression: Regression problem.
         left: Left side of the equation.
-        threshold: Least share of the left side's root mean square for a term to stay.
+        threshold: Smallest share of the left side's root mean square of a term.
     """
     size = np.sqrt(np.mean(regression.terms**2, axis=0))
     whole = np.sqrt(np.mean(left**2))
     kept = size > 0.0
     while np.any(kept):
         optimizer = pysindy.STLSQ(threshold=threshold, alpha=RIDGE, max_iter=50)
-        with warnings.catch_warnings():  # that all terms went is an answer here
+        with warnings.catch_warnings():  # an empty equation is a valid result
             warnings.simplefilter("ignore")
             optimizer.fit(regression.terms[:, kept] / size[kept], left / whole)
         kept[kept] = optimizer.coef_[0] != 0.0
@@ -149,7 +149,7 @@ def sparse_terms(
         sure = kept & (sds > 0.0)
         certain[sure] = np.abs(coefficients[sure]) / sds[sure]
         worst = np.argmin(certain)
-        # one at a time: what is left becomes more certain with each that goes
+        # one at a time: the significance of the others increases with each one dropped
         if certain[worst] >= SIGNIFICANT:
             break
         kept[worst] = False
@@ -159,18 +159,18 @@ def sparse_terms(
 def grown_terms(
     regression: Regression, left: Float[np.ndarray, " window"], threshold: float
 ) -> Bool[np.ndarray, " term"]:
-    """Return which terms an equation needs, where all candidates resemble each other.
+    """Return a mask of the terms of an equation, by forward selection.
 
-    Among powers of one positive number any sum of several comes near any other, so
-    there is no way down from all of them. Forward regression (orthogonal least squares,
-    Billings, Chen and Korenberg 1989, Int. J. Control 49:2157) adds the term that
-    explains most of what is left, until the next one explains less than the threshold,
-    or leaves a coefficient below three standard deviations.
+    Powers of one positive number are nearly collinear, so that backward selection from
+    all of them fails. Forward regression (orthogonal least squares, Billings, Chen and
+    Korenberg 1989, Int. J. Control 49:2157) adds the term that explains most of the
+    residual, until the next one explains less than the threshold, or makes a
+    coefficient insignificant (three standard deviations).
 
     Args:
-        regression: The candidates.
+        regression: Regression problem.
         left: Left side of the equation.
-        threshold: Least share of the left side's root mean square for a term to come.
+        threshold: Smallest share of the left side's root mean square of a term.
     """
     size = np.sqrt(np.mean(regression.terms**2, axis=0))
     optimizer = pysindy.FROLS(max_iter=len(size), alpha=RIDGE)
@@ -193,7 +193,7 @@ def grown_terms(
 def repeated_terms(
     terms: Float[np.ndarray, "window term"],
 ) -> Bool[np.ndarray, " term"]:
-    """Return which candidates are sums of earlier ones: no data could tell them."""
+    """Return a mask of candidates that are sums of earlier ones on this record."""
     size = np.linalg.norm(terms, axis=0)
     unit = terms / np.where(size > 0.0, size, 1.0)
     repeats = np.zeros(terms.shape[1], bool)
@@ -211,17 +211,17 @@ def exchangeable_terms(
     left: Float[np.ndarray, " window"],
     kept: Bool[np.ndarray, " term"],
 ) -> list[tuple[int, int]]:
-    """Return pairs of a term of an equation and one that could stand in its place.
+    """Return pairs of a term of an equation and a candidate that could replace it.
 
-    Next to the other terms of the equation the two are nearly collinear: the variance
-    inflation factor of the pair is above `COLLINEAR`. And with both in the equation the
-    coefficient of its own term is less than three standard deviations from zero, so
-    that the equation without it, but with the other, is not rejected.
+    Given the other terms of the equation, the two are nearly collinear: their variance
+    inflation factor is above `COLLINEAR`. With both in the equation, the coefficient of
+    the original term is less than three standard deviations from zero, so that the
+    equation with the candidate in its place is not rejected.
 
     Args:
-        regression: All candidates, repeated ones too.
+        regression: Regression problem with all candidates, repeated ones too.
         left: Left side of the equation.
-        kept: Terms of the equation.
+        kept: Mask of the terms of the equation.
     """
     terms, pairs = regression.terms, []
     for own in np.flatnonzero(kept):
@@ -231,7 +231,7 @@ def exchangeable_terms(
         free = terms - base @ (base.T @ terms)
         size = np.linalg.norm(free, axis=0)
         for other in np.flatnonzero(~kept):
-            # a column that the rest of the equation repeats stands in nobody's place
+            # a candidate that equals a sum of the other terms replaces none of them
             if size[other] <= REPEATED * np.linalg.norm(terms[:, other]):
                 continue
             cosine = free[:, own] @ free[:, other] / (size[own] * size[other])

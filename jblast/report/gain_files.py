@@ -38,7 +38,7 @@ def gains_figure(tuned: TunedGains) -> Figure:
     draw_middle(over_time, tuned)
     titled(
         each,
-        f"{tuned.vehicle.model.capitalize()}: {tuned.wish.unseen} unseen blasts",
+        f"{tuned.vehicle.model.capitalize()}: {tuned.settings.unseen} unseen blasts",
         f"{cut_words(tuned)}; cross: does not fly on",
     )
     titled(over_time, "One of them", "the blast whose peak before was the median")

@@ -9,7 +9,7 @@ import numpy as np
 
 from jblast.report.words import WIDTH, aligned
 from jblast.results import Document
-from jblast.study.gains import Tried, TunedGains, known_peaks
+from jblast.study.gains import EvaluatedGains, TunedGains, known_peaks
 from jblast.vehicle import STEP_S, Gains, vehicle_of
 from jblast.vehicle.control.stability import LOOPS
 
@@ -196,17 +196,17 @@ def gains_answer(
         scene: The scene's file.
         files: What was written.
     """
-    wish = tuned.wish
+    settings = tuned.settings
     return GainsAnswer(
         scene=scene,
         vehicle=tuned.vehicle.model,
-        seed=wish.seed,
-        vehicles=wish.vehicles,
-        unseen=wish.unseen,
-        margin_db=wish.margin_db,
-        margin_deg=wish.margin_deg,
+        seed=settings.seed,
+        vehicles=settings.vehicles,
+        unseen=settings.unseen,
+        margin_db=settings.margin_db,
+        margin_deg=settings.margin_deg,
         motor_lag_s=float(vehicle_of(tuned.vehicle).motor_lag_s),
-        dead_time_s=STEP_S / 2 + wish.delay_s,
+        dead_time_s=STEP_S / 2 + settings.delay_s,
         before=_tried(tuned.before),
         after=_tried(tuned.after),
         cut=tuned.cut(),
@@ -242,8 +242,8 @@ def warnings_of(tuned: TunedGains) -> list[str]:
     short = [
         f"{had:.3g} {unit}"
         for had, asked, unit in (
-            (before.gain_margin_db, tuned.wish.margin_db, "dB"),
-            (before.phase_margin_deg, tuned.wish.margin_deg, "degrees"),
+            (before.gain_margin_db, tuned.settings.margin_db, "dB"),
+            (before.phase_margin_deg, tuned.settings.margin_deg, "degrees"),
         )
         if had < asked
     ]
@@ -275,7 +275,7 @@ def warnings_of(tuned: TunedGains) -> list[str]:
     return said
 
 
-def _tried(tried: Tried) -> TriedGains:
+def _tried(tried: EvaluatedGains) -> TriedGains:
     margins, peaks = tried.margins, known_peaks(tried)
     each = zip(LOOPS, *(np.asarray(x).tolist() for x in margins), strict=True)
     half, most, worst = (float(np.quantile(peaks, q)) for q in (0.5, 0.9, 1.0))

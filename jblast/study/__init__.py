@@ -31,5 +31,5 @@ __getattr__ = lazy_face(__name__, HOMES)
 
 
 def __dir__() -> list[str]:
-    """Name also what is not imported yet."""
+    """Return the names, those that are not imported yet included."""
     return sorted({*globals(), *__all__})

@@ -1,4 +1,4 @@
-"""Parameters of a scene, fitted to the events of an event camera.
+"""Fit of scene parameters to the events of an event camera.
 
 Smooth counts of the scene's frames are compared with those of the events: the running
 sum of a pixel's events, brighter less darker, smoothed in time. The smoothing is at
@@ -30,26 +30,31 @@ from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.image import luminance
 from jblast.sensors.camera.rendering import render
 
+# The example: a film of known parameters, small enough for tests and a benchmark.
 MASS, START = 100.0, 0.12
-"""Charge [kg] and when it goes off [s]."""
+"""True charge mass [kg] and time of explosion [s]."""
 TIMES = np.arange(76) * 4e-3
-"""Of the frames [s]; the fireball grows by 1/e in 4.6 ms."""
+"""Frame times [s], as close as the growth of the fireball needs: 4.6 ms for 1/e."""
 THRESHOLDS = (0.2, 0.2)
-"""Changes of the logarithm of light of an event; typical of event cameras."""
+"""Changes of ln(light) that trigger an event, typical of event cameras."""
 HEIGHT, WIDTH = 18, 24
-"""Size of the film [px]: it keeps the example to seconds."""
+"""Size of the film [px], with which the example takes seconds."""
 STAGES = ((0.5, 40e-3), (0.2, 15e-3), (0.1, 5e-3), (0.1, 0.1e-3))
-"""Temperature, and the time smoothed over [s], one stage after another."""
-MOST_STEPS = 200
-"""Of Levenberg and Marquardt's method, in each stage."""
+"""Temperature of the counts and smoothing time [s] of each stage.
+
+The first smoothing time is ten frames, so that a start several frames late still
+overlaps with the truth. The last is below one frame: it leaves the counts as they are.
+"""
+MAX_STEPS = 200
+"""Levenberg-Marquardt steps in a stage: a stage that needs more is not converging."""
 PRECISION = 1e-4
-"""A stage ends where a step changes less than this, relative."""
+"""Relative step at which a stage ends, far below what whole events can resolve."""
 MAX_EVENTS = 32
-"""Largest number of events of a pixel between two frames."""
+"""Events of a pixel between two frames at most: exp(32 x 0.2) = 600 times the light."""
 
 
 def film_camera() -> Camera:
-    """Return a camera 80 m south of the charge."""
+    """Return the camera of the example, 80 m south of the charge."""
     position = jnp.array([0.0, -80.0, 3.0])
     return Camera(
         position=position,
@@ -62,19 +67,19 @@ def film_camera() -> Camera:
 
 
 def coordinates(mass: float, start: float) -> Float[np.ndarray, "2"]:
-    """Return numbers of the order of one: ln of kilograms, tenths of seconds."""
+    """Return unknowns of the order of one: ln(mass / kg), and time in 0.1 s."""
     return np.array([np.log(mass), 10.0 * start])
 
 
 def log_frames(
     values: Float[Array, "2"], times: Float[Array, " frame"]
 ) -> Float[Array, "frame height width"]:
-    """Return the logarithm of the light for some `coordinates`."""
+    """Return the logarithm of the light of each frame for `coordinates`."""
     mass, start = jnp.exp(values[0]), 0.1 * values[1]
     charge = dataclasses.replace(
         Charge(position_m=(0.0, 0.0, 1.5)), mass_kg=mass, time_s=start
     )
-    # what the fire does to the ground is left out: the fireball itself is looked for
+    # without light on the ground: the fireball itself carries the parameters
     look = Appearance(flash=False)
     scene, camera = Scene(charge=charge), film_camera()
     frames = render(scene, camera, times, exposures=1, appearance=look)
@@ -83,27 +88,26 @@ def log_frames(
 
 @jax.jit
 def true_frames(times: Float[Array, " frame"]) -> Float[Array, "frame height width"]:
-    """Return the film itself."""
+    """Return the film of the true parameters, as the logarithm of light."""
     return log_frames(jnp.asarray(coordinates(MASS, START)), times)
 
 
 def true_counts() -> Int[np.ndarray, "interval height width"]:
-    """Return the film's events between frames, brighter less darker."""
+    """Return the net events of each pixel between frames of the true film."""
     times = jnp.asarray(TIMES)
     events = ideal_events(true_frames(times), times, THRESHOLDS, capacity=1 << 14)
     return event_counts(events, TIMES, (HEIGHT, WIDTH))
 
 
 class EventFit(NamedTuple):
-    """The numbers found.
+    """Result of a fit to events.
 
     Attributes:
-        values: In the order and the units of the start.
-        misfit: Root mean square of what is left, in events.
-        steps: Taken in all.
-        converged: Whether the last stage ended of itself, and not for want of steps.
-            Light that no smooth count feels any more ends a stage as well: the misfit
-            is then large.
+        values: Parameters, in the order and the units of the start.
+        misfit: Root mean square residual [events].
+        steps: Number of steps in all stages.
+        converged: Whether the last stage converged before its limit of steps. A stage
+            without a gradient also ends early: the misfit is then large.
     """
 
     values: Float[np.ndarray, " unknown"]
@@ -115,12 +119,12 @@ class EventFit(NamedTuple):
 def event_counts(
     events: Events, times: Float[np.ndarray, " frame"], shape: tuple[int, int]
 ) -> Int[np.ndarray, "interval height width"]:
-    """Return brighter less darker events of each pixel between times [s].
+    """Return the net events (brighter less darker) of each pixel between times.
 
     Args:
-        events: In order of time.
-        times: Of frames; events before the first and after the last are left out.
-        shape: Height and width.
+        events: Events in order of time.
+        times: Frame times [s]; events outside of them are ignored.
+        shape: Height and width [px].
     """
     number = int(events.count)
     x, y, sign, time = (
@@ -145,18 +149,18 @@ def fit_events(
     thresholds: tuple[Float[ArrayLike, ""], Float[ArrayLike, ""]],
     *,
     stages: Sequence[tuple[float, float]] = STAGES,
-    most_steps: int = MOST_STEPS,
+    max_steps: int = MAX_STEPS,
 ) -> EventFit:
-    """Find the numbers of a scene whose events are most like those given.
+    """Fit parameters of a scene to net events by least squares.
 
     Args:
-        log_frames: Logarithm of the light for some numbers, at some times.
-        start: First guess; numbers of the order of one, such as logarithms.
-        counts: Events between the times (`event_counts`).
-        times: Of frames [s], evenly spaced, close beside what is to be found.
-        thresholds: Positive and negative, as positive numbers.
-        stages: Temperatures, and times smoothed over [s].
-        most_steps: In each stage.
+        log_frames: Logarithm of the light, from parameters and frame times.
+        start: Initial parameters, of the order of one, such as logarithms.
+        counts: Net events between the times (`event_counts`).
+        times: Frame times [s], evenly spaced, closer than the motion to be resolved.
+        thresholds: Thresholds of brighter and darker events, both positive.
+        stages: Temperature and smoothing time [s] of each stage.
+        max_steps: Largest number of steps in each stage.
     """
     clock = jnp.asarray(times)
     known = jnp.cumsum(jnp.asarray(counts, clock.dtype), axis=0)
@@ -164,30 +168,30 @@ def fit_events(
     misfit, converged = np.inf, False
     for stage in stages:
         given = (*(jnp.asarray(number) for number in stage), known, clock, thresholds)
-        values, left, taken, ended = _stage(log_frames, values, given, most_steps)
+        values, left, taken, ended = _stage(log_frames, values, given, max_steps)
         steps, misfit, converged = steps + int(taken), float(left), bool(ended)
     return EventFit(np.asarray(values), misfit, steps, converged)
 
 
 @eqx.filter_jit
-def _stage(log_frames, start, given, most_steps):
-    """Return the numbers of one stage, what is left, its steps, whether it ended."""
+def _stage(log_frames, start, given, max_steps):
+    """Return parameters, misfit, number of steps and convergence of one stage."""
     temperature, width, known, times, thresholds = given
     apart = (times[1:, None] - times[None, 1:]) / width
     weights = jnp.exp(-0.5 * jnp.square(apart))
     weights = weights / weights.sum(axis=1, keepdims=True)
 
-    def off(values, _):
+    def residuals(values, _):
         frames = log_frames(values, times)
         up, down = smooth_counts(frames, thresholds, temperature, most=MAX_EVENTS)
         sums = jnp.cumsum(up - down, axis=0) - known
         return jnp.tensordot(weights, sums, 1).ravel()
 
     solver = optx.LevenbergMarquardt(rtol=PRECISION, atol=PRECISION)
-    options = {"jac": "fwd"}
+    options = {"jac": "fwd"}  # few parameters, many residuals
     found = optx.least_squares(
-        off, solver, start, max_steps=most_steps, throw=False, options=options
+        residuals, solver, start, max_steps=max_steps, throw=False, options=options
     )
-    left = jnp.sqrt(jnp.mean(jnp.square(off(found.value, None))))
+    left = jnp.sqrt(jnp.mean(jnp.square(residuals(found.value, None))))
     ended = found.result == optx.RESULTS.successful
     return found.value, left, found.stats["num_steps"], ended

@@ -1,4 +1,4 @@
-"""The file of a study: scene, axes and requested outcomes.
+"""Study file: scene, axes and requested outcomes.
 
 A study file is TOML. It names a scene, the number of samples and the outcomes, and may
 vary parameters of the scene along axes:
@@ -36,27 +36,31 @@ KEYS = (
     *("scene", "seed", "samples", "sd_target", "design", "keep", "outcomes"),
     *("axes", "options"),
 )
-MOST_UNTIL_KNOWN = 100_000_000
-"""Default samples of a study that ends by its targets."""
-MOST_VALUES = 100_000
-"""Largest number of values of an axis; declared."""
+MAX_SAMPLES_FOR_TARGETS = 100_000_000
+"""Default number of samples of a study that ends at its target errors.
+
+By declaration: an error falls with the square root, and 1e8 samples lower it to 1e-4 of
+the scatter.
+"""
+MAX_VALUES = 100_000
+"""Largest number of values of an axis, by declaration: a mistyped count is no study."""
 RANGE_KEYS = ("from", "to", "count", "scale")
 SCALES = ("linear", "log")
 Design = Literal["random", "sobol", "latin", "grid"]
 DESIGNS: tuple[Design, ...] = ("random", "sobol", "latin", "grid")
-"""How draws fill what the priors allow."""
+"""Kinds of samples of the priors."""
 Keep = Literal["all", "summary"] | int
-MOST_SAMPLES = 2**40
-"""A limit of the key's counter and of patience: 1e12."""
+MAX_SAMPLES = 2**40
+"""Largest number of samples, 1e12: a sample's number is a counter of its random key."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What is varied beside the draws: listed values.
+    """Listed values of one parameter, which are crossed with the random samples.
 
     Attributes:
-        key: A number of the scene by name, or a key of its file as "vehicle.model".
-        values: What it takes, one after another.
+        key: Name of a scene parameter, or key of the scene file as "vehicle.model".
+        values: Values, in the order of the file.
     """
 
     key: str
@@ -65,27 +69,26 @@ class Axis:
 
 @dataclass(frozen=True)
 class Study:
-    """A study.
+    """Monte Carlo study of a scene.
 
     Attributes:
-        variants: The scene, once for each combination of `words`.
-        believed: Likewise, with what the scene itself says of its numbers, whatever
-            axes set or draw.
-        outcomes: Names of what is asked of each sample.
-        seed: Of all draws.
-        samples: Draws of each cell of each variant.
-        sd_target: By outcome the standard error at which it is known well enough; the
-            study ends when all are reached.
-        design: How draws fill what the priors allow.
-        keep: "all" samples, a "summary" alone, or so many samples.
-        numbers: Axes over numbers of the scene, crossed with each other.
-        words: Axes over other keys of the scene's file, crossed likewise.
+        variants: The scene for each combination of `words`, with the priors of axes.
+        believed: The same scenes with their own priors, for fits within the study.
+        outcomes: Names of the requested outcomes.
+        seed: Seed of all samples.
+        samples: Number of samples in each cell of each variant.
+        sd_target: Target standard error by outcome; the study ends when all are
+            reached.
+        design: Kind of samples.
+        keep: "all" samples, only their "summary", or the number of stored samples.
+        numbers: Axes over scene parameters, crossed with each other.
+        words: Axes over other keys of the scene file, crossed likewise.
         options: Options of outcomes.
-        allow_code: Whether outcomes may be functions of the user's own.
-        text: The study's file; "" of one made in Python.
-        scenes: Likewise the scenes', by the names the study has for them.
-        source: Name of the study's file, for messages.
-        prepared: What was made ready of it, by variant.
+        allow_code: Whether outcomes may be Python functions of the user.
+        text: Content of the study file; "" for a study made in Python.
+        scenes: Content of the scene files, by their names in the study file.
+        source: Name of the study file, for messages.
+        prepared: Cache of prepared variants, by their number.
     """
 
     variants: tuple[UncertainScene, ...]
@@ -114,12 +117,12 @@ class Study:
 
     @property
     def cells(self) -> tuple[tuple[float, ...], ...]:
-        """Combinations of the values of the axes over numbers; one, empty, of none."""
+        """Combinations of the values of `numbers`; a single empty one without axes."""
         return tuple(itertools.product(*(axis.values for axis in self.numbers)))
 
     @property
     def drawn(self) -> tuple[str, ...]:
-        """Names of the numbers that are drawn, in the order of the key's draws."""
+        """Names of the sampled parameters, in the order of the random keys."""
         return tuple(self.uncertain.beliefs)
 
 
@@ -127,13 +130,13 @@ def read_study(path: str | os.PathLike[str], *, allow_code: bool = False) -> Stu
     """Read the file of a study.
 
     Args:
-        path: A TOML file; its `scene` is a path from where it lies.
-        allow_code: Whether outcomes may be functions of the user's own, as
+        path: TOML file; its `scene` is a path relative to the file.
+        allow_code: Whether outcomes may be Python functions of the user, as
             `python:module.function`.
 
     Raises:
-        InputError: The file is no study, or its scene no scene; the message names the
-            key, what was expected there and what came.
+        InputError: A key of the study or of its scene is invalid; the message has the
+            key, the expected and the found value.
 
     Example:
         `study = jblast.study.read_study("study.toml")`
@@ -155,13 +158,13 @@ def read_study(path: str | os.PathLike[str], *, allow_code: bool = False) -> Stu
 def study_from_text(
     text: str, scenes: Mapping[str, str], *, allow_code: bool = False
 ) -> Study:
-    """Return the study of the texts in a store; scenes are stored by their names."""
+    """Return the study whose study and scene files are stored as texts."""
     study = study_from_document(tomllib.loads(text), scenes, "study", Path())
     return replace(study, text=text, allow_code=allow_code)
 
 
 def _scene_names(value: Any, source: str) -> tuple[str, ...]:
-    """Return the paths of the scenes, one or several."""
+    """Return the paths of one or several scenes."""
     names = value if isinstance(value, list) else [value]
     if not names or not all(isinstance(name, str) and name for name in names):
         raise InputError(
@@ -177,10 +180,10 @@ def study_from_document(
     """Build a study from a TOML document.
 
     Args:
-        document: The tables of the file.
+        document: Tables of the study file.
         scenes: Contents of the scene files, by their names.
-        source: The file's name, for the messages.
-        folder: Where the scenes lie, for the messages.
+        source: Name of the study file, for messages.
+        folder: Folder of the scene files, for messages.
 
     Raises:
         InputError: As in `read_study`.
@@ -202,8 +205,8 @@ def study_from_document(
                 put(one, axis.key, value, f"{source}: [axes] {axis.key}")
             uncertain = scene_from_document(one, str(folder / name))
             believed.append(uncertain)
-            variants.append(_settled(uncertain, numbers, drawn, source))
-    _refuse_other_numbers(variants, source)
+            variants.append(_with_axes(uncertain, numbers, drawn, source))
+    _check_same_priors(variants, source)
     if len(names) > 1:
         stems = tuple(Path(name).stem for name in names)
         words = (Axis("scene", stems), *words)
@@ -232,37 +235,37 @@ def _tables(text: str, source: str) -> dict[str, Any]:
         raise InputError(f"{source}: expected a scene in TOML, got {error}") from None
 
 
-def _refuse_other_numbers(variants: list[UncertainScene], source: str) -> None:
-    """Refuse scenes of which other numbers are drawn."""
+def _check_same_priors(variants: list[UncertainScene], source: str) -> None:
+    """Check that all scenes have priors of the same parameters, in one order."""
     first = tuple(variants[0].beliefs)
     for one in variants[1:]:
         if tuple(one.beliefs) != first:
             raise InputError(
-                f"{source}: scene: expected the same numbers with a prior in each, in "
-                f"one order, {', '.join(first) or 'none'}; got "
+                f"{source}: scene: expected priors of the same parameters in each "
+                f"scene, in one order: {', '.join(first) or 'none'}; got "
                 f"{', '.join(one.beliefs) or 'none'} in {one.source}"
             )
 
 
 class Drawn(NamedTuple):
-    """An axis that is drawn from.
+    """Axis that is sampled.
 
     Attributes:
-        key: A number of the scene by name.
-        prior: What it is drawn from, in place of what the scene says.
+        key: Name of a scene parameter.
+        prior: Prior that replaces the one of the scene.
     """
 
     key: str
     prior: Prior
 
 
-def _settled(
+def _with_axes(
     uncertain: UncertainScene, numbers, drawn: tuple[Drawn, ...], source: str
 ) -> UncertainScene:
-    """Return the scene with what the axes draw, and without what they set.
+    """Return the scene with the priors of axes, without priors of listed parameters.
 
     Raises:
-        InputError: A number is free.
+        InputError: A parameter is free.
     """
     beliefs = dict(uncertain.beliefs)
     for axis in numbers:
@@ -272,9 +275,9 @@ def _settled(
     for name, belief in beliefs.items():
         if isinstance(belief, Free):
             raise InputError(
-                f"{uncertain.source or source}: {name} is free and cannot be drawn; "
-                "give it a value or a prior in the scene, or values in [axes] of "
-                f"{source}"
+                f"{uncertain.source or source}: expected a value or a prior of "
+                f"{name}, got a free parameter; add one to the scene, or values to "
+                f"[axes] of {source}"
             )
     return replace(uncertain, beliefs=beliefs)
 
@@ -285,7 +288,7 @@ def sha256_of(text: str) -> str:
 
 
 def size_of(document: dict[str, Any], source: str) -> tuple[int, dict[str, float]]:
-    """Return how many samples there are, and at which errors fewer suffice."""
+    """Return the number of samples, and the target standard errors by outcome."""
     targets = document.get("sd_target", {})
     if not isinstance(targets, dict):
         raise InputError(
@@ -299,27 +302,30 @@ def size_of(document: dict[str, Any], source: str) -> tuple[int, dict[str, float
                 f"{source}: sd_target {name}: expected a positive number, got "
                 f"{shown(value)}"
             )
-    asked = document.get("outcomes")
+    outcomes = document.get("outcomes")
     for name in targets:
-        if isinstance(asked, list) and name not in asked:
+        if isinstance(outcomes, list) and name not in outcomes:
             raise InputError(
                 f"{source}: sd_target {name}: expected one of the outcomes, got "
-                f"{name}{nearest(name, [str(a) for a in asked])}"
+                f"{name}{nearest(name, [str(one) for one in outcomes])}"
             )
     if "samples" not in document:
         if not targets:
             raise InputError(
-                f"{source}: samples: expected how many draws, or sd_target, got neither"
+                f"{source}: samples: expected a number of samples, or sd_target, got "
+                "neither"
             )
-        return MOST_UNTIL_KNOWN, {name: float(value) for name, value in targets.items()}
-    samples = whole_of(document["samples"], f"{source}: samples", 1, MOST_SAMPLES)
+        return MAX_SAMPLES_FOR_TARGETS, {
+            name: float(value) for name, value in targets.items()
+        }
+    samples = whole_of(document["samples"], f"{source}: samples", 1, MAX_SAMPLES)
     return samples, {name: float(value) for name, value in targets.items()}
 
 
 def whole_of(value: Any, where: str, least: int, most: int) -> int:
-    """Return a whole number within limits; 1e6 is one."""
+    """Return a whole number within limits."""
     if isinstance(value, float) and value.is_integer():
-        value = int(value)  # 1e6
+        value = int(value)  # 1e6 is a float in TOML
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"{where}: expected a whole number, got {shown(value)}")
     if not least <= value <= most:
@@ -330,7 +336,7 @@ def whole_of(value: Any, where: str, least: int, most: int) -> int:
 
 
 def design_of(value: Any, source: str) -> Design:
-    """Return how draws fill what the priors allow."""
+    """Return the kind of samples."""
     if value not in DESIGNS:
         raise InputError(
             f"{source}: design: expected one of {', '.join(DESIGNS)}, got "
@@ -340,19 +346,19 @@ def design_of(value: Any, source: str) -> Design:
 
 
 def keep_of(value: Any, source: str) -> Keep:
-    """Return what is kept of the samples."""
+    """Return which samples are stored."""
     if value in ("all", "summary"):
         return value
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise InputError(
-            f'{source}: keep: expected "all", "summary" or how many samples, got '
+            f'{source}: keep: expected "all", "summary" or a number of samples, got '
             f"{shown(value)}"
         )
     return value
 
 
 def outcomes_of(value: Any, source: str) -> tuple[str, ...]:
-    """Return the names of the outcomes; whether there are such, the registry knows."""
+    """Return the names of the outcomes; the registry checks that they exist."""
     if (
         not isinstance(value, list)
         or not value
@@ -381,15 +387,15 @@ def options_of(value: Any, source: str) -> dict[str, Any]:
 def read_axes(
     table: Any, scene: dict[str, Any], source: str
 ) -> tuple[tuple[Axis, ...], tuple[Axis, ...], tuple[Drawn, ...]]:
-    """Return axes over numbers, over other keys of the scene, and those drawn from.
+    """Return the axes over parameters, over other scene keys, and the sampled axes.
 
     Args:
-        table: What stands in [axes].
-        scene: The scene's file.
-        source: The study's file, for messages.
+        table: Content of [axes].
+        scene: Tables of the scene file.
+        source: Name of the study file, for messages.
 
     Raises:
-        InputError: There is no such number or key, or its values cannot be used.
+        InputError: A parameter or key does not exist, or its values are invalid.
     """
     if not isinstance(table, dict):
         raise InputError(f"{source}: [axes]: expected a table, got {shown(table)}")
@@ -399,7 +405,7 @@ def read_axes(
         if not _is_number(key):
             words.append(Axis(key, _words(key, value, scene, where)))
         elif isinstance(value, dict) and "count" not in value:
-            low, high, scale = _ends(key, value, where)
+            low, high, scale = _bounds_and_scale(key, value, where)
             prior = LogUniform(low, high) if scale == "log" else Uniform(low, high)
             drawn.append(Drawn(key, prior))
         elif isinstance(value, dict):
@@ -424,16 +430,18 @@ def _listed(key: str, value: Any, where: str) -> tuple[float, ...]:
 
 
 def _allowed(key: str, value: Any, where: str) -> float:
-    """Return a value that the number may have."""
+    """Return a value within the bounds of a parameter."""
     number, bounds = finite(value, where), parameter_named(key).bounds
     if not bounds.allows(number):
         raise InputError(
-            f"{where}: expected what is {bounds.words()}, got {shown(value)}"
+            f"{where}: expected a number that is {bounds.words()}, got {shown(value)}"
         )
     return number
 
 
-def _ends(key: str, value: dict[str, Any], where: str) -> tuple[float, float, str]:
+def _bounds_and_scale(
+    key: str, value: dict[str, Any], where: str
+) -> tuple[float, float, str]:
     for name in value:
         if name not in RANGE_KEYS:
             raise InputError(
@@ -456,27 +464,27 @@ def _ends(key: str, value: dict[str, Any], where: str) -> tuple[float, float, st
 
 
 def _range(key: str, value: dict[str, Any], where: str) -> tuple[float, ...]:
-    low, high, scale = _ends(key, value, where)
+    low, high, scale = _bounds_and_scale(key, value, where)
     count = value["count"]
     if isinstance(count, bool) or not isinstance(count, int):
         raise InputError(f"{where} count: expected a whole number, got {shown(count)}")
-    if not 2 <= count <= MOST_VALUES:
+    if not 2 <= count <= MAX_VALUES:
         raise InputError(
-            f"{where} count: expected from 2 to {MOST_VALUES:,}, got {count}"
+            f"{where} count: expected from 2 to {MAX_VALUES:,}, got {count}"
         )
     spread = np.geomspace if scale == "log" else np.linspace
     return tuple(float(one) for one in spread(low, high, count))
 
 
 def _words(key: str, value: Any, scene: dict[str, Any], where: str) -> tuple[Any, ...]:
-    """Return the values of a key of the scene's file that is no number by name."""
+    """Return the values of an axis over a key of the scene file."""
     table, dot, _ = key.partition(".")
     known = [*PARAMETERS, *scene]
     if not dot or table not in scene:
         raise InputError(
-            f"{where}: unknown axis{nearest(key, known)}; expected a number of the "
-            f"scene, one of {', '.join(PARAMETERS)}, or a key of one of its tables, as "
-            '"vehicle.model"'
+            f"{where}: unknown axis{nearest(key, known)}; expected a parameter of "
+            f"the scene, one of {', '.join(PARAMETERS)}, or a key of one of its "
+            'tables, as "vehicle.model"'
         )
     if not isinstance(value, list) or not value:
         raise InputError(f"{where}: expected a list of values, got {shown(value)}")
@@ -484,21 +492,21 @@ def _words(key: str, value: Any, scene: dict[str, Any], where: str) -> tuple[Any
 
 
 def put(document: dict[str, Any], key: str, value: Any, where: str) -> None:
-    """Put a value into the tables of a scene's file.
+    """Set a value in the tables of a scene file.
 
     Args:
-        document: The tables; changed.
-        key: As "vehicle.model"; of several tables of a kind the second word is the
+        document: Tables, changed in place.
+        key: Key such as "vehicle.model"; for a list of tables the second word is a
             name: "sensor.gate.position_m".
-        value: What is put there.
+        value: New value.
         where: File and key, for messages.
 
     Raises:
-        InputError: There is no such table.
+        InputError: The table does not exist.
     """
-    *way, last = key.split(".")
+    *tables, last = key.split(".")
     at: Any = document
-    for step in way:
+    for step in tables:
         if isinstance(at, list):
             named = [one for one in at if isinstance(one, dict)]
             found = next((one for one in named if one.get("name") == step), None)

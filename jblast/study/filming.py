@@ -1,4 +1,4 @@
-"""The film of a scene's camera, checked before the first frame.
+"""Film of a scene's camera, with all checks before the first frame.
 
 Camera, frame times, background (also ground and sky), pictures of an explosion, and the
 path of a camera that is mounted on a vehicle: read from a file, or flown through the
@@ -30,10 +30,12 @@ if TYPE_CHECKING:
     from jblast.sensors.camera.geometry import CameraPath
     from jblast.sensors.camera.surroundings import Landscape
 
-TOO_MANY = 1_000_000
-"""Frames: a quarter of an hour at 1 kHz; more are probably a slip of the pen."""
+MAX_FRAMES = 1_000_000
+"""Largest number of frames, a quarter of an hour at 1 kHz: more are probably a mistake
+in a time."""
 Mode = Literal["rgb", "events", "both"]
 SHIPPED_SET = "explosion"
+"""Name of the set of explosion images that is part of jblast."""
 SKY = "sky"
 """Name of the background of ground and sky."""
 
@@ -43,29 +45,29 @@ class FilmOptions:
     """Options of a film.
 
     Attributes:
-        seed: Of the priors, and of the camera's noise.
-        mode: Whether frames, events or both are made of it.
+        seed: Seed of the priors and of the camera's noise.
+        mode: Output: frames, events or both.
         times: Times of the first frame and of the end [s]; default: from the first
             explosion until no fireball glows, at most `most_frames`.
         seconds: Duration from the first explosion [s].
-        fps: Frames a second; default: the camera's.
-        background: Linear light, R,G,B, a picture, a folder, a video, or "sky"
-            (`sensors.camera.files.backgrounds`); default: a grey of 0.18, sky behind a
-            camera that moves.
-        views: "explosion", or the folder of another set of pictures; default: a smooth
+        fps: Frame rate [Hz]; default: the camera's.
+        background: Linear light, R,G,B, an image, a folder, a video, or "sky"
+            (`sensors.camera.files.backgrounds`); default: a grey of 0.18, sky for a
+            moving camera.
+        views: "explosion", or the folder of another set of images; default: a smooth
             fireball.
         ground: Texture of the ground and its scale, FILE.png:METRES_PER_PIXEL.
         sun: Azimuth and elevation of the sun [degree].
         flight: File of the path of the vehicle that carries the camera; default: the
-            scene's vehicle is flown.
-        depth: File of the distances of the background.
-        daylight: Light of sky and sun on the ground [lx]; default: the camera's, or
-            full sun.
+            simulated flight of the scene's vehicle.
+        depth: File of the depths of the background.
+        daylight: Illuminance of the ground by sky and sun [lx]; default: the camera's,
+            or full sun.
         flash: Whether the fire lights the ground.
         bloom: Share of the light that the lens spreads.
         supersample: Rays along each side of a pixel.
         threshold: Thresholds of events, brighter and darker; default: the camera's.
-        most_frames: Most frames where neither times nor seconds are given.
+        most_frames: Largest number of frames without times or seconds.
     """
 
     seed: int = 0
@@ -93,12 +95,11 @@ def film_of(
     """Return the film of a scene's camera.
 
     Args:
-        scene_file: The scene.
-        options: What is filmed, and how; default: as `jblast render`.
+        scene_file: Scene file.
+        options: Options of the film; default: those of `jblast render`.
 
     Raises:
-        InputError: Something cannot be filmed; the message names the argument or the
-            key of the scene.
+        InputError: An option or a key of the scene is invalid; the message names it.
 
     Example:
         `film_of("scene.toml", FilmOptions(seconds=0.1)).frames()`
@@ -110,13 +111,13 @@ def film_of(
     source, options = os.fspath(scene_file), options or FilmOptions()
     uncertain = read_scene(source)
     if uncertain.scene.camera is None:
-        raise InputError(f"{source}: expected a [camera] to look through, got none")
+        raise InputError(f"{source}: expected a [camera], got none")
     scene = draw_scene(jax.random.key(options.seed), uncertain)
     for charge in scene.charges:
         if charge.range_m is not None:
             raise InputError(
                 f"{source}: [charge] range_m: expected position_m, which a camera "
-                "needs to see it; got a range"
+                "needs; got a range"
             )
     camera = _camera(uncertain.scene.camera, options)
     if options.supersample < 1:
@@ -144,11 +145,11 @@ def film_of(
         light = background_named(options.background, camera, times)
         film = replace(film, background=light)
     if path is not None:
-        _refuse_still(film, options)
+        _check_moving_camera(film, options)
         return replace(film, path=path)
-    # a background that moves is to be seen itself
+    # a moving background may be filmed for itself, without a blast
     if not isinstance(film.background, MovingBackground):
-        _refuse_looking_away(film, source)
+        _check_blast_in_view(film, source)
     return film
 
 
@@ -168,14 +169,14 @@ def _camera(camera: "Camera", options: FilmOptions) -> "Camera":
 
 
 def _daylight(options: FilmOptions, camera: "Camera") -> float | None:
-    """Return the light of sky and sun [lx]; None: full sun."""
+    """Return the illuminance by sky and sun [lx]; None for full sun."""
     if options.daylight is None and camera.daylight is not None:
         return float(camera.daylight)
     return options.daylight
 
 
 def _gain(options: FilmOptions, camera: "Camera") -> float:
-    """Return the gain of pictures of ground and sky: less light is shown darker."""
+    """Return the gain of ground and sky, smaller in less daylight."""
     from jblast.sensors.camera.image import picture_gain
 
     daylight = _daylight(options, camera)
@@ -183,7 +184,7 @@ def _gain(options: FilmOptions, camera: "Camera") -> float:
 
 
 def _appearance(options: FilmOptions, camera: "Camera") -> "Appearance":
-    """Return how bright day and fire are; the picture is exposed for the day."""
+    """Return the brightness of the fire in a film that is exposed for the daylight."""
     from jblast.sensors.camera.fireball import Appearance
 
     flash = options.flash
@@ -199,7 +200,7 @@ def _times(
     views: "ViewSet | None",
     options: FilmOptions,
 ) -> np.ndarray:
-    """Return when the frames begin."""
+    """Return the start times of the frames [s]."""
     from jblast.waves.fireball import fireball_duration
 
     bursts = [float(charge.time_s) for charge in scene.charges]
@@ -219,24 +220,24 @@ def _times(
             lives = [float(fireball_duration(mass)) for mass in masses]
         else:
             lives = [float(views.duration(charge)) for charge in scene.charges]
-        ends = [burst + life for burst, life in zip(bursts, lives, strict=True)]
-        seconds = max(ends) - start
-    # a whole number of frames is not lost to rounding
+        stops = [burst + life for burst, life in zip(bursts, lives, strict=True)]
+        seconds = max(stops) - start
+    # rounding must not add a frame to a whole number of frame intervals
     count = min(math.ceil(seconds * hz - 1e-6), bound)
     fewest = 1 if options.mode == "rgb" else 2
-    if not fewest <= count <= TOO_MANY:
+    if not fewest <= count <= MAX_FRAMES:
         raise InputError(
             f"{argument('times' if options.times else 'seconds')}: expected {fewest} "
-            f"to {TOO_MANY:,} frames, got {max(count, 0):,.0f} of {hz:g} Hz in "
+            f"to {MAX_FRAMES:,} frames, got {max(count, 0):,.0f} of {hz:g} Hz in "
             f"{seconds:g} s"
         )
     return start + np.arange(int(count)) / hz
 
 
 def lifted(film: "Film") -> float | None:
-    """Return how far above the ground a set stands that shows a burst on it [m].
+    """Return the height of a set of explosion images above the ground [m].
 
-    None where it stands on it, or there is no such set.
+    None if the set shows the burst on the ground, or if there is no set.
     """
     from jblast.sensors.camera.baked_explosion import ExplosionViews, foot_height
 
@@ -246,23 +247,31 @@ def lifted(film: "Film") -> float | None:
     return highest if highest > 0 else None
 
 
-def _refuse_still(film: "Film", options: FilmOptions) -> None:
-    """Refuse a picture behind a camera that moves, if it is always the same."""
+def _check_moving_camera(film: "Film", options: FilmOptions) -> None:
+    """Check that a moving camera has no fixed background.
+
+    Raises:
+        InputError: A depth or a single image is given.
+    """
     if options.depth is not None:
         raise InputError(
-            f"{argument('depth')}: expected a camera that stands still, got one that "
-            "moves, before which nothing stays where it is"
+            f"{argument('depth')}: expected a fixed camera, got a moving one, whose "
+            "background moves"
         )
     if isinstance(film.background, np.ndarray) and film.background.ndim > 1:
         raise InputError(
-            f"{argument('background')}: expected sky, light, a folder with a frame for "
-            "each or a video, behind a camera that moves, got a picture, "
+            f"{argument('background')}: expected sky, light, a folder with an image "
+            "for each frame or a video, for a moving camera, got the image "
             f"{options.background!r}"
         )
 
 
-def _refuse_looking_away(film: "Film", source: str) -> None:
-    """Refuse a camera that would never see the blast, before frames without it."""
+def _check_blast_in_view(film: "Film", source: str) -> None:
+    """Check that the blast is in the field of view.
+
+    Raises:
+        InputError: The camera would film the background only.
+    """
     from jblast.sensors.camera.rendering import in_view, off_axis
 
     if in_view(film.scene, film.camera, film.views):
@@ -273,14 +282,14 @@ def _refuse_looking_away(film: "Film", source: str) -> None:
     axis = np.asarray(quaternion_matrix(film.camera.quaternion))[:, 2]
     angle = math.degrees(float(off_axis(film.scene, film.camera)))
     raise InputError(
-        f"{source}: [camera]: expected a camera that sees some of the blast, got one "
-        f"that looks towards {_way(axis)}; the blast is towards {_way(sight)}, "
-        f"{angle:.0f} degrees from its axis, and only the background would be seen"
+        f"{source}: [camera]: expected the blast in the field of view, got a camera "
+        f"that looks towards {_direction(axis)}; the blast is towards "
+        f"{_direction(sight)}, {angle:.0f} degrees from its axis"
     )
 
 
-def _way(vector: np.ndarray) -> str:
-    """Return a direction in words."""
+def _direction(vector: np.ndarray) -> str:
+    """Return the bearing and elevation of a vector as text."""
     east, north, up = (float(part) for part in vector)
     bearing = math.degrees(math.atan2(east, north)) % 360
     above = math.degrees(math.atan2(up, math.hypot(east, north)))
@@ -288,20 +297,19 @@ def _way(vector: np.ndarray) -> str:
 
 
 def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
-    """Return the pictures that the option names.
+    """Return the images of an option.
 
-    Of an explosion set a camera that stands still has only those views read that it is
-    shown.
+    For a fixed camera only those views of an explosion set are read that it needs.
 
     Args:
-        word: "explosion", which is the set that comes with jblast even where there is a
-            folder of this name (that is ./explosion); else a folder.
-        scene: Where the charges are.
-        camera: Who looks.
+        word: "explosion" for the set that is part of jblast, also if a folder has this
+            name (which is ./explosion); else a folder.
+        scene: Scene with the charges.
+        camera: Camera.
 
     Raises:
-        InputError: They cannot be read, or all were taken from below the burst and the
-            camera looks on from above it; the message names the file.
+        InputError: The images cannot be read, or all of them show the burst from below
+            and the camera is above it; the message names the file.
     """
     from jblast.sensors.camera.files.views import (
         explosion_views,
@@ -314,7 +322,7 @@ def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
         return _from_a_side_of_the_camera(read_views(word), word, scene, camera)
     folder = None if shipped else word
     if camera.mount:
-        return explosion_views(folder)  # it goes where it is taken
+        return explosion_views(folder)  # a moving camera may need any view
     eye = np.asarray(camera.position, float)
     places = np.array([[float(x) for x in c.position_m] for c in scene.charges])
     return explosion_views(folder, towards=eye - places)
@@ -323,7 +331,11 @@ def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
 def _from_a_side_of_the_camera(
     views: "Views", word: str, scene: "Scene", camera: "Camera"
 ) -> "Views":
-    """Return the pictures, if one shows what a camera above the burst would see."""
+    """Return the images after a check that one shows the burst from the camera's side.
+
+    Raises:
+        InputError: The camera is above the burst, and all views are from below.
+    """
     from jblast.sensors.camera.files.views import INDEX
 
     if camera.mount or (views.direction[:, 2] >= 0.0).any():
@@ -338,7 +350,7 @@ def _from_a_side_of_the_camera(
 
 
 def folder_named(word: str | None) -> str | None:
-    """Return the folder of another set of pictures; None for the one of jblast."""
+    """Return the folder of a set of images; None for the one of jblast."""
     return None if word == SHIPPED_SET else word
 
 
@@ -349,19 +361,19 @@ def camera_path(
     camera: "Camera",
     times: np.ndarray,
 ) -> "CameraPath | None":
-    """Return the path of what carries a camera; None if it stands still.
+    """Return the path of a mounted camera; None for a fixed one.
 
-    It is read from a file, or the scene's vehicle flies through its blasts.
+    The path is read from a file, or simulated for the scene's vehicle.
 
     Raises:
-        InputError: It is told and not needed, cannot be read or flown, or ends before
-            the film does.
+        InputError: A path is given for a fixed camera, it cannot be read or flown, or
+            it is shorter than the film.
     """
     if not camera.mount:
         if options.flight is not None:
             raise InputError(
                 f'{argument("flight")}: expected a camera with mount = "vehicle" in '
-                f"{scene}, got one that stands still"
+                f"{scene}, got a fixed one"
             )
         return None
     end = float(times[-1]) + float(camera.exposure_s)
@@ -379,15 +391,15 @@ def camera_path(
 
 
 def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
-    """Fly the scene's vehicle, and return where it was."""
+    """Return the path of a simulated flight of the scene's vehicle."""
     from jblast.sensors.camera.geometry import CameraPath
     from jblast.study.flight_results import Options, trajectory_of
     from jblast.study.flights import checked_scene, drawn_scenes, flight_seconds, fly
 
     vehicle = checked_scene(uncertain, 1, False)
     scene = drawn_scenes(uncertain, 1, seed)
-    usual = flight_seconds(scene, vehicle, uncertain.source, Options())
-    seconds = max(usual, math.ceil(10 * end) / 10)
+    default = flight_seconds(scene, vehicle, uncertain.source, Options())
+    seconds = max(default, math.ceil(10 * end) / 10)
     flights = fly(uncertain, Options(seconds=seconds), seed=seed)
     trajectory = trajectory_of(flights, next(iter(flights.holds)))
     kept = np.isfinite(np.asarray(trajectory.position_m)).all(axis=-1)
@@ -399,10 +411,11 @@ def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
 
 
 def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
-    """Return ground and sky, where they are requested or the camera moves.
+    """Return ground and sky if they are requested or the camera moves; else None.
 
     Raises:
-        InputError: The ground is no image and scale, or another background is named.
+        InputError: The ground has another form than image and scale, or there is
+            another background.
     """
     from jblast.sensors.camera.surroundings import landscape, sun_at
 
@@ -437,7 +450,7 @@ def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
 
 
 def still_landscape(ground: "Landscape", camera: "Camera") -> np.ndarray:
-    """Return what a camera that stands still sees of ground and sky."""
+    """Return the image of ground and sky of a fixed camera."""
     import jax.numpy as jnp
 
     from jblast.sensors.camera.geometry import pixel_rays

@@ -58,15 +58,16 @@ METRICS = (
     "peak_time_s",
     "recovery_time_s",
 )
-"""Numbers of a flight: those of `vehicle.FlightMetrics`, and one of `Flown`."""
+"""Metrics of a flight: those of `vehicle.FlightMetrics`, and one of `Flown`."""
 QUANTILES = (0.05, 0.5, 0.95)
-"""Middle and 90 % interval."""
+"""Median and 90 % interval."""
 TOLERANCE_M = 0.05
-"""Default for the path error within which a vehicle has recovered; declared."""
+"""Default path error within which a vehicle has recovered [m], by declaration."""
 WINDOW_S = 5e-5
-"""An acceleration is a mean over so long: a tenth of what a front takes to cross."""
+"""Averaging time of an acceleration [s]: a tenth of the time that a front takes to
+cross a vehicle, so that the peak is resolved."""
 WINDOWS = np.arange(-20.0, 80.0)
-"""About an arrival."""
+"""Windows around an arrival, -1 to 4 ms: they cover the passage of a front."""
 ThesisLoad = PrintedLoad | CodedLoad
 FlightLoad = BlastLoad | CustomProfile | ThesisLoad
 LoadLaw = Literal["laws", "thesis-as-printed", "thesis-as-coded"]
@@ -75,17 +76,17 @@ LOADS: Mapping[LoadLaw, Callable[[Scene], FlightLoad]] = {
     "thesis-as-printed": printed_load,
     "thesis-as-coded": coded_load,
 }
-"""By what the blasts push: jblast's own laws, or what the thesis makes of it."""
+"""Loads by law: those of jblast, or of the thesis as printed or as coded."""
 
 
 class Exposure(NamedTuple):
-    """What a flight's blasts expose its vehicle to.
+    """Exposure of a vehicle to the blasts of a flight.
 
     Attributes:
-        peak_overpressure_pa: Incident, of the strongest; NaN by a custom profile.
-        peak_acceleration_m_s2: By the blasts alone.
-        fireball_time_s: Within a fireball while it glows, to the distance of the
-            stored rows; NaN by a custom profile.
+        peak_overpressure_pa: Largest incident overpressure; NaN with a custom profile.
+        peak_acceleration_m_s2: Largest acceleration by the blasts alone.
+        fireball_time_s: Time within glowing fireballs, resolved by the stored rows; NaN
+            with a custom profile.
     """
 
     peak_overpressure_pa: Float[Array, "*batch"]
@@ -97,14 +98,14 @@ EXPOSURES = Exposure._fields
 
 
 class Encounter(NamedTuple):
-    """Blasts as they come to a vehicle; one in each place of the last axis.
+    """Arrivals of blasts at a vehicle, with the blasts along the last axis.
 
     Attributes:
-        arrival_s: On the scene's clock; infinite: it never happens.
-        distance_m: From the charge to the vehicle then.
-        scaled_distance: Sachs's [m/kg^(1/3)]; NaN by a custom profile.
-        overpressure_pa: At its peak, incident; NaN by all but jblast's own laws.
-        in_range: Whether the load is known there.
+        arrival_s: Arrival on the scene's clock; infinite for a blast without a time.
+        distance_m: Distance of the vehicle from the charge at the arrival.
+        scaled_distance: Sachs-scaled distance [m/kg^(1/3)]; NaN with a custom profile.
+        overpressure_pa: Incident peak overpressure; NaN except with jblast's laws.
+        in_range: Whether the distance is inside the range of validity of the load.
     """
 
     arrival_s: Float[Array, "*batch blast"]
@@ -116,17 +117,18 @@ class Encounter(NamedTuple):
 
 @dataclass(frozen=True)
 class Flown:
-    """What one controller made of it. Leading axes are the batch's.
+    """Flights with one controller; leading axes are those of the batch.
 
     Attributes:
-        metrics: From the first blast's arrival on.
-        encounter: How each blast came to it.
-        exposure: What they did to it beside moving it.
-        error_at_blast_m: Path error as the first blast comes.
-        lost: Whether a vehicle diverged.
-        trajectory: Of a single flight; None of a batch.
-        thrown: What the blasts did to its estimate; None: it flew by the truth.
-        followed: What a single flight estimated; None of a batch, or by the truth.
+        metrics: Metrics from the first arrival on.
+        encounter: Arrival of each blast.
+        exposure: Exposure to the blasts.
+        error_at_blast_m: Path error at the first arrival.
+        lost: Whether the vehicle diverged.
+        trajectory: True states of a single flight; None for a batch.
+        thrown: Effect of the blasts on the state estimate; None without an estimator.
+        followed: State estimate of a single flight; None for a batch, or without an
+            estimator.
     """
 
     metrics: FlightMetrics
@@ -148,9 +150,9 @@ def metric(flown: Flown, name: str) -> Float[np.ndarray, "*batch"]:
 def quantiles(
     values: Float[np.ndarray, " vehicle"], shares: tuple[float, ...] = QUANTILES
 ) -> list[float]:
-    """Return quantiles, each one of the values, as some may be infinite.
+    """Return quantiles without interpolation, as values may be infinite.
 
-    What is NaN, as of a vehicle lost before its blast, is left out.
+    NaN, as of a vehicle that diverged before its blast, is ignored.
     """
     known = values[~np.isnan(values)]
     if not known.size:
@@ -159,14 +161,17 @@ def quantiles(
 
 
 def flies_on(flown: Flown) -> Bool[np.ndarray, "*batch"]:
-    """Return who neither crashed nor was lost; no more is asked of them."""
+    """Return the vehicles that neither crashed nor diverged, recovered or not."""
     return np.asarray(~flown.metrics.crashed)
 
 
 def past_threshold(
     model: str, flown: Flown
 ) -> dict[str, Bool[np.ndarray, "*batch"] | None]:
-    """Return who is past a threshold of its model, by exposure; None: not known."""
+    """Return the vehicles beyond a threshold of the model, by exposure.
+
+    None stands for an exposure without a threshold or without values.
+    """
     found: dict[str, Bool[np.ndarray, "*batch"] | None] = {}
     for name in EXPOSURES:
         limit, values = THRESHOLDS[model][name].value, metric(flown, name)
@@ -176,18 +181,18 @@ def past_threshold(
 
 
 def share_interval(flags: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
-    """Return the 90 % interval of the share of flags that are true, as of a study."""
+    """Return the 90 % interval of the share of flags that are true."""
     low, high = wilson_interval(np.mean(flags), flags.size)
     return float(low), float(high)
 
 
 class Profile(NamedTuple):
-    """A custom profile, which takes the place of the laws.
+    """Custom profile of loads, in place of the laws.
 
     Attributes:
-        cases: As `vehicle.read_custom_profile` returns them.
-        moment_point_m: From the point its moments are about to the centre of mass;
-            None: they are about that.
+        cases: Cases of `vehicle.read_custom_profile`.
+        moment_point_m: Vector from the reference point of the moments to the centre of
+            mass; None if they refer to the centre of mass.
     """
 
     cases: Float[np.ndarray, "case 10"]
@@ -196,18 +201,17 @@ class Profile(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """How to fly.
+    """Options of flights.
 
     Attributes:
-        seconds: Duration; None: from the blasts and the vehicle (`study.flights`).
-        step_s: Of the integrator.
+        seconds: Duration; None for 5 s beyond the last arrival (`study.flights`).
+        step_s: Time step of the integrator.
         integrator: "rk4" or "euler".
-        backend: As `vehicle.simulate` takes it.
-        tolerance_m: Of the path error, within which a vehicle has recovered.
-        profile: In place of the laws' load.
-        load: By which laws blasts push; "laws" are jblast's own.
-        estimator: By what a vehicle flies: "ekf", a filter of what its instruments
-            say; "": the truth.
+        backend: Backend of `vehicle.simulate`.
+        tolerance_m: Path error within which a vehicle has recovered.
+        profile: Custom profile in place of the laws.
+        load: Laws of the load; "laws" are those of jblast.
+        estimator: "ekf" for a Kalman filter of the instruments; "" for the true state.
     """
 
     seconds: float | None = None
@@ -225,16 +229,16 @@ class Flights:
     """Flights through the blasts of a scene.
 
     Attributes:
-        vehicle: Its section of the scene.
-        options: How they were flown.
-        seconds: How long each was.
-        count: How many scenes were drawn; each was flown by each hold.
-        drawn: What was drawn, by name of `scene.PARAMETERS`.
-        blasts: Names of the charges; "" of one alone.
-        places_m: Of the charges, east, north, up.
-        wind_m_s: Towards east, north.
-        holds: By a name of `vehicle.CONTROLLERS`, in the order flown.
-        own: The hold that the scene specifies; None without one.
+        vehicle: Vehicle section of the scene.
+        options: Options of the flights.
+        seconds: Duration of each flight.
+        count: Number of sampled scenes, each flown with each controller.
+        drawn: Sampled parameters, by name of `scene.PARAMETERS`.
+        blasts: Names of the charges; "" for a single one.
+        places_m: Positions of the charges, east, north, up.
+        wind_m_s: Wind velocity towards east, north.
+        holds: Flights by controller, a name in `vehicle.CONTROLLERS`.
+        own: Controller that the scene specifies; None without one.
         notes: Remarks on the curve sets of the blasts.
     """
 
@@ -252,35 +256,36 @@ class Flights:
 
 
 def warnings_of(flights: Flights) -> list[str]:
-    """Return sentences on the limits of the numbers."""
-    said = list(flights.notes)
+    """Return warnings about the validity of the results."""
+    warnings = list(flights.notes)
     encounter = next(iter(flights.holds.values())).encounter
     outside = np.mean(~encounter.in_range.all(axis=-1))
     if outside:
         whose = (
             "" if flights.count == 1 else f" of {100 * outside:.3g} % of the flights"
         )
-        known = "laws hold" if flights.options.profile is None else "profile has cases"
-        said.append(
-            f"a blast{whose} comes from where no {known}: its load is finite, no more"
+        source = "laws" if flights.options.profile is None else "profile"
+        warnings.append(
+            f"a blast{whose} is outside the range of the {source}: its load is finite, "
+            "but not reliable"
         )
     arrival = np.asarray(encounter.arrival_s)
     never = np.isposinf(arrival).any(axis=-1)
     if never.any():
-        said.append("a blast never happens: the time of its charge is infinite")
+        warnings.append("a blast does not occur: the time of its charge is infinite")
     late = np.mean(((arrival > flights.seconds) & (arrival < np.inf)).any(axis=-1))
     if late:
-        said.append("a blast comes after the end of the flight")
+        warnings.append("a blast arrives after the end of the flight")
     for name, flown in flights.holds.items():
         away = np.mean(flown.error_at_blast_m > flights.options.tolerance_m)
         if away:
             whose = (
                 "" if flights.count == 1 else f" in {100 * away:.3g} % of the flights"
             )
-            said.append(
-                f"{hold_words(name)}: outside the tolerance{whose} already as the "
-                "first blast comes; what start and wind did is in the numbers after it "
-                "(a later time_s of the charge leaves time to settle)"
+            warnings.append(
+                f"{hold_words(name)}: outside the tolerance{whose} before the first "
+                "blast arrives; the results include the effect of start and wind (a "
+                "later time_s of the charge leaves time to settle)"
             )
         lost = np.flatnonzero(flown.lost)
         if lost.size:
@@ -288,45 +293,45 @@ def warnings_of(flights: Flights) -> list[str]:
             if flights.count > 1:
                 more = f" and {lost.size - 10} more" if lost.size > 10 else ""
                 which = f": {', '.join(map(str, lost[:10]))}{more}"
-            said.append(
-                f"{hold_words(name)}: lost {lost.size} of {flights.count}, whose "
-                f"numbers ran away{which}"
+            warnings.append(
+                f"{hold_words(name)}: {lost.size} of {flights.count} flights "
+                f"diverged{which}"
             )
-    return said
+    return warnings
 
 
 def target_of(vehicle: VehicleSpec) -> Float[np.ndarray, "3"]:
-    """Return the place a vehicle holds: east, north, up [m]."""
+    """Return the target position of a vehicle: east, north, up [m]."""
     return np.asarray(vehicle.held)
 
 
 def trajectory_of(flights: Flights, name: str) -> Trajectory:
-    """Return the path of a single flight by one hold."""
+    """Return the trajectory of a single flight with one controller."""
     trajectory = flights.holds[name].trajectory
     assert trajectory is not None, "a batch keeps no trajectories"
     return trajectory
 
 
 def hold_words(name: str) -> str:
-    """Return a controller in words."""
+    """Return the printed name of a controller."""
     return CONTROLLERS[name].words
 
 
 def with_bursts_at_start(
     scenes: Scene, vehicle: VehicleSpec
 ) -> tuple[Scene, tuple[str, ...]]:
-    """Return scenes with the curve sets that hold where their vehicle starts.
+    """Return scenes with the curve sets that apply at the start of their vehicle.
 
-    All vehicles of a batch fly through waves of one set: the free-air curves where the
-    reflection from the ground comes after the positive phase for each, else the surface
-    curves, which are the stronger.
+    All vehicles of a batch have waves of one set: the free-air curves if the ground
+    reflection arrives after the positive phase for each, else the surface curves, which
+    are stronger.
 
     Args:
-        scenes: One, or many with a leading axis in every array.
-        vehicle: Where it starts.
+        scenes: One scene, or several with a leading axis in each array.
+        vehicle: Vehicle section with the start position.
 
     Returns:
-        The scenes, and remarks on charges above the ground.
+        Scenes, and remarks on charges above the ground.
     """
     place = jnp.asarray(vehicle.position)[None, :]
     charges, notes = [], []
@@ -338,8 +343,8 @@ def with_bursts_at_start(
             burst = "free-air" if free.all() else "surface"
             charge = replace(charge, burst=burst, by_height=True)
         if height.max() > 0.0:
-            ends = float(height.min()), float(height.max())
-            notes += burst_notes(charge, ends, free, "vehicle")
+            span = float(height.min()), float(height.max())
+            notes += burst_notes(charge, span, free, "vehicle")
         charges.append(charge)
     scenes = replace(scenes, charge=charges[0], others=tuple(charges[1:]))
     return scenes, tuple(notes)
@@ -365,18 +370,18 @@ def exposed(
 ) -> Exposure:
     """Return the exposure of one flight.
 
-    A blast that comes after its end, or never, does nothing to it.
+    A blast that arrives after the flight has no effect.
 
     Args:
-        scene: Whose fireballs these are, as its camera sees them.
-        load: Of the blasts.
-        vehicle: The vehicle.
-        encounter: As `encounter_of` returns it.
-        time_s: Of the stored rows.
-        states: At these times.
+        scene: Scene with the charges of the fireballs.
+        load: Loads of the blasts.
+        vehicle: Vehicle.
+        encounter: Arrivals of `encounter_of`.
+        time_s: Times of the stored rows.
+        states: States at these times.
     """
-    felt = encounter.arrival_s <= time_s[-1]
-    arrival = jnp.where(felt, encounter.arrival_s, 0.0)
+    in_flight = encounter.arrival_s <= time_s[-1]
+    arrival = jnp.where(in_flight, encounter.arrival_s, 0.0)
 
     def accelerations(came: Float[Array, ""]) -> Float[Array, " window"]:
         last = jnp.maximum(jnp.sum(time_s < came) - 1, 0)
@@ -390,8 +395,8 @@ def exposed(
 
     greatest = jnp.max(jax.vmap(accelerations)(arrival), axis=-1)
     return Exposure(
-        jnp.max(jnp.where(felt, encounter.overpressure_pa, 0.0)),
-        jnp.max(jnp.where(felt, greatest, 0.0)),
+        jnp.max(jnp.where(in_flight, encounter.overpressure_pa, 0.0)),
+        jnp.max(jnp.where(in_flight, greatest, 0.0)),
         _in_fire(scene, load, time_s, states.position_m),
     )
 
@@ -402,7 +407,7 @@ def _in_fire(
     time_s: Float[Array, " time"],
     position_m: Float[Array, "time 3"],
 ) -> Float[Array, ""]:
-    """Return how long a vehicle is within the fireball of any charge [s]."""
+    """Return the time that a vehicle is within the fireball of any charge [s]."""
     if isinstance(load, CustomProfile):
         return jnp.full((), jnp.nan)
 
@@ -419,12 +424,12 @@ def _in_fire(
 
 
 def load_of(scene: Scene, profile: Profile | None, by: LoadLaw = "laws") -> FlightLoad:
-    """Return the load of a scene's blasts, or of a profile in place of its one charge.
+    """Return the load of a scene's blasts by laws, or by a profile of its one charge.
 
     Args:
-        scene: What is there.
-        profile: In place of the laws; None: by these.
-        by: Which laws.
+        scene: Scene.
+        profile: Custom profile; None for laws.
+        by: Laws.
 
     Raises:
         InputError: As in `vehicle.blast_load` and
@@ -448,7 +453,7 @@ def load_of(scene: Scene, profile: Profile | None, by: LoadLaw = "laws") -> Flig
 def arrival_at(
     load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
 ) -> Float[Array, " blast"]:
-    """Return when the blasts come to a place [s]; infinite: never."""
+    """Return the arrivals of blasts at a position [s]; infinite for no blast."""
     if isinstance(load, CustomProfile):
         return (load.time_s + load.impulse_at(position_m, quaternion)[2])[None]
     return load.arrival_time_s(position_m)
@@ -457,7 +462,7 @@ def arrival_at(
 def encounter_at(
     load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
 ) -> Encounter:
-    """Return how the blasts come to a place."""
+    """Return the arrivals of blasts at a position."""
     if isinstance(load, CustomProfile):
         never = jnp.isposinf(load.time_s)
         distance = slant_range(load.charge_m, position_m)
@@ -484,7 +489,7 @@ def encounter_at(
 
     def met(blast: Blast) -> tuple[Array, ...]:
         distance = slant_range(blast.position_m, position_m)
-        # a vehicle on the charge itself has a scaled distance too
+        # no division by zero for a vehicle at the position of the charge
         positive = jnp.maximum(distance, 1e-9)
         scaled = scaled_distance(positive, blast.mass_kg, load.pressure_pa)
         return distance, scaled, load.wave_of(blast, position_m).peak, blast.never
@@ -496,7 +501,7 @@ def encounter_at(
         distances,
         scaled,
         peaks * load.pressure_pa,
-        # of one that never happens it is known that there is none
+        # a blast that does not occur has a known load: none
         load.in_range(position_m) | never,
     )
 
@@ -507,7 +512,7 @@ def encounter_of(
     position_m: Float[Array, "time 3"],
     quaternion: Float[Array, "time 4"],
 ) -> Encounter:
-    """Return how the blasts come to a flight: to its last row before each.
+    """Return the arrivals of blasts along a flight, at the last row before each.
 
     A blast after the end of the flight is evaluated at its last row.
     """

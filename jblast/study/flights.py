@@ -1,10 +1,11 @@
-"""A scene's vehicles with a position controller, flown through its blasts.
+"""Flights of a scene's vehicles with position controllers through its blasts.
 
-One flight, or many drawn from the scene's priors. A flight begins at time 0 of the
-scene's clock, over level ground at height 0, in the scene's wind. Each vehicle flies
-once with each controller. Where none is named, these are the SE(3) controller with and
-without integral action: without it wind leaves a permanent offset, and the vehicle does
-not recover. Vehicles with instruments are controlled by an estimate of their state.
+One flight is simulated, or many that are sampled from the scene's priors. A flight
+begins at time 0 of the scene's clock, over level ground at height 0, in the scene's
+wind. Each vehicle flies once with each controller. If none is named, these are the
+SE(3) controller with and without integral action: without it wind leaves a permanent
+offset, and the vehicle does not recover. Vehicles with instruments are controlled by an
+estimate of their state.
 """
 
 import math
@@ -67,9 +68,9 @@ from jblast.vehicle import (
 from jblast.vehicle.quadrotor import in_precision
 
 GROUND_UP_M = 0.0
-"""Height of the ground: scenes count heights from it."""
+"""Height of the ground, from which scenes measure heights."""
 CHUNK = {"cpu": 2048, "gpu": 16_384}
-"""Vehicles of `BATCH_ROWS` in memory at once: on a CPU some 2 GB, in float64."""
+"""Vehicles with `BATCH_ROWS` rows in memory: on a CPU some 2 GB in float64."""
 encounter_along = kept(encounter_of)
 _encounter_each = eqx.filter_jit(jax.vmap(encounter_of, (0, None, 0, 0)))
 exposed_along = kept(exposed)
@@ -79,20 +80,19 @@ _exposed_each = eqx.filter_jit(
 followed_along = kept(followed)
 thrown_of = kept(thrown)
 AFTER_S = 5.0
-"""Default time after the last arrival."""
-MOST_STEPS = 4_000_000
-"""Steps of a flight: half an hour at the default step."""
+"""Default time after the last arrival [s], declared."""
+MAX_STEPS = 4_000_000
+"""Steps of a flight, by declaration: half an hour at the default step."""
 ROWS = 20_000
-"""Stored of a single flight."""
+"""Stored rows of a single flight: 10 s at the default step."""
 BATCH_ROWS = 500
-"""Stored of each flight of a batch."""
+"""Stored rows of each flight of a batch, which limit its memory."""
 ROW_S = 0.02
-"""Most time between two rows, however long the flight: peaks are of a tenth of a second
-and more."""
-MOST_VEHICLES = 10_000_000
-"""Largest number; the metrics of as many take about a gigabyte."""
+"""Longest time between two rows [s]: a peak lasts a tenth of a second or more."""
+MAX_VEHICLES = 10_000_000
+"""Largest number of vehicles, whose metrics take about a gigabyte."""
 BOTH_HOLDS = ("with_integral", "without_integral")
-"""Flown by default."""
+"""Default controllers."""
 
 
 def fly(
@@ -106,21 +106,20 @@ def fly(
     """Fly a scene's vehicle through its blasts.
 
     Args:
-        uncertain: The scene; what has a prior is drawn from it.
-        options: How to fly; None: the defaults.
-        vehicles: How many scenes are drawn.
-        seed: Of the draws.
-        controllers: Names of `vehicle.CONTROLLERS`, or "hold" for the SE(3) hold as the
-            scene has it; None: that with integral action and without, the scene's own
-            first.
+        uncertain: Scene; parameters with a prior are sampled.
+        options: Options of the flights; None for the defaults.
+        vehicles: Number of sampled scenes.
+        seed: Seed of the samples.
+        controllers: Names in `vehicle.CONTROLLERS`, or "hold" for the SE(3) controller
+            of the scene; None for that with and without integral action, the one of
+            the scene first.
 
     Returns:
-        The flights by controller: how far each vehicle was thrown, when it had
-        recovered, which crashed.
+        Flights by controller, with peak deviation, recovery and crash of each vehicle.
 
     Raises:
-        InputError: The scene cannot be flown, a number cannot be drawn, or an option
-            cannot be used.
+        InputError: The scene cannot be flown, a parameter cannot be sampled, or an
+            option is invalid.
 
     Example:
         `flights = jblast.fly(jblast.read_scene("scene.toml"), vehicles=100)`
@@ -135,7 +134,7 @@ def fly(
     own = None if vehicle.integral is None else BOTH_HOLDS[not vehicle.integral]
     names = named_controllers(controllers, own)
     for name in names:
-        controller_of(vehicle, name)  # or a name that is none ends it at once
+        controller_of(vehicle, name)  # rejects an unknown name before the work
     flown: dict[str, list[Flown]] = {name: [] for name in names}
     most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
     rows = rows_stored(seconds, vehicles, options)
@@ -145,7 +144,7 @@ def fly(
     size = math.ceil(vehicles / chunks)
     through = counted(vehicles, "vehicles")
     for n in range(chunks):
-        # the last chunk is filled up: another size would compile everything again
+        # the last chunk is padded: another size would compile everything again
         lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
         some = scenes if vehicles == 1 else lanes_of(scenes, lanes)
         carried = {}
@@ -176,11 +175,12 @@ def fly(
 
 
 class Instruments(NamedTuple):
-    """What vehicles fly by.
+    """Instruments of the state estimator.
 
     Attributes:
-        place: Where the origin lies, whose field they feel; None: PX4's home.
-        seeds: Of each vehicle's draws.
+        place: Geographic position of the origin, for the magnetic field; None for PX4's
+            default home.
+        seeds: Seed of the noise of each vehicle.
     """
 
     place: Place | None
@@ -196,30 +196,31 @@ def flown_by(
     options: Options,
     instruments: Instruments | None = None,
 ) -> Flown:
-    """Fly some vehicles with one controller.
+    """Return flights of some vehicles with one controller.
 
     Args:
-        scenes: One, or several with a leading axis in every array.
-        spec: The vehicle.
-        hold: A name of `vehicle.CONTROLLERS`.
-        seconds: How long each flight is.
-        vehicles: How many are flown in all: of one alone every row is kept.
-        options: How to fly.
-        instruments: Of the vehicles, where they fly by what these say.
+        scenes: One scene, or several with a leading axis in each array.
+        spec: Vehicle section of the scene.
+        hold: Name in `vehicle.CONTROLLERS`.
+        seconds: Duration of each flight [s].
+        vehicles: Number of vehicles in all chunks; a single one keeps its trajectory.
+        options: Options of the flights.
+        instruments: Instruments of the state estimator; None without one.
     """
     single = vehicles == 1
     control = controller_of(spec, hold)
     start, load = start_of(spec), _load(scenes, options, single)
-    flier: Any = control
+    flown_control: Any = control
     if options.estimator:
         assert instruments is not None
-        flier = by_instruments(
+        flown_control = by_instruments(
             control, scenes, start, load, instruments, 1 / options.step_s
         )
     wind = StepGust(steady_wind(scenes), 0 * scenes.air.wind_east)
     if not single:
         count = scenes.air.wind_east.shape
         start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
+    # GPUs and Warp are several times faster in single precision
     if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
         start = in_precision(start, np.dtype("float32"))
     steps = math.ceil(seconds / options.step_s)
@@ -229,7 +230,9 @@ def flown_by(
         duration_s=seconds,
         step_s=options.step_s,
         integrator=options.integrator,
-        control=flier if single or flier is control else Each(flier),
+        control=flown_control
+        if single or flown_control is control
+        else Each(flown_control),
         wind=wind if single else Each(wind),
         loads=(load if single else Each(load),),
         ground_up_m=GROUND_UP_M,
@@ -269,10 +272,10 @@ def flown_by(
         trajectory.lost,
         trajectory if single else None,
     )
-    if flier is control:
+    if flown_control is control:
         return found
     thrown, estimated = thrown_by_blasts(
-        flier, trajectory, encounter.arrival_s, options.step_s
+        flown_control, trajectory, encounter.arrival_s, options.step_s
     )
     return replace(found, thrown=thrown, followed=estimated if single else None)
 
@@ -291,11 +294,11 @@ def steady_wind(scenes: Scene) -> Float[Array, "*batch 3"]:
 
 
 def unwatched(scenes: Scene) -> Scene:
-    """Leave out who looks on: one program whoever it is and what charges are called."""
+    """Return scenes without observers and names, so that one program serves all."""
     first, *others = (replace(charge, name="") for charge in scenes.charges)
-    nobody: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
-    nobody |= {"vehicle": None, "ambient": None, "law": ()}
-    return replace(scenes, charge=first, others=tuple(others), **nobody)
+    removed: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
+    removed |= {"vehicle": None, "ambient": None, "law": ()}
+    return replace(scenes, charge=first, others=tuple(others), **removed)
 
 
 def lanes_of(scenes: Scene, lanes: Int[np.ndarray, " lane"]) -> Scene:
@@ -304,11 +307,11 @@ def lanes_of(scenes: Scene, lanes: Int[np.ndarray, " lane"]) -> Scene:
 
 
 def joined(parts: list[Flown], vehicles: int) -> Flown:
-    """Put chunks together, without what filled up the last.
+    """Return the flights of all chunks, without the padding of the last.
 
     Args:
-        parts: What became of each chunk.
-        vehicles: How many there are.
+        parts: Flights of each chunk.
+        vehicles: Number of vehicles.
     """
     if vehicles == 1:
         return parts[0]
@@ -333,25 +336,24 @@ def instruments_of(
     lanes: Int[np.ndarray, "*batch"] | np.integer,
     step_s: float,
 ) -> Instruments:
-    """Return what vehicles fly by.
+    """Return the instruments of vehicles.
 
     Args:
-        place: Where the origin lies, if the scene says.
-        seed: Of all draws.
+        place: Geographic position of the origin, if the scene has one.
+        seed: Seed of all samples.
         lanes: Numbers of the vehicles.
-        step_s: Between two samples of the inertial unit.
+        step_s: Sampling interval of the inertial unit [s].
 
     Raises:
-        InputError: That is longer than between two of the barometer.
+        InputError: The interval is longer than that of the barometer.
     """
     longest = 1 / Barometer().rate
     if step_s > longest * (1 + 1e-9):
         raise InputError(
-            f"step: expected at most {longest:g} s where a vehicle flies by its "
-            f"instruments, the time between two samples of its barometer, got "
-            f"{step_s:g} s"
+            f"step: expected at most {longest:g} s with an estimator, the sampling "
+            f"interval of its barometer, got {step_s:g} s"
         )
-    # a prime past the vehicles of any batch that is looked at one by one
+    # a prime above the size of usual batches: seeds of two runs do not coincide
     seeds = (seed * 1_000_003 + np.asarray(lanes, np.int64)) % 2**32
     return Instruments(place, jnp.asarray(seeds, jnp.uint32))
 
@@ -364,15 +366,15 @@ def by_instruments(
     instruments: Instruments,
     rate: float,
 ) -> EstimatedControl:
-    """Return who flies by an estimate, for one vehicle or each of a batch.
+    """Return a controller that uses the estimated state, for one vehicle or a batch.
 
     Args:
-        control: Who flies.
-        scenes: One, or several with a leading axis in every array.
-        start: Of each vehicle.
-        load: Of the blasts; with the scenes' axis.
-        instruments: Of the vehicles.
-        rate: Of the controller's turns [Hz].
+        control: Controller.
+        scenes: One scene, or several with a leading axis in each array.
+        start: Initial state of each vehicle.
+        load: Loads of the blasts, with the axis of the scenes.
+        instruments: Instruments of the vehicles.
+        rate: Rate of the controller [Hz].
     """
 
     def one(scene: Scene, load: FlightLoad, seed: Array) -> EstimatedControl:
@@ -388,13 +390,13 @@ def by_instruments(
 def thrown_by_blasts(
     control: EstimatedControl, trajectory: Trajectory, arrival_s: Array, step_s: float
 ) -> tuple[Thrown, Followed | None]:
-    """Return what blasts did to the estimates, and the estimate of one flight.
+    """Return the effect of blasts on the estimates, and the estimate of one flight.
 
     Args:
-        control: Of the flights.
-        trajectory: All their rows.
-        arrival_s: Of the blasts at each vehicle.
-        step_s: Between two rows.
+        control: Controller of the flights.
+        trajectory: All rows of the flights.
+        arrival_s: Arrival of the blasts at each vehicle.
+        step_s: Time between two rows.
     """
     period = jnp.asarray(step_s, float)
     if arrival_s.ndim == 1:
@@ -418,17 +420,17 @@ def thrown_by_blasts(
 def flight_seconds(
     scenes: Scene, vehicle: VehicleSpec, source: str, options: Options
 ) -> float:
-    """Return how long each flight is: until 5 s after the last blast, in tenths.
+    """Return the duration of each flight: 5 s beyond the last blast, in tenths.
 
     Args:
-        scenes: One, or a batch.
-        vehicle: Whose start and target the blasts come to.
-        source: The scene's file, for the messages.
-        options: How to fly.
+        scenes: One scene, or a batch.
+        vehicle: Vehicle section, whose start and target the blasts reach.
+        source: Name of the scene file, for messages.
+        options: Options of the flights.
 
     Raises:
-        InputError: A time cannot be used, a blast comes before the flight begins, or
-            no blast before it ends.
+        InputError: A time is invalid, a blast arrives before the flight, or no blast
+            arrives in it.
     """
     for name, value in (
         ("seconds", options.seconds),
@@ -450,13 +452,13 @@ def flight_seconds(
     source = source or "scene"
     if np.isposinf(came).all(axis=-1).any():
         raise InputError(
-            f"{source}: [charge] time_s: expected a blast that comes to the vehicle, "
-            "got none: every charge's time is inf, which is never"
+            f"{source}: [charge] time_s: expected a charge with a finite time, got inf "
+            "for all charges"
         )
     if not came.min() >= 0:
         raise InputError(
-            f"{source}: [charge] time_s: expected blasts that come to the vehicle "
-            f"after its flight begins, at 0 s, got one at {came.min():.4g} s"
+            f"{source}: [charge] time_s: expected arrivals at the vehicle after 0 s, "
+            f"when the flight begins, got one at {came.min():.4g} s"
         )
     seconds = options.seconds
     if seconds is None:
@@ -465,13 +467,13 @@ def flight_seconds(
     first = came.min(axis=-1).max()
     if seconds <= first:
         raise InputError(
-            f"seconds: expected more than {first:.4g} s, when the"
-            f"{' latest' if batch else ''} first blast comes to the vehicle, "
+            f"seconds: expected more than {first:.4g} s, the"
+            f"{' latest' if batch else ''} arrival of a first blast, "
             f"got {seconds:g} s"
         )
-    if seconds / options.step_s > MOST_STEPS:
+    if seconds / options.step_s > MAX_STEPS:
         raise InputError(
-            f"seconds: expected at most {MOST_STEPS * options.step_s:g} s in steps of "
+            f"seconds: expected at most {MAX_STEPS * options.step_s:g} s in steps of "
             f"{options.step_s:g} s, got {seconds:g} s"
         )
     return seconds
@@ -485,7 +487,7 @@ def _arrivals(
 
 
 def rows_stored(seconds: float, vehicles: int, options: Options | None = None) -> int:
-    """Return how many rows of each flight are stored at most; an estimator's, all."""
+    """Return the largest number of stored rows of a flight; all with an estimator."""
     if options is not None and options.estimator:
         return math.ceil(seconds / options.step_s)
     return max(ROWS if vehicles == 1 else BATCH_ROWS, math.ceil(seconds / ROW_S))
@@ -494,16 +496,17 @@ def rows_stored(seconds: float, vehicles: int, options: Options | None = None) -
 def checked_scene(
     uncertain: UncertainScene, vehicles: int, by_profile: bool
 ) -> VehicleSpec:
-    """Return the vehicle of a scene that can be flown.
+    """Return the vehicle section of a scene after a check that it can be flown.
 
     Args:
-        uncertain: The scene.
-        vehicles: How many are to fly.
-        by_profile: Whether a custom profile takes the place of the laws.
+        uncertain: Scene.
+        vehicles: Number of vehicles.
+        by_profile: Whether a custom profile replaces the laws.
 
     Raises:
-        InputError: It has no vehicle, a charge without a place, a place below ground,
-            several charges for one profile, or no prior to draw several from.
+        InputError: The scene has no vehicle, a charge without a position, a position
+            below ground, several charges with one profile, or no prior for several
+            vehicles.
     """
     scene, source = uncertain.scene, uncertain.source or "scene"
     if scene.vehicle is None:
@@ -511,9 +514,9 @@ def checked_scene(
             f"{source}: [vehicle]: expected a vehicle with its model and position_m, "
             "got none"
         )
-    if not 1 <= vehicles <= MOST_VEHICLES:
+    if not 1 <= vehicles <= MAX_VEHICLES:
         raise InputError(
-            f"vehicles: expected a whole number from 1 to {MOST_VEHICLES:,}, "
+            f"vehicles: expected a whole number from 1 to {MAX_VEHICLES:,}, "
             f"got {vehicles}"
         )
     if any(charge.range_m is not None for charge in scene.charges):
@@ -533,22 +536,22 @@ def checked_scene(
     ):
         if place is not None and float(place[2]) < 0:
             raise InputError(
-                f"{source}: [vehicle] {key}: expected a place at or above the ground, "
-                f"up 0 m, got {float(place[2]):g} m"
+                f"{source}: [vehicle] {key}: expected a height of 0 m (the ground) or "
+                f"more, got {float(place[2]):g} m"
             )
     if vehicles > 1 and not uncertain.beliefs:
         raise InputError(
-            f"{source}: expected a number with a prior to draw {vehicles} scenes from, "
-            "got none: all vehicles would fly alike"
+            f"{source}: expected a prior to sample {vehicles} scenes from, got none: "
+            "all flights would be equal"
         )
     return spec
 
 
 def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
-    """Draw scenes; several have a leading axis in every array.
+    """Return sampled scenes; several have a leading axis in each array.
 
     Raises:
-        InputError: A number is free, or one was drawn that cannot be.
+        InputError: A parameter is free, or a sample violates its bounds.
     """
     key = jax.random.key(seed)
     if vehicles == 1:
@@ -561,9 +564,9 @@ def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
         refused = [v for v in values.ravel() if not bounds.allows(float(v))]
         if refused:
             raise InputError(
-                f"{uncertain.source or 'scene'}: seed {seed} draws {name} "
-                f"{refused[0]:g}, one of {len(refused)} such of {values.size}; "
-                f"expected a prior of what is {bounds.words()}"
+                f"{uncertain.source or 'scene'}: expected a prior of {name} with "
+                f"samples that are {bounds.words()}, got {refused[0]:g}, one of "
+                f"{len(refused)} of {values.size} samples (seed {seed})"
             )
     return scenes
 
@@ -571,7 +574,7 @@ def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
 def drawn_values(
     uncertain: UncertainScene, scenes: Scene
 ) -> dict[str, Float[np.ndarray, "..."]]:
-    """Return what was drawn, by name."""
+    """Return the sampled parameters, by name."""
     return {name: np.asarray(leaf_of(scenes, name)) for name in uncertain.beliefs}
 
 
@@ -581,11 +584,11 @@ def named_controllers(
     """Return the controllers to fly, each once.
 
     Args:
-        controllers: Those asked for; None: both holds.
-        own: The hold that the scene specifies; None without one.
+        controllers: Requested names; None for `BOTH_HOLDS`.
+        own: Controller that the scene specifies; None without one.
 
     Raises:
-        InputError: An empty list is asked for.
+        InputError: The list is empty.
     """
     if controllers is None:
         return BOTH_HOLDS[::-1] if own == BOTH_HOLDS[1] else BOTH_HOLDS

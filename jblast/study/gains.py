@@ -3,7 +3,7 @@
 The unknowns are the logarithms of eight factors on the scene's gains, nine if the
 motors may be lead-compensated (`motor_lead`): of position, velocity and integral
 gain sideways and upwards, and of the attitude and body-rate gains. The objective is
-half the mean, over drawn blasts, of ln of the peak deviation, plus half ln of the
+half the mean, over sampled blasts, of ln of the peak deviation, plus half ln of the
 8-norm of these peaks, which weighs the strongest. Each peak is smooth (`smooth_peaks`)
 and differentiated in reverse mode through every step of its flight. Three terms are
 added: half the mean of ln of the 2-norm of the path error over time, because a vehicle
@@ -14,11 +14,11 @@ Sequential quadratic programming (Kraft 1988, SciPy's SLSQP) searches from the s
 gains, whose margins may be too small, to the nearest local optimum.
 
 The flights of the search use the semi-implicit Euler rule, whose program is a third of
-that of RK4, and a few of many drawn flights. Of the best gains found, the result is the
-set with the best value over the many flights, among those whose largest peak does not
-exceed the largest with the scene's gains, if there are any. Unseen flights are computed
-as by `jblast fly`. Blasts that crash the vehicle with the scene's own gains are left
-out of the tuning, but not out of the evaluation.
+that of RK4, and a few of many sampled flights. Of the best gains found, the result is
+the set with the best value over the many flights, among those whose largest peak does
+not exceed the largest with the scene's gains, if there are any. Unseen flights are
+computed as by `jblast fly`. Blasts that crash the vehicle with the scene's own gains
+are left out of the tuning, but not out of the evaluation.
 """
 
 from collections.abc import Callable
@@ -68,40 +68,51 @@ from jblast.vehicle.control.position_hold import Gains
 from jblast.vehicle.control.stability import Margins, hold_margins, is_stable
 from jblast.vehicle.controllers import gains_controller
 
-MOST_STEPS, LARGEST = 60, np.log(30.0)
-"""Of the search, and of a factor in ln."""
+MAX_STEPS = 60
+"""Limit of the steps of the search; the best gains so far are used beyond it."""
+MAX_LN_FACTOR = np.log(30.0)
+"""Bound of a factor in ln, far beyond those at which the margins constrain the
+search."""
 CANDIDATES = 12
-"""Of the search's best, among which the many flights choose."""
-UNSEEN_SEEDS = 1_000_003
-"""Between the seed of the blasts tuned by and that of the unseen ones."""
+"""Best gains of the search that are compared over all sampled flights."""
+UNSEEN_SEED_OFFSET = 1_000_003
+"""Offset of the unseen blasts' seed, a prime that no user's seeds are apart by."""
 SLACK = 0.002
-"""By what the search keeps off the margins, as a share of them."""
-DRAWN, STRONGEST = 8, 4
-"""Flights drawn for each that is tuned by, of which one in so many is of the highest
-peaks; the rest stand for all of them, at even ranks."""
-TUNING_STEP_S, AFTER_S = 1e-3, -2.0
-"""Longest step; how much shorter a flight is than `jblast fly` makes it."""
+"""Relative distance of the search from the margins: SLSQP violates constraints a
+little, and four printed digits round the gains."""
+SAMPLED_PER_FLIGHT, STRONGEST_SHARE = 8, 4
+"""Sampled flights for each flight of the search. One in `STRONGEST_SHARE` flights of
+the search has one of the highest peaks; the others represent all at even ranks."""
+TUNING_STEP_S = 1e-3
+"""Longest time step: twice that of `jblast fly`, and half the cost of a gradient."""
+FLIGHT_EXTENSION_S = -2.0
+"""Duration relative to `jblast fly`: 3 s after the last blast contain its peak."""
 FACTORS = 9
-"""Factors of a search: eight of gains, and the lead of the motors."""
-POWER, TAIL = 24.0, 8.0
-"""Of the norms over a flight's rows, and over the flights."""
-RIDGE, WAY_BACK = 1e-3, 0.5
-"""Of the squares of the factors, and of the path error over time."""
-WORSE = 64.0
-"""Of the mean square of what ln of a peak is more than with the scene's gains."""
-ENOUGH = 3.0
-"""Margins beyond so many times what is asked do not guide the search."""
+"""Factors of a search: eight of gains, and the motor lead."""
+PEAK_NORM, FLIGHT_NORM = 24.0, 8.0
+"""Powers of the norms over the rows of a flight, and over flights.
+
+With the power 24 a peak of 0.1 s counts with 91 % of its height, and is differentiable.
+With the power 8 all strong flights count, not the strongest alone.
+"""
+RIDGE_WEIGHT, RETURN_WEIGHT = 1e-3, 0.5
+"""Weights of the squared factors, and of the path error over time."""
+EXCESS_WEIGHT = 64.0
+"""Weight of the mean square by which ln of a peak exceeds that of the scene's gains."""
+SUFFICIENT = 3.0
+"""Multiple of a required margin beyond which the margin has no slope for the search:
+far from its limit it is irrelevant, and may be infinite."""
 ROW_S = 0.01
-"""Between two rows: a peak is of a tenth of a second and more."""
+"""Time between stored rows: a peak lasts a tenth of a second or more."""
 
 
 class Outcomes(eqx.Module):
-    """What became of flights with some gains.
+    """Results of flights with one set of gains.
 
     Attributes:
-        metrics: From the first blast on.
-        time_s: Of the rows.
-        error_m: Path error at each row.
+        metrics: Metrics from the first blast on.
+        time_s: Times of the rows [s].
+        error_m: Path error at each row [m].
     """
 
     metrics: FlightMetrics
@@ -110,23 +121,23 @@ class Outcomes(eqx.Module):
 
     @property
     def peaks_m(self) -> Float[np.ndarray, " flight"]:
-        """Peak deviations."""
+        """Peak deviations [m]."""
         return np.asarray(self.metrics.peak_deviation_m)
 
     @property
     def flies_on(self) -> Bool[np.ndarray, " flight"]:
-        """Who neither crashed nor was lost."""
+        """Vehicles that neither crashed nor diverged."""
         return ~np.asarray(self.metrics.crashed)
 
 
 @dataclass(frozen=True)
-class Tried:
-    """A hold with some gains.
+class EvaluatedGains:
+    """Gains with their stability margins and their flights through unseen blasts.
 
     Attributes:
-        gains: The gains.
-        margins: Of each loop of `vehicle.control.stability.LOOPS`.
-        outcomes: Of the unseen blasts.
+        gains: Gains of the position controller.
+        margins: Margins of each loop of `vehicle.control.stability.LOOPS`.
+        outcomes: Results with the unseen blasts.
     """
 
     gains: Gains
@@ -135,30 +146,30 @@ class Tried:
 
     @property
     def gain_margin_db(self) -> float:
-        """Least gain margin of all loops, upwards or downwards [dB]."""
+        """Smallest gain margin of all loops, upwards or downwards [dB]."""
         return float(np.min(np.asarray(self.margins.gain_db)))
 
     @property
     def phase_margin_deg(self) -> float:
-        """Least phase margin of all loops [degrees]."""
+        """Smallest phase margin of all loops [degrees]."""
         return float(np.min(np.asarray(self.margins.phase_deg)))
 
 
 @dataclass(frozen=True)
-class Wish:
-    """How gains are tuned.
+class TuningSettings:
+    """Settings of the tuning of gains.
 
     Attributes:
-        margin_db: Least of the gain margins, upwards and downwards [dB].
-        margin_deg: Least of the phase margins [degrees].
-        delay_s: Of the real loop, that the flights do not have: sensors, computing [s].
-        vehicles: Blasts that gains are tuned by.
-        unseen: Blasts that they are judged by.
-        seed: Of the blasts.
-        motor_lead: Most by which the motors' lag may be shortened; 1: the scene's lead
-            stays.
-        controller: A name of `vehicle.CONTROLLERS` whose loops are those of the SE(3)
-            hold; None: the scene's own hold.
+        margin_db: Minimum gain margin, upwards and downwards [dB].
+        margin_deg: Minimum phase margin [degrees].
+        delay_s: Additional loop delay by sensors and computation [s], included in the
+            margins but not in the flights.
+        vehicles: Number of blasts of the search.
+        unseen: Number of blasts of the evaluation.
+        seed: Seed of the blasts.
+        motor_lead: Maximum motor-lag compensation; 1 keeps the lead of the scene.
+        controller: Name in `vehicle.CONTROLLERS` of a controller with the loops of the
+            SE(3) position controller; None for that of the scene.
     """
 
     margin_db: float = 6.0
@@ -173,28 +184,28 @@ class Wish:
 
 @dataclass(frozen=True)
 class TunedGains:
-    """Gains before and after.
+    """Gains before and after tuning.
 
     Attributes:
-        vehicle: Its section of the scene.
-        wish: How they were tuned.
-        before: The scene's.
-        after: The tuned ones.
-        ln_peaks: The objective (see the module's text) at each step of the search.
-        converged: Whether the search ended of itself.
+        vehicle: Vehicle section of the scene.
+        settings: Settings of the tuning.
+        before: Gains of the scene.
+        after: Tuned gains.
+        ln_peaks: Objective (module docstring) at each evaluation of the search.
+        converged: Whether the search converged.
         notes: Remarks on the curve sets of the blasts.
     """
 
     vehicle: VehicleSpec
-    wish: Wish
-    before: Tried
-    after: Tried
+    settings: TuningSettings
+    before: EvaluatedGains
+    after: EvaluatedGains
     ln_peaks: tuple[float, ...]
     converged: bool
     notes: tuple[str, ...] = ()
 
     def cut(self, share: float = 0.5) -> float:
-        """Return by how much a quantile of the peak deviation is less; 0.2: a fifth."""
+        """Return the relative reduction of a quantile of the peak deviation."""
         before, after = (
             float(np.quantile(known_peaks(one), share))
             for one in (self.before, self.after)
@@ -202,56 +213,64 @@ class TunedGains:
         return 1.0 - after / before
 
 
-def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGains:
-    """Tune the gains of a scene's hold to its blasts.
+def tune_gains(
+    uncertain: UncertainScene, settings: TuningSettings | None = None
+) -> TunedGains:
+    """Tune the gains of a scene's position controller to its blasts.
 
     Args:
-        uncertain: The scene; what has a prior is drawn from it.
-        wish: Margins, numbers and seed; None: the defaults.
+        uncertain: Scene; parameters with a prior are sampled.
+        settings: Margins, numbers and seed; None for the defaults.
 
     Returns:
         Gains before and after, their margins, and flights through unseen blasts.
 
     Raises:
-        InputError: The scene cannot be flown, a number cannot be used, no flight stays
-            up to be tuned by, or no gains with such margins are found.
+        InputError: The scene cannot be flown, a setting is invalid, each flight
+            crashes with the scene's gains, or no gains with the margins are found.
     """
-    wish = Wish() if wish is None else wish
-    spec = _checked(uncertain, wish)
+    settings = TuningSettings() if settings is None else settings
+    spec = _checked(uncertain, settings)
     own = "without_integral" if spec.integral is False else "with_integral"
-    controller = own if wish.controller is None else wish.controller
-    gains_controller(controller)  # refuses one with other loops
+    controller = own if settings.controller is None else settings.controller
+    gains_controller(controller)  # rejects a controller with other loops
     gains = controller_of(spec, controller).gains
     vehicle = vehicle_of(spec)
-    lag, dead = float(vehicle.motor_lag_s), STEP_S / 2 + wish.delay_s
+    lag, dead = float(vehicle.motor_lag_s), STEP_S / 2 + settings.delay_s
     now = in_words()
-    now("drawing blasts, flown with the scene's gains")
+    now("sampling blasts, flown with the scene's gains")
     flights = tuning_flights(
-        uncertain, spec, gains, wish.vehicles, wish.seed, lag, controller
+        uncertain, spec, gains, settings.vehicles, settings.seed, lag, controller
     )
-    bounds = [(-LARGEST, LARGEST)] * (FACTORS - 1) + [_lead_bounds(gains, wish)]
-    led = gains
-    if wish.motor_lead > 1 and gains.motor_lead is None:
-        led = replace(gains, motor_lead=gains.lead)
+    bounds = [(-MAX_LN_FACTOR, MAX_LN_FACTOR)] * (FACTORS - 1) + [
+        _lead_bounds(gains, settings)
+    ]
+    start_gains = gains
+    if settings.motor_lead > 1 and gains.motor_lead is None:
+        start_gains = replace(gains, motor_lead=gains.lead)
 
     seen: list[tuple[float, np.ndarray]] = []
 
     def peak(x: np.ndarray) -> tuple[float, np.ndarray]:
-        (value, _), slope = _PEAK(jnp.asarray(x), led, flights.few, flights.ln_few)
+        (value, _), slope = _PEAK(
+            jnp.asarray(x), start_gains, flights.few, flights.ln_few
+        )
         seen.append((float(value), np.array(x)))
-        now(f"{wish.vehicles} blasts flown with slopes, {len(seen)} times")
+        now(f"{settings.vehicles} blasts flown with gradients, {len(seen)} times")
         if not np.isfinite(value):
             # a crash has no slope: a large value, from which the line search steps back
             return 10.0, np.zeros(FACTORS)
         return float(value), np.nan_to_num(np.asarray(slope))
 
-    asked = jnp.asarray([wish.margin_db, wish.margin_deg])
+    required = jnp.asarray([settings.margin_db, settings.margin_deg])
 
-    def room(x: np.ndarray) -> np.ndarray:
-        return np.asarray(_ROOM(jnp.asarray(x), led, lag, dead, asked)) - SLACK
+    def spare(x: np.ndarray) -> np.ndarray:
+        return (
+            np.asarray(_SPARE(jnp.asarray(x), start_gains, lag, dead, required)) - SLACK
+        )
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        return np.asarray(_SLOPES(jnp.asarray(x), led, lag, dead, asked))
+        return np.asarray(_SLOPES(jnp.asarray(x), start_gains, lag, dead, required))
 
     def search(least: Callable, start: np.ndarray, tolerance: float) -> OptimizeResult:
         return minimize(
@@ -260,43 +279,43 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
             jac=True,
             method="SLSQP",
             bounds=bounds,
-            constraints=[{"type": "ineq", "fun": room, "jac": slopes}],
-            options={"maxiter": MOST_STEPS, "ftol": tolerance},
+            constraints=[{"type": "ineq", "fun": spare, "jac": slopes}],
+            options={"maxiter": MAX_STEPS, "ftol": tolerance},
         )
 
-    # from the nearest gains with the margins, where the scene's have less
+    # SLSQP needs a feasible start: the nearest gains with the margins
     start = np.zeros(FACTORS)
-    if (room(start) < 0).any():
+    if (spare(start) < 0).any():
         start = search(lambda x: (float(x @ x), 2 * x), start, 1e-6).x
-        if (room(start) < -SLACK).any():
-            raise InputError(_unreachable(uncertain, wish, gains, lag, dead))
-    # a candidate by itself: the search may find nothing better
+        if (spare(start) < -SLACK).any():
+            raise InputError(_unreachable(uncertain, settings, gains, lag, dead))
+    # the start is a candidate: the search may find nothing better
     peak(start)
     found = search(peak, start, 2e-4)
     allowed = [
         (value, x)
         for value, x in seen
         if np.isfinite(value)
-        and (room(x) >= -SLACK).all()
-        and is_stable(scaled(led, jnp.asarray(x)), lag, STEP_S)
+        and (spare(x) >= -SLACK).all()
+        and is_stable(scaled(start_gains, jnp.asarray(x)), lag, STEP_S)
     ]
     if not allowed:
-        raise InputError(_unreachable(uncertain, wish, gains, lag, dead))
-    now(f"choosing by {flights.many.count} blasts")
-    best = _chosen(allowed, led, flights)
-    best = _rounded(scaled(led, jnp.asarray(best)))
-    now(f"flying {wish.unseen} unseen blasts")
-    seed = wish.seed + UNSEEN_SEEDS
+        raise InputError(_unreachable(uncertain, settings, gains, lag, dead))
+    now(f"comparing over {flights.many.count} blasts")
+    best = _chosen(allowed, start_gains, flights)
+    best = _rounded(scaled(start_gains, jnp.asarray(best)))
+    now(f"flying {settings.unseen} unseen blasts")
+    seed = settings.seed + UNSEEN_SEED_OFFSET
     unseen, notes = drawn_flights(
-        uncertain, spec, wish.unseen, seed, Options(), controller
+        uncertain, spec, settings.unseen, seed, Options(), controller
     )
     before, after = (
-        Tried(one, hold_margins(one, lag, dead), outcomes_of(one, unseen))
+        EvaluatedGains(one, hold_margins(one, lag, dead), outcomes_of(one, unseen))
         for one in (gains, best)
     )
     return TunedGains(
         vehicle=spec,
-        wish=wish,
+        settings=settings,
         before=before,
         after=after,
         ln_peaks=tuple(value for value, _ in seen),
@@ -306,7 +325,7 @@ def tune_gains(uncertain: UncertainScene, wish: Wish | None = None) -> TunedGain
 
 
 def _rounded(gains: Gains) -> Gains:
-    """Return gains in four digits: those that are printed are those that are judged."""
+    """Return gains rounded to the four printed digits, which are then evaluated."""
 
     def few(value: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         return np.array([float(f"{x:.4g}") for x in value.ravel()]).reshape(value.shape)
@@ -314,28 +333,28 @@ def _rounded(gains: Gains) -> Gains:
     return jax.tree.map(lambda x: jnp.asarray(few(np.asarray(x))), gains)
 
 
-def _lead_bounds(gains: Gains, wish: Wish) -> tuple[float, float]:
-    """Return the bounds of the factor, in ln, on the motors' lead."""
-    if wish.motor_lead <= 1:
+def _lead_bounds(gains: Gains, settings: TuningSettings) -> tuple[float, float]:
+    """Return the bounds of the factor on the motor lead, in ln."""
+    if settings.motor_lead <= 1:
         return 0.0, 0.0
     own = float(gains.lead)
-    return -np.log(own), max(np.log(wish.motor_lead / own), 0.0)
+    return -np.log(own), max(np.log(settings.motor_lead / own), 0.0)
 
 
 class DrawnFlights(eqx.Module):
-    """Flights of one vehicle, each through blasts of its own.
+    """Flights of one vehicle, each through its own blasts.
 
     Attributes:
-        load: Of the blasts; a leading axis of flights.
+        load: Loads of the blasts, with a leading axis of flights.
         wind: Velocity of the air, east, north, up [m/s].
-        arrival_s: When the first blast comes to the place held.
-        start: Of the vehicle.
-        vehicle: Which.
-        target_m: The place held.
-        yaw_rad: The heading held.
-        seconds: How long each flight is.
-        options: How they are flown.
-        controller: A name of `vehicle.CONTROLLERS`.
+        arrival_s: Arrival of the first blast at the target position [s].
+        start: Initial state.
+        vehicle: Vehicle of all flights.
+        target_m: Target position [m].
+        yaw_rad: Target heading [rad].
+        seconds: Duration of each flight [s].
+        options: Options of the flights.
+        controller: Name in `vehicle.CONTROLLERS`.
     """
 
     load: FlightLoad
@@ -351,18 +370,18 @@ class DrawnFlights(eqx.Module):
 
     @property
     def count(self) -> int:
-        """How many flights."""
+        """Number of flights."""
         return self.arrival_s.shape[0]
 
 
 class TuningFlights(NamedTuple):
-    """Flights to tune by, and those to choose by.
+    """Flights of the search, and flights of the comparison of its best gains.
 
     Attributes:
-        few: Flown with slopes at each step of the search.
-        ln_few: Of each ln of its peak deviation with the scene's gains.
-        many: Flown once with each gains among which is chosen.
-        ln_many: Likewise.
+        few: Flights with gradients, at each step of the search.
+        ln_few: ln of the peak deviation of each with the scene's gains.
+        many: Flights of the comparison.
+        ln_many: ln of the peak deviation of each with the scene's gains.
     """
 
     few: DrawnFlights
@@ -374,12 +393,12 @@ class TuningFlights(NamedTuple):
 def _chosen(
     allowed: list[tuple[float, np.ndarray]], gains: Gains, flights: TuningFlights
 ) -> np.ndarray:
-    """Return the factors by which the many flights do best, none worse if may be."""
+    """Return the best factors over all flights, without a larger peak if possible."""
     judged = []
     for _, x in sorted(allowed, key=lambda one: one[0])[:CANDIDATES]:
         value, (peaks, _) = FLOWN(jnp.asarray(x), gains, flights.many, flights.ln_many)
-        further = not bool(peaks.max() <= flights.ln_many.max())
-        judged.append((further, np.nan_to_num(float(value), nan=np.inf), x))
+        worse = not bool(peaks.max() <= flights.ln_many.max())
+        judged.append((worse, np.nan_to_num(float(value), nan=np.inf), x))
     return min(judged, key=lambda one: one[:2])[2]
 
 
@@ -389,28 +408,28 @@ def mean_ln_peak(
     flights: DrawnFlights,
     ln_before: Float[Array, " flight"],
 ) -> tuple[Float[Array, ""], tuple[Float[Array, " flight"], Bool[Array, " flight"]]]:
-    """Return what is made least; of each flight ln of its peak, and whether it crashes.
+    """Return the objective; and of each flight ln of its peak, and whether it crashes.
 
     Args:
-        factors: As in `scaled`.
-        gains: The scene's.
-        flights: Those to tune by.
-        ln_before: Of each ln of its peak with the scene's gains.
+        factors: Factors in ln, as in `scaled`.
+        gains: Gains of the scene.
+        flights: Flights of the search.
+        ln_before: ln of the peak of each flight with the scene's gains.
     """
     trajectory = flown_with(scaled(gains, factors), flights)
-    peaks = smooth_peaks(trajectory, flights, POWER)
+    peaks = smooth_peaks(trajectory, flights, PEAK_NORM)
     metrics = flight_metrics(
         jax.lax.stop_gradient(trajectory),
         flights.target_m,
         flights.arrival_s,
         ground_up_m=GROUND_UP_M,
     )
-    strongest = jax.nn.logsumexp(TAIL * peaks) - jnp.log(peaks.size)
-    middle = (jnp.mean(peaks) + strongest / TAIL) / 2
-    back = WAY_BACK * jnp.mean(smooth_peaks(trajectory, flights, 2.0))
+    strongest = jax.nn.logsumexp(FLIGHT_NORM * peaks) - jnp.log(peaks.size)
+    middle = (jnp.mean(peaks) + strongest / FLIGHT_NORM) / 2
+    back = RETURN_WEIGHT * jnp.mean(smooth_peaks(trajectory, flights, 2.0))
     more = jnp.maximum(peaks - ln_before, 0)
-    worse = WORSE * jnp.mean(more * more)
-    least = middle + back + worse + RIDGE * jnp.sum(factors**2)
+    worse = EXCESS_WEIGHT * jnp.mean(more * more)
+    least = middle + back + worse + RIDGE_WEIGHT * jnp.sum(factors**2)
     return least, (peaks, metrics.crashed)
 
 
@@ -422,54 +441,60 @@ def margins_to_spare(
     gains: Gains,
     motor_lag_s: float,
     dead_time_s: float,
-    asked: Float[Array, "2"],
+    required: Float[Array, "2"],
 ) -> Float[Array, " loop_margin"]:
-    """Return by what share margins are more than is asked: gain [dB], phase [deg]."""
+    """Return the margins relative to the required gain [dB] and phase [deg], less 1."""
     margins = hold_margins(scaled(gains, factors), motor_lag_s, dead_time_s)
     shares = [
-        margins.up_db / asked[0],
-        margins.down_db / asked[0],
-        margins.phase_deg / asked[1],
+        margins.up_db / required[0],
+        margins.down_db / required[0],
+        margins.phase_deg / required[1],
     ]
-    return jnp.minimum(jnp.concatenate(shares), ENOUGH) - 1.0
+    return jnp.minimum(jnp.concatenate(shares), SUFFICIENT) - 1.0
 
 
-_ROOM = eqx.filter_jit(margins_to_spare)
+_SPARE = eqx.filter_jit(margins_to_spare)
 _SLOPES = eqx.filter_jit(jax.jacfwd(margins_to_spare))
 
 
-def _checked(uncertain: UncertainScene, wish: Wish) -> VehicleSpec:
-    """Return the vehicle of a scene whose gains can be tuned."""
-    if wish.vehicles < 2:
+def _checked(uncertain: UncertainScene, settings: TuningSettings) -> VehicleSpec:
+    """Return the vehicle section of a scene, after a check of the settings."""
+    if settings.vehicles < 2:
         raise InputError(
-            "vehicles: expected two blasts and more to tune gains by, got "
-            f"{wish.vehicles}"
+            "vehicles: expected two blasts or more to tune gains, got "
+            f"{settings.vehicles}"
         )
     for name, value in (
-        ("margin-db", wish.margin_db),
-        ("margin-deg", wish.margin_deg),
+        ("margin-db", settings.margin_db),
+        ("margin-deg", settings.margin_deg),
     ):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name}: expected a positive number, got {value:g}")
-    if not (np.isfinite(wish.motor_lead) and wish.motor_lead >= 1):
+    if not (np.isfinite(settings.motor_lead) and settings.motor_lead >= 1):
         raise InputError(
-            f"motor-lead: expected a factor of 1 and more, got {wish.motor_lead:g}"
+            f"motor-lead: expected a factor of 1 or more, got {settings.motor_lead:g}"
         )
-    if not (np.isfinite(wish.delay_s) and wish.delay_s >= 0):
-        raise InputError(f"delay: expected a time of 0 s or more, got {wish.delay_s:g}")
-    return checked_scene(uncertain, wish.vehicles, by_profile=False)
+    if not (np.isfinite(settings.delay_s) and settings.delay_s >= 0):
+        raise InputError(
+            f"delay: expected a time of 0 s or more, got {settings.delay_s:g}"
+        )
+    return checked_scene(uncertain, settings.vehicles, by_profile=False)
 
 
 def _unreachable(
-    uncertain: UncertainScene, wish: Wish, gains: Gains, lag: float, dead: float
+    uncertain: UncertainScene,
+    settings: TuningSettings,
+    gains: Gains,
+    lag: float,
+    dead: float,
 ) -> str:
     margins = hold_margins(gains, lag, dead)
     gain, phase = float(margins.gain_db.min()), float(margins.phase_deg.min())
     return (
-        f"{uncertain.source or 'scene'}: expected margins that gains can have, got "
-        f"{wish.margin_db:g} dB and {wish.margin_deg:g} degrees, with which none were "
-        f"found; the scene's own have {gain:.3g} dB and {phase:.3g} degrees at motors "
-        f"that lag by {lag:g} s and a dead time of {dead:.3g} s"
+        f"{uncertain.source or 'scene'}: expected attainable margins, got "
+        f"{settings.margin_db:g} dB and {settings.margin_deg:g} degrees; the scene's "
+        f"gains have {gain:.3g} dB and {phase:.3g} degrees with a motor lag of {lag:g} "
+        f"s and a dead time of {dead:.3g} s"
     )
 
 
@@ -482,31 +507,34 @@ def tuning_flights(
     motor_lag_s: float,
     controller: str = "with_integral",
 ) -> TuningFlights:
-    """Draw flights and choose those to tune by.
+    """Return sampled flights, and those of the search among them.
 
     Args:
-        uncertain: The scene; what has a prior is drawn from it.
-        spec: Its vehicle.
-        gains: The scene's; flights that crash with them are left out.
-        count: How many to tune by.
-        seed: Of the draws.
-        motor_lag_s: Of the motors [s].
-        controller: A name of `vehicle.CONTROLLERS`.
+        uncertain: Scene; parameters with a prior are sampled.
+        spec: Vehicle section of the scene.
+        gains: Gains of the scene; flights that crash with them are left out.
+        count: Number of flights of the search.
+        seed: Seed of the samples.
+        motor_lag_s: Motor lag [s].
+        controller: Name in `vehicle.CONTROLLERS`.
 
     Raises:
-        InputError: All crash.
+        InputError: All flights crash.
     """
+    # five steps in the motor lag, the shortest time constant, keep Euler's rule stable
     step = min(TUNING_STEP_S, motor_lag_s / 5)
     options = Options(step_s=step, integrator="euler")
-    drawn, _ = drawn_flights(uncertain, spec, DRAWN * count, seed, options, controller)
-    drawn = replace(drawn, seconds=drawn.seconds + AFTER_S)
+    drawn, _ = drawn_flights(
+        uncertain, spec, SAMPLED_PER_FLIGHT * count, seed, options, controller
+    )
+    drawn = replace(drawn, seconds=drawn.seconds + FLIGHT_EXTENSION_S)
     none = jnp.zeros(drawn.count)
     _, (peaks, crashed) = FLOWN(jnp.zeros(FACTORS), gains, drawn, none)
     kept = np.flatnonzero(~np.asarray(crashed))
     if not kept.size:
         raise InputError(
-            f"expected flights that stay up to tune gains by, got {crashed.size} that "
-            "all crash with the scene's own gains"
+            f"expected a flight that does not crash with the scene's gains, got "
+            f"{crashed.size} that all crash"
         )
     ranks = kept[np.argsort(np.asarray(peaks)[kept])]
     lanes = ranks[chosen_ranks(ranks.size, count)]
@@ -517,20 +545,20 @@ def tuning_flights(
 
 
 def chosen_ranks(drawn: int, count: int) -> Int[np.ndarray, " few"]:
-    """Return which ranks are tuned by, of flights in the order of their peaks.
+    """Return the ranks of the search, of flights in order of their peaks.
 
     Args:
-        drawn: How many there are; the same stand more than once where they are few.
-        count: How many to return.
+        drawn: Number of flights; ranks repeat if there are fewer than `count`.
+        count: Number of ranks.
     """
-    top = count // STRONGEST if drawn >= count else 0
+    top = count // STRONGEST_SHARE if drawn >= count else 0
     rest = drawn - top
     even = np.floor((np.arange(count - top) + 0.5) * rest / (count - top))
     return np.append(even, np.arange(rest, drawn)).astype(int)
 
 
 FLOWN = eqx.filter_jit(mean_ln_peak)
-"""What is made least, without its slopes."""
+"""Compiled objective without its gradient."""
 
 
 def _of(flights: DrawnFlights, lanes: Int[np.ndarray, " flight"]) -> DrawnFlights:
@@ -539,8 +567,8 @@ def _of(flights: DrawnFlights, lanes: Int[np.ndarray, " flight"]) -> DrawnFlight
     return replace(flights, load=load, wind=wind, arrival_s=arrival)
 
 
-def known_peaks(tried: Tried) -> Float[np.ndarray, " flight"]:
-    """Return the peak deviations [m]; who ran away has an infinite one."""
+def known_peaks(tried: EvaluatedGains) -> Float[np.ndarray, " flight"]:
+    """Return the peak deviations [m], infinite for a diverged vehicle."""
     lost = ~np.isfinite(tried.outcomes.error_m).all(axis=-1)
     return np.where(lost, np.inf, tried.outcomes.peaks_m)
 
@@ -549,9 +577,9 @@ def scaled(gains: Gains, factors: Float[Array, "9"]) -> Gains:
     """Return gains times factors.
 
     Args:
-        gains: The gains.
-        factors: In ln: of position, velocity and integral gain, sideways and then
-            upwards, of attitude, of body rate, and of the motors' lead if there is one.
+        gains: Gains.
+        factors: ln of the factors on position, velocity and integral gain (each
+            sideways, then upwards), attitude gain, body-rate gain, and motor lead.
     """
     by = jnp.exp(factors)
 
@@ -577,21 +605,21 @@ def drawn_flights(
     options: Options,
     controller: str = "with_integral",
 ) -> tuple[DrawnFlights, tuple[str, ...]]:
-    """Draw scenes and make their flights ready.
+    """Sample scenes and prepare their flights.
 
     Args:
-        uncertain: The scene; what has a prior is drawn from it.
-        spec: Its vehicle.
-        vehicles: How many are drawn, two and more.
-        seed: Of the draws.
-        options: How they are flown.
-        controller: A name of `vehicle.CONTROLLERS`.
+        uncertain: Scene; parameters with a prior are sampled.
+        spec: Vehicle section of the scene.
+        vehicles: Number of scenes, two or more.
+        seed: Seed of the samples.
+        options: Options of the flights.
+        controller: Name in `vehicle.CONTROLLERS`.
 
     Returns:
-        The flights, and remarks on charges above the ground.
+        Flights, and remarks on charges above the ground.
 
     Raises:
-        InputError: A number cannot be drawn, or no blast comes during the flight.
+        InputError: A parameter cannot be sampled, or no blast arrives in the flight.
     """
     scenes = drawn_scenes(uncertain, vehicles, seed)
     scenes, notes = with_bursts_at_start(scenes, spec)
@@ -605,7 +633,7 @@ def drawn_flights(
             wind=steady_wind(scenes),
             arrival_s=came.min(axis=-1),
             start=start,
-            # a name would compile the program once more for each vehicle
+            # a name is static: it would compile the program again for each vehicle
             vehicle=replace(vehicle_of(spec), name=""),
             target_m=spec.held,
             yaw_rad=spec.yaw,
@@ -618,7 +646,7 @@ def drawn_flights(
 
 
 def flown_with(gains: Gains, flights: DrawnFlights) -> Trajectory:
-    """Fly with some gains; pure, and differentiable by them."""
+    """Return flights with the given gains, by which they are differentiable."""
     count = flights.count
     start = jax.tree.map(
         lambda x: jnp.broadcast_to(x, (count, *x.shape)), flights.start
@@ -642,10 +670,10 @@ def flown_with(gains: Gains, flights: DrawnFlights) -> Trajectory:
 def smooth_peaks(
     trajectory: Trajectory, flights: DrawnFlights, power: float
 ) -> Float[Array, " flight"]:
-    """Return ln of the peak deviation [m] after the first blast, smooth in the rows.
+    """Return ln of the smooth peak deviation [m] after the first blast.
 
-    The mean of some power of the path error, over a second: the higher the power, the
-    nearer the peak.
+    It is the norm of some power of the path error over time, which approaches the peak
+    with increasing power.
     """
     away = trajectory.position_m - flights.target_m[None, None, :]
     error = 0.5 * jnp.log(jnp.sum(jnp.square(away), axis=-1) + 1e-12)
@@ -655,7 +683,7 @@ def smooth_peaks(
 
 
 def outcomes_of(gains: Gains, flights: DrawnFlights) -> Outcomes:
-    """Fly with some gains and return what became of it."""
+    """Return the results of flights with the given gains."""
     metrics, time, error = _outcomes(gains, flights)
     return Outcomes(metrics, np.asarray(time), np.asarray(error))
 

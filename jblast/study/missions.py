@@ -1,4 +1,4 @@
-"""A scene's vehicle on its mission through blasts, without a pilot.
+"""Autonomous mission of a scene's vehicle through blasts.
 
 The vehicle stands on the ground at time 0 of the scene's clock, calibrates, arms, takes
 off, flies its plan and lands. Without a given duration the flight ends when the vehicle
@@ -78,20 +78,26 @@ from jblast.vehicle import (
 )
 
 MISSION_STEP_S = 0.004
-"""Default of the integrator and the controller: PX4's 250 Hz."""
+"""Default time step of integrator and controller [s]: PX4's 250 Hz."""
 TOLERANCE_M = 0.2
-"""Default for the path error: undisturbed, corners stay below it."""
-EACH_ROW_S = 0.02
-"""Rows at which the blasts are looked for."""
-SHARE, EACH_S, LEAST_S, UNIT_S = 0.05, 10.0, 10.0, 20.0
-"""Of time beyond what was planned: a share of it, for each blast, in any case; all of
-it in whole units, as each other duration is another program."""
-TOUCH_M_S = 1.5
-"""Greatest speed of a landing, else it is a crash. Declared: twice `landing_m_s`."""
-AFTER_S = 1.0
-"""Time stored after the vehicle is disarmed."""
+"""Default tolerance of the path error [m]: undisturbed, corners stay below it."""
+ENCOUNTER_ROW_S = 0.02
+"""Time between the rows at which blasts are evaluated [s]: at 10 m/s a vehicle moves
+0.2 m in it, little beside its distance from a charge."""
+EXTRA_SHARE, EXTRA_PER_BLAST_S, EXTRA_S, DURATION_UNIT_S = 0.05, 10.0, 10.0, 20.0
+"""Time beyond the planned one [s]: a share of it, for each blast, and always.
+
+If it is too short, the mission is flown again with twice the time. The duration is a
+multiple of the unit, because each duration compiles a program of its own.
+"""
+TOUCHDOWN_M_S = 1.5
+"""Largest sink rate of a landing [m/s], by declaration twice `landing_m_s`; a faster
+one is a crash."""
+AFTER_DISARMING_S = 1.0
+"""Time stored after the vehicle is disarmed [s], to show that it is at rest."""
 WATCHED_S = 10.0
-"""Time after its arrival over which a deviation is attributed to a blast."""
+"""Time after its arrival in which a deviation is attributed to a blast [s],
+declared."""
 
 
 @dataclass(frozen=True)
@@ -99,13 +105,14 @@ class Disturbance:
     """The effect of one blast on the flight.
 
     Attributes:
-        charge: Its name; "" of one alone.
-        waypoint: On the way to which, from 0; -1: before or after the flight.
-        error_before_m: Path error as it came.
-        peak_deviation_m: Greatest path error until the next blast, 10 s at most.
-        peak_time_s: When, after it came.
-        recovery_time_s: From its arrival until the path error stayed within the
-            tolerance, over the same time; 0: it never left; null: it did not.
+        charge: Name of the charge; "" for a single one.
+        waypoint: Number of the waypoint flown to, from 0; -1 before or after the
+            flight.
+        error_before_m: Path error at the arrival.
+        peak_deviation_m: Largest path error until the next blast, 10 s at most.
+        peak_time_s: Time of the peak after the arrival.
+        recovery_time_s: Time from the arrival until the path error stays within the
+            tolerance; 0 if it never leaves it, infinite if it does not return.
     """
 
     charge: str
@@ -118,18 +125,19 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Waypoint:
-    """One item as it was flown; an item that is jumped back to is there again.
+    """One item of a plan as flown; an item repeated by a jump appears again.
 
     Attributes:
-        item: Of the plan.
-        goal_m: Where to: east, north, up.
-        reached: Whether the vehicle came within the acceptance radius; of a landing,
-            whether it stood on the ground and its rotors as well.
-        time_s: When, on the scene's clock; null: never.
-        error_m: Least distance from it; of a landing, over ground at its end.
-        path_error_rms_m: Root mean square of the distance from the set point on the
-            way there; null: it was not set out for.
-        path_error_max_m: The greatest.
+        item: Item of the plan.
+        goal_m: Goal: east, north, up.
+        reached: Whether the vehicle came within the acceptance radius; for a landing,
+            whether vehicle and rotors came to rest on the ground.
+        time_s: Time of this on the scene's clock; NaN if it did not happen.
+        error_m: Smallest distance from the goal; for a landing the final horizontal
+            distance.
+        path_error_rms_m: Root mean square distance from the set point on the way to the
+            goal; NaN if the vehicle did not fly to it.
+        path_error_max_m: Largest such distance.
     """
 
     item: Item
@@ -143,28 +151,28 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class MissionFlight:
-    """A mission that was flown.
+    """Result of a mission.
 
     Attributes:
-        vehicle: Its section of the scene.
-        mission: What it was to fly.
-        options: How it was flown.
-        integral: Whether its hold has integral action.
-        seconds: How long, until a second after it was disarmed, or cut off.
-        drawn: What was drawn, by name of `scene.PARAMETERS`.
-        places_m: Of the charges, east, north, up.
-        wind_m_s: Towards east, north.
-        trajectory: A row each time that its controller was asked.
+        vehicle: Vehicle section of the scene.
+        mission: Mission as planned.
+        options: Options of the flight.
+        integral: Whether the controller has integral action.
+        seconds: Duration, until a second after disarming or to the end.
+        drawn: Sampled parameters, by name of `scene.PARAMETERS`.
+        places_m: Positions of the charges, east, north, up.
+        wind_m_s: Wind velocity towards east, north.
+        trajectory: True states, one row for each step of the controller.
         guided: Output of the guidance at each row.
         path_error_m: Distance from the set point at each row.
-        encounter: How the blasts came to it.
-        exposure: What they did to it beside moving it.
-        waypoints: Each item as it was flown, in order.
-        disturbances: By blast.
-        thrown: What the blasts did to its estimate; None: it flew by the truth.
-        followed: What it took for its state at each row; None: the truth.
-        disarmed_s: When it was disarmed; NaN: never.
-        crash: What it crashed by; "" if it did not.
+        encounter: Arrivals and pressures of the blasts at the vehicle.
+        exposure: Loads on the vehicle other than its motion.
+        waypoints: Items as flown, in order.
+        disturbances: Effect of each blast on the flight.
+        thrown: Effect of the blasts on the state estimate; None without an estimator.
+        followed: State estimate at each row; None without an estimator.
+        disarmed_s: Time of disarming; NaN if it did not happen.
+        crash: Cause of a crash; "" without one.
         notes: Further remarks.
     """
 
@@ -191,13 +199,13 @@ class MissionFlight:
 
     @property
     def completed(self) -> bool:
-        """Whether it came to its end without a crash, each waypoint reached."""
+        """True if each waypoint is reached and the flight ends without a crash."""
         reached = all(waypoint.reached for waypoint in self.waypoints)
         return not self.crash and bool(np.isfinite(self.disarmed_s)) and reached
 
 
 def mission_record(flight: MissionFlight) -> FlightRecord:
-    """Return the rows of a mission."""
+    """Return the flight record of a mission."""
     phase = np.asarray(flight.guided.phase)
     visit = np.asarray(flight.mission.guidance.legs.visit)
     item_of_visit = {stop.visit: stop.item for stop in flight.mission.stops}
@@ -215,11 +223,11 @@ def mission_record(flight: MissionFlight) -> FlightRecord:
 
 
 def hold_record(flights: Flights, place: Place) -> FlightRecord:
-    """Return the rows of one vehicle that held its place, by the first of its holds.
+    """Return the flight record of a hovering vehicle, with its first controller.
 
     Args:
-        flights: Of one vehicle.
-        place: Where the scene's origin lies.
+        flights: Flights of one vehicle.
+        place: Geographic position of the scene's origin.
     """
     trajectory = trajectory_of(flights, next(iter(flights.holds)))
     record = _record(trajectory, flights.vehicle, Frame(*place))
@@ -230,7 +238,7 @@ def hold_record(flights: Flights, place: Place) -> FlightRecord:
 
 
 def standing_record(spec: VehicleSpec, place: Place) -> FlightRecord:
-    """Return the one row of a vehicle that has not begun."""
+    """Return the flight record of a vehicle before take-off, one row."""
     start = start_of(replace(spec, mission=None))
     return FlightRecord(
         time_s=np.zeros(1),
@@ -246,19 +254,19 @@ def standing_record(spec: VehicleSpec, place: Place) -> FlightRecord:
 
 
 def home_of(spec: VehicleSpec, place: Place) -> Place:
-    """Return where a scene's vehicle stands on the Earth."""
+    """Return the geographic position of a scene's vehicle."""
     return Place(*map(float, geodetic(Frame(*place), np.asarray(spec.position))))
 
 
 def check_flown(uncertain: UncertainScene, plan: Plan | None = None) -> Plan:
-    """Return the plan of a scene's vehicle, if it can be flown.
+    """Return the plan of a scene's vehicle after a check that it can be flown.
 
     Args:
-        uncertain: The scene.
-        plan: In place of its own.
+        uncertain: Scene.
+        plan: Plan in place of that of the scene.
 
     Raises:
-        InputError: It cannot.
+        InputError: The plan cannot be flown.
     """
     spec = uncertain.scene.vehicle
     assert spec is not None
@@ -272,15 +280,15 @@ def check_flown(uncertain: UncertainScene, plan: Plan | None = None) -> Plan:
 def flown_record(
     uncertain: UncertainScene, plan: Plan | None, seed: int
 ) -> FlightRecord:
-    """Fly a scene's vehicle, on a plan or holding its place, and return the rows.
+    """Return the flight record of a scene's vehicle, on a plan or hovering.
 
     Args:
-        uncertain: The scene, with its place.
-        plan: None: it holds its place.
-        seed: Of the draws.
+        uncertain: Scene with a geographic position.
+        plan: Plan; None to hover.
+        seed: Seed of the samples.
 
     Raises:
-        InputError: It cannot be flown.
+        InputError: The scene or the plan cannot be flown.
     """
     place = uncertain.place
     assert place is not None
@@ -300,7 +308,7 @@ def _mission(uncertain: UncertainScene, spec: VehicleSpec, plan: Plan) -> Missio
 
 
 def _estimate(found: Followed | None, known: int) -> Estimate | None:
-    """Return the rows of an estimate that are known."""
+    """Return the first `known` rows of an estimate."""
     if found is None:
         return None
     shown = found.shown
@@ -309,7 +317,7 @@ def _estimate(found: Followed | None, known: int) -> Estimate | None:
 
 
 def _record(trajectory: Trajectory, spec: VehicleSpec, frame: Frame) -> FlightRecord:
-    """Return the rows of a trajectory up to where it was lost, if it was."""
+    """Return the flight record of a trajectory, until it diverges."""
     known = int(np.isfinite(np.asarray(trajectory.position_m)).all(axis=1).sum())
     vehicle = vehicle_of(spec)
 
@@ -339,14 +347,14 @@ def fly_mission(
     """Fly the mission of a scene's vehicle through its blasts.
 
     Args:
-        uncertain: The scene; what has a prior is drawn from it.
-        options: How to fly; None: steps of 4 ms, until it is disarmed.
-        seed: Of the draws.
-        plan: In place of the scene's own; None: this.
+        uncertain: Scene; parameters with a prior are sampled.
+        options: Options of the flight; None for steps of 4 ms until disarming.
+        seed: Seed of the samples.
+        plan: Plan in place of that of the scene; None for that of the scene.
 
     Raises:
-        InputError: The scene or its plan cannot be flown, a number cannot be drawn, or
-            an option cannot be used.
+        InputError: The scene or its plan cannot be flown, a parameter cannot be
+            sampled, or an option is invalid.
     """
     if options is None:
         options = Options(step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M)
@@ -381,11 +389,11 @@ def fly_mission(
     rows = flown(mission, spec, scene, load, options, instruments)
     flight, guided, estimate = cut(rows, options)
     seconds = float(flight.time_s[-1])
-    # a set point below the ground is there to make the vehicle land
+    # guidance sets a point below the ground to make the vehicle land: no path error
     aim = np.maximum(np.asarray(guided.set_point_m), [-np.inf, -np.inf, GROUND_UP_M])
     error = np.asarray(path_error(flight, aim))
     crash, crashed_s = crash_of(flight)
-    every = max(1, round(EACH_ROW_S / options.step_s))
+    every = max(1, round(ENCOUNTER_ROW_S / options.step_s))
     states = _states(flight, every)
     encounter = encounter_along(
         load, flight.time_s[::every], states.position_m, states.quaternion
@@ -431,7 +439,7 @@ def fly_mission(
 
 
 def _states(flight: Trajectory, every: int) -> State:
-    """Return every so many rows as states; those of a vehicle lost are its last."""
+    """Return every `every`-th row as states; a diverged vehicle keeps its last one."""
     known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
     last = max(int(known.sum()) - 1, 0)
     rows = np.minimum(np.arange(0, known.size, every), last)
@@ -445,12 +453,12 @@ def _states(flight: Trajectory, every: int) -> State:
 
 
 class Rows(NamedTuple):
-    """What a mission's flight leaves.
+    """Rows of a mission's flight.
 
     Attributes:
-        flight: The vehicle, in truth.
+        flight: True states of the vehicle.
         guided: Output of the guidance.
-        followed: What it took for its state; None: the truth.
+        followed: State estimate; None without an estimator.
     """
 
     flight: Trajectory
@@ -466,47 +474,48 @@ def flown(
     options: Options,
     instruments: Instruments | None = None,
 ) -> Rows:
-    """Fly, for as long as is asked for, or until it is disarmed.
+    """Return the rows of a flight of the given duration, or until disarming.
 
     Args:
-        mission: What is to be flown.
-        spec: The vehicle, where it stands.
-        scene: Its air, and its charges.
-        load: Of the blasts.
-        options: How to fly.
-        instruments: Of the vehicle, where it flies by what these say.
+        mission: Mission.
+        spec: Vehicle section with the start position.
+        scene: Scene with air and charges.
+        load: Loads of the blasts.
+        options: Options of the flight.
+        instruments: Instruments of the state estimator; None without one.
 
     Raises:
-        InputError: It would take too many steps.
+        InputError: The flight has too many steps.
     """
     arguments = mission, spec, scene, load, options, instruments
     if options.seconds is not None:
         return _once(*arguments, options.seconds)
     rate = float(mission.guidance.acceleration_m_s2)
     planned = planned_seconds(mission.guidance.legs, rate)
-    bound = planned * (1 + SHARE) + EACH_S * len(scene.charges) + LEAST_S
-    seconds = UNIT_S * math.ceil(bound / UNIT_S)
-    guided_twice = counted(2, "flights")
+    bound = planned * (1 + EXTRA_SHARE)
+    bound += EXTRA_PER_BLAST_S * len(scene.charges) + EXTRA_S
+    seconds = DURATION_UNIT_S * math.ceil(bound / DURATION_UNIT_S)
+    count_flight = counted(2, "flights")
     rows = _once(*arguments, seconds)
-    guided_twice(1)
+    count_flight(1)
     if np.asarray(rows.guided.phase)[-1] == ENDED or crash_of(rows.flight)[0]:
         return rows
     return _once(*arguments, 2 * seconds)
 
 
 def cut(rows: Rows, options: Options) -> Rows:
-    """End a flight without a given duration after the vehicle is disarmed."""
+    """Return a flight until shortly after disarming, unless its duration is given."""
     phase = np.asarray(rows.guided.phase)
     time = np.asarray(rows.flight.time_s)
     if options.seconds is not None or phase[-1] != ENDED:
         return rows
-    end = time[np.argmax(phase == ENDED)] + AFTER_S
+    end = time[np.argmax(phase == ENDED)] + AFTER_DISARMING_S
     keep = int(np.sum(time <= end))
     whole = rows.flight
     names = [field.name for field in fields(whole) if field.name != "lost"]
     parts = {name: getattr(whole, name)[:keep] for name in names}
-    others = jax.tree.map(lambda x: x[:keep], rows[1:])
-    return Rows(Trajectory(**parts, lost=whole.lost), *others)
+    outputs = jax.tree.map(lambda x: x[:keep], rows[1:])
+    return Rows(Trajectory(**parts, lost=whole.lost), *outputs)
 
 
 def _once(
@@ -518,28 +527,32 @@ def _once(
     instruments: Instruments | None,
     seconds: float,
 ) -> Rows:
-    """Fly for some time."""
+    """Return the rows of a flight of `seconds`.
+
+    Raises:
+        InputError: The flight has too many steps.
+    """
     step = options.step_s
     if seconds / step > MOST_STEPS:
         raise InputError(
             f"seconds: expected at most {MOST_STEPS * step:g} s in steps of {step:g} "
             f"s, got {seconds:g} s"
         )
-    # what is a hold of a place else is who follows the set point here
+    # the position controller of a hovering vehicle follows the set points here
     hold = hold_of(replace(spec, mission=None), integral=spec.integral is not False)
     control = MissionControl(mission.guidance, hold)
     start = start_of(spec)
     start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
-    flier: Any = control
+    controller: Any = control
     if instruments is not None:
-        flier = by_instruments(control, scene, start, load, instruments, 1 / step)
+        controller = by_instruments(control, scene, start, load, instruments, 1 / step)
     flight = simulate(
         vehicle_of(spec),
         start,
         duration_s=seconds,
         step_s=step,
         integrator=options.integrator,
-        control=flier,
+        control=controller,
         wind=StepGust(steady_wind(scene), 0 * scene.air.wind_east),
         loads=(load,),
         ground_up_m=GROUND_UP_M,
@@ -547,28 +560,29 @@ def _once(
     )
     period, estimate, shown = jnp.asarray(step), None, flight.states
     if instruments is not None:
-        estimate = followed_along(flier, flight, period)
+        estimate = followed_along(controller, flight, period)
         shown = estimate.shown
     return Rows(flight, replay(control.guidance, shown, period), estimate)
 
 
 def crash_of(flight: Trajectory) -> tuple[str, float]:
-    """Return what a vehicle crashed by, and when [s]; "" and infinity: by nothing.
+    """Return cause and time [s] of a crash; "" and infinity without one.
 
-    It hit the ground, at 0, faster than a landing may, turned over, or diverged.
+    A vehicle crashes if it hits the ground (height 0) faster than a landing, turns
+    over, or diverges.
     """
     time = np.asarray(flight.time_s)
     i, j = np.asarray(flight.quaternion)[:, :2].T
     over = 1 - 2 * (i * i + j * j) < 0
-    up, sinks = np.asarray(flight.position_m)[:, 2], np.asarray(flight.velocity_m_s)
-    # as it touches the ground its speed is gone: the row before knows it
+    up, velocity = np.asarray(flight.position_m)[:, 2], np.asarray(flight.velocity_m_s)
+    # the simulation stops a vehicle at the ground: its speed is in the row before
     hits = np.zeros_like(over)
-    hits[1:] = (up[1:] <= 0) & (up[:-1] > 0) & (sinks[:-1, 2] < -TOUCH_M_S)
-    gone = np.isnan(up)
+    hits[1:] = (up[1:] <= 0) & (up[:-1] > 0) & (velocity[:-1, 2] < -TOUCHDOWN_M_S)
+    diverged = np.isnan(up)
     found = {
         "hit the ground": _first(hits, time),
         "turned over": _first(over, time),
-        "diverged": _first(gone, time),
+        "diverged": _first(diverged, time),
     }
     name = min(found, key=lambda key: found[key])
     return ("", math.inf) if math.isinf(found[name]) else (name, found[name])
@@ -581,14 +595,14 @@ def waypoints_of(
     error_m: Float[np.ndarray, " time"],
     until_s: float,
 ) -> tuple[Waypoint, ...]:
-    """Return each item as it was flown.
+    """Return the items of a plan as flown.
 
     Args:
-        mission: What was to be flown.
-        flight: Its rows.
+        mission: Mission as planned.
+        flight: True rows.
         guided: Output of the guidance at these rows.
         error_m: Distance from the set point.
-        until_s: When it crashed; infinite: it did not.
+        until_s: Time of a crash; infinite without one.
     """
     time, place = np.asarray(flight.time_s), np.asarray(flight.position_m)
     phase = np.asarray(guided.phase)
@@ -607,7 +621,7 @@ def waypoints_of(
         if last.lands:
             near[:] = ended
             when = _first(phase == ENDED, time) if ended else math.inf
-            # where it lies, if it does
+            # at the end the vehicle is on the ground: only the horizontal error counts
             away = np.linalg.norm((place - goal)[:, :2], axis=1)
             least = float(away[-1]) if ended else least
         on_way = error_m[here]
@@ -636,16 +650,16 @@ def disturbances_of(
     error_m: Float[np.ndarray, " time"],
     tolerance_m: float,
 ) -> tuple[Disturbance, ...]:
-    """Return what each blast did, in the order of the charges.
+    """Return the effect of each blast on the flight, in the order of the charges.
 
     Args:
-        charges: Names.
-        arrival_s: Of each at the vehicle.
-        mission: What was to be flown.
-        flight: Its rows.
+        charges: Names of the charges.
+        arrival_s: Arrival of each blast at the vehicle.
+        mission: Mission as planned.
+        flight: True rows.
         guided: Output of the guidance at these rows.
         error_m: Distance from the set point.
-        tolerance_m: Within which a vehicle has recovered.
+        tolerance_m: Path error within which the vehicle has recovered.
     """
     time, arrivals = np.asarray(flight.time_s), np.asarray(arrival_s)
     flies = np.asarray(guided.phase) == FLYING
@@ -680,10 +694,10 @@ def disturbances_of(
 
 
 def _goal(mission: Mission, visit: int) -> Float[np.ndarray, "3"]:
-    """Return where the legs of a visit end."""
+    """Return the end of the legs of a visit."""
     legs: Any = mission.guidance.legs
     last = int(np.flatnonzero(np.asarray(legs.visit) == visit)[-1])
-    # a hold for ever behind the last waypoint is at the same place
+    # the endless hover behind the last waypoint has the same goal
     return np.asarray(legs.goal_m[last], float)
 
 

@@ -7,10 +7,10 @@ $g$ is linear. This design point is found by the steps of Rackwitz and Fiessler 
 
 $$u_{k+1} = \frac{\nabla g^T u_k - g}{|\nabla g|^2}\,\nabla g,$$
 
-each cut until the merit $\tfrac12|u|^2 + c\,|g|$ falls (Zhang and Der Kiureghian 1995).
-An event may have several such points. Searches start at random and at the mirror image
-of each point found. After $n$ searches that ended at $w$ different points the expected
-number of points is (Boender and Rinnooy Kan 1987, Math. Program. 37:59, eq. 9)
+each shortened until the merit $\tfrac12|u|^2 + c\,|g|$ falls (Zhang and Der Kiureghian
+1995). An event may have several such points. Searches start at random and at the mirror
+image of each point found. After $n$ searches that ended at $w$ different points the
+expected number of points is (Boender and Rinnooy Kan 1987, Math. Program. 37:59, eq. 9)
 
 $$\hat w = \frac{w\,(n - 1)}{n - w - 2},$$
 
@@ -56,64 +56,73 @@ from scipy.stats import qmc, t as student
 from jblast.study.statistics import LEVEL, wilson_interval
 
 REPLICATES = 16
-"""Scrambles of Sobol' points, whose scatter is their standard error."""
+"""Scrambles of Sobol' points, whose scatter is their standard error.
+
+With 15 degrees of freedom a 90 % interval is 7 % longer than with an infinite number.
+"""
 CHECK = 8
-"""One draw of the check for so many samples, 32 at least: a tenth more calls."""
+"""Samples for each draw of the check, of which there are 32 at least: an eighth more
+calls."""
 EXTERIOR = 0.1
-"""Share of samples outside the sphere, after the prior's, where the search is complete:
-as for the prior, it costs 5 % of precision."""
+"""Share of samples outside the sphere, after the prior's, if the search is complete: as
+for the prior, it costs 5 % of precision."""
 OPEN_EXTERIOR = 0.5
-"""The same where it is not, at least: these draws have to find the regions. It is more
-where more of the check's hits are far from every design point."""
-MISSED = 1.5
-"""An incomplete search is harmless where draws that do not depend on it bound the
-probability by so many times the estimate: less than half of it can be missing."""
-LEAST_OUTSIDE = 1e-280
-"""Probability outside a sphere below which its densities are not computed."""
+"""The same if the search is incomplete: these samples have to find the regions. It is
+larger if more of the check's hits are far from every design point."""
+HARMLESS_RATIO = 1.5
+"""An incomplete search is accepted if samples that do not depend on it bound the
+probability by this multiple of the estimate: less than half of it can be missing."""
+MIN_OUTSIDE = 1e-280
+"""Probability outside a sphere below which its densities are not computed: near the
+smallest float, 2e-308, a ratio of densities loses its digits."""
 Points = Literal["random", "sobol"]
 DEFENSIVE = 0.1
-"""Share of samples that are drawn from the prior itself."""
+"""Share of samples from the prior itself: it bounds each weight by 10, and costs 5 % of
+precision."""
 GOLDEN = 0.6180339887498949
 """The inverse of the golden ratio: its multiples fill (0, 1) as evenly as one number
 can."""
 BLOCK = 65_536
-"""Samples drawn at once."""
+"""Samples computed together, to bound the memory of a batch."""
 Margin = Callable[[Float[Array, " dimension"]], Float[Array, ""]]
-"""From standard normal coordinates to a number that is positive where the event is."""
-STEPS = 20
-"""Most steps of a search. Where the edge curves much they converge slowly, and the
-remainder is not worth its calls: a point is the middle of a part of the samples."""
+"""Function of standard normal coordinates, positive inside the event."""
+MAX_STEPS = 20
+"""Largest number of steps of a search. At a strongly curved boundary it converges
+slowly, and the rest is not worth its calls: a point is only the centre of a
+component."""
 CUTS = 0.5 ** np.array([0, 1, 2, 4, 6])
 """Shares of a step, down to 1/64, that are tried together: one call of a batch in place
 of a line search."""
 BATCH = 8
-"""Searches that run together."""
-STARTS = 32
+"""Searches that run together, as one batch of margins."""
+MIN_STARTS = 32
 """Fewest searches: a region that one start in ten leads to is missed in 3 % of runs."""
-MOST_STARTS = 1024
-"""Most searches; 22 equal regions need 1,036. More regions than that are a continuum
-for practical purposes, and the search is reported as incomplete."""
+MAX_STARTS = 1024
+"""Largest number of searches; 22 equal regions need 1,036. More regions than that are a
+continuum for practical purposes, and the search is reported as incomplete."""
 SAME_POINT = 0.5
-"""Points closer than this are one."""
-LEAST_SHARE = 1e-3
-"""A point so much less probable than the best is left out."""
+"""Distance below which two points are one: their components overlap by 80 %."""
+MIN_SHARE = 1e-3
+"""Density relative to the best point below which a point is ignored: its component
+would contribute less than the standard error."""
 TOLERANCE = 1e-3
-"""Residual (`search`) below which an end is a design point. The error of its distance
-from the origin is of the order of the square, a millionth."""
-ENOUGH = 1e-8
-"""Residual below which a search makes no further step."""
+"""Residual (`search`) below which the end of a search is a design point. The error of
+its distance from the origin is of the order of the square, a millionth."""
+CONVERGED = 1e-8
+"""Residual below which a search takes no further step, about the root of the precision
+of float64."""
 
 
 class DesignPoints(NamedTuple):
     """Local most probable points of an event, the most probable first.
 
     Attributes:
-        points: In standard normal coordinates.
-        distance: Of each from the origin, its reliability index; negative where the
-            origin itself lies in the event.
-        evaluations: Of the margin, that the search took.
-        searches: Searches that ended at one of the points.
-        complete: No further point is expected from more searches.
+        points: Points in standard normal coordinates.
+        distance: Distance of each point from the origin, its reliability index;
+            negative if the origin lies in the event.
+        evaluations: Number of evaluations of the margin by the search.
+        searches: Number of searches that converged to one of the points.
+        complete: Whether no further point is expected from more searches.
     """
 
     points: Float[np.ndarray, "point dimension"]
@@ -127,24 +136,25 @@ class RareProbability(NamedTuple):
     """Probability of an event.
 
     Attributes:
-        probability: Estimated without bias.
-        standard_error: Of it, for the regions that were sampled.
-        low: Lower bound of its 90 % interval.
-        high: Upper bound. It includes what an incomplete search may have missed.
-        samples: Drawn. Those of search and check are in `design.evaluations`.
-        hits: Samples of the event.
-        lost: Samples whose margin is NaN, counted as none of the event.
-        effective_size: Of the hits, by their weights: few carry all where it is low.
-        largest_weight: Of any sample, at most one over the share of the prior.
-        design: Design points of the event; none where no search found its edge.
-        first_order: Its probability were its edge flat; NaN without a design point.
-        complete: No region of the event is expected to be missing: the search met its
-            stopping rule and the check hit no region that it cannot explain, or the
-            check alone bounds the probability. Where false, the search is incomplete:
-            `high` is the bound of the check alone, and the truth may be well above
-            `probability`.
-        check: Draws of the check, of the samples those outside the sphere included.
-        check_hits: Draws of the check in the event.
+        probability: Unbiased estimate.
+        standard_error: Standard error of the estimate, for the sampled regions.
+        low: Lower bound of the 90 % interval.
+        high: Upper bound, which includes regions that an incomplete search may have
+            missed.
+        samples: Number of samples, without search and check (`design.evaluations`).
+        hits: Number of samples in the event.
+        lost: Number of samples whose margin is NaN, counted as outside the event.
+        effective_size: Effective sample size of the hits; if it is low, few hits carry
+            the estimate.
+        largest_weight: Largest weight of a sample, at most one over the prior's share.
+        design: Design points of the event; none if no search found its boundary.
+        first_order: First-order probability (flat boundary); NaN without a point.
+        complete: Whether no region of the event is expected to be missing: the search
+            met its stopping rule and the check hit no region that it cannot explain, or
+            the check alone bounds the probability. If false, `high` is the bound of the
+            check alone, and the truth may be well above `probability`.
+        check: Number of samples of the check, including those outside the sphere.
+        check_hits: Number of samples of the check in the event.
         check_high: Upper bound of the probability by the check alone (90 % interval).
     """
 
@@ -178,13 +188,13 @@ def rare_probability(
     """Return the probability that a margin is positive.
 
     Args:
-        margin: Of one sample, from standard normal coordinates: `constrain` of a prior
-            makes a number of one. Differentiable.
+        margin: Differentiable margin of one sample, from standard normal coordinates;
+            `constrain` of a prior converts them to parameters.
         dimensions: Number of random variables.
-        samples: To draw; of Sobol' points in `REPLICATES` scrambles.
-        seed: Of all draws.
-        points: Kind of draws.
-        defensive: Share of samples that are drawn from the prior itself.
+        samples: Number of samples; Sobol' points are in `REPLICATES` scrambles.
+        seed: Seed of all samples.
+        points: Kind of samples.
+        defensive: Share of samples from the prior itself.
         design: Design points of the event, if they are known.
 
     Raises:
@@ -194,7 +204,7 @@ def rare_probability(
         raise ValueError(f"samples: expected {2 * REPLICATES} or more, got {samples}")
     if design is None:
         design = explored(margin, dimensions, seed=seed)
-    mixture_about(design.points, defensive)  # refuses a wrong share before the draws
+    mixture_about(design.points, defensive)  # rejects an invalid share before the work
     # indices above those of the samples, so that the two are independent
     check = random_scores(
         2**31 + np.arange(max(samples // CHECK, 2 * REPLICATES)), dimensions, seed
@@ -230,7 +240,7 @@ def rare_probability(
         low, high = max(found - half, 0.0), min(found + half, 1.0)
     exterior = [
         first,
-        *(one.hits[one.parts == len(mixture.middles)] for one in all_of),
+        *(one.hits[one.parts == len(mixture.centres)] for one in all_of),
     ]
     check_hits = int(sum(np.sum(part) for part in exterior))
     checked = sum(part.size for part in exterior)
@@ -250,7 +260,7 @@ def rare_probability(
         max(float(one.weights.max()) for one in all_of),
         design,
         float(ndtr(-design.distance[0])) if len(design.distance) else np.nan,
-        design.complete or bool(bound < MISSED * found),
+        design.complete or bool(bound < HARMLESS_RATIO * found),
         checked,
         check_hits,
         bound,
@@ -258,12 +268,12 @@ def rare_probability(
 
 
 class Mixture(NamedTuple):
-    """Parts that samples are drawn from.
+    """Components that samples are drawn from.
 
     Attributes:
-        middles: Of the normal parts; the first is the prior, about the origin.
-        shares: Of samples, of the normal parts and then of the part outside a sphere.
-        radius: Of that sphere; 0 is the prior once more.
+        centres: Centres of the normal components; the first is the prior.
+        shares: Share of samples of each normal component, then of the exterior.
+        radius: Radius of the sphere of the exterior; 0 stands for the prior again.
     """
 
     middles: Float[np.ndarray, "part dimension"]
@@ -272,8 +282,8 @@ class Mixture(NamedTuple):
 
     @property
     def outside(self) -> float:
-        """Probability of the prior outside the sphere."""
-        return outside_sphere(self.radius, self.middles.shape[1])
+        """Prior probability outside the sphere."""
+        return outside_sphere(self.radius, self.centres.shape[1])
 
 
 def _checked(
@@ -282,37 +292,37 @@ def _checked(
     scores: Float[np.ndarray, "sample dimension"],
     defensive: float,
 ) -> tuple[DesignPoints, Mixture, Bool[np.ndarray, " sample"]]:
-    """Return design points, the mixture about them, and which draws of a check hit.
+    """Return design points, their mixture, and the hits among samples of a check.
 
     Hits far from every design point start searches. The search is incomplete if these
-    end at no new point.
+    converge to no new point.
 
     Args:
-        margin: Of one sample.
-        design: Design points found before.
-        scores: Standard normal draws of the check.
+        margin: Margin of one sample.
+        design: Known design points.
+        scores: Standard normal samples of the check.
         defensive: Share of the prior.
     """
     inside = bool(np.any(design.distance < 0.0))
     while True:
         radius = 0.0 if inside else float(design.distance.min(initial=np.inf))
-        if not outside_sphere(radius, scores.shape[1]) > LEAST_OUTSIDE:
+        if not outside_sphere(radius, scores.shape[1]) > MIN_OUTSIDE:
             radius = 0.0
         middles = np.zeros((0, scores.shape[1])) if inside else design.points
         usual = mixture_about(middles, defensive, radius=radius, exterior=EXTERIOR)
-        beyond = placed(scores, np.full(len(scores), len(usual.middles)), usual)
+        beyond = placed(scores, np.full(len(scores), len(usual.centres)), usual)
         hits = _margins_of(margin, beyond) > 0
         design = design._replace(evaluations=design.evaluations + len(scores))
-        if inside:  # not rare: plain draws need no search
+        if inside:  # not rare: plain samples suffice
             return design._replace(complete=True), usual, hits
         parts = parts_of(np.arange(len(scores)), usual)
         far = hits & far_from_points(beyond, parts, usual)
-        many = searches_needed(len(design.points)) > MOST_STARTS
+        many = searches_needed(len(design.points)) > MAX_STARTS
         if not np.any(far) or many:
             break
         more = extended(margin, design, beyond[far][:BATCH])
         if all(near(point, design.points) for point in more.points):
-            # no search explains these starts
+            # the hits belong to a region that searches cannot reach
             design = more._replace(complete=False)
             break
         design = more
@@ -324,7 +334,7 @@ def _checked(
 
 
 class _Drawn(NamedTuple):
-    """Samples of a mixture: weights, parts, hits, lost ones, hits far from points."""
+    """Samples of a mixture: weights, components, hits, lost and far hits."""
 
     weights: Float[np.ndarray, " sample"]
     parts: Int[np.ndarray, " sample"]
@@ -333,11 +343,11 @@ class _Drawn(NamedTuple):
     far: int
 
     def mean(self) -> float:
-        """Return the probability, without bias."""
+        """Return the unbiased estimate of the probability."""
         return float(np.sum(self.weights[self.hits]) / self.hits.size)
 
     def error(self) -> float:
-        """Return its standard error: of the parts, each with its own number."""
+        """Return the standard error; components are strata of fixed size."""
         values = np.where(self.hits, self.weights, 0.0)
         total = 0.0
         for part in np.unique(self.parts):
@@ -380,7 +390,7 @@ def _margins(margin, scores):
 def _interval(
     found: float, error: float, weights: Float[np.ndarray, " sample"]
 ) -> tuple[float, float]:
-    """Return Wilson's interval for as many plain draws as would have the same error."""
+    """Return Wilson's interval for plain samples with the same standard error."""
     if error > 0:
         equal = found * (1 - found) / error**2
     else:
@@ -401,37 +411,36 @@ def mixture_about(
     radius: float = 0.0,
     exterior: float = 0.0,
 ) -> Mixture:
-    """Return the mixture of the prior, its likes about points and its exterior.
+    """Return the mixture of the prior, the prior moved to points, and its exterior.
 
     Args:
-        points: Middles of parts, which share what is left as their own densities are.
+        points: Centres of components, whose shares are proportional to their density.
         defensive: Share of the prior.
-        radius: Of the sphere outside of which one part lies.
-        exterior: Share of that part.
+        radius: Radius of the sphere of the exterior.
+        exterior: Share of the exterior.
 
     Raises:
-        ValueError: The prior's share is not above 0 and at most 1, or that of both
-            parts is above 1.
+        ValueError: The prior's share is not above 0 and at most 1.
     """
     if not 0 < defensive <= 1:
         raise ValueError(
             f"defensive: expected a share above 0 and at most 1, got {defensive:g}"
         )
     left = (1.0 - defensive) * (1.0 - exterior)
-    # shares by the density at each point, relative to the largest: far out all
-    # underflow
+    # relative to the largest density: far from the origin all of them underflow
     logs = -0.5 * np.sum(points**2, axis=1)
     relative = np.exp(logs - logs.max(initial=-np.inf))
     found = left * relative / relative.sum() if len(points) else relative
-    middles = np.concatenate([np.zeros((1, points.shape[1])), points])
+    centres = np.concatenate([np.zeros((1, points.shape[1])), points])
     beyond = max(1.0 - defensive - found.sum(), 0.0)
-    return Mixture(middles, np.concatenate([[defensive], found, [beyond]]), radius)
+    return Mixture(centres, np.concatenate([[defensive], found, [beyond]]), radius)
 
 
 def parts_of(
     index: Int[np.ndarray, " sample"], mixture: Mixture
 ) -> Int[np.ndarray, " sample"]:
-    """Return the part each sample belongs to, evenly spread over their numbers."""
+    """Return the component of each sample, spread evenly over the sample numbers."""
+    # the additive recurrence of the golden ratio: any first n samples have the shares
     place = (0.5 + index * GOLDEN) % 1.0
     upto = np.cumsum(mixture.shares)[:-1]
     return np.searchsorted(upto, place, side="right")
@@ -442,20 +451,21 @@ def placed(
     parts: Int[np.ndarray, " sample"],
     mixture: Mixture,
 ) -> Float[np.ndarray, "sample dimension"]:
-    """Return samples of their parts, from standard normal draws.
+    """Return samples of their components, from standard normal samples.
 
-    One outside the sphere keeps its direction. Its radius is the one whose probability
-    of being exceeded is that of the drawn radius, times that of the sphere's.
+    A sample of the exterior keeps its direction. Its radius is the quantile at which
+    the probability of a larger radius is that of the given radius, times that of the
+    exterior.
     """
-    count = len(mixture.middles)
+    count = len(mixture.centres)
     beyond = parts == count
-    samples = scores + mixture.middles[np.where(beyond, 0, parts)]
+    samples = scores + mixture.centres[np.where(beyond, 0, parts)]
     if mixture.radius > 0.0 and np.any(beyond):
         half = 0.5 * scores.shape[1]
         length = np.linalg.norm(samples[beyond], axis=1)
         exceeded = gammaincc(half, 0.5 * length**2) * mixture.outside
         moved = np.sqrt(2.0 * gammainccinv(half, exceeded))
-        # the inverse may round to just inside
+        # the inverse may round to just inside, where the density is 0
         moved = np.maximum(moved, mixture.radius * (1.0 + 1e-12))
         samples[beyond] *= (moved / length)[:, None]
     return samples
@@ -464,7 +474,7 @@ def placed(
 def random_scores(
     index: Int[np.ndarray, " sample"], dimensions: int, seed: int
 ) -> Float[np.ndarray, "sample dimension"]:
-    """Return standard normal draws, each by the key of its own number."""
+    """Return standard normal samples, each from a key folded with its number."""
     key, found = jax.random.key(seed), np.empty((index.size, dimensions))
     for at in range(0, index.size, BLOCK):
         part = slice(at, at + BLOCK)
@@ -481,7 +491,7 @@ def _scores(key, index, dimensions: int):
 def sobol_scores(
     count: int, dimensions: int, seed: int
 ) -> Float[np.ndarray, "sample dimension"]:
-    """Return scrambled Sobol' points as standard normal draws, the first ones."""
+    """Return the first scrambled Sobol' points as standard normal scores."""
     unit = qmc.Sobol(dimensions, scramble=True, bits=52, rng=seed)
     whole = unit.random_base2(max(0, int(np.ceil(np.log2(max(count, 1))))))[:count]
     tiny = 2.0**-53
@@ -496,14 +506,14 @@ def weights_of(
     """Return the weight of each sample: the prior's density over the mixture's.
 
     Raises:
-        ValueError: One is not finite.
+        ValueError: A weight is not finite.
     """
-    with np.errstate(invalid="ignore"):  # refused below
+    with np.errstate(invalid="ignore"):  # rejected below
         weights = np.exp(-np.logaddexp(*_log_densities(scores, parts, mixture)))
     bad = np.flatnonzero(~np.isfinite(weights))
     if bad.size:
         raise ValueError(
-            f"weights: expected finite ones, got {weights[bad[0]]} of sample "
+            f"weights: expected finite numbers, got {weights[bad[0]]} of sample "
             f"{bad[0]} and {bad.size - 1} more of {weights.size}"
         )
     return weights
@@ -514,7 +524,7 @@ def far_from_points(
     parts: Int[np.ndarray, " sample"],
     mixture: Mixture,
 ) -> Bool[np.ndarray, " sample"]:
-    """Return which samples are more probable of the prior and exterior parts."""
+    """Return the samples whose most probable component is prior or exterior."""
     wide, near = _log_densities(scores, parts, mixture)
     return wide > near
 
@@ -524,51 +534,51 @@ def _log_densities(
     parts: Int[np.ndarray, " sample"],
     mixture: Mixture,
 ) -> tuple[Float[np.ndarray, " sample"], Float[np.ndarray, " sample"]]:
-    """Return ln density over the prior's: of the wide parts, of those at points."""
+    """Return ln density ratios to the prior: of wide components, of those at points."""
     counts = np.bincount(parts, minlength=len(mixture.shares))
     with np.errstate(divide="ignore"):
         shares = np.log(counts / parts.size)
     # ln of phi(u - u_k) / phi(u) is u . u_k - |u_k|^2 / 2
-    ratios = scores @ mixture.middles.T - 0.5 * np.sum(mixture.middles**2, axis=1)
-    ratios = ratios + shares[: len(mixture.middles)]
+    ratios = scores @ mixture.centres.T - 0.5 * np.sum(mixture.centres**2, axis=1)
+    ratios = ratios + shares[: len(mixture.centres)]
     beyond = np.full(len(scores), -np.inf)
-    if len(mixture.shares) > len(mixture.middles):
+    if len(mixture.shares) > len(mixture.centres):
         length = np.linalg.norm(scores, axis=1)
         beyond[length > mixture.radius] = shares[-1] - np.log(mixture.outside)
         beyond[np.isnan(length)] = np.nan
     wide = np.logaddexp(ratios[:, 0], beyond)
-    if len(mixture.middles) == 1:
+    if len(mixture.centres) == 1:
         return wide, np.full(len(scores), -np.inf)
     return wide, np.asarray(logsumexp(ratios[:, 1:], axis=1))
 
 
 def design_points(
-    margin: Margin, dimensions: int, *, starts: int = STARTS, seed: int = 0
+    margin: Margin, dimensions: int, *, starts: int = MIN_STARTS, seed: int = 0
 ) -> DesignPoints:
     """Search from random points about the origin until no new point is expected.
 
     Args:
-        margin: Of one sample; differentiable, and finite near the origin.
+        margin: Differentiable margin of one sample, finite near the origin.
         dimensions: Number of random variables.
-        starts: Fewest searches.
-        seed: Of the starts.
+        starts: Smallest number of searches.
+        seed: Seed of the starts.
 
     Raises:
-        ValueError: No search found the edge of the event.
+        ValueError: No search found the boundary of the event.
     """
     found = explored(margin, dimensions, starts=starts, seed=seed)
     if not len(found.points):
         raise ValueError(
-            f"margin: expected an edge that {starts} searches from the origin can "
-            "reach, found none: the event may not happen at all, or the margin be flat"
+            f"margin: expected an event boundary within reach of {starts} searches "
+            "from the origin, got none: the event is impossible, or the margin is flat"
         )
     return found
 
 
 def explored(
-    margin: Margin, dimensions: int, *, starts: int = STARTS, seed: int = 0
+    margin: Margin, dimensions: int, *, starts: int = MIN_STARTS, seed: int = 0
 ) -> DesignPoints:
-    """Return design points as `design_points` does, none where no search found any."""
+    """Return design points as `design_points`, or none if no search converged."""
     key = jax.random.fold_in(jax.random.key(seed), dimensions)
     inside = float(margin(jnp.zeros(dimensions))) > 0
     found = DesignPoints(np.zeros((0, dimensions)), np.zeros(0), 1, 0, complete=False)
@@ -578,7 +588,7 @@ def explored(
         key, own = jax.random.split(key)
         begin = np.array(jax.random.normal(own, (BATCH, dimensions)))
         if launched == 0:
-            begin[0] = 1e-3
+            begin[0] = 1e-3  # at the origin itself a symmetric margin has no slope
         begin[: len(mirrored)] = mirrored[:BATCH]
         before = found.points
         found = extended(margin, found, begin, inside=inside)
@@ -587,9 +597,9 @@ def explored(
         mirrored = -new.reshape(-1, dimensions)
         if launched < starts or (found.complete and len(mirrored)):
             continue
-        # searches still to come, at the rate at which they have ended at a point
+        # launches in total, at the share of searches that have converged so far
         total = searches_needed(len(found.points)) * launched / max(found.searches, 1)
-        if found.complete or not found.searches or total > MOST_STARTS:
+        if found.complete or not found.searches or total > MAX_STARTS:
             return found
 
 
@@ -600,13 +610,13 @@ def extended(
     *,
     inside: bool = False,
 ) -> DesignPoints:
-    """Return design points with those that searches from more starts end at.
+    """Return known design points together with those of more searches.
 
     Args:
-        margin: Of one sample.
-        known: Points found before.
-        begin: Starts, at most `BATCH`.
-        inside: The origin lies in the event.
+        margin: Margin of one sample.
+        known: Known points.
+        begin: Starts of searches, at most `BATCH`.
+        inside: Whether the origin lies in the event.
     """
     filled = np.resize(begin, (BATCH, begin.shape[1]))
     end, off, steps = search(margin, jnp.asarray(filled))
@@ -616,7 +626,7 @@ def extended(
     every = np.concatenate([known.points, ends])
     length = np.linalg.norm(every, axis=1)
     least = length.min(initial=np.inf)
-    likely = 0.5 * (length**2 - least**2) <= -np.log(LEAST_SHARE)
+    likely = 0.5 * (length**2 - least**2) <= -np.log(MIN_SHARE)
     kept: list[int] = []
     for n in range(len(every)):
         if likely[n] and not near(every[n], every[kept]):
@@ -635,7 +645,7 @@ def extended(
 def near(
     point: Float[np.ndarray, " dimension"], others: Float[np.ndarray, "other dimension"]
 ) -> bool:
-    """Return whether a point is one of others, within `SAME_POINT`."""
+    """Return whether a point is closer than `SAME_POINT` to one of the others."""
     return bool(np.any(np.linalg.norm(others - point, axis=1) < SAME_POINT))
 
 
@@ -650,9 +660,9 @@ def search(
 ) -> tuple[Float[Array, "start dimension"], Float[Array, " start"], Array]:
     """Return the ends of searches, their residuals and the number of steps.
 
-    A residual is the larger of the distance to the edge, along the slope, and of the
-    last step, a share of the distance from the origin. Steps end when every search has
-    converged or no cut of its step lowers its merit.
+    A residual is the larger of the distance to the boundary, along the slope, and of
+    the last step relative to the distance from the origin. The batch ends when each
+    search has converged or no shortened step lowers its merit.
     """
     cuts = jnp.asarray(CUTS, begin.dtype)
 
@@ -666,7 +676,7 @@ def search(
         return value, steep, there, jnp.maximum(jnp.abs(value) / steep, away)
 
     def step(u, value, steep, there, off):
-        # above |u| / |slope| the step is one downwards
+        # for c above |u| / |slope| the step is a descent direction of the merit
         size = 2 * jnp.maximum(jnp.linalg.norm(there), jnp.linalg.norm(u)) / steep
         penalty = size + 10.0 / steep
 
@@ -677,12 +687,12 @@ def search(
         merits = jax.vmap(lambda v: merit(v, margin(v)))(tried)
         merits = jnp.where(jnp.isfinite(merits), merits, jnp.inf)
         at = jnp.argmin(merits)
-        better = (merits[at] < merit(u, value)) & ~(off < ENOUGH)
+        better = (merits[at] < merit(u, value)) & ~(off < CONVERGED)
         return jnp.where(better, tried[at], u), better
 
     def going(state):
         _, _, moved, steps = state
-        return jnp.any(moved) & (steps < STEPS)
+        return jnp.any(moved) & (steps < MAX_STEPS)
 
     def advance(state):
         u, known, _, steps = state

@@ -1,7 +1,8 @@
-"""The flight of a scene's vehicle: a position controller, or the mission it names.
+"""Flight of a scene's vehicle with position controllers or on its mission.
 
-`fly_scene` does what `jblast fly` does with the same defaults: it reads the scene,
-draws the random blasts of a mission, reads the profile of a load, and flies.
+`fly_scene` is the library function of `jblast fly`, with the same defaults: it reads
+the scene, samples the random blasts of a mission, reads the profile of a load, and
+flies.
 """
 
 import math
@@ -38,25 +39,25 @@ def fly_scene(
     profile_moments_about: tuple[float, float, float] | None = None,
     seed: int = 0,
 ) -> Flights | MissionFlight:
-    """Fly a scene's vehicle through its blasts, on its mission if it names one.
+    """Fly a scene's vehicle through its blasts, on its mission if it has one.
 
     Args:
-        scene: The scene, or its file; parameters with a prior are drawn.
-        vehicles: Number of scenes that are drawn.
+        scene: Scene, or its file; parameters with a prior are sampled.
+        vehicles: Number of sampled scenes.
         controllers: As for `jblast.fly`.
         seconds: Duration of the flight; default: until 5 s after the last arrival, of a
             mission until the vehicle is disarmed.
-        step_s: Of the integrator; default: 0.5 ms, with an estimator or on a mission
-            4 ms.
+        step_s: Time step of the integrator; default: 0.5 ms, with an estimator or on a
+            mission 4 ms.
         integrator: "rk4" or "euler".
         backend: "auto", "jax", "warp", "warp:cpu" or "warp:cuda:0".
-        estimator: "ekf" to fly by filtered instruments; "": by the true state.
+        estimator: "ekf" for the state of a Kalman filter; "" for the true state.
         tolerance_m: Path error within which the vehicle has recovered; default: 0.05 m,
             of a mission 0.2 m.
         profile: File of the impulses of blasts, in place of the laws.
-        profile_moments_about: From the point that the profile's moments are about to
-            the centre of mass, body axes [m].
-        seed: Of the draws.
+        profile_moments_about: Vector from the reference point of the profile's moments
+            to the centre of mass, body axes [m].
+        seed: Seed of the samples.
 
     Returns:
         Flights by controller, or the flight of the mission.
@@ -73,22 +74,22 @@ def fly_scene(
     on_mission = has_mission(uncertain)
     if on_mission and controllers is not None:
         raise InputError(
-            f"{argument('controllers')}: expected none on a mission, which is flown by "
-            f"its own, got {','.join(controllers)}"
+            f"{argument('controllers')}: expected none on a mission, which has its own "
+            f"controller, got {','.join(controllers)}"
         )
     if on_mission and vehicles != 1:
         raise InputError(
-            f"{argument('vehicles')}: expected 1 on a mission, got {vehicles}; several "
-            "are flown from Python, by jblast.missions.MissionControl in an Each"
+            f"{argument('vehicles')}: expected 1 on a mission, got {vehicles}; for "
+            "several use jblast.missions.MissionControl in an Each, in Python"
         )
-    usual_step = MISSION_STEP_S if on_mission or estimator else STEP_S
-    usual_tolerance = MISSION_TOLERANCE_M if on_mission else TOLERANCE_M
+    default_step = MISSION_STEP_S if on_mission or estimator else STEP_S
+    default_tolerance = MISSION_TOLERANCE_M if on_mission else TOLERANCE_M
     options = Options(
         seconds=seconds,
-        step_s=usual_step if step_s is None else step_s,
+        step_s=default_step if step_s is None else step_s,
         integrator=integrator,
         backend=backend,
-        tolerance_m=usual_tolerance if tolerance_m is None else tolerance_m,
+        tolerance_m=default_tolerance if tolerance_m is None else tolerance_m,
         profile=_profile(profile, profile_moments_about),
         estimator=estimator,
     )
@@ -102,23 +103,24 @@ def fly_scene(
 def scene_to_fly(
     path: str | os.PathLike[str], *, seconds: float | None = None, seed: int = 0
 ) -> UncertainScene:
-    """Read a scene; random blasts are drawn for a mission, which flies through them.
+    """Read a scene, and sample its random blasts if the vehicle has a mission.
 
     Raises:
-        InputError: It cannot be read, or a position controller meets random blasts.
+        InputError: The file cannot be read, or a scene without a mission has random
+            blasts.
     """
     uncertain, world = read_scene_or_world(path)
     if world is None:
         return uncertain
     if not has_mission(uncertain):
-        return read_scene(path)  # its message has what is there instead
+        return read_scene(path)  # raises the error for a [world]
     until = math.inf if seconds is None else seconds
     drawn = draw_world(uncertain, world, seed, until_s=until)
     return replace(uncertain, scene=drawn.scene, beliefs={})
 
 
 def has_mission(uncertain: UncertainScene) -> bool:
-    """Return whether the scene's vehicle names a mission."""
+    """Return whether the scene's vehicle has a mission."""
     vehicle = uncertain.scene.vehicle
     return vehicle is not None and vehicle.mission is not None
 
@@ -128,7 +130,7 @@ def _profile(
 ) -> Profile | None:
     if path is None and about is not None:
         raise InputError(
-            f"{argument('profile_moments_about')}: expected a {argument('profile')} "
-            "whose moments they are, got none"
+            f"{argument('profile_moments_about')}: expected it with "
+            f"{argument('profile')} only, got no profile"
         )
     return None if path is None else Profile(read_custom_profile(path), about)

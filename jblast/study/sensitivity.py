@@ -32,26 +32,35 @@ from scipy.special import factorial, ndtri
 from jblast.study.statistics import LEVEL
 
 RESAMPLES = 200
-"""Of a bootstrap: some 10 beyond each bound of a 90 % interval."""
+"""Resamples of a bootstrap: some 10 lie beyond each bound of a 90 % interval."""
 GROUPS = 100
-"""Groups of samples that a bootstrap draws: sums of products are made once a group."""
-MOST_ROWS = 4000
-"""Samples that an expansion is fitted to; of more, so many evenly chosen."""
-LEAST_ROWS = 30
-"""Fewer samples have no expansion; declared."""
+"""Groups of samples that a bootstrap resamples.
+
+Sums of products are computed once a group, so that a resample costs as much as 100
+samples, whatever their number.
+"""
+MAX_ROWS = 4000
+"""Largest number of samples in a fit; more are thinned evenly.
+
+4,000 samples give each of `MAX_TERMS` coefficients 20; the cost of a fit grows with
+their number, its precision with the square root only.
+"""
+MIN_ROWS = 30
+"""Fewer samples have no expansion, by declaration: their intervals would be useless."""
 DISAGREEMENT = 0.1
-"""Difference of first and total index, or of shares by slope and by variance, that
-is reported.
+"""Smallest reported difference of first and total index, or of shares by slope and by
+variance. By declaration: a tenth of the variance matters to a decision.
 """
 DEGREES = range(1, 11)
-"""Of the polynomials that are tried."""
+"""Degrees of the polynomials that are compared."""
 ROWS_A_TERM = 5
-"""Samples to a coefficient, at least."""
-MOST_TERMS = 200
+"""Samples for each coefficient at least: with fewer, a fit follows single samples."""
+MAX_TERMS = 200
 """Coefficients of an expansion beyond its first degree: the cost of a bootstrap grows
 with the cube."""
 PATIENCE = 3
-"""Degrees that are no better, after which none higher is tried."""
+"""Degrees without improvement after which the search ends; an even outcome skips
+one."""
 FAMILIES = ("hermite", "legendre")
 
 
@@ -62,11 +71,11 @@ def elasticities(
     r"""Return $\partial\ln|y|/\partial\ln|x|$ of each number, by `jax.grad`.
 
     Args:
-        outcome: From numbers by name to one value.
-        numbers: Where the slopes are taken; each not zero.
+        outcome: Function of numbers by name, with one value.
+        numbers: Point at which the slopes are computed.
 
     Returns:
-        By name; NaN where the outcome or a number is zero.
+        Elasticity by name; NaN where the outcome or the number is zero.
     """
     point = {name: jnp.asarray(value, float) for name, value in numbers.items()}
     value, slopes = jax.jit(jax.value_and_grad(outcome))(point)
@@ -83,14 +92,15 @@ def fitted_slopes(
     inputs: Mapping[str, Float[np.ndarray, " sample"]],
     values: Float[np.ndarray, " sample"],
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return elasticities, and shares of the variance, of a plane through samples.
+    """Return elasticities and shares of variance of a plane fitted to samples.
 
-    What a store alone tells of slopes: the plane of least squares through the tenth of
-    the samples nearest to the middle, in units of standard deviations.
+    This is an estimate of slopes from stored samples alone. The plane is fitted by
+    least squares to the tenth of the samples nearest to the median, in units of
+    standard deviations.
 
     Returns:
-        By name the elasticity at the medians, NaN about zero; and the share that the
-        number would have of the variance, were the outcome straight everywhere.
+        Elasticity at the medians by name, NaN for a median or outcome of zero; and the
+        share of the variance by name if the outcome were linear.
     """
     names = [name for name, of in inputs.items() if np.ptp(of) > 0]
     good = np.isfinite(values)
@@ -116,18 +126,18 @@ def fitted_slopes(
 
 
 class SobolIndices(NamedTuple):
-    """Of one outcome; each interval holds 90 %.
+    """Sobol' indices of one outcome, with 90 % intervals.
 
     Attributes:
-        names: Of the drawn numbers.
-        first: Share of the variance that each explains alone.
-        first_interval: Its lower and upper end.
-        total: Share of all terms that each takes part in.
-        total_interval: Its lower and upper end.
-        explained: Share of the variance of new samples that the method accounts for;
-            the rest is noise that no drawn number makes, or steps too sharp for it.
-        method: How they were found, in words.
-        rows: Samples they were found from.
+        names: Names of the inputs.
+        first: Share of the variance that each input explains alone.
+        first_interval: Lower and upper bound of `first`.
+        total: Share of the variance due to all terms with the input.
+        total_interval: Lower and upper bound of `total`.
+        explained: Share of the variance of new samples that the expansion predicts.
+            The remainder is noise, or steps that polynomials cannot represent.
+        method: Name of the method.
+        rows: Number of samples used.
     """
 
     names: tuple[str, ...]
@@ -147,22 +157,22 @@ def indices_from_samples(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> SobolIndices | None:
-    """Return the indices of samples as they are; None where they do not tell any.
+    """Return the indices of existing samples; None if there are too few.
 
     Args:
-        inputs: What was drawn, independently, by name; what does not vary is left out.
-        values: The outcome; samples of which it is not finite are left out.
-        resamples: Of the bootstrap.
-        seed: Of it.
+        inputs: Independent inputs by name; constant ones are ignored.
+        values: Outcome; samples without a finite one are ignored.
+        resamples: Number of resamples of the bootstrap.
+        seed: Seed of the bootstrap.
     """
     names = [name for name, of in inputs.items() if np.ptp(of) > 0]
     good = np.isfinite(values)
     values = np.asarray(values, float)[good]
-    if len(values) < max(LEAST_ROWS, 3 * len(names)) or not names or not np.ptp(values):
+    if len(values) < max(MIN_ROWS, 3 * len(names)) or not names or not np.ptp(values):
         return None
     matrix = np.column_stack([np.asarray(inputs[name])[good] for name in names])
-    if len(values) > MOST_ROWS:
-        chosen = np.linspace(0, len(values) - 1, MOST_ROWS).astype(int)
+    if len(values) > MAX_ROWS:
+        chosen = np.linspace(0, len(values) - 1, MAX_ROWS).astype(int)
         matrix, values = matrix[chosen], values[chosen]
     scaled = (values - values.mean()) / values.std()
     fitted = expansion_of(matrix, scaled)
@@ -182,14 +192,14 @@ def indices_from_samples(
 
 
 class Expansion(NamedTuple):
-    """What was fitted.
+    """Expansion of an outcome in products of orthonormal polynomials.
 
     Attributes:
         design: Products of polynomials at each sample, the constant first.
-        powers: Degree of each number in each product.
-        coefficients: Of the products.
-        explained: Share of the variance of a sample left out that is predicted.
-        family: Polynomials of which score.
+        powers: Degree of each input in each product.
+        coefficients: Coefficients of the products.
+        explained: Share of variance predicted by leave-one-out cross-validation.
+        family: "hermite" (normal scores) or "legendre" (uniform ranks).
     """
 
     design: Float[np.ndarray, "sample term"]
@@ -202,10 +212,10 @@ class Expansion(NamedTuple):
 def resampled(
     fitted: Expansion, values: Float[np.ndarray, " sample"], resamples: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return first and total indices of a bootstrap, a row each.
+    """Return first and total indices of a bootstrap, one row for each resample.
 
-    What is drawn again is one of `GROUPS` groups of samples, whose sums of products are
-    made once: fits of thousands of samples cost what their coefficients do.
+    The resampled units are `GROUPS` groups of samples, whose sums of products are
+    computed once.
     """
     rng, count = np.random.default_rng(seed), len(values)
     groups = min(GROUPS, count)
@@ -214,7 +224,7 @@ def resampled(
     sides = np.array([fitted.design[of].T @ values[of] for of in parts])
     squares = np.array([values[of] @ values[of] for of in parts])
     sizes = np.array([len(of) for of in parts])
-    # so that terms without samples do not stop it; nothing else notices
+    # keeps the matrix regular if a term has no samples; 1e-9 of the diagonal otherwise
     floor = 1e-9 * count * np.eye(fitted.design.shape[1])
     found = []
     for _ in range(resamples):
@@ -241,12 +251,12 @@ def indices_of_function(
     """Return the indices of a function, from calls of it.
 
     Args:
-        function: From standard normal coordinates of all numbers to the outcome.
-        names: Of the numbers.
-        points: Rows of each matrix, a power of two; the function is called of
-            `points` times two more than there are numbers.
-        resamples: Of the bootstrap.
-        seed: Of the points and of the bootstrap.
+        function: Outcome, from standard normal coordinates of all inputs.
+        names: Names of the inputs.
+        points: Rows of each matrix, a power of two; the function is evaluated
+            `points` times the number of inputs plus two.
+        resamples: Number of resamples of the bootstrap.
+        seed: Seed of the points and of the bootstrap.
 
     Raises:
         ValueError: `points` is no power of two, or an outcome is not finite.
@@ -258,8 +268,12 @@ def indices_of_function(
 
     def called(columns):
         values = np.asarray(function(columns.T), float)
-        if not np.isfinite(values).all():
-            raise ValueError("expected an outcome of finite values, got others")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise ValueError(
+                f"expected a finite outcome of each sample, got {values[bad[0]]} of "
+                f"sample {bad[0]}"
+            )
         return values[None]
 
     rng = np.random.default_rng(seed)
@@ -285,14 +299,14 @@ def indices_of_function(
 def disagreement(
     indices: SobolIndices, slope_shares: Mapping[str, float]
 ) -> dict[str, str]:
-    """Return by number why its slope and its indices disagree.
+    """Return the reason of a disagreement of slope and indices, by input.
 
     Args:
-        indices: Of the outcome.
-        slope_shares: By number the share of the variance were the outcome as straight
-            as at the middle: slope times standard deviation, squared, over the sum.
+        indices: Indices of the outcome.
+        slope_shares: Share of the variance by input if the outcome were linear:
+            squared product of slope and standard deviation, over the sum.
     """
-    said = {}
+    reasons = {}
     for n, name in enumerate(indices.names):
         if name not in slope_shares:
             continue
@@ -303,18 +317,18 @@ def disagreement(
         ):
             continue
         if total - first > DISAGREEMENT:
-            said[name] = "interaction"
+            reasons[name] = "interaction"
         elif by_slope < first:
-            said[name] = "range"
+            reasons[name] = "range"
         else:
-            said[name] = "nonlinearity"
-    return said
+            reasons[name] = "nonlinearity"
+    return reasons
 
 
 def expansion_of(
     inputs: Float[np.ndarray, "sample input"], values: Float[np.ndarray, " sample"]
 ) -> Expansion:
-    """Fit expansions of several degrees, and return that which predicts best."""
+    """Return the expansion with the best predictions, over families and degrees."""
     from scipy.stats import rankdata
 
     ranks = (rankdata(inputs, axis=0) - 0.5) / len(inputs)
@@ -323,7 +337,7 @@ def expansion_of(
         own: list[Expansion] = []
         for degree in DEGREES:
             powers = powers_of(inputs.shape[1], degree)
-            many = len(powers) * ROWS_A_TERM > len(values) or len(powers) > MOST_TERMS
+            many = len(powers) * ROWS_A_TERM > len(values) or len(powers) > MAX_TERMS
             if own and many:
                 break
             design = design_of(ranks, powers, family)
@@ -338,13 +352,13 @@ def expansion_of(
 def fit(
     design: Float[np.ndarray, "sample term"], values: Float[np.ndarray, " sample"]
 ) -> tuple[Float[np.ndarray, " term"], float]:
-    """Return coefficients and the share of variance predicted, one sample left out."""
-    # by the normal equations: the columns are nearly orthogonal as they come
+    """Return coefficients and the share of variance predicted by leave-one-out."""
+    # normal equations are accurate enough: the columns are nearly orthonormal
     gram = design.T @ design + 1e-9 * len(values) * np.eye(design.shape[1])
     root = np.linalg.cholesky(gram)
     rotated = solve_triangular(root, design.T, lower=True, check_finite=False)
     found = solve_triangular(root.T, rotated @ values, check_finite=False)
-    # leave-one-out residuals by the leverages: one fit in place of one a sample
+    # leave-one-out residuals from the leverages: one fit in place of one per sample
     left = np.maximum(1 - np.sum(rotated**2, axis=0), 1e-12)
     off = (values - design @ found) / left
     variance = np.var(values)
@@ -352,7 +366,7 @@ def fit(
 
 
 def powers_of(inputs: int, degree: int) -> Int[np.ndarray, "term input"]:
-    """Return all degrees of products of a total degree at most that."""
+    """Return the degrees of all products of at most a total degree."""
     found = [
         np.bincount(chosen, minlength=inputs)
         for total in range(degree + 1)
@@ -384,7 +398,7 @@ def shares_of(
     coefficients: Float[np.ndarray, " term"],
     variance: float,
 ) -> tuple[Float[np.ndarray, " input"], Float[np.ndarray, " input"]]:
-    """Return first and total shares of a variance."""
+    """Return the first-order and total shares of a variance."""
     squares, entered = coefficients**2, powers > 0
     alone = entered & (entered.sum(axis=1) == 1)[:, None]
     scale = variance if variance > 0 else 1.0

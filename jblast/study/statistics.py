@@ -41,43 +41,44 @@ from jaxtyping import Array, ArrayLike, Float, Int
 # A state is a NamedTuple of arrays, of one class for each kind.
 AnyState = Any
 LEVEL = 0.90
-"""What an interval holds, unless asked otherwise."""
+"""Default probability of an interval."""
 UNKNOWN = -1
-"""Of an outcome that is yes or no: its lane failed."""
+"""Value of a yes-or-no outcome whose sample failed."""
 BLOCK = 8192
-"""Samples that are reduced at once. Streams cut at multiples of it, however, end in the
-same state to the last bit."""
+"""Samples reduced together. Streams that are cut at multiples of it end in the same
+state to the last bit, because sums are then rounded in the same order."""
 SLAB = 16 * BLOCK
-"""Values counted at once: counts are whole, so that any number will do."""
+"""Values counted together: counts are exact in any order, so that the size is free."""
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
-"""Of an outcome, by default: middle, half, 90 % and 98 % of the samples."""
+"""Default quantiles: the median, and the bounds of 50 %, 90 % and 98 % of samples."""
 State = TypeVar("State")
 BITS = 7
-"""Of a size's fraction that a bin has: 128 bins to a factor of two."""
-LEAST, MOST = -40, 40
-"""Exponents of two between which sizes are told apart."""
-SIDE = (MOST - LEAST) << BITS
-"""Bins of one sign."""
+"""Binary digits of the fraction that select a bin: 128 bins to a factor of two."""
+MIN_EXPONENT, MAX_EXPONENT = -40, 40
+"""Exponents of two of the bins, 9e-13 to 1.1e12: beyond any quantity of a study in
+SI."""
+SIDE = (MAX_EXPONENT - MIN_EXPONENT) << BITS
+"""Number of bins of one sign."""
 BINS = 2 * SIDE + 1
-"""Bins: below zero, the one about zero, above; the outermost hold what is beyond."""
+"""Number of bins: negative, around zero, positive; the outermost are unbounded."""
 # half a bin, relative to its lower bound
 RELATIVE_ERROR = 2.0 ** -(BITS + 1)
 LAYOUTS = {"float64": (np.int64, 52, 1023), "float32": (np.int32, 23, 127)}
-"""Of a binary number: the integer of its bits, digits of its fraction, bias."""
+"""Layout of floats (IEEE 754): integer type, digits of the fraction, exponent bias."""
 
 
 @dataclass(frozen=True)
 class Accumulator:
-    """How a stream of one kind is reduced to a state of fixed size.
+    """Reduction of a stream of one kind to a state of fixed size.
 
     Attributes:
-        empty: The state of no samples: shape of an outcome, origin of its bins, and
-            whether samples have weights.
-        of: The state of one block, from values, weights or None, and a state whose
-            origin it shares; pure, and in JAX where the values are of it.
-        merge: Two states that follow one another.
-        finish: What a state amounts to, in NumPy.
-        in_slabs: The same state from a state and values without weights, sooner.
+        empty: State without samples, from the shape of an outcome, the origin of its
+            bins, and whether samples have weights.
+        of: State of one block, from values, weights or None, and a state with the
+            origin; a pure function, in JAX if the values are JAX arrays.
+        merge: State of two consecutive states.
+        finish: Statistics of a state, in NumPy.
+        in_slabs: Faster equivalent of `merge` and `of` for values without weights.
     """
 
     empty: Callable[..., AnyState]
@@ -95,13 +96,12 @@ class Accumulator:
         """Return the state with more samples, in NumPy, block after block.
 
         Args:
-            state: What was so far.
-            values: Samples along the first axis; NaN, or -1 of yes and no, where a
-                lane failed.
-            weights: Of each sample; one each where None.
+            state: State so far.
+            values: Samples along the first axis; NaN (yes or no: -1) of a failed one.
+            weights: Weight of each sample; None for weights of one.
 
         Raises:
-            ValueError: A weight is negative or not finite, or there are not as many.
+            ValueError: A weight is negative or not finite, or their number is wrong.
         """
         array = np.asarray(values)
         if weights is not None:
@@ -115,20 +115,20 @@ class Accumulator:
 
 
 class Moments(NamedTuple):
-    """What is known of a stream, an element for each outcome of a sample.
+    """Moments of a stream, one element for each outcome of a sample.
 
     Attributes:
-        finite: How many values are finite.
-        infinite: Values that are infinite: they count among the extremes only.
-        lost: Lanes that failed, which are NaN.
-        weight: Sum of the weights of the finite ones.
-        mean: Their weighted mean.
-        squares: Weighted sum of squares about it.
-        weight_2: Sum of squared weights.
-        mean_2: Mean by squared weights.
-        squares_2: Sum of squares about that one, by squared weights.
-        minimum: The least value, infinite where there is none.
-        maximum: The greatest value.
+        finite: Number of finite values.
+        infinite: Number of infinite values, which count for the extremes only.
+        lost: Number of failed samples (NaN).
+        weight: Sum of the weights of the finite values.
+        mean: Weighted mean of the finite values.
+        squares: Weighted sum of squares about the mean.
+        weight_2: Sum of the squared weights.
+        mean_2: Mean with the squared weights.
+        squares_2: Sum of squares about `mean_2` with the squared weights.
+        minimum: Smallest value, infinite without values.
+        maximum: Largest value, minus infinity without values.
     """
 
     finite: Int[Array | np.ndarray, "..."]
@@ -145,11 +145,11 @@ class Moments(NamedTuple):
 
 
 class QuantileSketch(NamedTuple):
-    """Counts of a stream, an element for each outcome of a sample.
+    """Histogram of a stream, one element for each outcome of a sample.
 
     Attributes:
-        counts: Of values in each bin, or the weights of them.
-        origin: What the bins are counted from, in the unit of the values.
+        counts: Number of values in each bin, or sum of their weights.
+        origin: Origin of the bins, in the unit of the values.
     """
 
     counts: Array | np.ndarray
@@ -157,7 +157,7 @@ class QuantileSketch(NamedTuple):
 
 
 class NumberState(NamedTuple):
-    """What a stream of numbers is reduced to."""
+    """State of a stream of numbers."""
 
     moments: Moments
     sketch: QuantileSketch
@@ -168,14 +168,14 @@ def empty_number(
     origin: Float[np.ndarray, "..."] | float = 0.0,
     weighted: bool = False,
 ) -> NumberState:
-    """Return the state of no samples; `origin` as `origin_of` finds it."""
+    """Return the state without samples; `origin` is that of `origin_of`."""
     return NumberState(empty_moments(shape), empty_sketch(shape, origin, weighted))
 
 
 def finish_number(
     state: NumberState, quantiles: tuple[float, ...] = QUANTILES
 ) -> dict[str, np.ndarray]:
-    """Return `finish_moments` and `quantiles`, by `quantile` first."""
+    """Return `finish_moments` with `quantiles`, whose first axis is the quantile."""
     found = finish_moments(state.moments)
     found["quantiles"] = sketch_quantiles(
         state.sketch, np.asarray(quantiles), found["minimum"], found["maximum"]
@@ -184,7 +184,7 @@ def finish_number(
 
 
 def merge_numbers(a: NumberState, b: NumberState) -> NumberState:
-    """Merge two states; `a` stands before `b` in the order of the samples."""
+    """Return the state of two states, `a` before `b` in the order of the samples."""
     return NumberState(
         merge_moments(a.moments, b.moments), merge_sketches(a.sketch, b.sketch)
     )
@@ -195,7 +195,7 @@ def number_of(
     weights: Float[Array | np.ndarray, " sample"] | None = None,
     like: NumberState | None = None,
 ) -> NumberState:
-    """Reduce one block; `like` has the origin of its bins."""
+    """Return the state of one block, with the origin of the state `like`."""
     origin = 0.0 if like is None else like.sketch.origin
     return NumberState(moments_of(values, weights), sketch_of(values, weights, origin))
 
@@ -203,7 +203,10 @@ def number_of(
 def numbers_in_slabs(
     state: NumberState, values: Float[np.ndarray, "sample ..."]
 ) -> NumberState:
-    """Add samples without weights: moments by blocks, counts by slabs of them."""
+    """Return the state with more samples, without weights.
+
+    Moments are reduced by blocks, and counts by slabs of blocks.
+    """
     moments, sketch = state
     for part in blocks(len(values)):
         moments = merge_moments(moments, moments_of(values[part]))
@@ -218,16 +221,16 @@ NUMBER = Accumulator(
 
 
 class ShareState(NamedTuple):
-    """What a stream of yes and no is reduced to, an element for each outcome.
+    """State of a stream of yes and no, one element for each outcome.
 
     Attributes:
-        known: Lanes that did not fail.
-        yes: Those of which it is true.
-        lost: Lanes that failed, `UNKNOWN`.
-        weight: Sum of weights of those known.
-        weight_2: Sum of their squares.
-        yes_weight: Sum of weights of which it is true.
-        yes_weight_2: Sum of their squares.
+        known: Number of samples that did not fail.
+        yes: Number of samples with the outcome.
+        lost: Number of failed samples (`UNKNOWN`).
+        weight: Sum of the weights of known samples.
+        weight_2: Sum of the squared weights.
+        yes_weight: Sum of the weights of samples with the outcome.
+        yes_weight_2: Sum of their squared weights.
     """
 
     known: Int[Array | np.ndarray, "..."]
@@ -242,18 +245,18 @@ class ShareState(NamedTuple):
 def empty_share(
     shape: tuple[int, ...] = (), origin: object = 0.0, weighted: bool = False
 ) -> ShareState:
-    """Return the state of no samples; `origin` and `weighted` change nothing."""
+    """Return the state without samples; `origin` and `weighted` have no effect."""
     none, zero = np.zeros(shape, np.int64), np.zeros(shape)
     return ShareState(none, none, none, zero, zero, zero, zero)
 
 
 def finish_share(state: ShareState, level: float = LEVEL) -> dict[str, np.ndarray]:
-    """Return what a stream amounts to.
+    """Return the statistics of a stream of yes and no.
 
     Returns:
-        `count`, `yes`, `lost`, `effective_size` $W^2/W_2$, `equivalent_size` that the
-        interval is of, `share`, `standard_error`, `low` and `high`; share and error are
-        NaN where nothing is known.
+        `count`, `yes`, `lost`, `effective_size` $W^2/W_2$, `equivalent_size` of the
+        interval, `share`, `standard_error`, `low` and `high`; share and error are NaN
+        without known samples.
     """
     count, yes, lost, weight, weight_2, hit, hit_2 = (
         np.asarray(part) for part in state
@@ -282,7 +285,7 @@ def finish_share(state: ShareState, level: float = LEVEL) -> dict[str, np.ndarra
 
 
 def merge_shares(a: ShareState, b: ShareState) -> ShareState:
-    """Add two states up."""
+    """Return the sum of two states."""
     return ShareState(*(one + other for one, other in zip(a, b, strict=True)))
 
 
@@ -291,12 +294,12 @@ def share_of(
     weights: Float[Array | np.ndarray, " sample"] | None = None,
     like: ShareState | None = None,
 ) -> ShareState:
-    """Reduce one block along its first axis; pure, in JAX where the values are of it.
+    """Return the state of one block along its first axis, in JAX or NumPy.
 
     Args:
-        values: Of whole numbers or flags: above zero is yes, below is a lost lane.
-        weights: Ratio of densities of each sample; one each where None.
-        like: Changes nothing.
+        values: Integers or flags: positive is yes, negative a failed sample.
+        weights: Ratio of densities of each sample; None for weights of one.
+        like: Without effect.
     """
     xp = values.__array_namespace__()
     lost = xp.zeros(values.shape, bool) if values.dtype == bool else values < 0
@@ -314,7 +317,7 @@ def share_of(
 
 YES_NO = Accumulator(empty_share, share_of, merge_shares, finish_share)
 ACCUMULATORS = {"number": NUMBER, "yes_no": YES_NO}
-"""By `kind` of an outcome."""
+"""Accumulator by `kind` of an outcome."""
 
 
 def wilson_interval(
@@ -322,12 +325,12 @@ def wilson_interval(
     count: Float[ArrayLike, "..."] | Int[ArrayLike, "..."],
     level: float = LEVEL,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the interval of a share; from 0 to 1 where nothing was counted.
+    """Return Wilson's interval of a share; 0 to 1 without samples.
 
     Args:
-        share: That was found, from 0 to 1.
-        count: Samples it was found of; not whole where they are equivalent ones.
-        level: What the interval holds.
+        share: Estimated share, 0 to 1.
+        count: Number of samples; an equivalent number may be fractional.
+        level: Probability of the interval.
     """
     from scipy.special import ndtri
 
@@ -336,28 +339,29 @@ def wilson_interval(
     some = count > 0
     number = np.where(some, count, 1.0)
     found = np.where(some, share, 0.5)
-    # Wilson's interval (1927): it stays within 0 and 1, and has a width where no sample
-    # is true
+    # Wilson's interval (1927) stays within 0 and 1, and has a width even if no sample
+    # has the outcome, unlike the normal interval
     middle = found + z**2 / (2 * number)
     half = z * np.sqrt(found * (1 - found) / number + z**2 / (4 * number**2))
     scale = 1 + z**2 / number
     low, high = (middle - half) / scale, (middle + half) / scale
-    # what rounding leaves of the two ends that are exact
+    # at a share of 0 or 1 one bound is exact: set it, as rounding would miss it
     low = np.where(some & (found > 0), np.maximum(low, 0.0), 0.0)
     high = np.where(some & (found < 1), np.minimum(high, 1.0), 1.0)
     return low, high
 
 
 def blocks(count: int, size: int = BLOCK) -> list[slice]:
-    """Return the slices of so many samples each that make up a count."""
+    """Return the slices of `size` samples that cover a count."""
     return [slice(at, min(at + size, count)) for at in range(0, count, size)]
 
 
 def checked_weights(weights: np.ndarray, count: int) -> np.ndarray:
-    """Return weights of so many samples.
+    """Return weights as floats.
 
     Raises:
-        ValueError: There are more or fewer, or one is negative, infinite or NaN.
+        ValueError: Their number is not `count`, or a weight is negative, infinite or
+            NaN.
     """
     found = np.asarray(weights, float)
     if found.shape != (count,):
@@ -368,7 +372,7 @@ def checked_weights(weights: np.ndarray, count: int) -> np.ndarray:
     bad = np.flatnonzero(~np.isfinite(found) | (found < 0))
     if bad.size:
         raise ValueError(
-            f"weights: expected finite ones of zero or more, got {found[bad[0]]} of "
+            f"weights: expected finite numbers of 0 or more, got {found[bad[0]]} of "
             f"sample {bad[0]}" + (f" and {bad.size - 1} more" if bad.size > 1 else "")
         )
     return found
@@ -377,7 +381,7 @@ def checked_weights(weights: np.ndarray, count: int) -> np.ndarray:
 def fold(
     state: State, others: list[State], merge: Callable[[State, State], State]
 ) -> State:
-    """Merge states one after another, in the order in which they stand."""
+    """Return the state of all states, merged in their order."""
     for other in others:
         state = merge(state, other)
     return state
@@ -388,7 +392,7 @@ def empty_sketch(
     origin: Float[np.ndarray, "..."] | float = 0.0,
     weighted: bool = False,
 ) -> QuantileSketch:
-    """Return the state of no samples, in NumPy."""
+    """Return the histogram without samples, in NumPy."""
     kind = float if weighted else np.int64
     origins = np.broadcast_to(np.asarray(origin, float), shape)
     return QuantileSketch(np.zeros((*shape, BINS), kind), origins)
@@ -397,10 +401,9 @@ def empty_sketch(
 def origin_of(
     values: Float[np.ndarray, "sample ..."],
 ) -> Float[np.ndarray, "..."]:
-    """Return where bins should be counted from: zero, or a median far from it.
+    """Return the origin of the bins: zero, or the median of a first block.
 
-    The median is taken where nine tenths of a first block lie within a factor of two,
-    of one sign.
+    It is the median if 90 % of the block have one sign and lie within a factor of two.
     """
     values = np.asarray(values, float)
     known = np.where(np.isfinite(values), values, np.nan)
@@ -416,13 +419,13 @@ def origin_of(
 
 
 def bin_of(offset: Float[Array | np.ndarray, "..."]) -> Int[Array | np.ndarray, "..."]:
-    """Return the bin of a distance from the origin; that of NaN means nothing."""
+    """Return the bin of a distance from the origin; the bin of NaN is meaningless."""
     xp = offset.__array_namespace__()
     kind, digits, bias = LAYOUTS[str(offset.dtype)]
-    # the exponent and the first digits of a binary number are a logarithmic scale: no
-    # logarithm is taken
+    # exponent and first digits of a binary number form a nearly logarithmic scale: a
+    # shift replaces the logarithm, and is the same on every device
     size = xp.abs(offset).view(kind) >> (digits - BITS)
-    place = xp.clip(size - ((bias + LEAST) << BITS), -1, SIDE - 1) + 1
+    place = xp.clip(size - ((bias + MIN_EXPONENT) << BITS), -1, SIDE - 1) + 1
     return SIDE + xp.where(offset < 0, -place, place)
 
 
@@ -431,7 +434,7 @@ def sketch_of(
     weights: Float[Array | np.ndarray, " sample"] | None = None,
     origin: Float[Array | np.ndarray, "..."] | float = 0.0,
 ) -> QuantileSketch:
-    """Count one block along its first axis; pure, in JAX where the values are of it."""
+    """Return the histogram of one block along its first axis, in JAX or NumPy."""
     xp = values.__array_namespace__()
     shape, lanes = values.shape[1:], int(np.prod(values.shape[1:], dtype=int))
     origins = xp.broadcast_to(xp.asarray(origin, dtype=values.dtype), shape)
@@ -452,15 +455,15 @@ def counted(
     weights: Float[Array | np.ndarray, " sample"] | None,
     origin: Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, " bin"] | Int[np.ndarray, " bin"]:
-    """Return the counts of all lanes, one behind the other, by NumPy.
+    """Return the concatenated counts of all lanes, in NumPy.
 
-    Each lane is counted by itself, so that its bins stay in the cache.
+    Each lane is counted separately, so that its bins stay in the cache.
     """
     rows = values.reshape(values.shape[0], origin.size)
     given = None if weights is None else np.asarray(weights)
     found = []
     for lane, own in zip(rows.T, origin.reshape(-1), strict=True):
-        # a view as whole numbers needs its values side by side
+        # `counted_bin` views the values as integers, which needs contiguous memory
         offset = np.ascontiguousarray(lane - own if own else lane)
         known, shares = ~np.isnan(offset), given
         if not known.all():
@@ -471,26 +474,26 @@ def counted(
 
 
 def counted_bin(offset: Float[np.ndarray, " sample"]) -> Int[np.ndarray, " sample"]:
-    """Return `bin_of` in fewer passes, where nothing is negative."""
+    """Return `bin_of`, in fewer passes over the memory if no value is negative."""
     if offset.dtype != float or not offset.size or offset.min() < 0:
         return np.asarray(bin_of(offset))
     bins = np.asarray(offset.view(np.int64) >> (52 - BITS))
-    bins -= ((1023 + LEAST) << BITS) - 1
+    bins -= ((1023 + MIN_EXPONENT) << BITS) - 1
     np.clip(bins, 0, SIDE, out=bins)
     bins += SIDE
     return bins
 
 
 def merge_sketches(a: QuantileSketch, b: QuantileSketch) -> QuantileSketch:
-    """Add two states up.
+    """Return the sum of two states.
 
     Raises:
-        ValueError: Their bins are counted from different origins.
+        ValueError: Their bins have different origins.
     """
     here = isinstance(a.origin, np.ndarray) and isinstance(b.origin, np.ndarray)
     if here and not np.array_equal(a.origin, b.origin):
         raise ValueError(
-            "expected sketches of one origin to merge, got two that differ"
+            f"expected sketches of one origin to merge, got {a.origin} and {b.origin}"
         )
     return QuantileSketch(a.counts + b.counts, a.origin)
 
@@ -498,7 +501,7 @@ def merge_sketches(a: QuantileSketch, b: QuantileSketch) -> QuantileSketch:
 def bin_edges() -> Float[np.ndarray, " edge"]:
     """Return the `BINS` + 1 edges of the bins, as distances from the origin."""
     place = np.arange(SIDE)
-    size = 2.0 ** (LEAST + (place >> BITS)) * (1 + (place % 2**BITS) / 2**BITS)
+    size = 2.0 ** (MIN_EXPONENT + (place >> BITS)) * (1 + (place % 2**BITS) / 2**BITS)
     positive = np.append(size, np.inf)
     return np.concatenate([-positive[::-1], positive])
 
@@ -509,16 +512,16 @@ def sketch_quantiles(
     minimum: Float[np.ndarray, "..."],
     maximum: Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, "quantile ..."]:
-    """Return quantiles: the rank's place within its bin, were it filled evenly.
+    """Return quantiles, by linear interpolation within a bin.
 
     Args:
-        sketch: Of the stream.
-        shares: Of the stream that lies below, from 0 to 1.
-        minimum: The stream's least value, which no quantile goes below.
-        maximum: Its greatest.
+        sketch: Histogram of the stream.
+        shares: Probabilities of the quantiles, 0 to 1.
+        minimum: Smallest value of the stream, the lower limit of quantiles.
+        maximum: Largest value of the stream, their upper limit.
 
     Returns:
-        Each within the bin of the true one; NaN where there is no value.
+        Quantiles, each in the bin of the exact one; NaN without values.
     """
     counts = np.asarray(sketch.counts)
     lanes = counts.reshape(-1, BINS)
@@ -546,7 +549,7 @@ def sketch_quantiles(
 
 
 def empty_moments(shape: tuple[int, ...] = ()) -> Moments:
-    """Return the state of no samples, in NumPy."""
+    """Return the moments without samples, in NumPy."""
     none, zero = np.zeros(shape, np.int64), np.zeros(shape)
     far = np.full(shape, np.inf)
     return Moments(none, none, none, zero, zero, zero, zero, zero, zero, far, -far)
@@ -556,11 +559,11 @@ def moments_of(
     values: Float[Array | np.ndarray, "sample ..."],
     weights: Float[Array | np.ndarray, " sample"] | None = None,
 ) -> Moments:
-    """Reduce one block along its first axis; pure, in JAX where the values are of it.
+    """Return the moments of one block along its first axis, in JAX or NumPy.
 
     Args:
-        values: Of a block of samples; NaN where a lane failed.
-        weights: Of each sample; one each where None.
+        values: Samples; NaN for failed ones.
+        weights: Weight of each sample; None for weights of one.
     """
     xp = values.__array_namespace__()
     if isinstance(values, np.ndarray) and weights is None and np.isfinite(values).all():
@@ -587,7 +590,7 @@ def moments_of(
 
 
 def plain_moments(values: Float[np.ndarray, "sample ..."]) -> Moments:
-    """Reduce one block of finite values without weights, by NumPy and in less time."""
+    """Return the moments of finite values without weights, faster and in NumPy."""
     size, shape = values.shape[0], values.shape[1:]
     if not size:
         return empty_moments(shape)
@@ -604,7 +607,7 @@ def plain_moments(values: Float[np.ndarray, "sample ..."]) -> Moments:
 def weighted_moments(
     known: Array | np.ndarray, weights: Array | np.ndarray
 ) -> tuple[Any, Any, Any]:
-    """Return sum of weights, mean, and squares about it, of values all finite."""
+    """Return sum of weights, mean, and sum of squares about it, of finite values."""
     xp = known.__array_namespace__()
     weight = xp.sum(weights, axis=0)
     mean = xp.sum(weights * known, axis=0) / xp.where(weight > 0, weight, 1)
@@ -612,14 +615,14 @@ def weighted_moments(
 
 
 def merge_moments(a: Moments, b: Moments) -> Moments:
-    """Merge two states; `a` stands before `b` in the order of the samples."""
+    """Return the state of two states, `a` before `b` in the order of the samples."""
     xp = a.mean.__array_namespace__()
 
     def merged(w_a, mean_a, squares_a, w_b, mean_b, squares_b):
         weight = w_a + w_b
         share = w_b / xp.where(weight > 0, weight, 1)
         step = mean_b - mean_a
-        # Chan, Golub and LeVeque (1979): sums of squares about zero would cancel
+        # Chan, Golub and LeVeque (1983): sums of squares about zero would cancel
         squares = squares_a + squares_b + step**2 * w_a * share
         return weight, mean_a + step * share, squares
 
@@ -635,7 +638,7 @@ def merge_moments(a: Moments, b: Moments) -> Moments:
 
 
 def finish_moments(state: Moments) -> dict[str, np.ndarray]:
-    r"""Return what a stream amounts to; NaN where too few values tell it.
+    r"""Return the statistics of a stream; NaN for those that need more values.
 
     `variance` is $M_2/(W - W_2/W)$ and the squared `standard_error` of the mean
     $\sum w^2(x-m)^2/W^2 \cdot n/(n-1)$ with the effective size
@@ -643,8 +646,8 @@ def finish_moments(state: Moments) -> dict[str, np.ndarray]:
 
     Returns:
         `count`, `infinite`, `lost`, `effective_size`, `mean`, `standard_error`,
-        `variance`, `sd`, `minimum`, `maximum`; mean and what follows from it are of the
-        finite values.
+        `variance`, `sd`, `minimum`, `maximum`. The statistics from mean to sd are of
+        the finite values.
     """
     count, infinite, lost, weight, mean, squares, w_2, mean_2, squares_2, low, high = (
         np.asarray(part) for part in state

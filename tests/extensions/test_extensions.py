@@ -27,7 +27,7 @@ from jblast.scene import SENSOR_KINDS, Charge, Normal, Scene, Sensor, read_scene
 from jblast.sensors.listening import packets, plan
 from jblast.study.flight_results import trajectory_of
 from jblast.study.flights import Options, fly
-from jblast.study.gains import Wish, tune_gains
+from jblast.study.gains import TuningSettings, tune_gains
 from jblast.vehicle import CONTROLLERS, controller_of, simulate, start_of, vehicle_of
 from jblast.waves.propagation import ambient
 from jblast.world.perceived import arrivals_of, perceived
@@ -238,7 +238,7 @@ def test_gains_and_environments_take_controllers_with_the_loops_of_the_hold(exte
     message = "expected one with the gains of an SE.3. hold, with_integral, without"
     spread = scene(beliefs={"charge_mass_kg": Normal(1.0, 0.1)})
     with pytest.raises(InputError, match=message):
-        tune_gains(spread, Wish(controller="brake"))
+        tune_gains(spread, TuningSettings(controller="brake"))
     with pytest.raises(InputError, match=message):
         environment_params(controller="brake")
     own = replace(CONTROLLERS["without_integral"], name="own")

@@ -1,7 +1,7 @@
-"""Options of records, and output files of a fit.
+"""Options for pressure records, and output files of a fit.
 
 With `--positions` the files of a fit are records of samples, which are picked first.
-JAX is imported inside functions only: --help does not wait for it.
+JAX is imported inside functions only, so that `--help` does not load it.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jblast.cli.arguments.numbers import positive
 from jblast.cli.arguments.options import in_options, option_for, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import write_text, writing
 
@@ -27,18 +28,18 @@ if TYPE_CHECKING:
     from jblast.signals.picks import PickedFiles
 
 WALK = "walk"
-"""Folder within `--out` in which a walk is kept."""
+"""Folder of `--out` that stores an MCMC chain."""
 
 
 def each_made(
     made: "Provenance", logs: Iterable[str], files: Sequence[str]
 ) -> "dict[str, Provenance]":
-    """Return what the answer of each log is made of: its own file among all.
+    """Return the provenance of the answer of each log, with its own file only.
 
     Args:
-        made: What all are made of.
+        made: Provenance of all logs together.
         logs: Names of logs, as `fit_input` returns them.
-        files: What they were read from, if not from all together.
+        files: Files of the logs; empty if all files form one set of records.
     """
     from jblast.inference.fitting.fit_input import log_names
     from jblast.report.provenance import provenance_of
@@ -60,11 +61,11 @@ def each_made(
 def made_with_samples(
     made: "Provenance", log: "Observations | InputError"
 ) -> "Provenance":
-    """Return what an answer is made of, with the files of samples that its log names.
+    """Return a provenance with the files of samples to which a log refers.
 
     Args:
-        made: Without them.
-        log: The log; one that could not be read names none.
+        made: Provenance without these files.
+        log: Log; an error in its place adds no files.
     """
     from jblast.observations.table import SAMPLES
     from jblast.report.provenance import provenance_of
@@ -88,13 +89,13 @@ def write_answers(
     """Write fits.json and answers.csv.
 
     Args:
-        answers: By log.
-        directory: Where to; made if it is not there.
-        made: What each was made of.
-        picks: What the logs were picked from, if they were.
+        answers: Fit or error, by log.
+        directory: Output directory, made if it does not exist.
+        made: Provenance, by log.
+        picks: Picks of the logs, if they come from records.
 
     Raises:
-        InputError: The directory cannot be written to.
+        InputError: The directory is not writable.
     """
     from jblast.report.fit.document import fits_answer
     from jblast.report.fit.terminal import answers_csv
@@ -107,63 +108,65 @@ def write_answers(
 
 
 def only_a_walk(directory: Path) -> bool:
-    """Return whether a directory holds an earlier walk and nothing else."""
+    """Return whether a directory has an MCMC chain of an earlier run and no more."""
     return directory.is_dir() and [p.name for p in directory.iterdir()] == [WALK]
 
 
-def add_records(verb: argparse.ArgumentParser) -> None:
-    """Let a verb take the options that `picked` heeds."""
-    verb.add_argument(
+def add_records(verb: VerbParser) -> None:
+    """Add the options that `picked` reads."""
+    verb.inputs.add_argument(
         "--positions",
         metavar="STATIONS.csv",
         type=path,
-        help="where the sensors stood: sensor (stem of a file's name, or stem.channel, "
-        "from 1), east_m, north_m, up_m or lat_deg, lon_deg, alt_m, perhaps clock, and "
-        "start_utc, when the first sample of a file was that does not say so",
+        help="sensor positions of pressure records: columns sensor (stem of a file's "
+        "name, or stem.channel, from 1), east_m, north_m, up_m or lat_deg, lon_deg, "
+        "alt_m, and optionally clock and start_utc (time of the first sample, for "
+        "files without a time stamp)",
     )
     add_scale(verb)
 
 
-def add_scale(verb: argparse.ArgumentParser) -> None:
-    """Let a verb take what is said of recorders: `scaling_of`, and `high_pass`."""
-    verb.add_argument(
+def add_scale(verb: VerbParser) -> None:
+    """Add the options that describe recorders: `scaling_of`, and `--high-pass`."""
+    verb.inputs.add_argument(
         "--full-scale",
         metavar="PA",
         type=positive,
-        help="pascals that a sample of 1 in WAV or FLAC stands for; without it such "
-        "records tell times alone",
+        help="pressure of a sample of 1 in WAV or FLAC [Pa] (default: unknown, such "
+        "records give times only)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--sensitivity",
         metavar="PA",
         type=positive,
-        help="pascals a volt of records in volts, or a count of miniSEED and SAC",
+        help="pressure per volt of records in volts, or per count of miniSEED and SAC "
+        "[Pa]",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--high-pass",
         metavar="HZ",
         type=positive,
-        help="corner of the recorders' first-order high-pass: what it does to duration "
-        "and impulse is undone",
+        help="corner frequency of the recorders' first-order high-pass [Hz], whose "
+        "effect on duration and impulse is corrected (default: none)",
     )
 
 
-def scaling_of(asked: argparse.Namespace) -> "Scaling":
-    """Return what was said of the recorders' scale."""
+def scaling_of(options: argparse.Namespace) -> "Scaling":
+    """Return the recorders' scale from the options of `add_scale`."""
     from jblast.observations.records.formats import Scaling
 
-    return Scaling(asked.full_scale, asked.sensitivity)
+    return Scaling(options.full_scale, options.sensitivity)
 
 
 def picked(
-    named: list[str], asked: argparse.Namespace, *, keep_samples: bool
+    named: list[str], options: argparse.Namespace, *, keep_samples: bool
 ) -> "PickedFiles":
-    """Pick the named records, their messages in words of the command line.
+    """Return the picks of records, with options instead of arguments in messages.
 
     Args:
         named: Files and folders.
-        asked: The options of `add_records`.
-        keep_samples: Whether picks keep their samples, for figures.
+        options: Options of `add_records`.
+        keep_samples: Whether picks store their samples, for figures.
 
     Raises:
         InputError: Nothing can be read, or a record has no station.
@@ -172,9 +175,9 @@ def picked(
 
     of = pick_files(
         named,
-        positions=asked.positions,
-        scaling=scaling_of(asked),
-        high_pass_hz=asked.high_pass,
+        positions=options.positions,
+        scaling=scaling_of(options),
+        high_pass_hz=options.high_pass,
         keep_samples=keep_samples,
     )
     comments = tuple(of.comments(option_for))
@@ -190,22 +193,22 @@ class FromRecords(NamedTuple):
     """Picked records of a fit.
 
     Attributes:
-        picked: The picks, and their log.
-        text: The picks in words.
+        picked: Picks and their log.
+        text: Picks as printed.
     """
 
     picked: "PickedFiles"
     text: str
 
     def figure(self) -> "Figure":
-        """Draw the records."""
+        """Return the figure of the records."""
         from jblast.report.pick_figures import records_figure
 
         found = self.picked.found
         return records_figure(found.named(), found.picks)
 
     def answer(self) -> "PicksAnswer":
-        """Return what `jblast pick` would print."""
+        """Return the answer of `jblast pick`."""
         from jblast.report.picks import picks_answer
 
         return picks_answer(self.picked.found, self.picked.log)
@@ -214,7 +217,7 @@ class FromRecords(NamedTuple):
         """Write log and document into a folder of a report.
 
         Raises:
-            InputError: It cannot be written.
+            InputError: The folder is not writable.
         """
         from jblast.observations import write
 
@@ -224,19 +227,20 @@ class FromRecords(NamedTuple):
             write_text(directory / "picks.json", self.answer().to_json())
 
 
-def from_records(asked: argparse.Namespace) -> FromRecords | None:
-    """Return the picked records of a fit; None for a fit of logs, without positions.
+def from_records(options: argparse.Namespace) -> FromRecords | None:
+    """Return the picked records of a fit; None without `--positions`.
 
     Raises:
         InputError: A record cannot be read.
     """
-    if asked.positions is None:
+    if options.positions is None:
         return None
     from jblast.report.picks import picks_text
 
-    named = asked.observations
-    of = picked(named, asked, keep_samples=asked.out is not None)
+    named = options.observations
+    of = picked(named, options, keep_samples=options.out is not None)
     text = picks_text(of.found, of.log, tuple(path.name for path in of.left_out))
-    if of.found.refused and of.found.picks and not asked.json:
-        sys.stdout.write(text)  # of the others
+    if of.found.refused and of.found.picks and not options.json:
+        # the refused records end the command with an error: print the others before
+        sys.stdout.write(text)
     return FromRecords(of, text)

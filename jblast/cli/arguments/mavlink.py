@@ -1,4 +1,4 @@
-"""The servers of `jblast serve` over MAVLink: for an autopilot, or a ground station.
+"""Servers of `jblast serve` over MAVLink, for an autopilot or a ground station.
 
 Each runs until it is interrupted (SIGINT, SIGTERM) or its time is over, and returns a
 summary of the flight.
@@ -48,16 +48,16 @@ from jblast.vehicle import vehicle_of
 from jblast.world import draw_world
 
 AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 14550}
-"""The usual ones: of PX4's simulators, and of ground stations."""
+"""Default ports, by convention of PX4's simulators and of ground stations."""
 
 
-class Asked(NamedTuple):
-    """The scene that is served.
+class ServedScene(NamedTuple):
+    """The scene of a server.
 
     Attributes:
-        uncertain: With its random blasts drawn.
-        spec: Its vehicle.
-        place: Where its origin lies.
+        uncertain: Scene with its sampled blasts.
+        spec: Vehicle of the scene.
+        place: Geographic position of the origin.
     """
 
     uncertain: UncertainScene
@@ -65,34 +65,34 @@ class Asked(NamedTuple):
     place: Place
 
 
-def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
-    """Let an autopilot fly the scene's vehicle.
+def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
+    """Serve the scene's vehicle to an autopilot, and return the summary.
 
     Raises:
         InputError: The scene, the address or a file cannot be used.
     """
-    kind = asked.mavlink.partition(":")[0]
-    address = read_address(asked.mavlink, "mavlink", AUTOPILOT_PORT.get(kind, 0))
-    for file in (asked.tlog, asked.ulog):
+    kind = options.mavlink.partition(":")[0]
+    address = read_address(options.mavlink, "mavlink", AUTOPILOT_PORT.get(kind, 0))
+    for file in (options.tlog, options.ulog):
         if file:
-            refuse_existing(file, force=asked.force)
-    scene = _scene(asked)
+            refuse_existing(file, force=options.force)
+    scene = _scene(options)
     rotors = rotors_of(vehicle_of(scene.spec))
     drawn = scene.uncertain.scene
-    turns = turns_of(drawn, scene.spec, scene.place, asked.seed, asked.scene)
+    turns = turns_of(drawn, scene.spec, scene.place, options.seed, options.scene)
     flight, files = Lockstep(), []
     with contextlib.ExitStack() as stack:
         link, log = Link(address, "mavlink"), None
         stack.callback(link.close)
-        if asked.tlog:  # where the port is taken there is no log either
-            log = stack.enter_context(TelemetryLog(asked.tlog))
+        if options.tlog:  # after the port is bound, so that a failure leaves no file
+            log = stack.enter_context(TelemetryLog(options.tlog))
             link.keep = log.keep
-            files.append(asked.tlog)
+            files.append(options.tlog)
         made = programs(turns)
         serve_line(
             lockstep_line(
                 scene.spec.model,
-                asked.scene,
+                options.scene,
                 str(link.address),
                 listens=address.kind == "tcp",
             )
@@ -103,97 +103,97 @@ def served_autopilot(asked: argparse.Namespace) -> LockstepAnswer:
                 log.now_s = flight.turns * PERIOD_S
 
         stack.enter_context(_stopped_by_signal())
-        nobody, seconds = False, asked.seconds
+        unconnected, seconds = False, options.seconds
         try:
             while address.kind == "tcp" and not link.accept(1.0):
                 pass
         except KeyboardInterrupt:
-            nobody, seconds = True, 0.0
+            unconnected, seconds = True, 0.0
         fly_lockstep(
             made,
             link,
             rotors,
             flight=flight,
             seconds=seconds,
-            patience_s=asked.patience,
+            patience_s=options.patience,
             each=each,
         )
-        if nobody:
-            flight.ended = "interrupted before an autopilot came"
-        if asked.ulog:
+        if unconnected:
+            flight.ended = "interrupted before an autopilot connected"
+        if options.ulog:
             record = lockstep_record(flight, rotors, scene.place)
-            write_bytes(asked.ulog, flight_ulog(record))
-            files.append(asked.ulog)
+            write_bytes(options.ulog, flight_ulog(record))
+            files.append(options.ulog)
         return lockstep_answer(
             flight,
             link,
-            scene=asked.scene,
-            seed=asked.seed,
+            scene=options.scene,
+            seed=options.seed,
             vehicle=scene.spec.model,
             files=files,
         )
 
 
-def served_ground_station(asked: argparse.Namespace) -> WatchedAnswer:
-    """Show the scene's vehicle to a ground station.
+def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
+    """Serve the scene's vehicle to a ground station, and return the summary.
 
     Raises:
         InputError: The scene or the address cannot be used.
     """
-    kind = asked.ground_station.partition(":")[0]
+    kind = options.ground_station.partition(":")[0]
     port = GROUND_PORT.get(kind, 0)
-    address = read_address(asked.ground_station, "ground_station", port)
-    scene = _scene(asked)
+    address = read_address(options.ground_station, "ground_station", port)
+    scene = _scene(options)
     uncertain, spec, place = scene
     link = Link(address, "ground_station")
     with contextlib.closing(link):
-        said: list[GroundStation] = []
+        stations: list[GroundStation] = []
         missions = Missions(
             None if spec.mission is None else check_flown(uncertain),
             home_of(spec, place),
             lambda plan: check_flown(uncertain, plan),
-            lambda text: [serve_line(text), *(one.report_text(text) for one in said)],
+            lambda text: [serve_line(text), *(one.report_text(text) for one in stations)],
         )
         station = GroundStation(
             link,
             standing_record(spec, place),
             missions,
-            lambda plan: flown_record(uncertain, plan, asked.seed),
-            1.0 if asked.speed is None else asked.speed,
+            lambda plan: flown_record(uncertain, plan, options.seed),
+            1.0 if options.speed is None else options.speed,
         )
-        said.append(station)
-        serve_line(watched_line(spec.model, asked.scene, str(link.address)))
+        stations.append(station)
+        serve_line(watched_line(spec.model, options.scene, str(link.address)))
         with _stopped_by_signal():
-            watched = station.serve(asked.seconds)
+            watched = station.serve(options.seconds)
         return watched_answer(
             watched,
             link,
-            scene=asked.scene,
-            seed=asked.seed,
+            scene=options.scene,
+            seed=options.seed,
             vehicle=spec.model,
             items=len(missions.items),
         )
 
 
-def _scene(asked: argparse.Namespace) -> Asked:
-    """Return the scene with its random blasts drawn, and its vehicle."""
-    uncertain, world = read_scene_or_world(asked.scene)
-    until = math.inf if asked.seconds is None else asked.seconds
-    drawn = draw_world(uncertain, world, asked.seed, until_s=until)
+def _scene(options: argparse.Namespace) -> ServedScene:
+    """Return the scene with its blasts sampled, and its vehicle."""
+    uncertain, world = read_scene_or_world(options.scene)
+    until = math.inf if options.seconds is None else options.seconds
+    drawn = draw_world(uncertain, world, options.seed, until_s=until)
     place = PLACE if uncertain.place is None else uncertain.place
     whole = dataclasses.replace(uncertain, scene=drawn.scene, beliefs={}, place=place)
-    return Asked(whole, checked_scene(whole, 1, False), place)
+    return ServedScene(whole, checked_scene(whole, 1, False), place)
 
 
 @contextlib.contextmanager
 def _stopped_by_signal() -> Iterator[None]:
-    """Let SIGTERM end a flight as Ctrl-C does."""
+    """Make SIGTERM end a flight as Ctrl-C does."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
     before = None
-    with contextlib.suppress(ValueError):  # in another thread than the first
+    with contextlib.suppress(ValueError):  # only the main thread may set a handler
         before = signal.signal(signal.SIGTERM, stop)
     try:
         yield

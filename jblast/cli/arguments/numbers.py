@@ -1,7 +1,7 @@
-"""Numbers as values of options, bare or with a unit: each a `type=` of argparse.
+"""Numbers as values of options, bare or with a unit, each read by an argparse `type`.
 
 A bare number is in SI; `measured` also accepts a unit after it: `33lb`, `100ft`.
-argparse names the option of an error; `parsers.VerbParser` makes one message of it.
+argparse names the option of an error, and `VerbParser` makes one message of it.
 """
 
 import math
@@ -12,21 +12,21 @@ from collections.abc import Callable
 from jblast.errors import InputError, shown, whole_number
 
 MOST_ROWS = 100_000
-"""Of a table by FROM:TO:COUNT; declared."""
+"""Largest table of FROM:TO:COUNT, declared: a mistyped COUNT must not fill memory."""
 EITHER = re.compile(r"\d+,\d+[^\d,:]*")
-"""15,5 or 33,5lb: two numbers, or one as most of Europe writes it."""
+"""15,5 or 33,5lb: two numbers, or one with a decimal comma."""
 SIZES = (1e-30, 1e30)
-"""What a number other than 0 may be: past them powers of it overflow."""
+"""Bounds of a number other than 0: beyond them its powers overflow, or are 0."""
 NUMBER_AND_UNIT = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-].*)"
 )
 
 
 def number(text: str) -> float:
-    """Return a number that is finite, and neither huge nor tiny.
+    """Return a finite number, 0 or of a size within `SIZES`.
 
     Raises:
-        ArgumentTypeError: It is not.
+        ArgumentTypeError: The text is no such number.
     """
     value = _number_or_nan(text)
     if not math.isfinite(value):
@@ -40,10 +40,10 @@ def number(text: str) -> float:
 
 
 def positive(text: str) -> float:
-    """Return such a number that is positive too.
+    """Return a positive number of a size within `SIZES`.
 
     Raises:
-        ArgumentTypeError: It is not.
+        ArgumentTypeError: The text is no such number.
     """
     value = number(text)
     if value <= 0:
@@ -52,10 +52,10 @@ def positive(text: str) -> float:
 
 
 def positive_of_any_size(text: str) -> float:
-    """Return a positive, finite number: no power of it is taken.
+    """Return a positive, finite number of any size, of which no power is taken.
 
     Raises:
-        ArgumentTypeError: It is none.
+        ArgumentTypeError: The text is no such number.
     """
     value = _number_or_nan(text)
     if not 0.0 < value < math.inf:
@@ -67,12 +67,12 @@ def several(text: str, one: Callable[[str], float] = positive) -> tuple[float, .
     """Return the values of `1`, `1,2,5` or `1:100:20`, all positive.
 
     Args:
-        text: As written.
-        one: What reads one of the numbers.
+        text: Value of the option.
+        one: Reader of one number.
 
     Raises:
-        ArgumentTypeError: The text is none of these, or two whole numbers that may be
-            one with a decimal comma.
+        ArgumentTypeError: The text has another form, or two whole numbers that may be
+            one number with a decimal comma.
     """
     if EITHER.fullmatch(text):
         raise ArgumentTypeError(
@@ -89,10 +89,10 @@ def several(text: str, one: Callable[[str], float] = positive) -> tuple[float, .
 
 
 def share(text: str) -> float:
-    """Return a number from 0 to 1, 1 left out.
+    """Return a number in [0, 1).
 
     Raises:
-        ArgumentTypeError: It is none.
+        ArgumentTypeError: The text is no such number.
     """
     value = _number_or_nan(text)
     if not 0.0 <= value < 1.0:
@@ -106,7 +106,7 @@ def time_span(text: str) -> tuple[float, float]:
     """Return START and STOP [s] of `START:STOP`.
 
     Raises:
-        ArgumentTypeError: It is not that, or ends before it starts.
+        ArgumentTypeError: The text has another form, or STOP is not after START.
     """
     try:
         start, stop = (float(word) for word in text.split(":"))
@@ -122,10 +122,10 @@ def time_span(text: str) -> tuple[float, float]:
 
 
 def threshold_pair(text: str) -> tuple[float, float]:
-    """Return the steps of ln light, brighter and darker: one for both signs, or two.
+    """Return the thresholds of ln(light), brighter and darker; one number is for both.
 
     Raises:
-        ArgumentTypeError: It is neither.
+        ArgumentTypeError: The text is not one or two positive numbers.
     """
     words = text.split(",")
     if len(words) > 2:
@@ -138,7 +138,7 @@ def vector(text: str) -> tuple[float, ...]:
     """Return the three numbers of `X,Y,Z` [m].
 
     Raises:
-        ArgumentTypeError: It is not that.
+        ArgumentTypeError: The text has another form.
     """
     try:
         values = tuple(float(word) for word in text.split(","))
@@ -153,7 +153,8 @@ def azimuth_and_elevation(text: str) -> tuple[float, float]:
     """Return the two numbers of `AZIMUTH,ELEVATION` [deg].
 
     Raises:
-        ArgumentTypeError: It is not that, or no place in the sky.
+        ArgumentTypeError: The text has another form, or the elevation is not between 0
+            and 90.
     """
     try:
         azimuth, elevation = (float(word) for word in text.split(","))
@@ -168,10 +169,10 @@ def azimuth_and_elevation(text: str) -> tuple[float, float]:
 
 
 def seed(text: str) -> int:
-    """Return a seed that JAX can hold.
+    """Return a seed of JAX.
 
     Raises:
-        ArgumentTypeError: It is none.
+        ArgumentTypeError: The text is no whole number from 0 to 2^63 - 1.
     """
     try:
         value = int(text)
@@ -185,17 +186,17 @@ def seed(text: str) -> int:
 
 
 def _evenly_in_ln(word: str, one: Callable[[str], float]) -> list[float]:
-    """Return the numbers of FROM:TO:COUNT."""
-    import numpy as np  # not for --help
+    """Return the numbers of FROM:TO:COUNT, evenly spaced in ln."""
+    import numpy as np  # here, so that --help does not load it
 
-    ends = word.split(":")
-    count = whole_number(ends[2]) if len(ends) == 3 else None
+    parts = word.split(":")
+    count = whole_number(parts[2]) if len(parts) == 3 else None
     if count is None or not 2 <= count <= MOST_ROWS:
         raise ArgumentTypeError(
             f"expected FROM:TO:COUNT with a COUNT of 2 to {MOST_ROWS}, "
             f"got {shown(word)}"
         )
-    low, high = (one(end) for end in ends[:2])
+    low, high = (one(part) for part in parts[:2])
     return np.geomspace(low, high, count).tolist()
 
 
@@ -207,11 +208,11 @@ def _number_or_nan(text: str) -> float:
 
 
 def measured(dimension: str, example: str) -> Callable[[str], float]:
-    """Return a `type=` of argparse that takes a number, or one with a unit.
+    """Return an argparse `type` that reads a number, or a number with a unit.
 
     Args:
-        dimension: Of the unit, a key of `units.SUFFIXES`.
-        example: What a message shows.
+        dimension: Dimension of the unit, a key of `units.SUFFIXES`.
+        example: Value with a unit, for messages.
     """
 
     def in_si(text: str) -> float:
@@ -227,7 +228,7 @@ def measured(dimension: str, example: str) -> Callable[[str], float]:
 
 
 def measured_positive(dimension: str, example: str) -> Callable[[str], float]:
-    """Return the same of positive numbers."""
+    """Return an argparse `type` as `measured`, for positive numbers."""
     in_si = measured(dimension, example)
 
     def positive_in_si(text: str) -> float:
@@ -248,7 +249,7 @@ def _is_number(text: str) -> bool:
 
 
 def _factor(unit: str, dimension: str, example: str) -> float:
-    from jblast.units import si_factor, unit_spelt  # not for --help
+    from jblast.units import si_factor, unit_spelt  # here, as NumPy above
 
     meant = unit_spelt(unit)
     if meant and all(one.dimension != dimension for one in meant):

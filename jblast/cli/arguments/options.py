@@ -2,7 +2,7 @@
 
 Paths and output files, `--free`, `--law`, `--noise`, the options for reading a log, and
 `--live`. `option_for` translates an argument of a Python function to its option in
-messages. JAX is imported inside functions only: --help does not wait for it.
+messages. JAX is imported inside functions only, so that `--help` does not load it.
 """
 
 import argparse
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jblast.cli.arguments.numbers import positive
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import refuse_existing, writing
 from jblast.parameters import PARAMETERS
@@ -20,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NOT_FOUND, DOUBTFUL = 3, 4
-"""Exit codes: nothing was found; computed, but there is a doubt."""
+"""Exit codes: nothing found; computed, but with a warning about the result."""
 FIGURES = (".png", ".svg", ".pdf")
-"""What a name of a figure may end in."""
+"""Suffixes of figures."""
 OTHERWISE = {
     "freed": "--free",
     "laws": "--law",
@@ -44,19 +45,19 @@ OTHERWISE = {
     "false_alarms_per_hour": "--false-alarms",
     "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",
 }
-"""Arguments of Python whose options have another name."""
+"""Options of Python arguments with another name."""
 
 
 def check_out(directory: Path, names: Iterable[str], *, force: bool) -> None:
-    """Refuse a directory that cannot be written to, before anything is computed.
+    """Check before the work that files can be written to a directory, and make it.
 
     Args:
-        directory: Where to write; it is made.
-        names: Of the files to write.
-        force: Whether they may be overwritten.
+        directory: Output directory.
+        names: Names of the files to write.
+        force: Whether existing files may be overwritten.
 
     Raises:
-        InputError: It cannot be written to, or holds one of the files.
+        InputError: The directory is not writable, or has one of the files.
     """
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
@@ -65,10 +66,10 @@ def check_out(directory: Path, names: Iterable[str], *, force: bool) -> None:
 
 
 def path(text: str) -> str:
-    """Return the path an argument holds; an empty one is an unset shell variable.
+    """Return the path in an argument.
 
     Raises:
-        ArgumentTypeError: It is empty.
+        ArgumentTypeError: The path is empty, as from an unset variable of the shell.
     """
     if not text.strip():
         raise argparse.ArgumentTypeError(f"expected a path, got {text!r}")
@@ -76,10 +77,10 @@ def path(text: str) -> str:
 
 
 def check_figure(option: str, file: str, *, force: bool) -> None:
-    """Refuse a figure that cannot be drawn, before anything is computed.
+    """Check before the work that a figure can be written.
 
     Raises:
-        InputError: It is of no kind we draw, or exists already.
+        InputError: The suffix is none of `FIGURES`, or the file exists.
     """
     if Path(file).suffix.lower() not in FIGURES:
         raise InputError(f"{option} {file}: expected a name in {', '.join(FIGURES)}")
@@ -87,10 +88,10 @@ def check_figure(option: str, file: str, *, force: bool) -> None:
 
 
 def save_figure(figure: "Figure", file: str | Path) -> None:
-    """Write a figure of Matplotlib.
+    """Write a Matplotlib figure.
 
     Raises:
-        InputError: It cannot be written.
+        InputError: The file cannot be written.
     """
     from jblast.report.figure_files import write_figure
 
@@ -98,37 +99,38 @@ def save_figure(figure: "Figure", file: str | Path) -> None:
         write_figure(figure, file)
 
 
-def add_free(verb: argparse.ArgumentParser) -> None:
-    """Let a verb take `--free`."""
-    verb.add_argument(
+def add_free(verb: VerbParser) -> None:
+    """Add `--free`."""
+    verb.model.add_argument(
         "--free",
         metavar="PARAMETER,...",
         default="",
-        help="these are not known either, and have no prior: some of "
-        f"{', '.join(PARAMETERS)}; of one of several charges charge_mass_kg.NAME and "
-        "so on; of a clock clock_offset_s.NAME",
+        help="parameters to fit without a prior (default: those of the scene): some of "
+        f"{', '.join(PARAMETERS)}; with several charges charge_mass_kg.NAME and so on; "
+        "for a clock clock_offset_s.NAME",
     )
 
 
-def names_to_free(words: str) -> list[str]:
-    """Return the names after `--free`, which stand between commas."""
+def names_between_commas(words: str) -> list[str]:
+    """Return the names in a list with commas, as of `--free`."""
     return [name.strip() for name in words.split(",") if name.strip()]
 
 
-def add_law(verb: argparse.ArgumentParser) -> None:
-    """Let a verb take `--law` (`sensors.law_choice.laws_named` reads it)."""
-    verb.add_argument(
+def add_law(verb: VerbParser) -> None:
+    """Add `--law`, which `sensors.law_choice.laws_named` reads."""
+    verb.model.add_argument(
         "--law",
         action="append",
         default=[],
         metavar="auto|NAME|QUANTITY=NAME",
-        help="law for all it gives, or for one quantity; may be repeated",
+        help="law for all of its quantities, or for one quantity; repeatable (default: "
+        "as in the scene)",
     )
 
 
-def add_noise(verb: argparse.ArgumentParser) -> None:
-    """Let a verb take `--noise`."""
-    verb.add_argument(
+def add_noise(verb: VerbParser) -> None:
+    """Add `--noise`."""
+    verb.advanced.add_argument(
         "--noise",
         choices=("student", "gaussian"),
         default="student",
@@ -136,95 +138,110 @@ def add_noise(verb: argparse.ArgumentParser) -> None:
     )
 
 
-def given(asked: argparse.Namespace, **arguments: str) -> dict[str, Any]:
-    """Return the arguments of options that are given; others have library defaults.
+def given(options: argparse.Namespace, **arguments: str) -> dict[str, Any]:
+    """Return the library arguments of the options that are given.
 
     Args:
-        asked: The options.
+        options: Options; None means that the library's default applies.
         arguments: Name of the library's argument, by option.
     """
-    values = {name: getattr(asked, option) for option, name in arguments.items()}
+    values = {name: getattr(options, option) for option, name in arguments.items()}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def option_for(argument: str) -> str:
-    """Return how the command line calls an argument that a message names."""
+    """Return the option of a Python argument that a message names."""
     return OTHERWISE.get(argument, f"--{argument.replace('_', '-')}")
 
 
 def in_options(error: InputError) -> InputError:
-    """Return an error in the words of the command line."""
+    """Return an error whose message names options instead of Python arguments."""
     return InputError(error.worded(option_for))
 
 
-def add_reading(verb: argparse.ArgumentParser) -> None:
-    """Let a verb take the options of `jblast.read`."""
-    verb.add_argument(
-        "--strict",
-        action="store_true",
-        help="take a log in our own columns, units and commas alone",
-    )
-    verb.add_argument(
+def add_reading(verb: VerbParser) -> None:
+    """Add the options of `jblast.read`."""
+    verb.inputs.add_argument(
         "--wide",
         action="store_true",
-        help="the log has a column for each quantity, as peak_overpressure_kpa, beside "
-        "it perhaps sigma_peak_overpressure_kpa",
+        help="wide log: one column for each quantity, such as peak_overpressure_kpa, "
+        "optionally with sigma_peak_overpressure_kpa",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--date",
         metavar="YYYY-MM-DD",
-        help="day of the times in value_utc that have none, in their zone",
+        help="date of the times in value_utc that have none, in their zone",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--zone",
         metavar="ZONE",
-        help="zone of the times in value_utc that have none: +02:00, UTC, Asia/Beirut",
+        help="time zone of the times in value_utc that have none: +02:00, UTC, "
+        "Asia/Beirut",
+    )
+    verb.advanced.add_argument(
+        "--strict",
+        action="store_true",
+        help="rejection of other columns, units and separators than those of jblast",
     )
 
 
-def reading_words(asked: argparse.Namespace) -> str:
-    """Return the options of reading as they were typed, to be typed again."""
-    said = "".join(f" --{name}" for name in ("strict", "wide") if getattr(asked, name))
-    options = {name: getattr(asked, name) for name in ("date", "zone")}
-    return said + "".join(f" --{name} {word}" for name, word in options.items() if word)
+def add_json(
+    verb: VerbParser, content: str = "answer as JSON, instead of text"
+) -> None:
+    """Add `--json`."""
+    verb.outputs.add_argument("--json", action="store_true", help=content)
 
 
-def reading_asked(asked: argparse.Namespace) -> dict[str, Any]:
+def add_force(verb: VerbParser, files: str = "existing files in --out") -> None:
+    """Add `--force`, which allows to overwrite `files`."""
+    verb.outputs.add_argument(
+        "--force", action="store_true", help=f"permission to overwrite {files}"
+    )
+
+
+def reading_words(options: argparse.Namespace) -> str:
+    """Return the options of `add_reading` as text for another command line."""
+    flags = [f" --{name}" for name in ("strict", "wide") if getattr(options, name)]
+    values = {name: getattr(options, name) for name in ("date", "zone")}
+    return "".join([*flags, *(f" --{name} {v}" for name, v in values.items() if v)])
+
+
+def reading_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `add_reading` as arguments of `jblast.read`."""
-    return {name: getattr(asked, name) for name in ("strict", "wide", "date", "zone")}
+    return {name: getattr(options, name) for name in ("date", "strict", "wide", "zone")}
 
 
-def add_live(verb: argparse.ArgumentParser) -> None:
-    """Let a verb show the world."""
-    verb.add_argument(
+def add_live(verb: VerbParser) -> None:
+    """Add `--live`."""
+    verb.outputs.add_argument(
         "--live",
         type=positive,
         nargs="?",
         const=1.0,
         metavar="SPEED",
-        help="then show it in a window as its clock runs, so many times as fast "
-        "(default: 1)",
+        help="window that plays the run, SPEED times as fast as its clock (default: "
+        "no window; without a number 1)",
     )
 
 
-def check_live(asked: argparse.Namespace) -> None:
-    """Refuse before the work what could not be shown after it.
+def check_live(options: argparse.Namespace) -> None:
+    """Check before the work that `--live` can be shown after it.
 
     Raises:
         InputError: There is no display.
     """
-    if asked.live:
+    if options.live:
         from jblast.report.world_live import check_display
 
         check_display()
 
 
-def show_live(asked: argparse.Namespace, folder: Path) -> None:
-    """Show what a folder holds, if that is asked for."""
-    if not asked.live:
+def show_live(options: argparse.Namespace, folder: Path) -> None:
+    """Play the run of a folder, if `--live` is given."""
+    if not options.live:
         return
     from jblast.report.world_live import play
     from jblast.report.world_page import read_run
 
     sys.stdout.flush()
-    play(read_run(folder), asked.live)
+    play(read_run(folder), options.live)

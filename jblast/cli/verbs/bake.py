@@ -1,10 +1,10 @@
-"""Make a set of views of an explosion: `jblast render SCENE.toml --views SET` uses it.
+"""Make a set of explosion images with Blender, for `jblast render --views SET`.
 
-Blender simulates an explosion on the ground (Mantaflow) and renders it from every view
-without what is behind it. The set says how hot, how dark and how opaque each pixel is;
-size, time and light come from the scene it is used in. What is finished is kept: the
-same command goes on after an interruption. Blender is another program (3.4 or later, of
-Debian: apt-get install blender). Two bakes of one seed are alike, and not the same.
+Blender simulates an explosion on the ground (Mantaflow) and renders it from each
+direction without a background. The set stores the heat, darkness and opacity of each
+pixel; size, time and light come from the scene that uses it. The same command continues
+an interrupted run. Blender is a separate program (3.4 or later; on Debian: apt-get
+install blender). Two sets of one seed are similar, not identical.
 """
 
 import argparse
@@ -12,90 +12,92 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import seed
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import add_force, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.files import writing
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
-        "--out",
-        required=True,
-        metavar="SET",
-        type=path,
-        help="directory to write to: views.toml, and a WebP file for each view",
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.model.add_argument(
+        "--views",
+        type=int,
+        default=32,
+        metavar="N",
+        help="number of directions (default: 32)",
     )
-    verb.add_argument(
-        "--views", type=int, default=32, metavar="N", help="directions (default: 32)"
-    )
-    verb.add_argument(
+    verb.model.add_argument(
         "--frames",
         type=int,
         default=40,
         metavar="N",
-        help="instants, from burst to smoke (default: 40)",
+        help="number of times, from burst to smoke (default: 40)",
     )
-    verb.add_argument(
+    verb.model.add_argument(
         "--size",
         type=int,
         default=128,
         metavar="PX",
-        help="side of a frame (default: 128)",
+        help="side of a frame [pixels] (default: 128)",
     )
-    verb.add_argument(
-        "--engine",
-        choices=("cycles", "eevee"),
-        default="cycles",
-        help="renderer of Blender; eevee has less fire (default: cycles)",
-    )
-    verb.add_argument(
+    verb.model.add_argument(
         "--seed",
         type=seed,
         default=0,
-        help="of the explosion: where its lobes are (default: 0)",
+        help="seed of the explosion's lobes (default: 0)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
+        "--engine",
+        choices=("cycles", "eevee"),
+        default="cycles",
+        help="renderer of Blender; eevee shows less fire (default: cycles)",
+    )
+    verb.advanced.add_argument(
         "--sampling",
         choices=("hardin", "fibonacci", "grid"),
         default="hardin",
         help="directions on the hemisphere: a Fibonacci lattice offset from the pole "
-        "(default), a plain one, or rings of latitude",
+        "(hardin), a plain one (fibonacci), or rings of latitude (grid) (default: "
+        "hardin)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--blender",
         metavar="PATH",
         type=path,
-        help="the program (default: blender, on the PATH)",
+        help="Blender program (default: blender, on the PATH)",
     )
-    verb.add_argument(
-        "--force",
-        action="store_true",
-        help="overwrite a set, or a part of another one, that SET holds",
+    verb.outputs.add_argument(
+        "--out",
+        required=True,
+        metavar="SET",
+        type=path,
+        help="folder for views.toml and a WebP file for each view",
     )
+    add_force(verb, "a set, or a part of another set, in SET")
 
 
-def run(asked: argparse.Namespace) -> int:
-    """Simulate, render and write what is missing; say what was written."""
+def run(options: argparse.Namespace) -> int:
+    """Simulate, render and write the missing views; print the files written."""
     from jblast.sensors.camera.bake.baking import Baking, blender_found
     from jblast.sensors.camera.bake.recipe import Recipe
 
     recipe = Recipe(
-        views=asked.views,
-        frames=asked.frames,
-        size=asked.size,
-        engine=asked.engine,
-        seed=asked.seed,
-        sampling=asked.sampling,
+        views=options.views,
+        frames=options.frames,
+        size=options.size,
+        engine=options.engine,
+        seed=options.seed,
+        sampling=options.sampling,
     )
-    baking = Baking(recipe, Path(asked.out))
-    program, version = blender_found(asked.blender)
-    with writing(asked.out):
-        baking.begin(force=asked.force)
+    baking = Baking(recipe, Path(options.out))
+    program, version = blender_found(options.blender)
+    with writing(options.out):
+        baking.begin(force=options.force)
         files = baking.make(program, version)
     size = sum((baking.out / file).stat().st_size for file in files)
     sys.stdout.write(
         f"{len(files) - 1} views of {recipe.frames} frames of {recipe.size} x "
         f"{recipe.size} pixels, {size / 1e6:.1f} MB\n"
-        f"Written: {asked.out}, {files[0]} and {files[1]} to {files[-1]}\n"
+        f"Written: {options.out}, {files[0]} and {files[1]} to {files[-1]}\n"
     )
     return 0

@@ -1,9 +1,11 @@
 """Calculate a blast by every law, or the range or mass at which it takes a value.
 
-Numbers outside a law's range are answered and marked. With --overpressure, --impulse,
-... beside --range or --mass alone, the other of the two is what is asked for. One
-question, that or --quantity, is answered in one line, by the law that we take, the
-others below; --table prints them all alike. Numbers may carry a unit: 33lb, 1psi.
+Values outside the validity range of a law are printed and marked. One of
+--overpressure, --impulse, ... with --range or --mass gives the other of the two. A
+single question (such a value, or --quantity) has a one-line answer by the recommended
+law, followed by the other laws; --table prints all laws alike.
+
+Numbers may have a unit: 33lb, 1psi.
 """
 
 import argparse
@@ -22,7 +24,14 @@ from jblast.cli.arguments.numbers import (
     number,
     several,
 )
-from jblast.cli.arguments.options import check_figure, path, save_figure
+from jblast.cli.arguments.options import (
+    add_force,
+    add_json,
+    check_figure,
+    path,
+    save_figure,
+)
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError, nearest, shown
 from jblast.parameters import PARAMETERS
 from jblast.quantities import QUANTITIES
@@ -39,125 +48,157 @@ MEASURED = {
     "reflected-pressure": ("reflected_pressure_pa", "reflected peak pressure"),
     "reflected-impulse": ("reflected_impulse_pa_s", "reflected impulse"),
 }
-"""Options of what was measured: the quantity, and its words in `--help`."""
+"""Quantity of each option with a value to find, and its words in `--help`."""
 UNITS = {
     "Pa": ("pressure", "1psi"),
     "Pa s": ("impulse", "10psi_ms"),
     "s": ("time", "50ms"),
 }
-"""What a value of a unit may end in: the dimension, and an example of another unit."""
+"""Dimension of a unit, and an example of another unit of the same dimension."""
 EXAMPLES = {"length": "ft", "pressure": "psi", "speed": "ft/s"}
 DRY = {"relative_humidity": 0.0}
-"""The standard atmosphere, which the tables are for, is dry; a scene's air is not."""
+"""Dry air, as in the standard atmosphere of the tables; the air of a scene is humid."""
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
     rows = "one, several, or FROM:TO:COUNT, evenly spaced in ln"
     for name, unit, of, words in (
-        ("mass", "KG", ("mass", "33lb"), "explosive"),
-        ("range", "M", ("length", "100ft"), "slant range"),
+        ("mass", "KG", ("mass", "33lb"), "mass of the explosive [kg]"),
+        ("range", "M", ("length", "100ft"), "slant range [m]"),
     ):
-        verb.add_argument(
+        verb.inputs.add_argument(
             f"--{name}",
             nargs="+",
             type=partial(several, one=measured_positive(*of)),
             metavar=unit,
-            help=f"{words}, also as {of[1]}; {rows}",
+            help=f"{words}, or with a unit ({of[1]}): {rows}",
         )
     for name, (quantity, words) in MEASURED.items():
         unit = QUANTITIES[quantity].unit
-        verb.add_argument(
+        verb.inputs.add_argument(
             f"--{name}",
             type=measured_positive(*UNITS[unit]),
             metavar=unit.upper().replace(" ", "_"),
-            help=f"{words}, also as {UNITS[unit][1]}: asks for the range or the mass",
+            help=f"{words} [{unit}], or with a unit ({UNITS[unit][1]}), to find the "
+            "range or the mass",
         )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--quantity",
         metavar="QUANTITY",
-        help="answer for this one alone: a name as in a log, or overpressure, ...",
+        help="quantity to calculate (default: all): a name as in a log, or "
+        "overpressure, impulse, ...",
     )
-    verb.add_argument("--law", metavar="NAME", help="answer by this law alone")
-    verb.add_argument(
-        "--table",
-        action="store_true",
-        help="every law beside its range, where one question has one answer, too",
+    verb.model.add_argument(
+        "--law", metavar="NAME", help="law to calculate by (default: all)"
     )
-    verb.add_argument(
-        "--units",
-        metavar="si|us",
-        help="what is printed: SI, or ft, lb, psi, psi ms (default: si)",
-    )
-    verb.add_argument(
+    verb.model.add_argument(
         "--burst",
         metavar="surface|free-air",
-        help="hemispherical or spherical curves (default: as the height leaves it)",
+        help="hemispherical or spherical curves (default: from the height)",
     )
-    verb.add_argument(
-        "--explosive", metavar="NAME", help="what it is of (default: TNT)"
+    verb.model.add_argument(
+        "--explosive", metavar="NAME", help="explosive (default: TNT)"
     )
     kelvin, pascal, granite = (
         PARAMETERS[name].default
         for name in ("air_temperature_k", "air_pressure_pa", "ground_p_speed_m_s")
     )
-    for name, of, unit, words in (
-        ("height", "length", "M", "of burst; negative is buried (default: 0)"),
-        ("temperature", "", "K", f"of the air (default: {kelvin:g})"),
-        ("pressure", "pressure", "PA", f"of the air (default: {pascal:g})"),
-        ("altitude", "length", "M", "standard atmosphere there, instead of the two"),
-        ("humidity", "", "F", "relative, 0 to 1 (default: 0)"),
-        ("sound-speed", "speed", "M_S", "(default: from temperature and humidity)"),
+    model, advanced = verb.model, verb.advanced
+    for group, name, of, unit, words in (
         (
+            model,
+            "height",
+            "length",
+            "M",
+            "height of burst [m], negative if buried (default: 0)",
+        ),
+        (model, "temperature", "", "K", f"air temperature [K] (default: {kelvin:g})"),
+        (
+            model,
+            "pressure",
+            "pressure",
+            "PA",
+            f"air pressure [Pa] (default: {pascal:g})",
+        ),
+        (
+            model,
+            "altitude",
+            "length",
+            "M",
+            "altitude in the standard atmosphere [m], in place of temperature and "
+            "pressure",
+        ),
+        (advanced, "humidity", "", "F", "relative humidity, 0 to 1 (default: 0)"),
+        (
+            advanced,
+            "sound-speed",
+            "speed",
+            "M_S",
+            "speed of sound in air [m/s] (default: from temperature and humidity)",
+        ),
+        (
+            advanced,
             "p-speed",
             "speed",
             "M_S",
-            f"of the ground (default: granite, {granite:g})",
+            f"P-wave speed of the ground [m/s] (default: granite, {granite:g})",
         ),
     ):
         kind = measured(of, f"1{EXAMPLES[of]}") if of else number
-        verb.add_argument(f"--{name}", type=kind, metavar=unit, help=words)
-    verb.add_argument(
+        group.add_argument(f"--{name}", type=kind, metavar=unit, help=words)
+    verb.outputs.add_argument(
+        "--table",
+        action="store_true",
+        help="table of all laws with their validity ranges, also for one question",
+    )
+    verb.outputs.add_argument(
+        "--units",
+        metavar="si|us",
+        help="printed units: SI, or ft, lb, psi, psi ms (default: si)",
+    )
+    verb.outputs.add_argument(
         "--plot",
         metavar="FILE",
         type=path,
-        help="draw all laws against range, solid where they hold (.png, .svg or .pdf)",
+        help="figure of all laws against range, solid inside their validity ranges "
+        "(.png, .svg or .pdf)",
     )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument("--csv", action="store_true", help="print CSV, one value a line")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite an existing --plot"
+    add_json(verb)
+    verb.outputs.add_argument(
+        "--csv", action="store_true", help="answer as CSV, one value a line"
     )
+    add_force(verb, "an existing --plot")
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Calculate, print, and return the exit code."""
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    question = question_of(asked)
-    quantity, law = wanted(asked)
-    if asked.plot:
-        check_figure("--plot", asked.plot, force=asked.force)
+    question = question_of(options)
+    quantity, law = selection(options)
+    if options.plot:
+        check_figure("--plot", options.plot, force=options.force)
         check_plot(question)
     answer = _roots if question.quantity else _forward
-    text, recommended = answer(asked, question, quantity, law)
-    if asked.plot:
+    text, recommended = answer(options, question, quantity, law)
+    if options.plot:
         from jblast.report.calculator.figures import calculator_figure, question_figure
 
         one = question.quantity or quantity
         draw = question_figure(question, one, recommended, law) if one else None
-        save_figure(draw or calculator_figure(question, law), asked.plot)
-        if not (asked.json or asked.csv):
-            text += f"\nPlot: {asked.plot}\n"
+        save_figure(draw or calculator_figure(question, law), options.plot)
+        if not (options.json or options.csv):
+            text += f"\nPlot: {options.plot}\n"
     sys.stdout.write(text)
     return 0
 
 
 def _roots(
-    asked: argparse.Namespace, question: "Question", quantity: str, law: str
+    options: argparse.Namespace, question: "Question", quantity: str, law: str
 ) -> "tuple[str, Recommended | None]":
-    """Answer with the range or the mass at which a quantity takes a value."""
+    """Return the printed range or mass at which a quantity has a value."""
     from jblast.report.calculator.answer import inverse_answer
     from jblast.report.calculator.terminal import root_line, roots_csv, roots_text
     from jblast.sensors.calculator import recommended_root, roots
@@ -165,18 +206,18 @@ def _roots(
     found = {name: one for name, one in roots(question).items() if law in ("", name)}
     check_roots(question, found)
     recommended = recommended_root(question, found)
-    if asked.json:
+    if options.json:
         answer = inverse_answer(question, found, recommended)
         return answer.to_json(), recommended
-    if asked.csv or asked.table:
-        return (roots_csv if asked.csv else roots_text)(question, found), recommended
+    if options.csv or options.table:
+        return (roots_csv if options.csv else roots_text)(question, found), recommended
     return root_line(question, recommended, found), recommended
 
 
 def _forward(
-    asked: argparse.Namespace, question: "Question", quantity: str, law: str
+    options: argparse.Namespace, question: "Question", quantity: str, law: str
 ) -> "tuple[str, Recommended | None]":
-    """Answer with quantities at ranges from masses."""
+    """Return the printed quantities at ranges from masses."""
     from jblast.report.calculator.answer import between_limits, calculator_answer
     from jblast.report.calculator.terminal import (
         calculation_csv,
@@ -196,74 +237,75 @@ def _forward(
     recommended = None
     if quantity and len(rows[0]) == 1:
         recommended = recommended_value(question, quantity, answer[quantity])
-        if not (asked.json or asked.csv or asked.table):
+        if not (options.json or options.csv or options.table):
             return value_line(question, recommended, answer[quantity]), recommended
     other = None
     if between_limits(question):
         other = only(calculate(with_other_burst(question.scene), *rows), quantity, law)
     apart = disagreements(question, answer)
-    if asked.csv:
+    if options.csv:
         return calculation_csv(question, answer, apart), recommended
-    if asked.json:
+    if options.json:
         whole = calculator_answer(question, answer, other, apart, recommended)
         return whole.to_json(), recommended
     return calculation_text(question, answer, other, apart), recommended
 
 
-def question_of(asked: argparse.Namespace) -> "Question":
-    """Return what is asked.
+def question_of(options: argparse.Namespace) -> "Question":
+    """Return the question of the options.
 
     Raises:
-        InputError: A number is no number or out of bounds, options contradict each
-            other or are too few, or a range lies inside the charge.
+        InputError: A number is invalid or out of bounds, options are missing or
+            contradict one another, or a range lies inside the charge.
     """
     from jblast.sensors.calculator import Question, with_burst
 
-    measured = [name for name in MEASURED if _given(asked, name) is not None]
-    _check_options(asked, measured)
+    measured = _measured(options)
+    _check_options(options, measured)
     defaults = set()
-    for field, options in {
+    for field, related in {
         "air": ("temperature", "pressure", "altitude", "humidity", "sound_speed"),
         "ground": ("p_speed",),
         "burst": ("burst",),
         "explosive": ("explosive",),
     }.items():
-        if all(_given(asked, option) is None for option in options):
+        if all(_given(options, option) is None for option in related):
             defaults.add(field)
     quantity, target = "", math.nan
     if measured:
         quantity = MEASURED[measured[0]][0]
-        target = _given(asked, measured[0])
+        target = _given(options, measured[0])
     question = Question(
-        scene=_scene(asked),
-        slant_range=tuple(chain(*(asked.range or ()))),
-        charge_mass=tuple(chain(*(asked.mass or ()))),
+        scene=_scene(options),
+        slant_range=tuple(chain(*(options.range or ()))),
+        charge_mass=tuple(chain(*(options.mass or ()))),
         quantity=quantity,
         target=target,
         defaults=frozenset(defaults),
-        units=asked.units or "si",
+        units=options.units or "si",
     )
     _check_rows(question, measured)
     return with_burst(question)
 
 
 def check_plot(question: "Question") -> None:
-    """Refuse a question whose answer is no curve against range.
+    """Check that the answer is a curve against range.
 
     Raises:
-        InputError: It is.
+        InputError: The answer is no such curve.
     """
     if not question.quantity and len(question.charge_mass) != 1:
         raise InputError(
-            "--plot: it draws all laws against range; expected one --mass, and --range"
+            f"--plot: expected one --mass and --range, got {len(question.charge_mass)} "
+            "masses; the figure has all laws against range"
         )
 
 
 def check_roots(question: "Question", found: "dict[str, Roots]") -> None:
-    """Refuse a value that no law takes where it holds, and say which ones they do.
+    """Check that a law has the value inside its validity range.
 
     Raises:
-        InputError: No root is valid.
+        InputError: No root is valid; the message has the values that laws have.
     """
     from jblast.report.words import printed_number
 
@@ -274,65 +316,73 @@ def check_roots(question: "Question", found: "dict[str, Roots]") -> None:
     units = question.units
     target = printed_number(question.quantity, question.target, system=units)
     if not spans:
-        raise InputError(f"--{option}: no law that holds here gives it; got {target}")
+        raise InputError(
+            f"--{option}: no law that is valid here gives it; got {target}"
+        )
     low = printed_number(question.quantity, min(low for low, _ in spans), 3, units)
     high = printed_number(question.quantity, max(high for _, high in spans), 3, units)
     raise InputError(
-        f"--{option}: expected a value that some law takes inside its range, "
+        f"--{option}: expected a value of some law inside its validity range, "
         f"from {low} to {high}; got {target}"
     )
 
 
-def _given(asked: argparse.Namespace, option: str) -> Any:
-    return getattr(asked, option.replace("-", "_"))
+def _measured(options: argparse.Namespace) -> list[str]:
+    """Return the given options of `MEASURED`."""
+    return [name for name in MEASURED if _given(options, name) is not None]
 
 
-def _check_options(asked: argparse.Namespace, measured: Sequence[str]) -> None:
-    """Refuse options that contradict each other, or too few."""
-    options = ", ".join(f"--{name}" for name in MEASURED)
+def _given(options: argparse.Namespace, option: str) -> Any:
+    return getattr(options, option.replace("-", "_"))
+
+
+def _check_options(options: argparse.Namespace, measured: Sequence[str]) -> None:
+    """Check that options are complete and do not contradict one another."""
+    choices = ", ".join(f"--{name}" for name in MEASURED)
     if len(measured) > 1:
         both = " and ".join(f"--{name}" for name in measured)
-        raise InputError(f"expected one of {options}; got {both}")
-    if measured and bool(asked.range) == bool(asked.mass):
-        got = "both" if asked.range else "neither"
+        raise InputError(f"expected one of {choices}; got {both}")
+    if measured and bool(options.range) == bool(options.mass):
+        got = "both" if options.range else "neither"
         raise InputError(
-            f"--{measured[0]}: expected --mass (which asks for the range) or --range "
-            f"(which asks for the mass) beside it; got {got}"
+            f"--{measured[0]}: expected --mass (to find the range) or --range (to find "
+            f"the mass); got {got}"
         )
-    if not measured and not (asked.range and asked.mass):
-        got = "--range" if asked.range else "--mass" if asked.mass else "neither"
+    if not measured and not (options.range and options.mass):
+        got = "--range" if options.range else "--mass" if options.mass else "neither"
         raise InputError(
-            f"expected --mass and --range, or one of them and one of {options}; "
+            f"expected --mass and --range, or one of them and one of {choices}; "
             f"got {got}{'' if got == 'neither' else ' alone'}"
         )
-    if asked.json and asked.csv:
+    if options.json and options.csv:
         raise InputError("expected --json or --csv, got both")
-    if asked.units not in (None, "si", "us"):
-        raise InputError(f"--units: expected si or us; got {shown(asked.units)}")
+    if options.units not in (None, "si", "us"):
+        raise InputError(f"--units: expected si or us; got {shown(options.units)}")
     for other in ("json", "csv"):
-        if asked.units == "us" and _given(asked, other):
+        if options.units == "us" and _given(options, other):
             raise InputError(
-                f"--units: expected si beside --{other}, whose names end in SI units"
+                f"--units: expected si with --{other}, whose names end in SI units; "
+                "got us"
             )
-        if asked.table and _given(asked, other):
+        if options.table and _given(options, other):
             raise InputError(f"expected --table or --{other}, got both")
     for rival in ("pressure", "temperature"):
-        if asked.altitude is not None and _given(asked, rival) is not None:
+        if options.altitude is not None and _given(options, rival) is not None:
             raise InputError(
-                f"--altitude: expected it alone or --temperature and --pressure; got "
-                f"it beside --{rival}"
+                f"--altitude: expected --altitude, or --temperature and --pressure; "
+                f"got --altitude and --{rival}"
             )
 
 
 def _check_rows(question: "Question", measured: Sequence[str]) -> None:
-    """Refuse too many rows, and ranges inside the charge."""
+    """Check the number of rows, and that no range lies inside the charge."""
     from jblast.sensors.calculator import charge_radius
 
     ranges, masses = question.slant_range, question.charge_mass
     if measured:
         if len(ranges) + len(masses) > 1:
             raise InputError(
-                f"--{measured[0]}: expected one --mass or one --range beside it; got "
+                f"--{measured[0]}: expected one --mass or one --range; got "
                 f"{len(ranges) + len(masses)}"
             )
         return
@@ -350,18 +400,18 @@ def _check_rows(question: "Question", measured: Sequence[str]) -> None:
         )
 
 
-def _scene(asked: argparse.Namespace) -> "Scene":
+def _scene(options: argparse.Namespace) -> "Scene":
     from jblast.scene import Air, Charge, Ground, Scene
     from jblast.scene.charge import BURSTS, explosive_named
 
-    burst = asked.burst
+    burst = options.burst
     if burst is not None and burst not in BURSTS:
         raise InputError(
             f"--burst: expected one of {', '.join(BURSTS)}; got {shown(burst)}"
             f"{nearest(burst, BURSTS)}"
         )
     air = {
-        key: _bounded(asked, option, f"air_{name}")
+        key: _bounded(options, option, f"air_{name}")
         for key, option, name in (
             ("temperature", "temperature", "temperature_k"),
             ("pressure", "pressure", "pressure_pa"),
@@ -369,15 +419,15 @@ def _scene(asked: argparse.Namespace) -> "Scene":
             ("relative_humidity", "humidity", "relative_humidity"),
             ("sound_speed", "sound_speed", "sound_speed_m_s"),
         )
-        if _given(asked, option) is not None
+        if _given(options, option) is not None
     }
     ground = Ground()
-    if asked.p_speed is not None:
-        ground = Ground(p_speed=_bounded(asked, "p_speed", "ground_p_speed_m_s"))
-    height = 0.0 if asked.height is None else asked.height
+    if options.p_speed is not None:
+        ground = Ground(p_speed=_bounded(options, "p_speed", "ground_p_speed_m_s"))
+    height = 0.0 if options.height is None else options.height
     explosive = "TNT"
-    if asked.explosive is not None:
-        explosive = explosive_named(asked.explosive, "--explosive")
+    if options.explosive is not None:
+        explosive = explosive_named(options.explosive, "--explosive")
     charge = Charge(position_m=(0.0, 0.0, height), burst=burst, explosive=explosive)
     mixed = replace(Air(), **DRY | air)
     _check_vapour(mixed)
@@ -385,13 +435,15 @@ def _scene(asked: argparse.Namespace) -> "Scene":
 
 
 def _check_vapour(air: "Air") -> None:
-    """Refuse steam: the sound speed of humid air means nothing for it."""
+    """Check that the air is not steam, for which the sound speed has no meaning."""
     from jblast.waves.propagation import water_vapour_fraction
 
     kelvin, pascal, humidity = (
         x.item() for x in (air.temperature, air.pressure, air.relative_humidity)
     )
-    if not humidity or air.altitude is not None:  # never so warm or thin
+    if (
+        not humidity or air.altitude is not None
+    ):  # the standard atmosphere is never warm or thin enough to boil water
         return
     most = 1.0 / water_vapour_fraction(kelvin, pascal, 1.0).item()
     if humidity >= most:
@@ -401,34 +453,32 @@ def _check_vapour(air: "Air") -> None:
         )
 
 
-def _bounded(asked: argparse.Namespace, option: str, parameter: str) -> float:
-    """Return an option that a scene file may hold too, within its bounds there."""
+def _bounded(options: argparse.Namespace, option: str, parameter: str) -> float:
+    """Return an option within the bounds of the same parameter of a scene file."""
     bounds = PARAMETERS[parameter].bounds
-    where = f"--{option.replace('_', '-')}"
-    value = _given(asked, option)
+    value = _given(options, option)
     if not bounds.allows(value):
         raise InputError(
-            f"{where}: expected a number that is {bounds.words()}, got {value:g}"
+            f"--{option.replace('_', '-')}: expected a number that is "
+            f"{bounds.words()}, got {value:g}"
         )
     return value
 
 
-def wanted(asked: argparse.Namespace) -> tuple[str, str]:
-    """Return the quantity and the law that alone are asked for; "" leaves it open.
+def selection(options: argparse.Namespace) -> tuple[str, str]:
+    """Return the requested quantity and law; "" stands for all.
 
     Raises:
-        InputError: One is unknown, or they do not go together.
+        InputError: A name is unknown, or the law does not give the quantity.
     """
     from jblast.sensors.calculator import COMBINATIONS, calculated_laws
 
-    measured = [
-        name for name in MEASURED if getattr(asked, name.replace("-", "_")) is not None
-    ]
-    quantity, law = asked.quantity or "", asked.law or ""
+    measured = _measured(options)
+    quantity, law = options.quantity or "", options.law or ""
     if quantity and measured:
         raise InputError(
-            f"--quantity: expected it beside --mass and --range; with --{measured[0]} "
-            "it is the range or the mass that is asked for"
+            f"--quantity: expected --mass and --range, got --{measured[0]}, which "
+            "finds the range or the mass"
         )
     laws = calculated_laws()
     known = {one.quantity for one in laws} | set(COMBINATIONS)

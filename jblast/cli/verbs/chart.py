@@ -1,39 +1,38 @@
-"""Measure every method's cost against its error on this machine, and draw it."""
+"""Measure the cost and the error of each method on this machine, and draw them."""
 
 import argparse
 import sys
 
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import add_force, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError, nearest
 from jblast.files import writing
 
 ALL = "all"
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "topic",
         nargs="?",
         default=ALL,
         metavar="TOPIC",
-        help="arrival, pressure, impulse, duration, waveform, solver, fit, sampler, "
-        "events, event_effects, views, vehicle, detector, records, montecarlo or all "
-        "(default)",
+        help="topic: arrival, pressure, impulse, duration, waveform, solver, fit, "
+        "sampler, events, event_effects, views, vehicle, detector, records, montecarlo "
+        "or all (default: all)",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         type=path,
-        help="write TOPIC.png, TOPIC.csv and TOPIC.md",
+        help="folder for TOPIC.png, TOPIC.csv and TOPIC.md",
     )
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite an existing --out"
-    )
+    add_force(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
-    """Measure, print, and write each benchmark as soon as it is through."""
+def run(options: argparse.Namespace) -> int:
+    """Measure, print and write each benchmark as soon as it is complete."""
     from jblast.cli.jax_start import start_jax
 
     start_jax()
@@ -45,15 +44,15 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.verification.benchmark import BENCHMARKS
 
     known = (*BENCHMARKS, ALL)
-    if asked.topic not in known:
+    if options.topic not in known:
         raise InputError(
-            f"no topic {asked.topic!r}: expected one of {', '.join(known)}"
-            f"{nearest(asked.topic, known)}"
+            f"no topic {options.topic!r}: expected one of {', '.join(known)}"
+            f"{nearest(options.topic, known)}"
         )
-    out = Path(asked.out) if asked.out else None
+    out = Path(options.out) if options.out else None
     if out:
-        check_directory(out, asked.force)
-    names = list(BENCHMARKS) if asked.topic == ALL else [asked.topic]
+        check_directory(out, options.force)
+    names = list(BENCHMARKS) if options.topic == ALL else [options.topic]
     begin = stages(dict.fromkeys(names, 1.0))
     for name in names:
         benchmark = BENCHMARKS[name]

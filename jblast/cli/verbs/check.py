@@ -1,43 +1,52 @@
-"""Say everything that is wrong with a log at once, before it is fitted.
+"""List all errors and warnings of a log before a fit.
 
-What a fit would refuse is a fault (exit code 2); what no blast does, or what looks like
-a slip of a unit, a clock or a place, is a warning and stops nothing.
+An error is anything that a fit would refuse (exit code 2). A warning reports a reading
+that no blast produces, or a probable mistake in a unit, a clock or a position; it does
+not prevent a fit.
 """
 
 import argparse
 import sys
 
 from jblast.cli.arguments.logs import add_scale, scaling_of
-from jblast.cli.arguments.options import add_reading, in_options, path, reading_asked
+from jblast.cli.arguments.options import (
+    add_force,
+    add_json,
+    add_reading,
+    in_options,
+    path,
+    reading_options,
+)
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import refuse_existing, writing
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument("observations", metavar="LOG", type=path, help="the log")
-    verb.add_argument(
-        "--scene",
-        metavar="SCENE.toml",
-        type=path,
-        help="what is known of the scene (default: as fit takes it, but rows may agree "
-        "on a charge anywhere)",
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
+        "observations", metavar="LOG", type=path, help="log, as for jblast fit"
     )
     add_reading(verb)
     add_scale(verb)
-    verb.add_argument(
+    verb.model.add_argument(
+        "--scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="scene file (default: that of jblast fit, with the charge at any "
+        "position)",
+    )
+    verb.outputs.add_argument(
         "--out",
         metavar="LOG.csv",
         type=path,
-        help="write the log in our columns and units, if nothing stops a fit",
+        help="copy of the log in columns and units of jblast, if there is no error",
     )
-    verb.add_argument("--json", action="store_true", help="print the answer as JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite an existing --out"
-    )
+    add_json(verb)
+    add_force(verb, "an existing --out")
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Check, print, perhaps write; return the exit code."""
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
@@ -45,7 +54,7 @@ def run(asked: argparse.Namespace) -> int:
     begin = stages({"starting": 2.0, "reading": 0.3, "checking": 2.0})
     begin("starting")
     start_jax(quick=True)
-    import jblast.waves as _waves  # noqa: F401  which laws there are is asked below
+    import jblast.waves as _waves  # noqa: F401  registers the laws
     from jblast.inference.sanity import doubts
     from jblast.observations import read, write
     from jblast.observations.check import refusals, with_places
@@ -54,20 +63,20 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.understood import conversion_comments, understood_lines
     from jblast.scene import default_scene, read_scene
 
-    if asked.out:
-        refuse_existing(asked.out, force=asked.force)
-    uncertain = read_scene(asked.scene) if asked.scene else default_scene()
+    if options.out:
+        refuse_existing(options.out, force=options.force)
+    uncertain = read_scene(options.scene) if options.scene else default_scene()
     begin("reading")
     faults: list[InputError] = []
-    log = read(asked.observations, faults=faults, **reading_asked(asked))
-    if not len(log) and len(faults) == 1 and not asked.json:
-        raise faults[0]  # no file, or no table: one message says it
+    log = read(options.observations, faults=faults, **reading_options(options))
+    if not len(log) and len(faults) == 1 and not options.json:
+        raise faults[0]  # no file, or no table: a list of one is no help
     begin("checking")
     readings = log
     if SAMPLES in log.quantity:
         from jblast.signals.picks.pick_log import picked_log
 
-        scale, high = scaling_of(asked), asked.high_pass
+        scale, high = scaling_of(options), options.high_pass
         readings = picked_log(log, scale, high_pass_hz=high, faults=faults).observations
     faults += refusals(readings, uncertain) if len(readings) else []
     placed, readings = with_places(log, uncertain), with_places(readings, uncertain)
@@ -76,11 +85,11 @@ def run(asked: argparse.Namespace) -> int:
     setting = setting_lines(readings if len(readings) else placed, uncertain)
     understood = [*understood_lines(log.understood), *setting]
     answer = check_answer(placed, worded, odd, understood, readings)
-    if asked.json:
+    if options.json:
         sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(check_text(answer))
-    if asked.out and not faults:
-        with writing(asked.out):
-            write(asked.out, log, comments=conversion_comments(log))
+    if options.out and not faults:
+        with writing(options.out):
+            write(options.out, log, comments=conversion_comments(log))
     return answer.exit_code

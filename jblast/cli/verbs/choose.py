@@ -1,38 +1,42 @@
-"""Name the cheapest method that is good enough for a scene, and say why."""
+"""Choose the cheapest method that is accurate enough for a scene, with the reason.
+
+Exit code 4: no method is accurate enough.
+"""
 
 import argparse
 import sys
 
-from jblast.cli.arguments.options import DOUBTFUL, path
+from jblast.cli.arguments.options import DOUBTFUL, add_json, path
+from jblast.cli.arguments.verb_parser import VerbParser
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "scene",
         metavar="SCENE.toml",
         type=path,
-        help="charge, air and sensors; a number with a prior counts over its 90 %% "
-        "interval",
+        help="scene file with charge, air and sensors; a parameter with a prior counts "
+        "over its 90 %% interval",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--quantity",
         required=True,
         metavar="QUANTITY",
-        help="what the sensors are to measure, as air_arrival_s",
+        help="quantity that the sensors measure, such as air_arrival_s",
     )
-    verb.add_argument(
+    verb.model.add_argument(
         "--tolerance",
         type=float,
         metavar="SHARE",
-        help="largest relative error allowed, as 0.01 (default: a third of the "
-        "smallest sigma that the sensors state)",
+        help="largest accepted relative error, such as 0.01 (default: a third of the "
+        "smallest sigma of the sensors)",
     )
-    verb.add_argument("--json", action="store_true", help="print the answer as JSON")
+    add_json(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
-    """Choose, print, and return the exit code: 4 where no method will do."""
+def run(options: argparse.Namespace) -> int:
+    """Choose, print and return the exit code: 4 if no method is accurate enough."""
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
@@ -44,8 +48,8 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.scene import read_scene
 
     begin("choosing")
-    choice = choose(read_scene(asked.scene), asked.quantity, asked.tolerance)
-    if asked.json:
+    choice = choose(read_scene(options.scene), options.quantity, options.tolerance)
+    if options.json:
         sys.stdout.write(choice_answer(choice).to_json())
     else:
         sys.stdout.write(choice_text(choice))

@@ -1,8 +1,8 @@
-"""Find a blast in what was heard or seen: when it came, and how sure that is.
+"""Detect a blast in sound, film or camera events: its arrival time and uncertainty.
 
-In sound a template is looked for, or without one and without a charge a bank of pulses
-made from the laws of blasts; in frames, a video or events a flash that grows. Exit code
-3: nothing was found.
+Sound is searched for a template (--template), for the pulse of a charge (--charge and
+--range), or for a bank of pulses made from blast laws. Frames, video and camera events
+are searched for a growing flash. Exit code 3: nothing is found.
 """
 
 import argparse
@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jblast.cli.arguments.numbers import positive, positive_of_any_size
-from jblast.cli.arguments.options import NOT_FOUND, given, path
+from jblast.cli.arguments.options import NOT_FOUND, add_force, add_json, given, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,88 +22,91 @@ if TYPE_CHECKING:
 Answer = tuple[dict[str, Any], str, Callable[[Path, str], list[str]]]
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "recordings",
         metavar="RECORDING",
         nargs="+",
         type=path,
-        help="WAV or FLAC of one to eight channels, each searched; several files are "
-        "taken to begin at the same time, unless --positions gives them clocks. Or one "
-        "directory of PNG frames, video, or file of events (.h5, .npz, .raw, .aedat4)",
+        help="WAV or FLAC files of one to eight channels, each searched; several files "
+        "start simultaneously, unless --positions has their clocks. Or one folder of "
+        "PNG frames, one video or one file of camera events (.h5, .npz, .raw, .aedat4)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--fps",
         metavar="HZ",
         type=positive_of_any_size,
-        help="frames a second: frame k stands at k/fps; a directory needs it, a video "
-        "is taken for slow motion with it",
+        help="frame rate [Hz]: frame k is at k/fps; required for a folder; of a video "
+        "in slow motion the rate of the camera (default: clock of the video)",
     )
-    verb.add_argument(
-        "--scene",
-        metavar="SCENE.toml",
-        type=path,
-        help="whose camera filmed it: its pose and lens turn the place in the image "
-        "into a direction, and with --out into a log for jblast fit",
-    )
-    verb.add_argument(
-        "--template",
-        metavar="TEMPLATE.wav",
-        type=path,
-        help="sound to look for, of one channel and any rate; an arrival is when its "
-        "first sample lands",
-    )
-    verb.add_argument(
-        "--charge",
-        metavar="KG",
-        type=positive,
-        help="look for the pulse of a charge of TNT on the ground; needs --range",
-    )
-    verb.add_argument(
-        "--range", metavar="M", type=positive, help="at this distance from it"
-    )
-    verb.add_argument(
-        "--false-alarms",
-        metavar="PER_HOUR",
-        type=positive,
-        help="set the threshold: of noise alone, in each channel; in film, of scenes "
-        "that look like a blast (default: 1)",
-    )
-    verb.add_argument(
-        "--blast-form",
-        action="store_true",
-        help="without a template: accept only sounds with the form of a blast pulse, "
-        "no doors, clicks or most thunder, and no reverberant or distant blasts",
-    )
-    verb.add_argument(
-        "--stream",
-        action="store_true",
-        help="filter block by block, as what listens for ever does; the noise is that "
-        "of the first ten seconds",
-    )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--positions",
         metavar="STATIONS.csv",
         type=path,
-        help="where the microphones stood: sensor (stem of a file's name, or "
-        "stem.channel, from 1), east_m, north_m, up_m, perhaps clock; with --out",
+        help="microphone positions: columns sensor (stem of a file's name, or "
+        "stem.channel, from 1), east_m, north_m, up_m, and optionally clock; requires "
+        "--out",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
+        "--scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="scene file of the camera, whose pose and lens convert the image position "
+        "to a direction, and with --out to a log for jblast fit",
+    )
+    verb.model.add_argument(
+        "--template",
+        metavar="TEMPLATE.wav",
+        type=path,
+        help="sound to search for, one channel at any sampling rate; the arrival is "
+        "the time of its first sample",
+    )
+    verb.model.add_argument(
+        "--charge",
+        metavar="KG",
+        type=positive,
+        help="TNT mass of a charge on the ground [kg], whose pulse is searched for; "
+        "requires --range",
+    )
+    verb.model.add_argument(
+        "--range",
+        metavar="M",
+        type=positive,
+        help="distance of --charge [m]",
+    )
+    verb.advanced.add_argument(
+        "--false-alarms",
+        metavar="PER_HOUR",
+        type=positive,
+        help="accepted false alarms per hour: due to noise in each channel of sound, "
+        "due to scenes that resemble a blast in film (default: 1)",
+    )
+    verb.advanced.add_argument(
+        "--blast-form",
+        action="store_true",
+        help="search without a template for the form of a blast pulse only: rejects "
+        "doors, clicks and most thunder, but also reverberant or distant blasts",
+    )
+    verb.advanced.add_argument(
+        "--stream",
+        action="store_true",
+        help="block by block filter, as for a live stream; the noise level is that of "
+        "the first 10 s",
+    )
+    verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         type=path,
-        help="also write detect.json, detection.png, of sound what the filter put out "
-        "(filtered.wav, in standard deviations of the noise), and with --positions or "
-        "--scene observations.csv, a log for jblast fit",
+        help="folder for detect.json and detection.png; for sound also filtered.wav "
+        "(filter output in standard deviations of the noise); with --positions or "
+        "--scene also observations.csv, a log for jblast fit",
     )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite what --out holds of these files"
-    )
+    add_json(verb)
+    add_force(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Search, write, print; return the exit code."""
     from jblast.signals.detect_files import (
         SoundDetections,
@@ -111,61 +115,63 @@ def run(asked: argparse.Namespace) -> int:
     )
 
     of_sound = {
-        "template": asked.template,
-        "mass_kg": asked.charge,
-        "range_m": asked.range,
-        "blast_form": asked.blast_form,
-        "stream": asked.stream,
-        "positions": asked.positions,
+        "template": options.template,
+        "mass_kg": options.charge,
+        "range_m": options.range,
+        "blast_form": options.blast_form,
+        "stream": options.stream,
+        "positions": options.positions,
     }
-    of_film = {"fps": asked.fps, "scene": asked.scene}
-    kind = recording_kind(asked.recordings, of_sound, of_film)
+    of_film = {"fps": options.fps, "scene": options.scene}
+    kind = recording_kind(options.recordings, of_sound, of_film)
     if kind == "sound":
-        _check(asked)
-    if asked.out:
+        _check(options)
+    if options.out:
         from jblast.report.fit.files import check_directory
 
-        check_directory(asked.out, asked.force)
-    if asked.scene or (kind == "sound" and not asked.template):
+        check_directory(options.out, options.force)
+    if options.scene or (kind == "sound" and not options.template):
         from jblast.cli.jax_start import start_jax
 
         start_jax(quick=True)
     found = detect(
-        asked.recordings,
+        options.recordings,
         **of_sound,
         **of_film,
-        **given(asked, false_alarms="false_alarms_per_hour"),
+        **given(options, false_alarms="false_alarms_per_hour"),
     )
     from jblast.results import to_json
 
     is_sound = isinstance(found, SoundDetections)
     document, words, write = _of_sound(found) if is_sound else _of_film(found)
     text = to_json(document)
-    written = write(Path(asked.out), text) if asked.out else []
-    if asked.json:
+    written = write(Path(options.out), text) if options.out else []
+    if options.json:
         sys.stdout.write(text)
     else:
         sys.stdout.write(words)
         if written:
-            sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
+            sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
         if "observations.csv" in written:
-            log = Path(asked.out) / "observations.csv"
+            log = Path(options.out) / "observations.csv"
             free = "--free origin_time_s,charge_east_m,charge_north_m"
-            scene = free if is_sound else f"--scene {asked.scene}"
+            scene = free if is_sound else f"--scene {options.scene}"
             sys.stdout.write(f"Fit it with: jblast fit {log} {scene}\n")
     return 0 if found.detected else NOT_FOUND
 
 
-def _check(asked: argparse.Namespace) -> None:
-    """Refuse options that do not go together.
+def _check(options: argparse.Namespace) -> None:
+    """Check that the options agree with one another.
 
     Raises:
-        InputError: As said.
+        InputError: The options contradict one another.
     """
     from jblast.signals.detect_files import check_target
 
-    check_target(asked.template, asked.charge, asked.range, blast_form=asked.blast_form)
-    if asked.positions and not asked.out:
+    check_target(
+        options.template, options.charge, options.range, blast_form=options.blast_form
+    )
+    if options.positions and not options.out:
         raise InputError("--positions: expected --out to write the log to, got none")
 
 

@@ -1,4 +1,4 @@
-"""Turn frames into what an event camera would send: files in order, or a video."""
+"""Convert frames, or a video, to the events of an event camera."""
 
 import argparse
 import sys
@@ -9,85 +9,88 @@ from jblast.cli.arguments.numbers import (
     share,
     threshold_pair,
 )
-from jblast.cli.arguments.options import given, path
+from jblast.cli.arguments.options import add_force, add_json, given, path
+from jblast.cli.arguments.verb_parser import VerbParser
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "frames",
         metavar="FRAMES_DIR|VIDEO",
         type=path,
-        help="directory of PNG frames (or .npy files of linear light as floats, full "
-        "scale 1), taken in the order of their names, or a video",
+        help="folder of PNG frames (or of .npy files with linear light as floats, full "
+        "scale 1) in the order of their names, or a video",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--fps",
         type=positive_of_any_size,
         metavar="HZ",
-        help="frames a second: frame k stands at k/fps; a video goes by its own clock "
-        "if nothing is said, which for slow motion is not that of what was filmed",
+        help="frame rate [Hz]: frame k is at k/fps; required for a folder (default: "
+        "clock of the video, which is wrong for slow motion)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
+        "--srgb",
+        action="store_true",
+        help="sRGB values in PNG frames (default: linear light)",
+    )
+    verb.model.add_argument(
         "--threshold",
         type=threshold_pair,
         metavar="STEP[,DARKER]",
-        help="change of the logarithm of light that gives an event, brighter and "
-        "darker (default: 0.2 for both)",
+        help="change of ln(light) that triggers an event, brighter and darker "
+        "(default: 0.2 for both)",
     )
-    verb.add_argument(
+    verb.model.add_argument(
         "--noise",
         choices=("on", "off"),
         default="on",
-        help="off: the ideal camera; on (default): thresholds that differ, limited "
-        "bandwidth, leak, hot pixels, shot noise and refractory time",
+        help="camera model: ideal (off), or with scattered thresholds, limited "
+        "bandwidth, leak, hot pixels, shot noise and refractory time (on) (default: "
+        "on)",
     )
-    verb.add_argument("--seed", type=seed, default=0, help="of the noise (default: 0)")
-    verb.add_argument(
-        "--srgb",
-        action="store_true",
-        help="grey values of PNG frames are sRGB; by default they are linear light",
+    verb.advanced.add_argument(
+        "--seed", type=seed, default=0, help="seed of the noise (default: 0)"
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--darkest",
         type=share,
         metavar="LIGHT",
-        help="linear light, as a part of full scale, below which changes give no event "
-        "(default: half a step of 8 bits, 0.00196, or of as many bits as the file has; "
-        "1e-6 of floats)",
+        help="linear light, as a part of full scale, below which changes trigger no "
+        "event (default: half a step of the file's bit depth, 0.00196 for 8 bits; 1e-6 "
+        "for floats)",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         required=True,
         metavar="FILE",
         type=path,
-        help="events.h5 (HDF5 in the layout of DSEC), .npz, .raw (EVT3) or .aedat4",
+        help="file of events: .h5 (HDF5 in the layout of DSEC), .npz, .raw (EVT3) or "
+        ".aedat4",
     )
-    verb.add_argument("--json", action="store_true", help="print a summary as JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite an existing --out"
-    )
+    add_json(verb, "summary as JSON, instead of text")
+    add_force(verb, "an existing --out")
 
 
-def run(asked: argparse.Namespace) -> int:
-    """Read, convert and write block by block; say how many events there were."""
+def run(options: argparse.Namespace) -> int:
+    """Read, convert and write block by block; print the number of events."""
     from jblast.cli.jax_start import start_jax
 
     start_jax()
     from jblast.report.film import EventsAnswer, dark_film, events_text
     from jblast.sensors.camera.film import film_to_events
 
-    noise = asked.noise == "on"
+    noise = options.noise == "on"
     made = film_to_events(
-        asked.frames,
-        asked.out,
-        fps=asked.fps,
+        options.frames,
+        options.out,
+        fps=options.fps,
         noise=noise,
-        seed=asked.seed,
-        srgb=asked.srgb,
-        darkest=asked.darkest,
-        force=asked.force,
-        **given(asked, threshold="threshold"),
+        seed=options.seed,
+        srgb=options.srgb,
+        darkest=options.darkest,
+        force=options.force,
+        **given(options, threshold="threshold"),
     )
     below = made.below_darkest
     answer = EventsAnswer(
@@ -97,17 +100,17 @@ def run(asked: argparse.Namespace) -> int:
         fps=made.frames_hz,
         duration_s=made.seconds,
         threshold=made.threshold,
-        srgb=asked.srgb,
-        noise=asked.noise,
-        seed=asked.seed if noise else None,
+        srgb=options.srgb,
+        noise=options.noise,
+        seed=options.seed if noise else None,
         written=made.written,
         bits=made.bits,
         darkest=made.darkest,
         below_darkest=below,
         warnings=(dark_film(below, made.darkest),) if below else (),
-        out=asked.out,
+        out=options.out,
     )
     for warning in answer.warnings:
         sys.stderr.write(f"jblast: warning: {warning}\n")
-    sys.stdout.write(answer.to_json() if asked.json else events_text(answer))
+    sys.stdout.write(answer.to_json() if options.json else events_text(answer))
     return 0

@@ -1,4 +1,7 @@
-"""Fit a blast to a log of sensor readings: how big, where, when, and how sure."""
+"""Fit a blast to a log of sensor readings: mass, position, time and their uncertainty.
+
+With --positions the files are pressure records, which are picked first.
+"""
 
 import argparse
 import os
@@ -16,89 +19,94 @@ from jblast.cli.arguments.logs import (
     write_answers,
 )
 from jblast.cli.arguments.options import (
+    add_force,
     add_free,
+    add_json,
     add_law,
     add_noise,
     add_reading,
     in_options,
-    names_to_free,
+    names_between_commas,
     path,
-    reading_asked,
+    reading_options,
 )
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import writing
 
 SMALL_LOGS_BYTES = 100_000
-"""Total size of the logs, about two thousand rows [bytes]."""
+"""Total size of logs, about 2,000 rows [bytes].
+
+A fit of fewer rows compiles for longer than it computes, so that it gains by quick
+compilation; a longer one gains by optimised code.
+"""
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "observations",
         metavar="OBSERVATIONS.csv",
         nargs="+",
         type=path,
-        help="one measurement a row: sensor,quantity,value,sigma and where it stood: "
-        "east_m,north_m,up_m, lat_deg,lon_deg,alt_m or range_m; several files, or a "
-        "column shot, are as many logs and give one table. With --positions records of "
-        "pressure, or a folder of them, as jblast pick takes them",
+        help="log with one reading a row: sensor,quantity,value,sigma and the sensor's "
+        "position, as east_m,north_m,up_m, lat_deg,lon_deg,alt_m or range_m. Several "
+        "files, or a column shot, are separate logs with one table of answers. With "
+        "--positions: pressure records or folders of them, as for jblast pick",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--one-event",
         action="store_true",
-        help="the files are recordings of one event, each with a clock of its own, "
-        "free but for the first",
-    )
-    verb.add_argument(
-        "--scene",
-        metavar="SCENE.toml",
-        type=path,
-        help="what is known of the scene; jblast scene writes one to start from "
-        "(default: a surface charge of unknown mass at the origin at time 0; of a log "
-        "in degrees, or with dates, anywhere at any time)",
+        help="one event in all files: each file has its own clock, free except for the "
+        "first",
     )
     add_reading(verb)
     add_records(verb)
+    verb.model.add_argument(
+        "--scene",
+        metavar="SCENE.toml",
+        type=path,
+        help="scene file with known values and priors; jblast scene writes one to "
+        "start from (default: a surface charge of unknown mass at the origin at time "
+        "0; for a log in degrees, or with dates, at an unknown position and time)",
+    )
     add_free(verb)
     add_law(verb)
     add_noise(verb)
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--posterior",
         choices=("weighted", "laplace", "emcee", "auto"),
         default="weighted",
-        help="how intervals are found: draws of a normal approximation weighted by the "
-        "posterior (default), that approximation alone, walkers, or walkers where the "
-        "approximation is found wanting",
+        help="method for the intervals: a normal approximation weighted by the "
+        "posterior (weighted), that approximation alone (laplace), MCMC (emcee), or "
+        "MCMC if the approximation fails its check (auto) (default: weighted)",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         type=path,
-        help="write fit.json, figures, report.html; of several logs fits.json and "
-        "answers.csv. A walk that was cut short goes on there",
+        help="folder for fit.json, figures and report.html; for several logs fits.json "
+        "and answers.csv. An interrupted MCMC run in it is continued",
     )
-    verb.add_argument("--json", action="store_true", help="print the answer as JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite an existing --out"
-    )
+    add_json(verb)
+    add_force(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Fit, report, and return the exit code."""
     from jblast.cli.jax_start import start_jax
     from jblast.files import check_log_paths
     from jblast.progress import stages
 
-    if not asked.positions:
-        check_log_paths(asked.observations)
-    picking = 6.0 if asked.positions else 0.3
+    if not options.positions:
+        check_log_paths(options.observations)
+    picking = 6.0 if options.positions else 0.3
     shares = {"starting": 3.0, "reading": picking, "fitting": 9.0}
-    begin = stages(shares | ({"writing": 3.0} if asked.out else {}))
+    begin = stages(shares | ({"writing": 3.0} if options.out else {}))
     begin("starting")
     start_jax(
-        quick=asked.posterior in ("weighted", "laplace")
-        and _is_small(asked.observations)
+        quick=options.posterior in ("weighted", "laplace")
+        and _is_small(options.observations)
     )
     from pathlib import Path
 
@@ -108,25 +116,25 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.fit.document import fit_answer
     from jblast.report.provenance import provenance_of
 
-    out = Path(asked.out) if asked.out else None
+    out = Path(options.out) if options.out else None
     if out and not only_a_walk(out):
-        check_directory(out, asked.force)
-    scene = scene_named(asked.scene) if asked.scene else None
+        check_directory(out, options.force)
+    scene = scene_named(options.scene) if options.scene else None
     made = None
-    files = asked.observations
+    files = options.observations
     if out:
-        whole = [*files, *([asked.positions] if asked.positions else [])]
-        made = provenance_of(whole, asked.scene or "", asked.words)
+        whole = [*files, *([options.positions] if options.positions else [])]
+        made = provenance_of(whole, options.scene or "", options.words)
     begin("reading")
-    recorded = from_records(asked)
-    scale = {"scaling": scaling_of(asked), "high_pass_hz": asked.high_pass}
+    recorded = from_records(options)
+    scale = {"scaling": scaling_of(options), "high_pass_hz": options.high_pass}
     logs, uncertain = fit_input(
         recorded.picked if recorded else files,
         scene,
-        one_event=asked.one_event,
-        freed=names_to_free(asked.free),
-        laws=asked.law,
-        **reading_asked(asked),
+        one_event=options.one_event,
+        freed=names_between_commas(options.free),
+        laws=options.law,
+        **reading_options(options),
     )
     picks = recorded.answer().picks if recorded else None
     begin("fitting")
@@ -137,21 +145,25 @@ def run(asked: argparse.Namespace) -> int:
         answers = {
             name: in_options(answer) if isinstance(answer, InputError) else answer
             for name, answer in fit_each(
-                logs, uncertain, noise=asked.noise, posterior=asked.posterior, **scale
+                logs,
+                uncertain,
+                noise=options.noise,
+                posterior=options.posterior,
+                **scale,
             ).items()
         }
-        return _many(answers, picks, out, made_of, asked)
+        return _many(answers, picks, out, made_of, options)
     (observations,) = logs.values()
     made = made_with_samples(made, observations) if made else None
     answer = fit(
         observations,
         uncertain,
-        noise=asked.noise,
-        posterior=asked.posterior,
+        noise=options.noise,
+        posterior=options.posterior,
         store=out / WALK if out else None,
         **scale,
     )
-    if asked.json:
+    if options.json:
         sys.stdout.write(fit_answer(answer, picks=picks).to_json())
     if out:
         begin("writing")
@@ -159,36 +171,36 @@ def run(asked: argparse.Namespace) -> int:
             write_report(
                 answer,
                 out,
-                force=asked.force or only_a_walk(out),
+                force=options.force or only_a_walk(out),
                 records=recorded.figure if recorded else None,
                 made=made,
                 picks=picks,
             )
             if recorded:
                 recorded.write(out / "picks")
-    if recorded and not asked.json:
+    if recorded and not options.json:
         sys.stdout.write(recorded.text + "\n")
-    if not asked.json:
+    if not options.json:
         sys.stdout.write(summary(answer, out=out) + "\n")
     return answer.exit_code
 
 
 def _is_small(files: Sequence[str]) -> bool:
-    """Return whether logs are so short that a fit compiles for longer than it runs."""
+    """Return whether a fit of logs compiles for longer than it runs."""
     return (
         sum(os.path.getsize(file) for file in files if os.path.isfile(file))
         < SMALL_LOGS_BYTES
     )
 
 
-def _many(answers, picks, out, made_of, asked: argparse.Namespace) -> int:
-    """Print and write the answers of several logs; the worst decides the exit code."""
+def _many(answers, picks, out, made_of, options: argparse.Namespace) -> int:
+    """Print and write the answers of several logs; return the worst exit code."""
     from jblast.report.fit.document import fits_answer
     from jblast.report.fit.terminal import answers_text
 
     if out:
         write_answers(answers, out, made_of, picks)
-    if asked.json:
+    if options.json:
         sys.stdout.write(fits_answer(answers, picks=picks).to_json())
     else:
         sys.stdout.write(answers_text(answers))

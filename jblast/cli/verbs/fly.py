@@ -1,12 +1,12 @@
-"""Fly a scene's vehicle through its blasts, holding its place or on a mission.
+"""Fly a scene's vehicle through its blasts, hovering or on a mission.
 
-The flight begins at 0 on the scene's clock, over level ground at height 0, in the
-scene's wind; a blast comes at its charge's time_s and the way to the vehicle. Position
-hold with integral action and without it are flown side by side, or the --controllers
-that are named. A crash is an answer: the exit code is 0.
+The flight begins at time 0 of the scene, over level ground at height 0, in the scene's
+wind. A blast arrives at its charge's time_s plus the travel time to the vehicle. By
+default two position controllers fly side by side, with and without integral action;
+--controllers selects others. A crash is a result: the exit code is 0.
 
-Where the scene's [vehicle] names a mission, a plan of QGroundControl, that is flown:
-from the ground, unattended, until the vehicle has landed and is disarmed.
+If the scene's [vehicle] has a mission, a plan of QGroundControl, the vehicle flies it
+from the ground until it has landed and is disarmed.
 """
 
 import argparse
@@ -16,7 +16,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import positive, seed, vector
-from jblast.cli.arguments.options import given, path
+from jblast.cli.arguments.options import (
+    add_force,
+    add_json,
+    given,
+    names_between_commas,
+    path,
+)
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import refuse_existing, save_text
 
@@ -30,171 +37,174 @@ if TYPE_CHECKING:
 Answer = tuple["Document", str, Callable[[str, Path], list[str]]]
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "scene",
         metavar="SCENE.toml",
         type=path,
-        help="what is there, with a [vehicle]: its model, position_m, and if wanted "
-        "velocity_m_s and control, or its mission; numbers with a prior are drawn",
+        help="scene file with a [vehicle]: model, position_m, and optionally "
+        "velocity_m_s, control or mission; parameters with a prior are sampled",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
+        "--profile",
+        metavar="FILE.csv",
+        type=path,
+        help="impulses of blasts from another program, in place of the laws; the "
+        "charge gives their position and time",
+    )
+    verb.model.add_argument(
         "--vehicles",
         metavar="N",
         type=int,
         default=1,
-        help="draw so many scenes from the priors and tell the distribution (default: "
-        "1)",
+        help="number of scenes sampled from the priors (default: 1)",
     )
-    verb.add_argument(
+    verb.model.add_argument(
         "--seconds",
         type=positive,
         metavar="S",
-        help="how long to fly [s] (default: until 5 s after the last blast's arrival; "
-        "of a mission until it is disarmed)",
+        help="duration of the flight [s] (default: until 5 s after the last blast's "
+        "arrival; of a mission until it is disarmed)",
     )
-    verb.add_argument(
+    verb.model.add_argument(
+        "--controllers",
+        metavar="NAME,...",
+        help="controllers that fly through the same blasts: hold (SE(3), as in the "
+        "scene), with_integral, without_integral, cascade (as in PX4), observer (SE(3) "
+        "with a disturbance observer) (default: with_integral,without_integral)",
+    )
+    verb.model.add_argument(
+        "--estimator",
+        choices=("ekf",),
+        help="state estimator, fed by simulated instruments, with the effect of each "
+        "blast on the estimate; steps of 0.004 s (default: true state)",
+    )
+    verb.advanced.add_argument(
         "--step",
         type=positive,
         metavar="S",
-        help="step of the integrator [s] (default: 0.0005; of a mission 0.004)",
+        help="time step of the integrator [s] (default: 0.0005; of a mission 0.004)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--integrator",
         choices=("rk4", "euler"),
-        help="euler is semi-implicit (default: rk4)",
+        help="integrator; euler is semi-implicit (default: rk4)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--backend",
         metavar="auto|jax|warp",
-        help="what calculates it; warp:cpu and warp:cuda:0 name a device (default: "
-        "auto)",
+        help="backend; warp:cpu and warp:cuda:0 name a device (default: auto)",
     )
-    verb.add_argument(
-        "--estimator",
-        choices=("ekf",),
-        help="fly by what the vehicle's instruments say, filtered, and tell what each "
-        "blast does to the estimate; steps of 0.004 s (default: by the truth)",
-    )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--tolerance",
         type=positive,
         metavar="M",
-        help="path error within which it has recovered [m] (default: 0.05; of a "
-        "mission 0.2)",
+        help="path error at which the vehicle counts as recovered [m] (default: 0.05; "
+        "of a mission 0.2)",
     )
-    verb.add_argument(
-        "--profile",
-        metavar="FILE.csv",
-        type=path,
-        help="impulses of blasts calculated elsewhere, in place of the laws; the "
-        "charge tells place and time",
-    )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--profile-moments-about",
         type=vector,
         metavar="X,Y,Z",
-        help="from the point the profile's moments are about to the vehicle's centre "
-        "of mass, body axes [m] (default: they are about that, and refused where their "
-        "lever is longer than 3 times from there to the farthest rotor)",
+        help="vector from the reference point of the profile's moments to the "
+        "vehicle's centre of mass, body axes [m] (default: 0,0,0; moments whose lever "
+        "arm is longer than 3 times that of the farthest rotor are then rejected)",
     )
-    verb.add_argument(
-        "--controllers",
-        metavar="NAME,...",
-        help="who holds the vehicle, each flown through the same blasts: hold (SE(3), "
-        "as the scene has it), with_integral, without_integral, cascade (as PX4's), "
-        "observer (SE(3) with a disturbance observer) (default: "
-        "with_integral,without_integral)",
+    verb.advanced.add_argument(
+        "--seed", type=seed, default=0, help="seed of the priors (default: 0)"
     )
-    verb.add_argument("--seed", type=seed, default=0, help="of the priors (default: 0)")
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         type=path,
-        help="also write fly.json and flight.csv, path.png, loads.png, error.png, or "
-        "of several vehicles flights.csv, distribution.png and with --controllers "
-        "controllers.png, or of a mission fly.json, flight.csv, map.png, mission.png "
-        "and mission.kml",
+        help="folder for fly.json, flight.csv, path.png, loads.png and error.png; for "
+        "several vehicles flights.csv, distribution.png and with --controllers "
+        "controllers.png; for a mission fly.json, flight.csv, map.png, mission.png and "
+        "mission.kml",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--plan-out",
         metavar="FILE",
         type=path,
-        help="write the mission's plan back: .plan as QGroundControl's, .waypoints as "
-        "QGC WPL 110",
+        help="copy of the mission's plan: .plan (QGroundControl) or .waypoints (QGC "
+        "WPL 110)",
     )
-    add_logs(verb)
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite what --out holds of these files"
+    verb.outputs.add_argument(
+        "--tlog",
+        metavar="FILE",
+        type=path,
+        help="telemetry log of the flight, as of a ground station",
     )
+    verb.outputs.add_argument(
+        "--ulog", metavar="FILE", type=path, help="log of the flight, as of PX4"
+    )
+    add_json(verb)
+    add_force(verb, "existing output files")
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Fly, write, print; return the exit code."""
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
     begin = stages({"starting": 1.0, "flying": 8.0, "writing": 1.0})
     begin("starting")
-    start_jax(all_cores=asked.vehicles > 1)
+    start_jax(all_cores=options.vehicles > 1)
     from jblast.report.fit.files import check_directory
 
-    if asked.out:
-        check_directory(asked.out, asked.force, "the flight")
-    check_logs(asked)
+    if options.out:
+        check_directory(options.out, options.force, "the flight")
+    check_logs(options)
     from jblast.study.missions import MissionFlight
     from jblast.study.scene_flights import fly_scene, has_mission, scene_to_fly
 
-    uncertain = scene_to_fly(asked.scene, seconds=asked.seconds, seed=asked.seed)
-    check_plan_out(asked, has_mission=has_mission(uncertain))
+    uncertain = scene_to_fly(options.scene, seconds=options.seconds, seed=options.seed)
+    check_plan_out(options, has_mission=has_mission(uncertain))
     begin("flying")
     flown = fly_scene(
         uncertain,
-        vehicles=asked.vehicles,
+        vehicles=options.vehicles,
         controllers=None
-        if asked.controllers is None
-        else tuple(
-            word.strip() for word in asked.controllers.split(",") if word.strip()
-        ),
-        seconds=asked.seconds,
-        step_s=asked.step,
-        tolerance_m=asked.tolerance,
-        profile=asked.profile,
-        profile_moments_about=asked.profile_moments_about,
-        seed=asked.seed,
+        if options.controllers is None
+        else tuple(names_between_commas(options.controllers)),
+        seconds=options.seconds,
+        step_s=options.step,
+        tolerance_m=options.tolerance,
+        profile=options.profile,
+        profile_moments_about=options.profile_moments_about,
+        seed=options.seed,
         **given(
-            asked, integrator="integrator", backend="backend", estimator="estimator"
+            options, integrator="integrator", backend="backend", estimator="estimator"
         ),
     )
     answer, words, write = (
-        _mission(asked, flown)
+        _mission(options, flown)
         if isinstance(flown, MissionFlight)
-        else _flights(asked, flown, uncertain.place)
+        else _flights(options, flown, uncertain.place)
     )
     begin("writing")
     text = answer.to_json()
-    written = write(text, Path(asked.out)) if asked.out else []
-    sys.stdout.write(text if asked.json else words)
-    if written and not asked.json:
-        sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
+    written = write(text, Path(options.out)) if options.out else []
+    sys.stdout.write(text if options.json else words)
+    if written and not options.json:
+        sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
     return 0
 
 
 def _flights(
-    asked: argparse.Namespace, flights: "Flights", place: "Place | None"
+    options: argparse.Namespace, flights: "Flights", place: "Place | None"
 ) -> Answer:
-    """Return the document, the text, and the function that writes files."""
+    """Return document, text and the function that writes files, for flights."""
     from jblast.autopilot.lockstep import PLACE
     from jblast.report.flight_files import write_flights
     from jblast.report.flights import flights_answer, flights_text
     from jblast.study.missions import hold_record
 
-    if asked.tlog or asked.ulog:
+    if options.tlog or options.ulog:
         place = PLACE if place is None else place
-        write_logs(asked, hold_record(flights, place), has_mission=False)
-    answer = flights_answer(flights, scene=asked.scene, seed=asked.seed)
+        write_logs(options, hold_record(flights, place), has_mission=False)
+    answer = flights_answer(flights, scene=options.scene, seed=options.seed)
     return (
         answer,
         flights_text(flights),
@@ -202,18 +212,18 @@ def _flights(
     )
 
 
-def _mission(asked: argparse.Namespace, flight: "MissionFlight") -> Answer:
-    """Return the document, the text, and the function that writes files."""
+def _mission(options: argparse.Namespace, flight: "MissionFlight") -> Answer:
+    """Return document, text and the function that writes files, for a mission."""
     from jblast.missions.plan import plan_text
     from jblast.report.flight_files import write_mission
     from jblast.report.missions import mission_answer, mission_text
     from jblast.study.missions import mission_record
 
-    if asked.tlog or asked.ulog:
-        write_logs(asked, mission_record(flight), has_mission=True)
-    if asked.plan_out:
-        save_text(plan_text(flight.mission.plan, asked.plan_out), asked.plan_out)
-    answer = mission_answer(flight, scene=asked.scene, seed=asked.seed)
+    if options.tlog or options.ulog:
+        write_logs(options, mission_record(flight), has_mission=True)
+    if options.plan_out:
+        save_text(plan_text(flight.mission.plan, options.plan_out), options.plan_out)
+    answer = mission_answer(flight, scene=options.scene, seed=options.seed)
     return (
         answer,
         mission_text(flight),
@@ -221,65 +231,47 @@ def _mission(asked: argparse.Namespace, flight: "MissionFlight") -> Answer:
     )
 
 
-def check_plan_out(asked: argparse.Namespace, *, has_mission: bool) -> None:
-    """Refuse to write a plan where there is none, or a file that may not be written.
+def check_plan_out(options: argparse.Namespace, *, has_mission: bool) -> None:
+    """Check before the flight that `--plan-out` can be written.
 
     Raises:
-        InputError: As said.
+        InputError: The scene has no mission, or the file exists or has no known format.
     """
-    if not asked.plan_out:
+    if not options.plan_out:
         return
     if not has_mission:
         raise InputError(
-            "--plan-out: expected a scene whose [vehicle] has a mission, got one that "
-            "holds its place"
+            "--plan-out: expected a scene whose [vehicle] has a mission, got one "
+            "without a mission"
         )
     from jblast.missions.plan import check_form
 
-    refuse_existing(asked.plan_out, force=asked.force)
-    check_form(asked.plan_out)
+    refuse_existing(options.plan_out, force=options.force)
+    check_form(options.plan_out)
 
 
-def add_logs(verb: argparse.ArgumentParser) -> None:
-    """Add the options."""
-    verb.add_argument(
-        "--tlog",
-        metavar="FILE",
-        type=path,
-        help="also write the flight's telemetry, as a ground station keeps it",
-    )
-    verb.add_argument(
-        "--ulog",
-        metavar="FILE",
-        type=path,
-        help="also write the flight as a log of PX4",
-    )
-
-
-def check_logs(asked: argparse.Namespace) -> None:
-    """Refuse logs that cannot be.
+def check_logs(options: argparse.Namespace) -> None:
+    """Check before the flight that `--tlog` and `--ulog` can be written.
 
     Raises:
-        InputError: Several vehicles are flown, or a file is there already.
+        InputError: Several vehicles are flown, or a file exists.
     """
-    for option, file in (("--tlog", asked.tlog), ("--ulog", asked.ulog)):
-        if file and asked.vehicles != 1:
-            raise InputError(
-                f"{option}: expected one vehicle, whose log it is, got {asked.vehicles}"
-            )
+    for option, file in (("--tlog", options.tlog), ("--ulog", options.ulog)):
+        if file and options.vehicles != 1:
+            raise InputError(f"{option}: expected --vehicles 1, got {options.vehicles}")
         if file:
-            refuse_existing(file, force=asked.force)
+            refuse_existing(file, force=options.force)
 
 
 def write_logs(
-    asked: argparse.Namespace, record: "FlightRecord", *, has_mission: bool
+    options: argparse.Namespace, record: "FlightRecord", *, has_mission: bool
 ) -> None:
-    """Write the logs that are asked for."""
+    """Write the logs of `--tlog` and `--ulog`."""
     from jblast.autopilot.ground_station import telemetry_log
     from jblast.autopilot.logs import flight_ulog
     from jblast.files import write_bytes
 
-    if asked.tlog:
-        write_bytes(asked.tlog, telemetry_log(record, has_mission=has_mission))
-    if asked.ulog:
-        write_bytes(asked.ulog, flight_ulog(record))
+    if options.tlog:
+        write_bytes(options.tlog, telemetry_log(record, has_mission=has_mission))
+    if options.ulog:
+        write_bytes(options.ulog, flight_ulog(record))

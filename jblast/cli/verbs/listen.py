@@ -1,8 +1,8 @@
-"""Write down what every sensor of a scene hears and feels over time.
+"""Simulate the recordings of a scene's sensors over time.
 
-Microphones write WAV files in pascals, pressure gauges, anemometers and geophones CSV.
-A record begins at 0 on its sensor's clock. Where rate_hz is absent, 48,000 samples a
-second are taken.
+Microphones write WAV files in pascals; pressure gauges, anemometers and geophones write
+CSV files. A record begins at 0 on its sensor's clock. A sensor without rate_hz has
+48,000 samples per second.
 """
 
 import argparse
@@ -10,57 +10,56 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import positive, seed
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import add_force, add_json, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.files import save_text, writing
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "scene",
         metavar="SCENE.toml",
         type=path,
-        help="what is there; every [[sensor]] of kind microphone, pressure, anemometer "
-        "or geophone writes a file; numbers with a prior are drawn",
+        help="scene file; each [[sensor]] of kind microphone, pressure, anemometer or "
+        "geophone gives one file; parameters with a prior are sampled",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
+        "--ambient",
+        metavar="FILE.wav",
+        type=path,
+        help="recording of the background sound, looped; a sample of 1 is "
+        "full_scale_pa of [ambient], or 1 Pa",
+    )
+    verb.model.add_argument(
+        "--seconds",
+        type=positive,
+        metavar="S",
+        help="duration of the recordings [s] (default: until the last blast is over)",
+    )
+    verb.advanced.add_argument(
+        "--packets",
+        type=positive,
+        metavar="HZ",
+        help="packets per second, for the same samples in constant memory; an "
+        "interrupted run keeps the samples written so far (default: one packet)",
+    )
+    verb.advanced.add_argument(
+        "--seed", type=seed, default=0, help="seed of priors and noise (default: 0)"
+    )
+    verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         required=True,
         type=path,
-        help="where to write a file for each sensor, truth.csv, listen.json, "
+        help="folder for one file for each sensor, truth.csv, listen.json, "
         "waveforms.png and spectrograms.png",
     )
-    verb.add_argument(
-        "--seconds",
-        type=positive,
-        metavar="S",
-        help="how long to record [s] (default: until the last blast has gone by)",
-    )
-    verb.add_argument(
-        "--packets",
-        type=positive,
-        metavar="HZ",
-        help="make the same samples in packets, so many a second, in constant memory; "
-        "what a stream had that breaks is kept",
-    )
-    verb.add_argument(
-        "--seed", type=seed, default=0, help="of priors and noise (default: 0)"
-    )
-    verb.add_argument(
-        "--ambient",
-        metavar="FILE.wav",
-        type=path,
-        help="recording of what is heard without a blast, looped; a sample of 1 is "
-        "full_scale_pa of [ambient], or 1 Pa",
-    )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite what --out holds of these files"
-    )
+    add_json(verb)
+    add_force(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Record, write, print; return the exit code."""
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
@@ -81,23 +80,23 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.scene import read_scene
     from jblast.sensors.listening import plan, with_ambient
 
-    check_directory(asked.out, asked.force, "the recordings")
-    scene, notes = with_ambient(read_scene(asked.scene), asked.ambient)
-    listening = plan(scene, asked.seed, asked.seconds)
-    comments = [*provenance(listening, asked.scene, asked.seed), *notes]
+    check_directory(options.out, options.force, "the recordings")
+    scene, notes = with_ambient(read_scene(options.scene), options.ambient)
+    listening = plan(scene, options.seed, options.seconds)
+    comments = [*provenance(listening, options.scene, options.seed), *notes]
     begin("recording")
-    with writing(asked.out):
-        tracks = write_tracks(listening, Path(asked.out), comments, asked.packets)
-    header = {"schema": 1, "scene": asked.scene, "seed": asked.seed}
+    with writing(options.out):
+        tracks = write_tracks(listening, Path(options.out), comments, options.packets)
+    header = {"schema": 1, "scene": options.scene, "seed": options.seed}
     document = header | listening_document(listening, tracks, notes)
     text = to_json(document)
-    save_text(text, Path(asked.out) / JSON)
+    save_text(text, Path(options.out) / JSON)
     begin("drawing")
-    pictures = write_pictures(listening, tracks, Path(asked.out))
-    if asked.json:
+    pictures = write_pictures(listening, tracks, Path(options.out))
+    if options.json:
         sys.stdout.write(text)
     else:
         sys.stdout.write(listening_text(listening, tracks, notes))
-        sys.stdout.write(f"\nWritten: {asked.out}, ")
+        sys.stdout.write(f"\nWritten: {options.out}, ")
         sys.stdout.write(f"{', '.join([JSON, TRUTH, *pictures])} and the files above\n")
     return 0

@@ -1,8 +1,8 @@
-"""Pick blasts from records of samples: when, how loud, how long, and how sure.
+"""Pick blasts from pressure records: arrival, peak, duration, impulse and their errors.
 
-Reads CSV, WAV, FLAC, miniSEED, SAC, TDMS, HDF5, NetCDF and MATLAB files. Exit code 3:
-nothing was found, or no pick stands in a row; 2: a file cannot be read, and the picks
-of the others are written all the same.
+Formats: CSV, WAV, FLAC, miniSEED, SAC, TDMS, HDF5, NetCDF and MATLAB. Exit code 3:
+nothing is found, or no pick is accepted as a row of the log. Exit code 2: a file cannot
+be read; the picks of the other files are written nevertheless.
 """
 
 import argparse
@@ -10,52 +10,50 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.logs import add_records, picked
-from jblast.cli.arguments.options import NOT_FOUND, path
+from jblast.cli.arguments.options import NOT_FOUND, add_force, add_json, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.files import refuse_existing, writing
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "records",
         metavar="RECORD",
         nargs="+",
         type=path,
-        help="files of pressure against time, each channel a record, or folders of "
-        "them; of any length",
+        help="pressure records of any length, one for each channel, or folders of them",
     )
     add_records(verb)
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         metavar="PICKS.csv",
         type=path,
-        help="write the picks as a log for jblast fit",
+        help="log of the picks, for jblast fit",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--report",
         metavar="DIR",
         type=path,
-        help="write picks.json, picks.csv, pictures of the records with their fitted "
-        "pulses, and report.html",
+        help="folder for report.html, picks.json, picks.csv and figures of the records "
+        "with their fitted pulses",
     )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite what --out and --report name"
-    )
+    add_json(verb)
+    add_force(verb, "existing files of --out and --report")
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Pick, write, print; return the exit code."""
     from jblast.progress import stages
 
     begin = stages({"starting": 2.0, "picking": 6.0, "writing": 2.0})
     begin("starting")
-    if asked.out:
-        refuse_existing(asked.out, force=asked.force)
-    if asked.report:
+    if options.out:
+        refuse_existing(options.out, force=options.force)
+    if options.report:
         from jblast.report.fit.files import check_directory
 
-        check_directory(asked.report, asked.force)
+        check_directory(options.report, options.force)
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
@@ -65,36 +63,36 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.signals.picks.pick_files import refusal_of
 
     begin("picking")
-    keep = asked.report is not None
-    of = picked(asked.records, asked, keep_samples=keep)
+    keep = options.report is not None
+    of = picked(options.records, options, keep_samples=keep)
     found, log = of.found, of.log
-    files = [*of.files, *([asked.positions] if asked.positions else [])]
-    made = provenance_of(files if keep else [], command=asked.words)
+    files = [*of.files, *([options.positions] if options.positions else [])]
+    made = provenance_of(files if keep else [], command=options.words)
     begin("writing")
     answer = picks_answer(found, log)
     text = picks_text(found, log, tuple(path.name for path in of.left_out))
-    if asked.out and len(log.observations):
-        with writing(asked.out):
-            write(asked.out, log.observations)
+    if options.out and len(log.observations):
+        with writing(options.out):
+            write(options.out, log.observations)
     written: list[str] = []
-    if asked.report:
+    if options.report:
         from jblast.report.pick_figures import write_picks
 
-        with writing(asked.report):
+        with writing(options.report):
             lines = [str(error) for error in found.refused]
-            folder = Path(asked.report)
+            folder = Path(options.report)
             written = write_picks(folder, found, log, answer, lines, made)
-    if asked.json:
+    if options.json:
         sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(text)
         if written:
-            sys.stdout.write(f"\nWritten: {asked.report}, {', '.join(written)}\n")
-        if asked.out:
-            told = f"Written: {asked.out}; jblast fit takes it"
+            sys.stdout.write(f"\nWritten: {options.report}, {', '.join(written)}\n")
+        if options.out:
+            line = f"Written: {options.out}; next: jblast fit {options.out}"
             if not len(log.observations):
-                told = f"Not written: {asked.out}, as no pick stands in a row"
-            sys.stdout.write(f"\n{told}\n")
+                line = f"Not written: {options.out}, no pick is accepted as a row"
+            sys.stdout.write(f"\n{line}\n")
     if found.refused:
         raise refusal_of(found.refused)
     return 0 if len(log.observations) else NOT_FOUND

@@ -1,6 +1,6 @@
-"""Write a plan by a pattern: take-off, a field in lanes or a circle, return, landing.
+"""Write a mission plan: take-off, lanes over a field or a circle, return, landing.
 
-What is written QGroundControl opens, and a scene's vehicle flies: [vehicle] mission =
+QGroundControl opens the plan, and a scene's vehicle flies it with [vehicle] mission =
 "FILE.plan".
 """
 
@@ -8,99 +8,101 @@ import argparse
 import sys
 
 from jblast.cli.arguments.numbers import number, positive
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import add_force, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.files import refuse_existing, save_text
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
-        "out",
-        metavar="OUT.plan",
-        type=path,
-        help="file to write: .plan as QGroundControl's, .waypoints as QGC WPL 110",
-    )
-    pattern = verb.add_mutually_exclusive_group(required=True)
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    pattern = verb.inputs.add_mutually_exclusive_group(required=True)
     pattern.add_argument(
         "--grid",
         metavar="WIDTH,DEPTH,SPACING",
-        type=_three,
-        help="lanes over a field, east to west and north to south [m]",
+        type=_width_depth_spacing,
+        help="lanes over a field: width from east to west, depth from north to south, "
+        "and spacing [m]",
     )
     pattern.add_argument(
         "--orbit",
         metavar="RADIUS[,TURNS]",
         type=_radius_and_turns,
-        help="a circle [m], clockwise, counter-clockwise with a negative radius "
-        "(default: 1 turn)",
+        help="circle: radius [m], clockwise, or counter-clockwise if negative, and "
+        "number of turns (default: 1)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--home",
         metavar="LAT,LON[,ALT]",
         type=_home,
         required=True,
-        help="where it takes off [degree], and its height above the sea [m] "
-        "(default: 0)",
+        help="take-off position: latitude and longitude [degree], and height above the "
+        "sea [m] (default: 0)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--up",
         type=positive,
         default=30.0,
         metavar="M",
         help="height above home [m] (default: 30)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--at",
         metavar="EAST,NORTH",
         type=lambda text: _numbers(text, "EAST,NORTH", 2, 2),
         default=(0.0, 0.0),
-        help="middle of the pattern, from home [m] (default: 0,0)",
+        help="centre of the pattern, relative to home [m] (default: 0,0)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--speed",
         type=positive,
         metavar="M/S",
-        help="of the flight [m/s] (default: the plan does not say)",
+        help="speed of the flight [m/s] (default: none in the plan)",
     )
-    verb.add_argument("--force", action="store_true", help="overwrite an existing file")
+    verb.outputs.add_argument(
+        "out",
+        metavar="OUT.plan",
+        type=path,
+        help="plan: .plan (QGroundControl) or .waypoints (QGC WPL 110)",
+    )
+    add_force(verb, "an existing file")
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Write the plan and return the exit code."""
     from jblast.missions.mission import grid_plan, orbit_plan
     from jblast.missions.plan import plan_text
     from jblast.scene import Place
 
-    refuse_existing(asked.out, force=asked.force)
-    common = {"up_m": asked.up, "centre_m": asked.at, "speed_m_s": asked.speed}
-    home = Place(*asked.home)
-    if asked.grid:
-        width, depth, spacing = asked.grid
+    refuse_existing(options.out, force=options.force)
+    common = {"up_m": options.up, "centre_m": options.at, "speed_m_s": options.speed}
+    home = Place(*options.home)
+    if options.grid:
+        width, depth, spacing = options.grid
         plan = grid_plan(
             home, width_m=width, depth_m=depth, spacing_m=spacing, **common
         )
     else:
-        radius, turns = asked.orbit
+        radius, turns = options.orbit
         plan = orbit_plan(home, radius_m=radius, turns=turns, **common)
-    save_text(plan_text(plan, asked.out), asked.out)
-    sys.stdout.write(f"wrote {asked.out}: {len(plan.items)} items\n")
+    save_text(plan_text(plan, options.out), options.out)
+    sys.stdout.write(f"wrote {options.out}: {len(plan.items)} items\n")
     return 0
 
 
 def _numbers(text: str, expected: str, least: int, most: int) -> tuple[float, ...]:
-    """Return so many numbers between commas."""
+    """Return `least` to `most` numbers between commas."""
     words = text.split(",")
     if not least <= len(words) <= most:
         raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}")
     return tuple(number(word) for word in words)
 
 
-def _three(text: str) -> tuple[float, ...]:
+def _width_depth_spacing(text: str) -> tuple[float, ...]:
     values = _numbers(text, "WIDTH,DEPTH,SPACING", 3, 3)
     if values[0] <= 0 or values[1] < 0 or values[2] <= 0:
         raise argparse.ArgumentTypeError(
-            f"expected a WIDTH and a SPACING that are positive, and no negative DEPTH, "
-            f"got {text!r}"
+            f"expected a positive WIDTH and SPACING and a DEPTH of 0 or more, got "
+            f"{text!r}"
         )
     return values
 

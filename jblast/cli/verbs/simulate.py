@@ -1,39 +1,44 @@
-"""Write what a scene's sensors would record, errors and priors drawn."""
+"""Simulate the readings of a scene's sensors, with random errors."""
 
 import argparse
 import math
 import sys
 
 from jblast.cli.arguments.numbers import seed
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import add_force, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import refuse_existing, writing
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "scene",
         metavar="SCENE.toml",
         type=path,
-        help="what is there; every sensor says where it stands and what it records, "
-        "as records = { QUANTITY = SIGMA }; radii are recorded at times_s = [...]",
+        help="scene file; each sensor has a position and records = { QUANTITY = SIGMA "
+        "}, radii with times_s = [...]; parameters with a prior are sampled",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         metavar="OBSERVATIONS.csv",
         required=True,
         type=path,
-        help="log to write",
+        help="log of the readings",
     )
-    verb.add_argument("--seed", type=seed, default=0, help="of the draws (default: 0)")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite an existing --out"
+    verb.advanced.add_argument(
+        "--seed", type=seed, default=0, help="seed of errors and priors (default: 0)"
     )
+    add_force(verb, "an existing --out")
 
 
-def _refuse_senseless(observations, asked: argparse.Namespace) -> None:
-    """Refuse readings that no log may hold: of a mass drawn below zero, for one."""
+def _check_readings(observations, options: argparse.Namespace) -> None:
+    """Check that a log may contain the readings; a sampled mass may be negative.
+
+    Raises:
+        InputError: A value or a sigma is not finite, or not positive.
+    """
     from jblast.quantities import ADDITIVE
 
     for row, quantity in enumerate(observations.quantity):
@@ -43,14 +48,14 @@ def _refuse_senseless(observations, asked: argparse.Namespace) -> None:
         ):
             drawn = ", ".join(c for c in observations.comments if "truth:" in c)
             raise InputError(
-                f"{asked.scene}: sensor {observations.sensor[row]!r}: "
-                f"seed {asked.seed} makes {quantity} {value:g} with sigma {sigma:g}"
+                f"{options.scene}: sensor {observations.sensor[row]!r}: "
+                f"seed {options.seed} gives {quantity} {value:g} with sigma {sigma:g}"
                 f"{f' ({drawn})' if drawn else ''}; expected priors and sigmas that "
-                "allow a reading (lognormal keeps a mass positive)"
+                "give a valid reading (a lognormal prior keeps a mass positive)"
             )
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Simulate, write the log and return the exit code."""
     from jblast.cli.jax_start import start_jax
 
@@ -59,13 +64,13 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.scene import read_scene
     from jblast.sensors import simulate
 
-    refuse_existing(asked.out, force=asked.force)
-    observations = simulate(read_scene(asked.scene), asked.seed)
-    _refuse_senseless(observations, asked)
-    with writing(asked.out):
-        write(asked.out, observations)
+    refuse_existing(options.out, force=options.force)
+    observations = simulate(read_scene(options.scene), options.seed)
+    _check_readings(observations, options)
+    with writing(options.out):
+        write(options.out, observations)
     sys.stdout.write(
-        f"wrote {asked.out}: {len(observations)} simulated readings; fit them with: "
-        f"jblast fit {asked.out} (jblast scene {asked.out} writes a scene for it)\n"
+        f"wrote {options.out}: {len(observations)} simulated readings; fit them with: "
+        f"jblast fit {options.out} (jblast scene {options.out} writes a scene for it)\n"
     )
     return 0

@@ -1,47 +1,52 @@
-"""Measure where each method breaks, and look at what jblast does there.
+"""Measure the limits of each method, and the behaviour of jblast beyond them.
 
-Laws are followed out of their range, fits started far off, clocks run too long. Nothing
-is looked up: it takes some minutes.
+Laws are evaluated outside their range, fits start far from the solution, clocks run too
+long. All cases are computed again, which takes some minutes.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.options import check_out, path, save_figure
+from jblast.cli.arguments.options import (
+    add_force,
+    add_json,
+    check_out,
+    path,
+    save_figure,
+)
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.files import save_text
 
 FILES = ("stability.csv", "stability.md", "stability.png")
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "areas",
         metavar="AREA",
         nargs="*",
-        help="laws, wave-forms, gradients, clocks, solver, fits, walks, events, "
+        help="area: laws, wave-forms, gradients, clocks, solver, fits, walks, events, "
         "flights, detectors, records (default: all)",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         type=path,
-        help=f"also write {', '.join(FILES)} there",
+        help=f"folder for {', '.join(FILES)}",
     )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite these files in --out"
-    )
+    add_json(verb)
+    add_force(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Measure, print, and return the exit code."""
     from jblast.verification.stability.failure import AREAS, area_named
 
-    areas = list(dict.fromkeys(map(area_named, asked.areas))) or list(AREAS)
-    if asked.out:
-        check_out(Path(asked.out), FILES, force=asked.force)
+    areas = list(dict.fromkeys(map(area_named, options.areas))) or list(AREAS)
+    if options.out:
+        check_out(Path(options.out), FILES, force=options.force)
     from jblast.cli.jax_start import start_jax
 
     start_jax()
@@ -53,12 +58,12 @@ def run(asked: argparse.Namespace) -> int:
     for area in areas:
         begin(area)
         modes[area] = failure_modes_of(area)
-    if asked.out:
-        _write(Path(asked.out), modes)
+    if options.out:
+        _write(Path(options.out), modes)
     answer = StabilityAnswer(modes)
-    sys.stdout.write(answer.to_json() if asked.json else stability_text(modes))
-    if asked.out and not asked.json:
-        sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(FILES)}\n")
+    sys.stdout.write(answer.to_json() if options.json else stability_text(modes))
+    if options.out and not options.json:
+        sys.stdout.write(f"\nWritten: {options.out}, {', '.join(FILES)}\n")
     return 0
 
 

@@ -1,9 +1,9 @@
-"""Run a study: draw a scene many times over, and ask each sample what came of it.
+"""Run a Monte Carlo study: sample a scene many times and compute outcomes.
 
-`jblast study STUDY.toml --out STUDY.zarr` runs it, and is told by the file what is
-varied and asked. What is killed goes on with --resume, and nothing is calculated twice.
-`jblast study report STUDY.zarr --out DIR` tells what came of it, on one page.
-`jblast study merge A.zarr B.zarr --out C.zarr` puts stores together.
+`jblast study STUDY.toml --out STUDY.zarr` runs the study of a file. --resume continues
+an interrupted run without computing a sample twice. `jblast study report STUDY.zarr
+--out DIR` writes a page of results. `jblast study merge A.zarr B.zarr --out C.zarr`
+merges stores.
 """
 
 import argparse
@@ -13,135 +13,136 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jblast.cli.arguments.options import path
+from jblast.cli.arguments.options import add_force, add_json, path
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError, shown, whole_number
 from jblast.files import writing
 
 if TYPE_CHECKING:
     from jblast.study.sampling.run import Tiles
 
-WORDS = ("merge", "report")
-"""First words that are no study's file."""
 
-
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "given",
         metavar="STUDY.toml | report STUDY.zarr | merge A.zarr B.zarr",
         nargs="*",
         type=path,
-        help="the study; or report and a store; or merge and the stores to put "
-        "together",
+        help="study file; or report and a store; or merge and the stores to merge",
     )
-    verb.add_argument(
-        "--out",
-        metavar="STUDY.zarr",
-        type=path,
-        help="the store, a folder; of a report the folder of page, figures and "
-        "report.json",
-    )
-    verb.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on with a store; of none begin it",
-    )
-    verb.add_argument(
+    verb.model.add_argument(
         "--limit",
         metavar="N",
         type=int,
-        help="calculate about so many samples, then stop (default: all)",
+        help="approximate number of samples to compute in this run (default: all)",
     )
-    verb.add_argument(
+    verb.model.add_argument(
+        "--resume",
+        action="store_true",
+        help="continuation of an existing store, or start of a new one",
+    )
+    verb.advanced.add_argument(
         "--devices",
         metavar="all|N",
         default="all",
-        help="of this machine: GPUs, or the cores of its CPU (default: all)",
+        help="number of devices: GPUs of this machine, or cores of its CPU (default: "
+        "all)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--workers",
         metavar="N",
         type=int,
-        help="share the work among so many processes of this machine, by Dask",
+        help="number of Dask worker processes on this machine (default: none)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="share it among the workers of a Dask scheduler, as tcp://HOST:8786; all "
-        "see --out under the same path",
+        help="address of a Dask scheduler, such as tcp://HOST:8786, whose workers all "
+        "see --out under the same path (default: none)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--allow-code",
         action="store_true",
-        help="let outcomes be functions of Python, as python:module.function",
+        help="permission for outcomes that are Python functions, as "
+        "python:module.function",
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
+        "--out",
+        metavar="STUDY.zarr",
+        type=path,
+        help="store, a folder; of a report the folder of page, figures and report.json",
+    )
+    verb.outputs.add_argument(
         "--list",
         action="store_true",
-        help="print the outcomes that may be asked for, with their units",
+        help="list of the available outcomes, with their units",
     )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite an existing --out of a report"
-    )
+    add_json(verb)
+    add_force(verb, "an existing --out of a report")
 
 
-def run(asked: argparse.Namespace) -> int:
-    """Run, go on, or put together; print; return the exit code."""
+def run(options: argparse.Namespace) -> int:
+    """Run or continue a study, merge stores, or report; return the exit code."""
     from jblast.cli.jax_start import start_jax
 
-    if not asked.list and not asked.given:
+    if not options.list and not options.given:
         raise InputError("study: expected STUDY.toml, or merge and stores, got nothing")
-    if asked.given[:1] == ["merge"]:
-        return merge(asked)
-    if asked.given[:1] == ["report"]:
+    if options.given[:1] == ["merge"]:
+        return merge(options)
+    if options.given[:1] == ["report"]:
         start_jax(quick=True)
-        return report(asked)
-    start_jax(all_cores=asked.workers is None and asked.scheduler is None)
-    if asked.list:
+        return report(options)
+    start_jax(all_cores=options.workers is None and options.scheduler is None)
+    if options.list:
         from jblast.report.study_run import outcomes_text
         from jblast.study.outcome.registry import OUTCOMES
 
         sys.stdout.write(outcomes_text(OUTCOMES.values()))
         return 0
-    if len(asked.given) > 1:
-        raise InputError(f"study: expected one STUDY.toml, got {' '.join(asked.given)}")
-    if not asked.out:
+    if len(options.given) > 1:
+        raise InputError(
+            f"study: expected one STUDY.toml, got {' '.join(options.given)}"
+        )
+    if not options.out:
         raise InputError("--out: expected the folder of the store, got nothing")
-    return _run(asked)
+    return _run(options)
 
 
-def _run(asked: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace) -> int:
     from jblast.report.study_run import run_text, study_answer
     from jblast.study.engine.launch import mesh_of
     from jblast.study.file import read_study
     from jblast.study.sampling.run import run_into
 
-    study = read_study(asked.given[0], allow_code=asked.allow_code)
-    mesh = mesh_of(devices_asked(asked.devices))
+    study = read_study(options.given[0], allow_code=options.allow_code)
+    mesh = mesh_of(device_count(options.devices))
     try:
-        with tiles_asked(asked) as tiles:
+        with tile_workers(options) as tiles:
             ran = run_into(
                 study,
-                Path(asked.out),
-                resume=asked.resume,
-                limit=asked.limit,
+                Path(options.out),
+                resume=options.resume,
+                limit=options.limit,
                 mesh=mesh,
                 tiles=tiles,
             )
-    except OSError as error:  # a disk that is full does not say which
-        said = f"{asked.out}: {error.strerror or error}; what is computed is kept"
-        raise OSError(error.errno, f"{said}, --resume adds to it") from error
+    except OSError as error:  # the error of a full disk does not name the folder
+        message = (
+            f"{options.out}: {error.strerror or error}; what is computed is kept, "
+            "--resume adds to it"
+        )
+        raise OSError(error.errno, message) from error
     answer = study_answer(ran)
-    sys.stdout.write(answer.to_json() if asked.json else run_text(answer))
+    sys.stdout.write(answer.to_json() if options.json else run_text(answer))
     return 0
 
 
-def devices_asked(words: str) -> int | None:
-    """Return how many devices; None: all.
+def device_count(words: str) -> int | None:
+    """Return the number of devices; None for all.
 
     Raises:
-        InputError: It is neither a number nor "all".
+        InputError: The value is neither a number nor "all".
     """
     if words == "all":
         return None
@@ -155,16 +156,16 @@ def devices_asked(words: str) -> int | None:
 
 
 @contextlib.contextmanager
-def tiles_asked(asked: argparse.Namespace) -> "Iterator[Tiles | None]":
-    """Give what calculates tiles: workers; None: this process.
+def tile_workers(options: argparse.Namespace) -> "Iterator[Tiles | None]":
+    """Yield the function that computes tiles on workers; None for this process.
 
     Raises:
-        InputError: Both kinds of workers are asked for, or none can be had.
+        InputError: Both kinds of workers are requested, or none is available.
     """
-    if asked.workers is None and asked.scheduler is None:
+    if options.workers is None and options.scheduler is None:
         yield None
         return
-    if asked.workers is not None and asked.scheduler is not None:
+    if options.workers is not None and options.scheduler is not None:
         raise InputError("--workers: expected it, or --scheduler, got both")
     import jblast
     from jblast.study.sampling.cluster import (
@@ -175,9 +176,9 @@ def tiles_asked(asked: argparse.Namespace) -> "Iterator[Tiles | None]":
         write_tile,
     )
 
-    store = str(Path(asked.out).resolve())
-    workers: int | None = asked.workers
-    address = str(asked.scheduler)
+    store = str(Path(options.out).resolve())
+    workers: int | None = options.workers
+    address = str(options.scheduler)
     cluster = client_of(address) if workers is None else workers_here(workers)
     with cluster as client:
 
@@ -191,19 +192,19 @@ def tiles_asked(asked: argparse.Namespace) -> "Iterator[Tiles | None]":
         yield tiles
 
 
-def merge(asked: argparse.Namespace) -> int:
-    """Put stores together; return the exit code.
+def merge(options: argparse.Namespace) -> int:
+    """Merge stores; return the exit code.
 
     Raises:
-        InputError: There are fewer than two, they are of other studies, or what is to
-            be written is there.
+        InputError: There are fewer than two stores, they belong to different studies,
+            or the output exists.
     """
     from jblast.study.engine.merge import merged
 
-    stores = asked.given[1:]
+    stores = options.given[1:]
     if len(stores) < 2:
         raise InputError(f"merge: expected at least two stores, got {len(stores)}")
-    store = merged(stores, asked.out or stores[0])
+    store = merged(stores, options.out or stores[0])
     done, tiles = len(store.done()), store.tiles
     if store.attributes["keep"] != "all":
         from jblast.study.engine.merge import summary_of
@@ -218,23 +219,23 @@ def merge(asked: argparse.Namespace) -> int:
     return 0
 
 
-def report(asked: argparse.Namespace) -> int:
+def report(options: argparse.Namespace) -> int:
     """Report on a store; return the exit code.
 
     Raises:
-        InputError: There is not one store, it is of another kind or keeps no samples,
-            or what is to be written is there.
+        InputError: There is not exactly one store, it has another format or no
+            samples, or the output exists.
     """
     from jblast.report.fit.files import check_directory
     from jblast.report.study_page import study_report
     from jblast.report.study_stores import read_columns
 
-    stores = asked.given[1:]
+    stores = options.given[1:]
     if len(stores) != 1:
         raise InputError(f"report: expected one store, got {len(stores)}")
-    out = Path(asked.out) if asked.out else None
+    out = Path(options.out) if options.out else None
     if out is not None:
-        check_directory(out, asked.force)
+        check_directory(out, options.force)
     store = Path(stores[0])
     found = study_report(read_columns(str(store)), store.name)
     if out is not None:
@@ -242,7 +243,7 @@ def report(asked: argparse.Namespace) -> int:
 
         with writing(out):
             write_report(found, out)
-    if asked.json:
+    if options.json:
         sys.stdout.write(found.answer().to_json())
     else:
         sys.stdout.write(found.text())

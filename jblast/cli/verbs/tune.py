@@ -1,15 +1,15 @@
-"""Tune sensors and media to what was recorded, or a vehicle's gains to blasts.
+"""Estimate sensor and medium parameters from a recording, or tune a vehicle's gains.
 
 RECORDED is a sound file (WAV, FLAC, CSV) of a microphone or pressure gauge, a folder
-of PNG frames, a video, or a file of events (.h5, .npz, .raw, .aedat4). The blast is
-that of the scene; what the scene leaves free, or gives a prior, is looked for beside
-what --free names. Exit code 3: the time is looked for, and no blast is heard; 4: the
-record does not tell all, or is poorly explained.
+of PNG frames, a video, or a file of camera events (.h5, .npz, .raw, .aedat4). The blast
+is that of the scene. Parameters that the scene leaves free, or gives a prior, are
+estimated together with those of --free. Exit code 3: the origin time is free, and no
+blast is detected. Exit code 4: a parameter is not identifiable, the fit did not
+converge, or the residuals are large.
 
-With --gains nothing was recorded: the gains by which the scene's vehicle holds its
-place are tuned by gradient through blasts drawn from its priors, within margins of
-stability, and judged by 200 blasts that they were not tuned by. Exit code 4: the search
-did not end.
+--gains needs no recording. It tunes the gains of the vehicle's position controller by
+gradient on blasts sampled from the scene's priors, within stability margins, and tests
+them on 200 other blasts. Exit code 4: the search did not converge.
 """
 
 import argparse
@@ -20,134 +20,139 @@ from jblast.cli.arguments.numbers import number, positive, positive_of_any_size,
 from jblast.cli.arguments.options import (
     DOUBTFUL,
     NOT_FOUND,
-    names_to_free,
+    add_force,
+    add_json,
+    names_between_commas,
     path,
 )
+from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import writing
 
+# options of one kind of tuning: the other kind rejects them
 OF_GAINS = ("margin_db", "margin_deg", "delay", "motor_lead", "vehicles", "seed")
 OF_RECORDS = ("recorded", "sensor", "full_scale", "fps", "start", "background")
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
-        "scene", metavar="SCENE.toml", nargs="?", type=path, help="what is there"
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
+        "scene", metavar="SCENE.toml", nargs="?", type=path, help="scene file"
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "recorded",
         metavar="RECORDED",
         nargs="?",
         type=path,
-        help="what one of its sensors, or its camera, recorded",
+        help="recording of one of its sensors, or of its camera",
     )
-    verb.add_argument(
-        "--free",
-        metavar="NAME,...",
-        default="",
-        help="what to tune; --list tells the names",
-    )
-    verb.add_argument(
-        "--list", action="store_true", help="list what can be tuned, and where it is"
-    )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--sensor",
         metavar="NAME",
-        help="who recorded (default: whose name the file has, or the only one)",
+        help="sensor of the recording (default: the one that the file is named after, "
+        "or the only one)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--full-scale",
         metavar="PA",
         type=positive,
-        help="pascals that a sample of 1 stands for (default: 1 of floats, of whole "
-        "numbers the sensor's full_scale_pa)",
+        help="pressure of a sample of 1 [Pa] (default: 1 for floats, the sensor's "
+        "full_scale_pa for integers)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--fps",
         metavar="HZ",
         type=positive_of_any_size,
-        help="frames a second (default: the camera's frames_hz)",
+        help="frame rate [Hz] (default: the camera's frames_hz)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--start",
         metavar="S",
         type=number,
-        help="when frame 0 was, or time 0 of events, on the scene's clock (default: "
-        "the first explosion, as jblast render begins)",
+        help="time of frame 0, or of time 0 of camera events, on the scene's clock [s] "
+        "(default: the first explosion, as in jblast render)",
     )
-    verb.add_argument(
+    verb.inputs.add_argument(
         "--background",
         metavar="GREY|R,G,B|FILE.png",
         type=path,
-        help="what stands behind the blast: linear light from 0 to 1, or an sRGB image "
+        help="background of the film: linear light from 0 to 1, or an sRGB image "
         "(default: a grey of 0.18)",
     )
-    verb.add_argument(
+    verb.model.add_argument(
+        "--free",
+        metavar="NAME,...",
+        default="",
+        help="parameters to estimate; --list prints their names",
+    )
+    verb.model.add_argument(
         "--gains",
         action="store_true",
-        help="tune the gains of the vehicle's hold to the scene's blasts",
+        help="tuning of the vehicle's position controller to the scene's blasts",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--margin-db",
         metavar="DB",
         type=positive,
-        help="with --gains: least gain margin, up and down (default: 6)",
+        help="with --gains: minimum gain margin, up and down [dB] (default: 6)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--margin-deg",
         metavar="DEG",
         type=positive,
-        help="with --gains: least phase margin (default: 35)",
+        help="with --gains: minimum phase margin [deg] (default: 35)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--delay",
         metavar="S",
         type=number,
-        help="with --gains: of the real loop, that the flights do not have; margins "
-        "are kept with it (default: 0)",
+        help="with --gains: additional loop delay [s], included in the stability "
+        "margins but not in the flights (default: 0)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--motor-lead",
         metavar="FACTOR",
         type=positive,
-        help="with --gains: most by which the hold may shorten the motors' lag, fed "
-        "back their speed (default: 1, not at all)",
+        help="with --gains: maximum motor-lag compensation, by feedback of the motor "
+        "speed (default: 1 = none)",
     )
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--vehicles",
         metavar="N",
         type=int,
-        help="with --gains: blasts to tune by (default: 32)",
+        help="with --gains: number of blasts to tune on (default: 32)",
     )
-    verb.add_argument(
-        "--seed", type=seed, help="with --gains: of the blasts (default: 0)"
+    verb.advanced.add_argument(
+        "--seed", type=seed, help="with --gains: seed of the blasts (default: 0)"
     )
-    verb.add_argument(
+    verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         type=path,
-        help="where to write the tuned scene.toml, tune.json and tune.png",
+        help="folder for the tuned scene.toml, tune.json and tune.png",
     )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite what --out holds of these files"
+    verb.outputs.add_argument(
+        "--list",
+        action="store_true",
+        help="list of the parameters that can be tuned, and of their keys in a scene",
     )
+    add_json(verb)
+    add_force(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Read, tune, write, print; return the exit code."""
-    if asked.list:
+    if options.list:
         from jblast.report.tune import list_text
 
         sys.stdout.write(list_text())
         return 0
-    refuse_of_other_kind(asked)
-    if asked.gains:
-        return DOUBTFUL if not tune_as_asked(asked) else 0
-    if asked.scene is None or asked.recorded is None:
+    check_kind(options)
+    if options.gains:
+        return 0 if tune_gains_of(options) else DOUBTFUL
+    if options.scene is None or options.recorded is None:
         raise InputError(
-            "expected a scene and what was recorded: jblast tune SCENE.toml RECORDED "
+            "expected a scene and a recording: jblast tune SCENE.toml RECORDED "
             "--free NAME,...; or SCENE.toml --gains; or --list"
         )
     from jblast.cli.jax_start import start_jax
@@ -161,75 +166,78 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.fit.files import check_directory
     from jblast.report.tune import tune_answer, tune_text
 
-    if asked.out:
-        check_directory(asked.out, asked.force)
+    if options.out:
+        check_directory(options.out, options.force)
     begin("tuning")
     try:
         tuned = tune(
-            asked.scene,
-            asked.recorded,
-            names_to_free(asked.free),
-            sensor=asked.sensor,
-            full_scale=asked.full_scale,
-            fps=asked.fps,
-            start=asked.start,
-            background=asked.background,
+            options.scene,
+            options.recorded,
+            names_between_commas(options.free),
+            sensor=options.sensor,
+            full_scale=options.full_scale,
+            fps=options.fps,
+            start=options.start,
+            background=options.background,
         )
     except NothingHeardError as nothing:
         sys.stderr.write(f"jblast: {nothing}\n")
         return NOT_FOUND
     begin("writing")
     written: tuple[str, ...] = ()
-    if asked.out:
+    if options.out:
         from jblast.report.tune_files import write_tuned
 
-        with writing(asked.out):
-            written = write_tuned(tuned, Path(asked.out), asked.scene, asked.recorded)
-    answer = tune_answer(tuned, asked.scene, asked.recorded, written)
-    if asked.json:
+        with writing(options.out):
+            written = write_tuned(
+                tuned, Path(options.out), options.scene, options.recorded
+            )
+    answer = tune_answer(tuned, options.scene, options.recorded, written)
+    if options.json:
         sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(tune_text(answer))
         if written:
-            sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
+            sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
     doubtful = (
         not answer.identifiable or not answer.converged or tuned.explained.is_poor
     )
     return DOUBTFUL if doubtful else 0
 
 
-def refuse_of_other_kind(asked: argparse.Namespace) -> None:
-    """Refuse what goes with gains beside a record, and the other way round.
+def check_kind(options: argparse.Namespace) -> None:
+    """Check that no option of a recording is given with gains, and the reverse.
 
     Raises:
-        InputError: Something does not go together.
+        InputError: The options contradict one another.
     """
-    wrong = OF_RECORDS if asked.gains else OF_GAINS
+    wrong = OF_RECORDS if options.gains else OF_GAINS
     for option in wrong:
-        value = getattr(asked, option)
+        value = getattr(options, option)
         if value is None:
             continue
         name = option.replace("_", "-")
-        if asked.gains:
+        if options.gains:
             name = "RECORDED" if option == "recorded" else f"--{name}"
             raise InputError(
-                f"{name}: expected no record with --gains, which is tuned by the "
-                f"scene's blasts, got {value!r}"
+                f"{name}: expected no recording with --gains, which uses the scene's "
+                f"blasts, got {value!r}"
             )
         raise InputError(f"--{name}: expected it with --gains only, got {value!r}")
-    if asked.gains and asked.free:
+    if options.gains and options.free:
         raise InputError(
-            f"--free: expected it with a record only, got {asked.free!r} with --gains"
+            f"--free: expected it with a recording only, got {options.free!r} with "
+            "--gains"
         )
-    if asked.gains and asked.scene is None:
+    if options.gains and options.scene is None:
         raise InputError("expected a scene: jblast tune SCENE.toml --gains")
 
 
-def tune_as_asked(asked: argparse.Namespace) -> bool:
-    """Tune, write and print; return whether the search ended of itself.
+def tune_gains_of(options: argparse.Namespace) -> bool:
+    """Tune gains, write and print; return whether the search converged.
 
     Raises:
-        InputError: Something in what is asked cannot be.
+        InputError: The scene or an option cannot be used.
     """
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
@@ -241,26 +249,26 @@ def tune_as_asked(asked: argparse.Namespace) -> bool:
     from jblast.report.gain_files import write_gains
     from jblast.report.gains import gains_answer, gains_text
     from jblast.scene import read_scene
-    from jblast.study.gains import Wish, tune_gains
+    from jblast.study.gains import TuningSettings, tune_gains
 
-    if asked.out:
-        check_directory(asked.out, asked.force)
-    uncertain = read_scene(asked.scene)
+    if options.out:
+        check_directory(options.out, options.force)
+    uncertain = read_scene(options.scene)
     keys = {"delay": "delay_s"}
     given = {
         keys.get(option, option): value
         for option in OF_GAINS
-        if (value := getattr(asked, option)) is not None
+        if (value := getattr(options, option)) is not None
     }
     begin("tuning")
-    tuned = tune_gains(uncertain, Wish(**given))
+    tuned = tune_gains(uncertain, TuningSettings(**given))
     begin("writing")
     written: tuple[str, ...] = ()
-    if asked.out:
-        with writing(asked.out):
-            written = write_gains(tuned, Path(asked.out), asked.scene)
-    answer = gains_answer(tuned, asked.scene, written)
-    sys.stdout.write(answer.to_json() if asked.json else gains_text(answer))
-    if written and not asked.json:
-        sys.stdout.write(f"\nWritten: {asked.out}, {', '.join(written)}\n")
+    if options.out:
+        with writing(options.out):
+            written = write_gains(tuned, Path(options.out), options.scene)
+    answer = gains_answer(tuned, options.scene, written)
+    sys.stdout.write(answer.to_json() if options.json else gains_text(answer))
+    if written and not options.json:
+        sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
     return tuned.converged

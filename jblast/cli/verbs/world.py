@@ -1,11 +1,11 @@
-"""Draw a world of random blasts, and write down what every sense perceives of it.
+"""Simulate random blasts, and record them with all sensors of a scene.
 
-The scene's [world] says how many blasts there are, when, where and how big. The vehicle
-flies through them, sensors record them, microphones and gauges write samples, the
-camera films them; who is mounted on the vehicle rides along. All times are on the one
-clock of the scene, which begins at 0; each sensor's own file and its readings are by
-that sensor's clock. What is written: blasts.csv (the truth), perceived.csv,
-observations.csv (for `jblast fit`), flight.csv, sound/, camera/ and run.json.
+The scene's [world] gives number, times, positions and masses of the blasts. The vehicle
+flies through them, sensors record them, microphones and gauges write samples, and the
+camera films them; mounted sensors move with the vehicle. Times are on the clock of the
+scene, which begins at 0; only the file and the readings of a sensor are on its own
+clock. Output: blasts.csv (the truth), perceived.csv, observations.csv (for `jblast
+fit`), flight.csv, sound/, camera/ and run.json.
 """
 
 import argparse
@@ -13,44 +13,51 @@ import sys
 from pathlib import Path
 
 from jblast.cli.arguments.numbers import positive, seed
-from jblast.cli.arguments.options import add_live, check_live, path, show_live
+from jblast.cli.arguments.options import (
+    add_force,
+    add_json,
+    add_live,
+    check_live,
+    path,
+    show_live,
+)
+from jblast.cli.arguments.verb_parser import VerbParser
 
 
-def add_arguments(verb: argparse.ArgumentParser) -> None:
-    """Say what the verb takes."""
-    verb.add_argument(
+def add_arguments(verb: VerbParser) -> None:
+    """Add the arguments of the verb."""
+    verb.inputs.add_argument(
         "scene",
         metavar="SCENE.toml",
         type=path,
-        help="what is there, with [world]; numbers with a prior are drawn",
+        help="scene file with a [world]; parameters with a prior are sampled",
     )
-    verb.add_argument(
-        "--out", metavar="RUN", required=True, type=path, help="directory to write to"
-    )
-    verb.add_argument(
+    verb.model.add_argument(
         "--seconds",
         type=positive,
         metavar="S",
-        help="how long it lasts [s] (default: until 5 s after the last wave has come, "
-        "with no vehicle half a second)",
+        help="duration of the world [s] (default: until 5 s after the arrival of the "
+        "last wave, without a vehicle 0.5 s)",
     )
-    verb.add_argument(
-        "--seed", type=seed, default=0, help="of all that is drawn (default: 0)"
+    verb.advanced.add_argument(
+        "--seed", type=seed, default=0, help="seed of all random numbers (default: 0)"
     )
-    add_live(verb)
-    verb.add_argument(
+    verb.advanced.add_argument(
         "--preset",
         choices=("thesis-as-printed", "thesis-as-coded"),
-        help="blasts act as Parab's thesis prints it, or as its plugins compute it, "
-        "not as blasts do; a scene that says otherwise is refused",
+        help="blast model of Parab's thesis as printed, or as its plugins compute it, "
+        "for comparison; a scene that contradicts it is rejected (default: jblast's "
+        "laws)",
     )
-    verb.add_argument("--json", action="store_true", help="print JSON")
-    verb.add_argument(
-        "--force", action="store_true", help="overwrite what --out holds of these files"
+    verb.outputs.add_argument(
+        "--out", metavar="RUN", required=True, type=path, help="folder for the run"
     )
+    add_live(verb)
+    add_json(verb)
+    add_force(verb)
 
 
-def run(asked: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Draw, fly, record, film, write; return the exit code."""
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
@@ -61,22 +68,22 @@ def run(asked: argparse.Namespace) -> int:
     from jblast.report.world import world_answer, world_text
     from jblast.report.world_files import run_world
 
-    check_live(asked)
+    check_live(options)
     came = run_world(
-        asked.scene,
-        asked.out,
-        seconds=asked.seconds,
-        seed=asked.seed,
-        preset=asked.preset,
-        force=asked.force,
-        command=asked.words,
+        options.scene,
+        options.out,
+        seconds=options.seconds,
+        seed=options.seed,
+        preset=options.preset,
+        force=options.force,
+        command=options.words,
         begin=begin,
     )
-    if asked.json:
+    if options.json:
         sys.stdout.write(world_answer(came).to_json())
     else:
         sys.stdout.write(world_text(came))
-        sys.stdout.write(f"\nWritten: {asked.out}\n")
-    del begin  # nothing is being waited for any more
-    show_live(asked, Path(asked.out))
+        sys.stdout.write(f"\nWritten: {options.out}\n")
+    del begin  # the work is done: no progress beside the window
+    show_live(options, Path(options.out))
     return 0

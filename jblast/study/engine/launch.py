@@ -1,10 +1,10 @@
-"""Blocks of samples through one compiled program, on all devices of a mesh.
+"""Launch of blocks of samples with one compiled program, on all devices of a mesh.
 
-A device calculates its blocks one by one; their number is an argument of the program,
-not part of it. Each device runs a program of its own: the program that XLA compiles for
-several devices together runs flights at half the speed. A block therefore meets the
-same instructions in a tile of any size and on any number of devices, and the results
-are equal bit for bit on one kind of processor.
+A device computes its blocks one by one; their number is an argument of the program, not
+part of it. Each device runs its own program: the program that XLA compiles for several
+devices together runs flights at half the speed. A block therefore runs the same
+instructions in a tile of any size and on any number of devices, and the results are
+equal bit for bit on one kind of processor.
 """
 
 import warnings
@@ -24,35 +24,35 @@ from jblast.kept_programs import WIDE
 LANES = "lanes"
 """Axis of the mesh along which samples are shared."""
 Blocks = Callable[[PyTree[Array], PyTree[Array]], PyTree[Array]]
-"""From what all blocks share and what is of some, by block first, to an answer for each
-sample, by block and by sample."""
+"""Function from shared arrays and arrays of blocks (block first) to the outcomes of
+each sample (block, sample)."""
 Launched = tuple[PyTree[Array], int, PyTree[Array]]
-"""Of a device: answers of blocks, or of groups of them, how many, and their counts."""
+"""Result of a device: outcomes of blocks or groups, their number, and counts."""
 
 
 def mesh_of(devices: int | None = None) -> Mesh:
-    """Return a mesh of the local devices, or of the first few.
+    """Return a mesh of the local devices, or of the first `devices` of them.
 
     Raises:
-        InputError: There are not as many.
+        InputError: The machine has fewer devices.
     """
     there = jax.local_devices()
     if devices is not None and not 1 <= devices <= len(there):
         raise InputError(
-            f"devices: expected a whole number from 1 to {len(there)}, which this "
-            f"machine has, got {devices}"
+            f"devices: expected a whole number from 1 to {len(there)}, the devices of "
+            f"this machine, got {devices}"
         )
     return Mesh(np.array(there[:devices]), (LANES,), axis_types=(AxisType.Auto,))
 
 
 class Reduce(NamedTuple):
-    """What is kept of blocks in place of their answers.
+    """Reduction of blocks on the device that computes them.
 
     Attributes:
-        empty: Whole numbers that a device begins to count from, from what is shared.
-        step: From what is shared, the counts so far, and the answers of a group of
-            blocks, to the counts and to what is kept of the group, its first axis one.
-        end: From the counts of all groups to what is handed out of them.
+        empty: Initial integer counts of a device, from the shared arrays.
+        step: New counts and reduced outcomes of a group of blocks (first axis 1), from
+            the shared arrays, the counts so far, and the outcomes of the group.
+        end: Output from the counts of all groups.
     """
 
     empty: Callable[[PyTree[Array]], PyTree[Array]]
@@ -61,11 +61,11 @@ class Reduce(NamedTuple):
 
 
 class Launcher:
-    """Runs blocks of one kind on a mesh.
+    """Launcher of blocks of one kind on a mesh.
 
     Attributes:
-        capacity: Blocks of a device in one launch; halved where memory runs out.
-        group: Blocks that a device takes at once: one on a core, many on a GPU.
+        capacity: Blocks of a device in one launch; halved if memory runs out.
+        group: Blocks computed together: one on a core, many on a GPU.
     """
 
     def __init__(
@@ -91,24 +91,23 @@ class Launcher:
     def __call__(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
     ) -> PyTree[np.ndarray]:
-        """Return the answers of blocks, in their order.
+        """Return the outcomes of blocks, in their order.
 
         Args:
-            shared: What all blocks take.
-            each: What is of each block: its first axis counts blocks.
+            shared: Arrays that all blocks share.
+            each: Arrays of the blocks, which are their first axis.
 
         Raises:
-            MemoryError: Not even one block fits into a device.
+            MemoryError: A single block does not fit into a device.
         """
         return self.reduced(shared, each)[0]
 
     def reduced(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
     ) -> tuple[PyTree[np.ndarray], PyTree[np.ndarray]]:
-        """Return what is kept of each group, and the counts of all; likewise.
+        """Return the reduced outcomes of each group, and the counts of all groups.
 
-        Groups are the same on any number of devices, as long as none runs out of
-        memory for one.
+        Groups are the same on any number of devices, unless one runs out of memory.
         """
         parts, counts = [], None
         for launched in self._launches(shared, each):
@@ -123,7 +122,7 @@ class Launcher:
     def pieces(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
     ) -> list[PyTree[Array]]:
-        """Return the answers of blocks, in their order, each piece on one device."""
+        """Return the outcomes of blocks in their order, one chunk for each device."""
         return [
             jax.tree.map(lambda x, n=own: x[:n], answers)
             for launched in self._launches(shared, each)
@@ -133,7 +132,7 @@ class Launcher:
     def _launches(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
     ) -> Iterator[list[Launched]]:
-        """Run all blocks; give what each device made of its own, in their order."""
+        """Yield the results of the devices, launch by launch."""
         count, done = jax.tree.leaves(each)[0].shape[0], 0
         while done < count:
             begun = self.capacity * self._mesh.size
@@ -141,13 +140,13 @@ class Launcher:
             try:
                 launched = self._launch(shared, some)
             except (MemoryError, jax.errors.JaxRuntimeError) as error:
-                self._cut(error)
+                self._halve(error)
                 continue
             yield launched
             done += jax.tree.leaves(some)[0].shape[0]
 
-    def _cut(self, error: Exception) -> None:
-        """Halve what a device is given, where it ran out of memory."""
+    def _halve(self, error: Exception) -> None:
+        """Halve the capacity after a lack of memory; raise any other error."""
         if not out_of_memory(error):
             raise error
         if self.capacity == 1:
@@ -157,15 +156,15 @@ class Launcher:
         self.capacity //= 2
         self.group = min(self.group, self.capacity)
         warnings.warn(
-            f"a device ran out of memory: it is given {self.capacity} blocks of "
-            "samples at a time from now on; the answers are the same",
+            f"a device ran out of memory: continuing with {self.capacity} blocks of "
+            "samples at a time; the results are the same",
             stacklevel=3,
         )
 
     def _launch(
         self, shared: PyTree[Array], each: PyTree[np.ndarray]
     ) -> list[Launched]:
-        """Run at most as many blocks as the devices take at once, to the end."""
+        """Return the results of at most `capacity` blocks for each device."""
         devices, capacity = list(self._mesh.devices.flat), self.capacity
         count = jax.tree.leaves(each)[0].shape[0]
         share = -(-count // len(devices))
@@ -177,13 +176,13 @@ class Launcher:
             own = min(share, count - begin)
 
             def filled(x: np.ndarray) -> np.ndarray:
-                """Fill a device's part up to what it takes."""
+                """Return the blocks of a device, padded to its capacity."""
                 x = x[begin : begin + own]
                 return np.pad(x, [(0, capacity - own)] + [(0, 0)] * (x.ndim - 1))
 
             given = shared, np.int32(own), jax.tree.map(filled, each)
             given = jax.device_put(given, devices[begin // share])
-            # here memory may turn out to be too small, and not where they are looked at
+            # waits here, so that a lack of memory is raised here and not at first use
             answers, counted = jax.block_until_ready(program(*given))
             return answers, -(-own // self.group) if self._reduce else own, counted
 
@@ -191,7 +190,7 @@ class Launcher:
             return list(pool.map(one, range(0, count, share)))
 
     def _program(self, capacity: int) -> Callable[..., Any]:
-        """Return the program for so many blocks of a device; each compiles its own."""
+        """Return the program for a capacity; each device compiles its own."""
         which = capacity, self.group
         if which not in self._programs:
             self._programs[which] = jax.jit(self._here, **WIDE)
@@ -200,7 +199,7 @@ class Launcher:
     def _here(
         self, shared: PyTree[Array], count: Int[Array, ""], each: PyTree[Array]
     ) -> tuple[PyTree[Array], PyTree[Array]]:
-        """Go through the blocks of one device."""
+        """Return the results of the blocks of one device (traced by JAX)."""
         capacity, group = jax.tree.leaves(each)[0].shape[0], self.group
         reduce = self._reduce or Reduce(lambda _: (), lambda _, none, x: (none, x))
 
@@ -214,8 +213,9 @@ class Launcher:
             return jax.tree.map(jnp.zeros_like, jax.eval_shape(some, n))
 
         def step(n: Array, counts: PyTree[Array]) -> Any:
-            # nothing of what is done with answers may go into them
-            if self._on_cpu:  # where XLA takes a barrier away too soon
+            # XLA must not fuse the reduction into the outcomes: their last digit would
+            # depend on it
+            if self._on_cpu:  # on a CPU XLA removes a barrier before it fuses
                 answers = jax.lax.cond(count > 0, some, none_of, n)
             else:
                 answers = jax.lax.optimization_barrier(some(n))
@@ -246,11 +246,12 @@ class Launcher:
 
 
 def _gathered(answers: PyTree[Array], count: int) -> PyTree[np.ndarray]:
-    """Copy to the host what a device has: of a GPU no more than there is."""
+    """Return the first `count` outcomes of a device on the host."""
 
     def part(x: Array) -> np.ndarray:
         (device,) = x.devices()
-        # a slice of an array of JAX is a program of its own for each size
+        # on a GPU the slice saves copying the padding; on a CPU there is no copy, and
+        # each size of a slice would compile a program
         here = device.platform == "cpu"
         return np.asarray(x)[:count] if here else np.asarray(x[:count])
 
@@ -258,7 +259,7 @@ def _gathered(answers: PyTree[Array], count: int) -> PyTree[np.ndarray]:
 
 
 def out_of_memory(error: Exception) -> bool:
-    """Whether an error is for lack of memory."""
+    """Return whether an error is due to a lack of memory."""
     words = str(error).lower()
-    said = "resource_exhausted" in words or "out of memory" in words
-    return said or isinstance(error, MemoryError)
+    named = "resource_exhausted" in words or "out of memory" in words
+    return named or isinstance(error, MemoryError)

@@ -1,4 +1,4 @@
-"""Stores merged: parts of one study, or the same study with other seeds.
+"""Merging of stores: parts of one study, or one study with several seeds.
 
 Parts of one study share the numbers of their samples, so each tile is taken from the
 store that has it. Studies that differ in their seed alone are placed one after another.
@@ -23,26 +23,27 @@ LIKE = ("scene_sha256", "design", "block", "cells", "variants", "jblast", "keep"
 def merged(
     stores: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]
 ) -> Store:
-    """Put stores together.
+    """Merge stores into one.
 
     Args:
-        stores: Their folders.
-        out: Where the whole goes: a new folder, or the first store, which takes in
-            what the others have of its own study.
+        stores: Folders of the stores.
+        out: New folder, or the first store, to which the tiles of the others are added
+            if they are parts of the same study.
 
     Returns:
-        The whole; complete if no sample is missing.
+        Merged store, complete if no sample is missing.
 
     Raises:
-        InputError: One is no store, or of another study, or the folder is another's.
-        OSError: It cannot be written.
+        InputError: A folder is no store, a store belongs to another study, or the
+            output is another study.
+        OSError: The output cannot be written.
     """
-    _refuse_twice(stores)
+    _check_distinct(stores)
     found = [_opened(path) for path in stores]
     first = found[0]
     for other in found[1:]:
-        _refuse_other(first, other)
-    # a store that was merged has the seeds of its parts, in their order
+        _check_same_study(first, other)
+    # a merged store lists the seeds of its parts, in their order
     seeds = [
         list(store.attributes.get("seeds", [store.attributes["seed"]]))
         for store in found
@@ -51,56 +52,53 @@ def merged(
         return _parts(found, Path(out))
     whole = [seed for one in seeds for seed in one]
     if len(set(whole)) < len(whole):
-        said = ", ".join("+".join(map(str, one)) for one in seeds)
+        listed = ", ".join("+".join(map(str, one)) for one in seeds)
         raise InputError(
-            f"{stores[0]}: expected all stores of one seed, or each of its own, so "
-            f"that no sample counts twice, got seeds {said}"
+            f"{stores[0]}: expected stores with one seed, or with a different seed "
+            f"each, so that no sample counts twice, got seeds {listed}"
         )
     return _seeds(found, Path(out), whole)
 
 
-def _refuse_twice(stores: Sequence[str | os.PathLike[str]]) -> None:
-    """Refuse a folder that is named twice, which is probably a mistake."""
+def _check_distinct(stores: Sequence[str | os.PathLike[str]]) -> None:
+    """Check that no folder is given twice."""
     paths = [Path(path).resolve() for path in stores]
     for n, path in enumerate(paths):
         if path in paths[:n]:
-            raise InputError(
-                f"{stores[n]}: expected each store once, got it twice; a study merged "
-                "with itself is no larger"
-            )
+            raise InputError(f"{stores[n]}: expected each store once, got it twice")
 
 
 def _opened(path: str | os.PathLike[str]) -> Store:
     store = open_store(path)
     if store is None:
-        raise InputError(f"{path}: no such store; expected one that jblast study wrote")
+        raise InputError(f"{path}: no such store; expected a store of jblast study")
     return store
 
 
-def _refuse_other(first: Store, other: Store) -> None:
-    """Refuse a store whose samples are not of the same kind."""
+def _check_same_study(first: Store, other: Store) -> None:
+    """Check that the samples of two stores belong to the same study."""
     a, b = first.attributes, other.attributes
-    studies = [tomllib.loads(str(said["study"])) for said in (a, b)]
+    studies = [tomllib.loads(str(attributes["study"])) for attributes in (a, b)]
     for study in studies:
-        study.pop("seed", None)  # the key of a table stays
+        study.pop("seed", None)
     different = [name for name in LIKE if a[name] != b[name]]
     if studies[0] != studies[1]:
         different.insert(0, "study")
     if different or first.tile != other.tile or first.variables != other.variables:
         raise InputError(
-            f"{other.path}: expected a store of the study of {first.path}, but for the "
-            f"seed; got another {', '.join(different) or 'layout'}"
+            f"{other.path}: expected the study of {first.path}, with any seed; got "
+            f"another {', '.join(different) or 'layout'}"
         )
 
 
 def _begun(first: Store, out: Path, rows: int, more: dict[str, object]) -> Store:
-    """Begin the whole in a folder of its own, for so many rows.
+    """Return a new store for the merged rows.
 
     Raises:
-        InputError: There is something already.
+        InputError: The folder has a study.
     """
     if open_store(out) is not None:
-        raise InputError(f"{out}: there is a study already; expected a new folder")
+        raise InputError(f"{out}: expected a new folder, got one with a study")
     attributes = first.attributes | {"complete": False} | more
     store = Store(out, first.variables, rows, first.tile, attributes)
     store.create(places_of(first))
@@ -108,12 +106,12 @@ def _begun(first: Store, out: Path, rows: int, more: dict[str, object]) -> Store
 
 
 def _parts(found: Sequence[Store], out: Path) -> Store:
-    """Take each tile from whoever has it."""
+    """Return the merged store of parts of one study."""
     first = found[0]
     rows = max(store.samples for store in found)
     samples = max(store.attributes["samples"] for store in found)
     ended = [store for store in found if store.attributes["complete"]]
-    if ended:  # by targets, perhaps, after fewer samples than there might be
+    if ended:  # a study that reached its targets has fewer samples
         rows, samples = ended[0].samples, ended[0].attributes["samples"]
     same = out.resolve() == first.path.resolve()
     whole = first if same else _begun(first, out, rows, {"samples": samples})
@@ -133,21 +131,22 @@ def _parts(found: Sequence[Store], out: Path) -> Store:
 
 
 def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
-    """Put one study after another; the last alone may end within a tile."""
+    """Return the merged store of studies with different seeds, one after another."""
     for store in found:
         if not store.attributes["complete"]:
             raise InputError(
-                f"{store.path}: expected a complete study, as the seeds differ, got "
+                f"{store.path}: expected a complete study for merging seeds, got "
                 f"{len(store.done())} of {store.tiles} tiles"
             )
     if any(store.path.resolve() == out.resolve() for store in found):
         raise InputError(
-            f"{out}: expected a new folder, as the seeds differ, got one of the stores"
+            f"{out}: expected a new folder for merging seeds, got one of the stores"
         )
     rows = sum(store.samples for store in found)
     samples = sum(store.attributes["samples"] for store in found)
     more = {"seeds": list(seeds), "samples": samples}
     whole = _begun(found[0], out, rows, more)
+    # whole tiles are copied as files; else all rows move to other tiles
     if all(store.samples % store.tile == 0 for store in found[:-1]):
         at = 0
         for store in found:
@@ -163,7 +162,7 @@ def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
 
 
 def _rewritten(found: Sequence[Store], whole: Store) -> None:
-    """Cut the rows of stores, joined one after another, into whole tiles."""
+    """Write the rows of stores, one after another, in whole tiles."""
     left: dict[str, np.ndarray] = {}
     tile = 0
     rows = (store.read_tile(n) for store in found for n in range(store.tiles))
@@ -193,38 +192,39 @@ def summary_of(store: Store) -> SummaryStore:
     """Return the statistics of a store.
 
     Raises:
-        InputError: None were begun.
+        InputError: The store has no statistics.
     """
     groups = int(store.attributes["cells"]) * int(store.attributes["variants"])
     summary = SummaryStore(store.path, store.variables, groups, 0)
     if not summary.there:
         raise InputError(
-            f"{store.path}: expected statistics of tiles, got none: it was killed "
-            "as it was begun"
+            f"{store.path}: expected statistics of tiles, got none: the run was killed "
+            "at its start"
         )
-    summary.tiles = summary.tiles_said()
+    summary.tiles = summary.stored_tiles()
     return summary
 
 
 def merge_summaries(found: Sequence[Store], whole: Store, *, apart: bool) -> bool:
-    """Bring the statistics of stores into one; return whether no tile is missing.
+    """Merge the statistics of stores; return whether no tile is missing.
 
     Args:
-        found: The stores.
-        whole: The one; perhaps the first of them.
-        apart: Whether their samples are different ones, which follow one another.
+        found: Stores.
+        whole: Merged store; it may be the first of them.
+        apart: Whether the stores have different samples, one after another.
 
     Raises:
-        InputError: Their numbers are counted from different values.
-        OSError: It cannot be written.
+        InputError: The histograms have different origins.
+        OSError: The output cannot be written.
     """
     parts = [summary_of(store) for store in found]
     anchors, tile = parts[0].anchors(), parts[0].tile_samples()
     for store, part in zip(found[1:], parts[1:], strict=True):
         if part.tile_samples() != tile or not _alike(anchors, part.anchors()):
             raise InputError(
-                f"{store.path}: expected sketches that are counted from the same "
-                f"values as those of {found[0].path}, got others"
+                f"{store.path}: expected the tile size and bin origins of "
+                f"{found[0].path}, got different ones (tiles of {part.tile_samples()} "
+                f"and {tile} samples)"
             )
     into = SummaryStore(whole.path, whole.variables, parts[0].groups, 0)
     into.tiles = -(-int(whole.attributes["samples"]) // tile)

@@ -1,4 +1,4 @@
-"""The store of a study on disk: a Zarr group that can be read before it is complete.
+"""Store of a study on disk: a Zarr group that can be read before it is complete.
 
 A chunk is a file of plain numbers, written completely or not at all (`jblast.files`). A
 tile is done when every column has its chunk, so no other record of progress is needed,
@@ -20,9 +20,9 @@ import numpy as np
 from jblast.errors import InputError, shown, whole_number
 from jblast.files import write_bytes, write_text
 
-NAME = ".lock"
+LOCK = ".lock"
 SCHEMA = 1
-"""Of the attributes and columns: `jblast_study_schema`."""
+"""Version of the attributes and columns: `jblast_study_schema`."""
 GROUP = "zarr.json"
 WHAT = "the store of a study"
 PLACES = "sensor_position_m"
@@ -30,30 +30,31 @@ COORDINATES = ("sensor", PLACES)
 Role = Literal["input", "axis", "outcome", "weight"]
 Kind = Literal["number", "yes_no"]
 NO_ANSWER = -1
-"""Of a yes-or-no: the sample failed. A number that failed is NaN."""
+"""Value of a yes-or-no outcome of a failed sample; a number is NaN."""
 
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold a store; the lock goes with the process, however that ends.
+    """Lock a store for this process; the lock ends with the process in any case.
 
     Raises:
-        InputError: Another process holds it.
-        OSError: The folder cannot be written to.
+        InputError: Another process has the lock.
+        OSError: The folder is not writable.
     """
     try:
         import fcntl
-    except ImportError:  # a system without such locks: two write the same numbers
+    except ImportError:  # no such locks: two processes would write the same values
         yield
         return
     path.mkdir(parents=True, exist_ok=True)
-    file = os.open(path / NAME, os.O_CREAT | os.O_RDWR)  # goes when the process does
+    file = os.open(path / LOCK, os.O_CREAT | os.O_RDWR)  # closed with the process
     try:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"{path}: another process writes this study; expected one alone"
+                f"{path}: expected one process that writes this study, got another "
+                "one; wait for it, or write to another store"
             ) from None
         except OSError as error:  # a file system without locks
             if error.errno not in (errno.ENOLCK, errno.ENOTSUP):
@@ -67,13 +68,13 @@ class Variable(NamedTuple):
     """A column of a study.
 
     Attributes:
-        name: As it is asked for.
-        role: What it is to the study: drawn by a prior, set by an axis, an answer.
-        units: Of its values; "1" of none.
-        long_name: In words.
+        name: Name of the parameter, axis or outcome.
+        role: Input (sampled from a prior), axis, outcome or weight.
+        units: Unit of the values; "1" for none.
+        long_name: Description.
         kind: A number, or yes (1) and no (0).
-        sensors: Names of the sensors it has a value for; () for one a sample.
-        names: What its whole numbers stand for, of an axis over words.
+        sensors: Names of the sensors with a value each; () for one value a sample.
+        names: Meanings of the integers of an axis over words.
     """
 
     name: str
@@ -86,7 +87,7 @@ class Variable(NamedTuple):
 
     @property
     def dtype(self) -> np.dtype:
-        """Of the stored values."""
+        """Type of the stored values."""
         if self.kind == "yes_no":
             return np.dtype("<i1")
         return np.dtype("<i2" if self.names else "<f8")
@@ -97,35 +98,35 @@ class Variable(NamedTuple):
         return ("sample", "sensor") if self.sensors else ("sample",)
 
     def shape(self, samples: int) -> tuple[int, ...]:
-        """Return the shape of so many samples."""
+        """Return the shape of the values of `samples` samples."""
         return (samples, len(self.sensors)) if self.sensors else (samples,)
 
     @property
     def missing(self) -> float | int:
-        """What stands where there is no answer."""
+        """Stored value of a sample without an answer."""
         return NO_ANSWER if self.dtype.kind == "i" else float("nan")
 
     def attributes(self) -> dict[str, object]:
-        """Return what the store says of it."""
-        said: dict[str, object] = {
+        """Return the attributes of the column in the store."""
+        attributes: dict[str, object] = {
             "role": self.role,
             "units": self.units,
             "long_name": self.long_name,
         }
         if self.role == "outcome":
-            said["kind"] = self.kind
+            attributes["kind"] = self.kind
         if self.names:
-            said["names"] = list(self.names)
-        return said
+            attributes["names"] = list(self.names)
+        return attributes
 
 
 class Store:
-    """A study's store.
+    """Store of a study.
 
     Attributes:
-        path: Its folder.
-        variables: Its columns.
-        samples: How many rows it has when it is complete.
+        path: Folder.
+        variables: Columns.
+        samples: Number of rows of the complete store.
         tile: Rows of a chunk.
         attributes: Attributes of the group.
     """
@@ -144,17 +145,17 @@ class Store:
 
     @property
     def tiles(self) -> int:
-        """How many tiles it has."""
+        """Number of tiles."""
         return -(-self.samples // self.tile)
 
     def create(self, places: Mapping[str, Sequence[float]]) -> None:
-        """Make it, with no sample in it.
+        """Create the store, without samples.
 
         Args:
-            places: East, north, up [m] of the sensors by name.
+            places: Positions of the sensors by name: east, north, up [m].
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The folder is not writable.
         """
         self.path.mkdir(parents=True, exist_ok=True)
         for variable in self.variables:
@@ -169,7 +170,10 @@ class Store:
         self._describe(len(places))
 
     def _describe(self, sensors: int) -> None:
-        """Write what the arrays are, and last the group: without it there is none."""
+        """Write the descriptions of the arrays, and last of the group.
+
+        A killed run leaves no group, so that its folder is not taken for a store.
+        """
         arrays = {v.name: array_of(v, self.samples, self.tile) for v in self.variables}
         if sensors:
             arrays |= sensor_arrays(sensors)
@@ -188,28 +192,28 @@ class Store:
         write_text(self.path / GROUP, as_json(group))
 
     def finish(self, samples: int, rows: int | None = None, **more: Any) -> None:
-        """Say that so many samples are all there are, and that they are there.
+        """Mark the store as complete.
 
         Args:
-            samples: How many.
-            rows: How many of them are kept; None: all.
-            **more: What else the store says of itself.
+            samples: Number of samples of the study.
+            rows: Number of stored samples; None for all.
+            **more: Further attributes.
         """
         self.samples = samples if rows is None else rows
         self.attributes |= {"complete": True, "samples": samples, **more}
         self._describe(len(self.sensors()))
 
     def sensors(self) -> tuple[str, ...]:
-        """Return the names of its sensors."""
+        """Return the names of the sensors."""
         return next((v.sensors for v in self.variables if v.sensors), ())
 
     def write_tile(self, tile: int, columns: Mapping[str, np.ndarray]) -> None:
-        """Write the chunks of a tile, each whole or not at all.
+        """Write the chunks of a tile, each completely or not at all.
 
         Args:
-            tile: Its number.
-            columns: Values of every column, a row a sample; rows that are missing at
-                the end are filled up.
+            tile: Number of the tile.
+            columns: Values of each column, one row for each sample; missing rows at the
+                end are padded.
 
         Raises:
             OSError: A chunk cannot be written.
@@ -224,7 +228,7 @@ class Store:
             write_bytes(path, whole.tobytes(), durable=False)
 
     def read_tile(self, tile: int, names: Sequence[str] = ()) -> dict[str, np.ndarray]:
-        """Return the columns of a tile that is done."""
+        """Return the columns of a complete tile."""
         found = {}
         rows = min(self.tile, self.samples - tile * self.tile)
         for variable in self.variables:
@@ -236,7 +240,7 @@ class Store:
         return found
 
     def done(self) -> set[int]:
-        """Return the tiles that are there: every column has its whole chunk."""
+        """Return the complete tiles, of which each column has its whole chunk."""
         there: set[int] | None = None
         for variable in self.variables:
             size = int(np.prod(variable.shape(self.tile))) * variable.dtype.itemsize
@@ -250,34 +254,34 @@ class Store:
         return {tile for tile in there or () if tile < self.tiles}
 
     def chunk_path(self, variable: Variable, tile: int) -> Path:
-        """Return the file of a column's part of a tile."""
+        """Return the file of a column of a tile."""
         name = f"{tile}.0" if variable.sensors else f"{tile}"
         return self.path / variable.name / name
 
     def sweep(self) -> None:
-        """Take away what was being written when somebody was killed."""
+        """Delete the partial files of a killed run."""
         for part in self.path.glob("**/.*.part"):
             part.unlink(missing_ok=True)
 
 
 def open_store(path: str | os.PathLike[str]) -> Store | None:
-    """Return the store at a path; None where there is nothing.
+    """Return the store at a path; None for an empty or missing folder.
 
     Raises:
-        InputError: There is something else, or the store of a newer jblast.
+        InputError: The folder has other files, or the store of a newer jblast.
     """
     folder = Path(path)
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return None
     group = folder / GROUP
     try:
-        said = json.loads(group.read_text())
-        attributes = said["attributes"]
+        document = json.loads(group.read_text())
+        attributes = document["attributes"]
         schema = attributes["jblast_study_schema"]
-        arrays = said["consolidated_metadata"]["metadata"]
+        arrays = document["consolidated_metadata"]["metadata"]
     except FileNotFoundError:
-        if {entry.name for entry in folder.iterdir()} <= _begun(folder):
-            return None  # killed before it was a store
+        if {entry.name for entry in folder.iterdir()} <= _names_at_start(folder):
+            return None  # a run killed before it wrote the group
         raise InputError(f"{path}: expected {WHAT}, got another folder") from None
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{path}: expected {WHAT}, got something else") from None
@@ -302,7 +306,7 @@ def open_store(path: str | os.PathLike[str]) -> Store | None:
 
 
 def places_of(store: Store) -> dict[str, tuple[float, ...]]:
-    """Return where the sensors of a store stand, by name."""
+    """Return the sensor positions of a store, by name."""
     path = store.path / PLACES / "0.0"
     if not path.exists():
         return {}
@@ -310,8 +314,8 @@ def places_of(store: Store) -> dict[str, tuple[float, ...]]:
     return dict(zip(store.sensors(), map(tuple, places.tolist()), strict=True))
 
 
-def _begun(folder: Path) -> set[str]:
-    """Return names of what a store has before it is one."""
+def _names_at_start(folder: Path) -> set[str]:
+    """Return the entries that a store may have before its group is written."""
     inside = [entry for entry in folder.iterdir() if entry.is_dir()]
     return (
         {
@@ -322,38 +326,38 @@ def _begun(folder: Path) -> set[str]:
                 for p in entry.iterdir()
             )
         }
-        | {".lock"}
+        | {LOCK}
         | {p.name for p in folder.glob(".*.part")}
     )
 
 
 def _variable(name: str, array: dict[str, Any], arrays: dict[str, Any]) -> Variable:
-    said = array["attributes"]
+    attributes = array["attributes"]
     sensors = ()
     if len(array["shape"]) > 1:
         sensors = tuple(str(n) for n in range(arrays["sensor"]["shape"][0]))
     kind = "yes_no" if array["data_type"] == "int8" else "number"
     return Variable(
         name,
-        said["role"],
-        said["units"],
-        said["long_name"],
+        attributes["role"],
+        attributes["units"],
+        attributes["long_name"],
         kind,
         sensors,
-        tuple(said.get("names", ())),
+        tuple(attributes.get("names", ())),
     )
 
 
 def as_json(document: Mapping[str, Any]) -> str:
-    """Return a description as its file has it."""
+    """Return a description as the text of its file."""
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def array_of(variable: Variable, samples: int, tile: int) -> dict[str, Any]:
-    """Return a column as Zarr describes it."""
-    said = variable.attributes()
+    """Return the Zarr description of a column."""
+    attributes = variable.attributes()
     if variable.sensors:
-        said["coordinates"] = PLACES  # so that xarray takes it for one
+        attributes["coordinates"] = PLACES  # by convention of CF, for xarray
     kinds = {"f8": "float64", "i1": "int8", "i2": "int16"}
     kind = kinds[variable.dtype.str[1:]]
     fill = "NaN" if kind == "float64" else variable.missing
@@ -363,7 +367,7 @@ def array_of(variable: Variable, samples: int, tile: int) -> dict[str, Any]:
         kind,
         fill,
         variable.dims,
-        said,
+        attributes,
     )
 
 
@@ -375,7 +379,7 @@ def described(
     dims: Sequence[str],
     attributes: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return an array as Zarr 3 describes it."""
+    """Return the Zarr 3 description of an array."""
     codec = {"name": "bytes", "configuration": {"endian": "little"}}
     if kind == "int8":
         codec = {"name": "bytes"}
@@ -397,7 +401,7 @@ def described(
 
 
 def sensor_arrays(count: int) -> dict[str, Any]:
-    """Return what stands of the sensors: their names, and where they are."""
+    """Return the descriptions of the sensors' names and positions."""
     words = {"long_name": "sensor"}
     where = {"long_name": "place of the sensor: east, north, up", "units": "m"}
     dims = ("sensor", "direction")
@@ -408,7 +412,7 @@ def sensor_arrays(count: int) -> dict[str, Any]:
 
 
 def words_chunk(words: Sequence[str]) -> bytes:
-    """Return words as Zarr's vlen-utf8 has them."""
+    """Return words in the encoding vlen-utf8 of Zarr."""
     encoded = [word.encode() for word in words]
     parts = [len(encoded).to_bytes(4, "little")]
     for word in encoded:
@@ -417,7 +421,7 @@ def words_chunk(words: Sequence[str]) -> bytes:
 
 
 def read_words(data: bytes) -> tuple[str, ...]:
-    """Return the words of such a chunk."""
+    """Return the words of a chunk of `words_chunk`."""
     at, words = 4, []
     for _ in range(int.from_bytes(data[:4], "little")):
         length = int.from_bytes(data[at : at + 4], "little")

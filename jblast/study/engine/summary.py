@@ -55,27 +55,28 @@ PARTS = {
 }
 LAST = {"moments": "moment", PACKED: "bin", "share": "count"}
 VALID, ANCHORS = "_valid", "_anchors"
-"""Which lanes of a block are samples; what numbers are counted from."""
+"""Keys of the mask of valid samples, and of the anchors, in shared arrays."""
 SUMS = "samples", "infinite", "off", "squares off", "minimum", "maximum"
-"""Of blocks; off from a value near the mean. What is lost bins do not count."""
+"""Sums of blocks, relative to a value near the mean; bins do not count lost samples."""
 COUNTERS = 256
-"""Of a bin, of all lanes, among which a GPU shares samples: two that count at one place
-wait for each other."""
+"""Counters of each bin, of all lanes, among which a GPU distributes samples, because
+atomic additions to one address are serial."""
 ROWS = 64
-"""Of a block that are summed side by side before they are summed up: a fixed order."""
+"""Rows of a block that are reduced together, in a fixed order (`_folded`)."""
 State = Any
 States = Mapping[str, State]
-"""By outcome a state, its arrays of variant and cell together, then of sensors."""
-MOST_COUNTS = 1 << 26
-"""Bins of all sketches of a study, half a gigabyte."""
+"""State by outcome; its arrays have the group (variant and cell) first, then
+sensors."""
+MAX_COUNTS = 1 << 26
+"""Bins of all histograms of a study: half a gigabyte in int64."""
 
 
 class Anchor(NamedTuple):
-    """What a number is counted from, so that no digit of its spread is lost.
+    """Reference values of a number, which keep the digits of its spread.
 
     Attributes:
-        shift: A value among its own, about which sums are taken.
-        origin: What the bins of its sketch are counted from.
+        shift: Value among the samples, subtracted before sums.
+        origin: Origin of the bins of the histogram.
     """
 
     shift: Float[np.ndarray, "..."]
@@ -83,13 +84,13 @@ class Anchor(NamedTuple):
 
 
 class SummaryStore:
-    """The statistics of a study's tiles.
+    """Statistics of the tiles of a study.
 
     Attributes:
-        path: Folder of the group.
+        path: Folder of the Zarr group.
         variables: Columns of the study.
-        groups: Variants and cells, as one number.
-        tiles: How many there are.
+        groups: Number of variants times cells.
+        tiles: Number of tiles.
     """
 
     def __init__(
@@ -103,14 +104,14 @@ class SummaryStore:
         self.variables, self.groups, self.tiles = tuple(variables), groups, tiles
 
     def create(self, anchors: Mapping[str, Anchor], tile: int) -> None:
-        """Make it, with no tile in it.
+        """Create the group, without tiles.
 
         Args:
-            anchors: What numbers are counted from.
+            anchors: Reference values by outcome.
             tile: Samples of a tile.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The folder is not writable.
         """
         arrays = {}
         for v, part, shape, kind in self._arrays():
@@ -123,9 +124,11 @@ class SummaryStore:
             dims = ("group", "sensor", "anchor")[-whole.ndim :]
             if whole.ndim == 2:
                 dims = ("group", "anchor")
-            said = {"long_name": f"shift of the sums and origin of the bins of {name}"}
+            attributes = {
+                "long_name": f"shift of the sums and origin of the bins of {name}"
+            }
             arrays[key] = described(
-                whole.shape, whole.shape, "float64", "NaN", dims, said
+                whole.shape, whole.shape, "float64", "NaN", dims, attributes
             )
             (self.path / key).mkdir(parents=True, exist_ok=True)
             write_bytes(self.path / key / _chunk(0, whole.ndim), whole.tobytes())
@@ -157,24 +160,29 @@ class SummaryStore:
     ) -> dict[str, Any]:
         sensors = ("sensor",) if v.sensors else ()
         dims = ("tile", "group", *sensors, LAST[part])
-        said = {"units": v.units, "long_name": f"{part} of {v.name}, tile by tile"}
+        attributes = {
+            "units": v.units,
+            "long_name": f"{part} of {v.name}, tile by tile",
+        }
         fill = "NaN" if kind == "float64" else 0
-        array = described((self.tiles, *shape), (1, *shape), kind, fill, dims, said)
+        array = described(
+            (self.tiles, *shape), (1, *shape), kind, fill, dims, attributes
+        )
         if part == PACKED:
             array["codecs"].append(GZIP)
         return array
 
     @property
     def there(self) -> bool:
-        """Whether it was made."""
+        """True if the group exists."""
         return (self.path / GROUP).exists()
 
     def tile_samples(self) -> int:
-        """Return how many samples a tile has, but for the last of a study."""
+        """Return the samples of a tile; the last of a study may have fewer."""
         return int(json.loads((self.path / GROUP).read_text())["attributes"]["tile"])
 
-    def tiles_said(self) -> int:
-        """Return how many tiles it says that it has when it is complete."""
+    def stored_tiles(self) -> int:
+        """Return the number of tiles in the stored description."""
         arrays = json.loads((self.path / GROUP).read_text())["consolidated_metadata"]
         shapes = [
             array["shape"][0]
@@ -184,12 +192,12 @@ class SummaryStore:
         return int(shapes[0])
 
     def resized(self, tiles: int, tile: int) -> None:
-        """Say that there are so many tiles."""
+        """Set the number of tiles, in the stored description too."""
         self.tiles = tiles
         self.create(self.anchors(), tile)
 
     def anchors(self) -> dict[str, Anchor]:
-        """Return what numbers are counted from."""
+        """Return the stored reference values."""
         found = {}
         for v in outcomes_of(self.variables):
             if v.kind == "number":
@@ -200,7 +208,7 @@ class SummaryStore:
         return found
 
     def write(self, tile: int, states: Mapping[str, State]) -> None:
-        """Write the states of a tile, each chunk whole or not at all.
+        """Write the states of a tile, each chunk completely or not at all.
 
         Raises:
             OSError: A chunk cannot be written.
@@ -214,7 +222,7 @@ class SummaryStore:
                 write_bytes(self.chunk_path(v, part, tile), data, durable=False)
 
     def read(self, tile: int, anchors: Mapping[str, Anchor]) -> dict[str, State]:
-        """Return the states of a tile that is done."""
+        """Return the states of a complete tile."""
         found: dict[str, dict[str, np.ndarray]] = {}
         for v, part, shape, kind in self._arrays():
             data = self.chunk_path(v, part, tile).read_bytes()
@@ -228,7 +236,7 @@ class SummaryStore:
         }
 
     def done(self) -> set[int]:
-        """Return the tiles that are there, whole."""
+        """Return the complete tiles."""
         there: set[int] | None = None
         for v, part, shape, _ in self._arrays():
             size = 8 * int(np.prod(shape))
@@ -242,7 +250,7 @@ class SummaryStore:
         return {tile for tile in there or () if tile < self.tiles}
 
     def chunk_path(self, v: Variable, part: str, tile: int) -> Path:
-        """Return the file of a part of a tile."""
+        """Return the chunk file of a part of a tile."""
         dims = len(shape_of(v, self.groups)) + 2
         return self.path / f"{v.name}.{part}" / _chunk(tile, dims)
 
@@ -252,13 +260,13 @@ def _chunk(tile: int, dims: int) -> str:
 
 
 def _size(path: Path, part: str) -> int:
-    """Return how many bytes a chunk holds; -1 of one that was cut off."""
+    """Return the uncompressed size of a chunk [bytes]; -1 for a truncated one."""
     size = path.stat().st_size
     if part != PACKED:
         return size
-    if size < 18:  # head and tail of gzip
+    if size < 18:  # header and trailer of gzip alone have 18 bytes
         return -1
-    with path.open("rb") as file:  # a chunk ends with its size
+    with path.open("rb") as file:  # gzip ends with the uncompressed size
         file.seek(-4, os.SEEK_END)
         return int.from_bytes(file.read(), "little")
 
@@ -276,11 +284,11 @@ def states_by_group(
     """Return the states of samples.
 
     Args:
-        variables: The columns.
-        columns: Their values.
-        which: Variant and cell of each sample, as one number.
-        groups: How many of those there are.
-        anchors: What numbers are counted from.
+        variables: Columns of the study.
+        columns: Values of the columns.
+        which: Group (variant and cell) of each sample.
+        groups: Number of groups.
+        anchors: Reference values by outcome.
     """
     found: dict[str, State] = {}
     for v in outcomes_of(variables):
@@ -315,7 +323,7 @@ def states_by_group(
 def _by(
     which: Int[np.ndarray, " sample"], values: np.ndarray, groups: int
 ) -> Float[np.ndarray, "group lane"]:
-    """Return sums by group, lane after lane."""
+    """Return sums by group and lane."""
     return np.stack(
         [np.bincount(which, lane, minlength=groups) for lane in values.T.astype(float)],
         axis=-1,
@@ -327,7 +335,7 @@ def _numbers(
     which: Int[np.ndarray, " sample"],
     groups: int,
 ) -> Float[np.ndarray, "group lane 7"]:
-    """Return the seven numbers that make moments, in two passes."""
+    """Return the seven `NUMBERS` of moments, in two passes over the values."""
     finite, nan = np.isfinite(values), np.isnan(values)
     count = _by(which, finite, groups)
     total = _by(which, np.where(finite, values, 0.0), groups)
@@ -364,7 +372,7 @@ def anchors_of(
     which: Int[np.ndarray, " sample"],
     groups: int,
 ) -> dict[str, Anchor]:
-    """Return what numbers should be counted from, by some samples of each group."""
+    """Return reference values from some samples of each group."""
     found = {}
     for v in outcomes_of(variables):
         if v.kind == "yes_no":
@@ -382,18 +390,18 @@ def anchors_of(
 
 
 def reduce_of(outcomes: Sequence[Variable], counters: int = 1) -> Reduce:
-    """Return what reduces blocks of some outcomes.
+    """Return the reduction of blocks of some outcomes.
 
     Args:
-        outcomes: Of the study.
-        counters: Of a bin, of all lanes of an outcome: see `COUNTERS`.
+        outcomes: Outcomes of the study.
+        counters: Counters of each bin (`COUNTERS`).
     """
     lanes = {v.name: max(1, len(v.sensors)) for v in outcomes}
     numbers = [v.name for v in outcomes if v.kind == "number"]
     each = {name: max(1, counters // lanes[name]) for name in numbers}
 
     def empty(_: Any) -> dict[str, Array]:
-        # the last one is of what is no number
+        # the last counter takes NaN and padding, so that no branch is needed
         return {
             name: jnp.zeros(BINS * each[name] * lanes[name] + 1, jnp.int32)
             for name in numbers
@@ -433,7 +441,7 @@ def reduce_of(outcomes: Sequence[Variable], counters: int = 1) -> Reduce:
 
 
 def _shares(values: Array, valid: Array) -> Array:
-    """Return of each lane how many are known, true, lost."""
+    """Return the numbers of known, true and lost samples of each lane."""
     known, yes = valid & (values >= 0), valid & (values > 0)
     parts = known, yes, valid & (values < 0)
     counts = [jnp.sum(x, axis=(0, 1), dtype=jnp.int32) for x in parts]
@@ -441,7 +449,7 @@ def _shares(values: Array, valid: Array) -> Array:
 
 
 def _sums(values: Array, valid: Array, shift: Array) -> Array:
-    """Return of each lane what makes its moments; see `SUMS`."""
+    """Return the `SUMS` of each lane."""
     off = jnp.where(valid & jnp.isfinite(values), values - shift, 0.0)
     some = valid & ~jnp.isnan(values)
     low = _folded(jnp.where(some, values, jnp.inf), jnp.minimum, jnp.inf)
@@ -450,6 +458,7 @@ def _sums(values: Array, valid: Array, shift: Array) -> Array:
     def counted() -> Array:
         return jnp.sum(some & jnp.isinf(values), axis=(0, 1), dtype=values.dtype)
 
+    # infinite values are rare: count them only if an extreme is infinite
     odd = jnp.isinf(low) | jnp.isinf(high)
     infinite = jax.lax.cond(odd.any(), counted, lambda: jnp.zeros_like(low))
     samples = jnp.sum(valid, axis=(0, 1), dtype=values.dtype)
@@ -465,10 +474,10 @@ def _sums(values: Array, valid: Array, shift: Array) -> Array:
 
 
 def _folded(x: Array, join: Callable[[Any, Any], Array], none: float) -> Array:
-    """Reduce samples, of a block a power of two, of each lane in one order.
+    """Return the reduction of samples (a power of two in a block) in a fixed order.
 
-    Rows are joined side by side first, which XLA does in one pass over the lanes; it
-    writes a reduction out otherwise.
+    Rows are combined elementwise first, which XLA compiles to one vectorised pass over
+    the lanes.
     """
     rows = min(ROWS, x.shape[1])
     whole = x[:, :rows]
@@ -484,13 +493,13 @@ def states_of(
     counts: Mapping[str, np.ndarray],
     anchors: Anchors,
 ) -> dict[str, State]:
-    """Return the states of blocks that were reduced, of one variant.
+    """Return the states of reduced blocks of one variant.
 
     Args:
-        outcomes: Of the study.
-        kept: Of each group of blocks.
-        counts: Of all blocks, by lane.
-        anchors: Of this variant: a value a lane.
+        outcomes: Outcomes of the study.
+        kept: Sums of each group of blocks.
+        counts: Counts of all blocks, by lane.
+        anchors: Reference values of the variant, one for each lane.
     """
     found: dict[str, State] = {}
     for v in outcomes:
@@ -517,7 +526,7 @@ def states_of(
 
 
 def outcomes_of(variables: Sequence[Variable]) -> list[Variable]:
-    """Return the columns that are answers."""
+    """Return the columns of outcomes."""
     return [v for v in variables if v.role == "outcome"]
 
 
@@ -527,7 +536,7 @@ def shape_of(variable: Variable, groups: int) -> tuple[int, ...]:
 
 
 def counts_in(variables: Sequence[Variable], groups: int) -> int:
-    """Return how many bins a state has."""
+    """Return the number of bins of all histograms."""
     numbers = [v for v in outcomes_of(variables) if v.kind == "number"]
     return BINS * sum(int(np.prod(shape_of(v, groups))) for v in numbers)
 
@@ -535,7 +544,7 @@ def counts_in(variables: Sequence[Variable], groups: int) -> int:
 def empty_states(
     variables: Sequence[Variable], groups: int, anchors: Anchors
 ) -> dict[str, State]:
-    """Return the states of no samples."""
+    """Return the states without samples."""
     found = {}
     for v in outcomes_of(variables):
         origin = anchors[v.name].origin if v.kind == "number" else 0.0
@@ -546,10 +555,10 @@ def empty_states(
 def merged_states(
     variables: Sequence[Variable], a: States, b: States
 ) -> dict[str, State]:
-    """Merge states; `a` stands before `b` in the order of the samples.
+    """Return merged states, `a` before `b` in the order of the samples.
 
     Raises:
-        ValueError: Their sketches are counted from different origins.
+        ValueError: Their bins have different origins.
     """
     return {
         v.name: ACCUMULATORS[v.kind].merge(a[v.name], b[v.name])
@@ -558,7 +567,7 @@ def merged_states(
 
 
 def moments_from(array: Float[np.ndarray, "... 7"]) -> Moments:
-    """Return moments from the numbers that stand for them, `NUMBERS`."""
+    """Return moments from their `NUMBERS`."""
     finite, infinite, lost, mean, squares, low, high = np.moveaxis(array, -1, 0)
     whole = [x.astype(np.int64) for x in (finite, infinite, lost)]
     one = finite.astype(float), mean, squares
@@ -566,7 +575,7 @@ def moments_from(array: Float[np.ndarray, "... 7"]) -> Moments:
 
 
 def packed(variable: Variable, state: State) -> dict[str, np.ndarray]:
-    """Return a state as arrays, by what they are called beside the outcome's name."""
+    """Return the arrays of a state, by the suffix of their names."""
     if variable.kind == "yes_no":
         return {"share": np.stack([state.known, state.yes, state.lost], -1)}
     m = state.moments
@@ -578,7 +587,7 @@ def packed(variable: Variable, state: State) -> dict[str, np.ndarray]:
 def unpacked(
     variable: Variable, arrays: Mapping[str, np.ndarray], anchors: Anchors
 ) -> State:
-    """Return the state that arrays stand for."""
+    """Return the state of arrays of `packed`."""
     if variable.kind == "yes_no":
         return share_from(*np.moveaxis(arrays["share"], -1, 0))
     sketch = QuantileSketch(arrays["counts"], anchors[variable.name].origin)
@@ -586,6 +595,6 @@ def unpacked(
 
 
 def share_from(known: np.ndarray, yes: np.ndarray, lost: np.ndarray) -> ShareState:
-    """Return the state of yes and no without weights."""
+    """Return the state of a yes-or-no outcome without weights."""
     weight, hit = known.astype(float), yes.astype(float)
     return ShareState(known, yes, lost, weight, weight, hit, hit)

@@ -1,11 +1,11 @@
-"""Tiles of samples, calculated and written one after another.
+"""Tiles of samples: their computation, writing and running estimates.
 
 While the devices calculate one tile, a separate thread writes the previous one.
 
 Samples are numbered from 0 to the end of the study. They come in blocks of one fixed
 size. Each block belongs to one variant of the scene, variants alternate, and within a
-variant the cells of the axes alternate. So any completed part of a study has, to within
-a block, the same number of samples of each variant and cell.
+variant the cells of the axes alternate. So any completed part of a study has the same
+number of samples of each variant and cell, to within a block.
 
 The running estimates are mean and standard error of each outcome by cell. Sums of
 values and of squares about the mean are merged by Chan, Golub and LeVeque (1983), eqs.
@@ -25,21 +25,21 @@ from jblast.study.engine.store import Store, Variable
 
 Columns = Mapping[str, np.ndarray]
 T = TypeVar("T")
-FILLED = 2048
-"""Down to this size blocks of several variants are smaller, so that fewer samples than
-an eighth of what is asked fill up their last ones."""
+MIN_FILLED_BLOCK = 2048
+"""Smallest block to which blocks of several variants are halved, so that the padding of
+the last ones is less than an eighth of the samples. Smaller blocks would be slow."""
 
 
 class Numbering(NamedTuple):
-    """How samples are counted.
+    """Numbering of the samples of a study.
 
     Attributes:
-        block: Samples that a program takes together, a power of two.
-        variants: Scenes that differ in more than numbers.
-        cells: Combinations of the listed values of the axes.
-        samples: In all.
-        tile: Samples of a chunk of the store, the unit that is done or not: a power of
-            two times the block.
+        block: Samples that a program computes together, a power of two.
+        variants: Number of scenes that differ in more than numeric parameters.
+        cells: Number of combinations of the listed values of the axes.
+        samples: Number of all samples.
+        tile: Samples of a chunk of the store, the unit of progress: a power of two
+            times the block.
     """
 
     block: int
@@ -50,7 +50,7 @@ class Numbering(NamedTuple):
 
     @property
     def tiles(self) -> int:
-        """How many tiles there are; the last is filled up."""
+        """Number of tiles; the last one is padded."""
         return -(-self.samples // self.tile)
 
     def blocks_of(self, tile: int) -> Int[np.ndarray, " block"]:
@@ -79,21 +79,21 @@ class Numbering(NamedTuple):
 
 @runtime_checkable
 class Source(Protocol):
-    """What calculates tiles; the same numbers whenever it is asked."""
+    """Source of tiles, with the same values at each call."""
 
     @property
     def variables(self) -> Sequence[Variable]:
-        """The columns."""
+        """Columns of the study."""
         ...
 
     @property
     def numbering(self) -> Numbering:
-        """Which sample is which."""
+        """Numbering of the samples."""
         ...
 
     @property
     def at_once(self) -> int:
-        """How many tiles are worth calculating together."""
+        """Number of tiles that are computed together."""
         ...
 
     def several(self, tiles: Sequence[int]) -> Sequence[Columns]:
@@ -102,13 +102,13 @@ class Source(Protocol):
 
 
 def calculated(source: Source, tiles: Iterable[int]) -> Iterator[tuple[int, Columns]]:
-    """Calculate tiles in their order, by this process alone.
+    """Yield tiles in their order, computed by this process.
 
-    Where several are calculated together, as on a GPU, the next are while these are
-    taken in.
+    If several are computed together, as on a GPU, the next ones are computed while
+    these are consumed.
     """
-    wanted, size = list(tiles), source.at_once
-    batches = [wanted[n : n + size] for n in range(0, len(wanted), size)]
+    numbers, size = list(tiles), source.at_once
+    batches = [numbers[n : n + size] for n in range(0, len(numbers), size)]
     if size == 1:
         for (tile,) in batches:
             yield tile, source.several([tile])[0]
@@ -124,10 +124,10 @@ def calculated(source: Source, tiles: Iterable[int]) -> Iterator[tuple[int, Colu
 def ahead(
     calculate: Callable[[int], T], tiles: Iterable[int], most: int
 ) -> Iterator[tuple[int, T]]:
-    """Calculate tiles, so many at a time, and give them in their order.
+    """Yield tiles in their order, with up to `most` in computation.
 
-    While the devices are at one the host is at another. Who stops waits for those that
-    are begun.
+    Devices and host then work on different tiles. A consumer that stops waits for the
+    tiles in computation.
     """
     with ThreadPoolExecutor(most) as pool:
         left = iter(tiles)
@@ -139,7 +139,7 @@ def ahead(
 
 
 class Writer(contextlib.AbstractContextManager["Writer"]):
-    """Writes tiles while others are calculated; an error comes with the next call."""
+    """Writer of tiles in a thread; its errors are raised by the next call."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -147,15 +147,15 @@ class Writer(contextlib.AbstractContextManager["Writer"]):
         self._last: Future[None] | None = None
 
     def write(self, tile: int, columns: Columns) -> None:
-        """Write a tile once the one before is written."""
+        """Write a tile after the previous one."""
         self.wait()
         self._last = self._pool.submit(self._store.write_tile, tile, columns)
 
     def wait(self) -> None:
-        """Wait until all is written.
+        """Wait for the last write.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The tile cannot be written.
         """
         if self._last is not None:
             last, self._last = self._last, None
@@ -171,7 +171,7 @@ class Estimates:
     """Running estimates of the outcomes of a study.
 
     Attributes:
-        moments: By name of the outcome.
+        moments: Moments by name of the outcome.
     """
 
     def __init__(self, variables: Sequence[Variable], numbering: Numbering) -> None:
@@ -187,7 +187,7 @@ class Estimates:
         }
 
     def add(self, begin: int, columns: Mapping[str, np.ndarray]) -> None:
-        """Take in samples from a number on."""
+        """Add consecutive samples, the first of which has the number `begin`."""
         numbering = self._numbering
         count = len(columns[self._outcomes[0].name]) if self._outcomes else 0
         cells = numbering.variants * numbering.cells
@@ -202,7 +202,7 @@ class Estimates:
             self.moments[variable.name] = merged(self.moments[variable.name], more)
 
     def reached(self, targets: Mapping[str, float]) -> bool:
-        """Whether every standard error, of every cell and sensor, is down."""
+        """Return whether each standard error is at its target, by cell and sensor."""
         return bool(targets) and all(
             (self.moments[name].standard_error() <= target).all()
             for name, target in targets.items()
@@ -210,7 +210,7 @@ class Estimates:
 
 
 class InOrder:
-    """Takes tiles in as they come, and hands them on in the order of their numbers."""
+    """Running estimates of tiles in any order, added in the order of numbers."""
 
     def __init__(
         self,
@@ -225,7 +225,7 @@ class InOrder:
         self.reached = False
 
     def take(self, tile: int, columns: Columns) -> None:
-        """Take in a tile; nothing is taken in any more when the targets are reached."""
+        """Add a tile, unless the targets are reached."""
         self._early[tile] = columns
         while self.next in self._early and not self.reached:
             now = self._early.pop(self.next)
@@ -238,12 +238,12 @@ class InOrder:
 
 
 class Moments(NamedTuple):
-    """Of samples, by variant and cell, and by sensor where an outcome has them.
+    """Moments of samples by variant and cell, and by sensor for such outcomes.
 
     Attributes:
-        answers: Samples that have an answer.
-        failed: Samples that have none.
-        mean: Of the answers.
+        answers: Number of samples with a value.
+        failed: Number of samples without a value.
+        mean: Mean of the values.
         square: Sum of the squares about the mean.
     """
 
@@ -253,14 +253,15 @@ class Moments(NamedTuple):
     square: Float[np.ndarray, "..."]
 
     def standard_error(self) -> Float[np.ndarray, "..."]:
-        """Return that of each mean; infinite of fewer than two answers."""
+        """Return the standard error of each mean; infinite below two values."""
         few = self.answers < 2
         count = np.where(few, 2, self.answers)
         return np.where(few, np.inf, np.sqrt(self.square / (count - 1) / count))
 
     def whole(self) -> "Moments":
-        """Return those of all cells together, by sensor."""
+        """Return the moments of all cells together, by sensor."""
         together = self
+        # merged in pairs: rounding errors grow with the logarithm of the cells
         while len(together.answers) > 1:
             half = len(together.answers) // 2
             two = Moments(*(x[: 2 * half] for x in together))
@@ -318,19 +319,19 @@ def _moments(
 def numbered(
     draws: int, cells: int, variants: int, *, block: int, tile_samples: int
 ) -> Numbering:
-    """Return how the samples of a study are counted.
+    """Return the numbering of the samples of a study.
 
     Args:
-        draws: Samples of each cell of each variant; of several variants at least so
-            many: they are filled up to whole blocks.
-        cells: Combinations of the listed values of the axes.
-        variants: Scenes that differ in more than numbers.
-        block: The most that a program takes together, a power of two.
-        tile_samples: The most that a chunk of the store should hold.
+        draws: Samples of each cell of each variant; several variants are padded to
+            whole blocks.
+        cells: Number of combinations of the listed values of the axes.
+        variants: Number of scenes that differ in more than numeric parameters.
+        block: Largest number of samples computed together, a power of two.
+        tile_samples: Largest number of samples of a chunk of the store.
     """
     each = draws * cells
     block = min(block, 1 << (each - 1).bit_length())
-    while variants > 1 and block > FILLED and -each % block > each / 8:
+    while variants > 1 and block > MIN_FILLED_BLOCK and -each % block > each / 8:
         block //= 2
     samples = each if variants == 1 else variants * block * -(-each // block)
     tile = block

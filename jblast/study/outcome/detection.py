@@ -51,42 +51,42 @@ from jblast.waves.propagation import (
 )
 
 RATE_HZ, SECONDS, BEFORE_S = 2000.0, 1.0, 0.02
-"""Sampling rate, length of the record, and its part before the arrival [s]; declared. A
-second contains the pulse and suction of some tons."""
+"""Sampling rate [Hz], length of the record [s], and its part before the arrival [s], by
+declaration: a second contains the pulse and the suction of some tons."""
 FALSE_ALARMS_PER_HOUR = 1.0
-"""The default of `jblast detect`; not imported, because a study would load the
-detectors with it."""
+"""The default of `jblast detect`, repeated because its import would load the
+detectors."""
 BAND = 4096
-"""Places of a band that the mean of a spectrum is taken over."""
+"""Frequencies of a band over which the mean of a smooth spectrum is taken."""
 OPTIONS = {
-    "false_alarms_per_hour": "that are borne with (default: 1)",
-    "detector_rate_hz": f"samples a second (default: {RATE_HZ:g})",
+    "false_alarms_per_hour": "accepted false alarms per hour (default: 1)",
+    "detector_rate_hz": f"sampling rate of the detector [Hz] (default: {RATE_HZ:g})",
 }
 
 
 def prepare(setting: Setting) -> Prepared:
-    """Make detectors ready for a scene.
+    """Return the prepared detectors of a scene.
 
     Raises:
-        InputError: It has no sensor with a place, or no noise.
+        InputError: A sensor has no position or no noise, or there is no sensor.
     """
     scene, source = setting.uncertain.scene, setting.uncertain.source or "scene"
     for sensor in scene.sensors:
         if not np.isfinite(np.asarray(sensor.position_m)).all():
             raise InputError(
                 f"{source}: [[sensor]] {sensor.name!r} position_m: expected [east, "
-                "north, up], where a blast is to be heard, got nothing"
+                "north, up] for detection, got nothing"
             )
         if not _noises(scene, sensor):
             raise InputError(
-                f"{source}: [[sensor]] {sensor.name!r}: expected noise that a blast is "
-                "to be heard in, as noise_pa, wind_noise or [ambient] level_pa, got "
-                "none"
+                f"{source}: [[sensor]] {sensor.name!r}: expected noise for detection: "
+                "noise_pa, wind_noise or [ambient] level_pa, got none"
             )
     if not scene.sensors:
         raise InputError(f"{source}: [[sensor]]: expected a microphone, got none")
     rate = _positive(setting.options, "detector_rate_hz", RATE_HZ)
     alarms = _positive(setting.options, "false_alarms_per_hour", FALSE_ALARMS_PER_HOUR)
+    # Rice's rate of false alarms (module docstring): 1800 = 3600 s / 2
     threshold = math.sqrt(2 * math.log(max(1800.0 * rate / alarms, 2.0)))
     count = 1 << math.ceil(math.log2(rate * SECONDS))
     laws = record_laws(scene)
@@ -95,21 +95,21 @@ def prepare(setting: Setting) -> Prepared:
         drawn = with_values(scene, numbers)
         errors = jax.random.normal(key, (len(drawn.sensors),))
         found = [
-            _heard(drawn, sensor, error, rate, count, threshold, laws)
+            _detection(drawn, sensor, error, rate, count, threshold, laws)
             for sensor, error in zip(drawn.sensors, errors, strict=True)
         ]
         whole = {name: jnp.stack([f[name] for f in found]) for name in found[0]}
         return {name: whole[name] for name in setting.names}
 
     note = (
-        f"heard above {threshold:.3g} standard deviations, by the filter matched to "
-        f"the pulse itself at {rate:g} Hz"
+        f"detected above {threshold:.3g} standard deviations of the output of the "
+        f"filter matched to the pulse, at {rate:g} Hz"
     )
     return Prepared(jax.vmap(one), notes=(note,))
 
 
 def _noises(scene: Scene, sensor: Sensor) -> list[tuple[Any, Any]]:
-    """Return level [Pa] and slope [dB/octave] of what a microphone hears as noise."""
+    """Return level [Pa] and slope [dB/octave] of each noise of a microphone."""
     found, ambient = [], scene.ambient
     if ambient is not None and not ambient.file:
         share = share_at_height(ambient, sensor.position_m[2])
@@ -126,17 +126,17 @@ def _noises(scene: Scene, sensor: Sensor) -> list[tuple[Any, Any]]:
     return found
 
 
-def _heard(
+def _detection(
     scene: Scene, sensor: Sensor, error, rate: float, count: int, threshold: float, laws
 ) -> Answers:
-    """Return what one microphone makes of the first wave that comes."""
+    """Return the outcomes of one microphone for the first wave."""
     place = sensor.position_m
     wave = heard(scene, place, laws)[0]
     start = wave.pulse.arrival_time - BEFORE_S
     samples = even_overpressure(scene, place, start, rate, count, laws)
-    way = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
+    path_m = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
     transfer = absorption_transfer(
-        count, rate, way, *ambient_of(scene.air), scene.air.relative_humidity
+        count, rate, path_m, *ambient_of(scene.air), scene.air.relative_humidity
     )
     native = rate if sensor.instrument is None else sensor.instrument.rate
     frequency = jnp.linspace(0.0, 0.5 * rate, count // 2 + 1)
@@ -148,14 +148,14 @@ def _heard(
     deflection, energy = whitened(spectrum, power, count)
     statistic = deflection + error
     known = jnp.isfinite(deflection) & ~scene.charge.never
-    tells = statistic > threshold
+    detected = statistic > threshold
     enough = jnp.sqrt(energy) + error > threshold
     first = jnp.argmax(enough) / rate - BEFORE_S
     return {
-        "detected": yes_no(tells, known),
+        "detected": yes_no(detected, known),
         "detection_statistic": jnp.where(known, statistic, jnp.nan),
         "detection_latency_s": jnp.where(
-            known & tells, jnp.maximum(first, 0.0), jnp.nan
+            known & detected, jnp.maximum(first, 0.0), jnp.nan
         ),
     }
 
@@ -166,10 +166,10 @@ def share_of_band(frequency, slope, native: float, rate: float):
     Its mean over the slower band is the share of the mean square that lies there.
 
     Args:
-        frequency: In the slower band [Hz].
+        frequency: Frequencies in the slower band [Hz].
         slope: Rise above 20 Hz [dB/octave].
-        native: Samples a second over whose band the rms is 1 [Hz].
-        rate: Samples a second that are looked at [Hz].
+        native: Sampling rate over whose band the rms is 1 [Hz].
+        rate: Sampling rate of the slower band [Hz].
     """
     band = (np.arange(BAND) + 0.5) * (0.5 * native / BAND)
     mean = jnp.mean(power_spectrum(band, slope))
@@ -180,10 +180,9 @@ def whitened(spectrum, power, count: int):
     """Return the deflection of a pulse in noise, and its square as it builds up.
 
     Args:
-        spectrum: Of the pulse's samples, at 0 to half the rate [Pa].
-        power: Mean square of the noise at each frequency, as if it were all like that
-            [Pa2].
-        count: How many samples.
+        spectrum: Spectrum of the pulse, at 0 to half the sampling rate [Pa].
+        power: Mean square of white noise with the density at each frequency [Pa2].
+        count: Number of samples.
     """
     white = jnp.fft.irfft(spectrum / jnp.sqrt(power), count)
     energy = jnp.cumsum(jnp.square(white))
@@ -201,9 +200,14 @@ register_family(
     Family("detection", 4, prepare, block=64, tile=1 << 14, options=OPTIONS)
 )
 for _name, _units, _words, _yes in (
-    ("detected", "1", "whether a microphone hears the blast", True),
-    ("detection_statistic", "1", "output of the matched filter, in its sds", False),
-    ("detection_latency_s", "s", "from the arrival until it is heard", False),
+    ("detected", "1", "whether a microphone detects the blast", True),
+    (
+        "detection_statistic",
+        "1",
+        "output of the matched filter, in standard deviations",
+        False,
+    ),
+    ("detection_latency_s", "s", "time from the arrival to the detection", False),
 ):
     register(
         Outcome(

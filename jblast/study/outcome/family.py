@@ -1,4 +1,4 @@
-"""Outcomes, in families whose members follow from one calculation.
+"""Outcomes and their families, whose members follow from one calculation.
 
 A family prepares itself once for a scene, outside JAX, where it may reject the scene.
 The result is a pure function of a batch, so that the caller can compile it,
@@ -19,30 +19,30 @@ from jblast.scene import UncertainScene
 from jblast.study.engine.store import NO_ANSWER, Kind
 
 Answers = Mapping[str, Array]
-"""By outcome a value for each sample, or for each sample and sensor."""
+"""Values by outcome, with axes sample, or sample and sensor."""
 
 Finish = Callable[[Mapping[str, Array | np.ndarray]], Answers]
-"""From what a calculation gave of a batch, here or on a device, to answers."""
+"""Function from the results of a batch, on host or device, to answers."""
 
 Numbers = Mapping[str, Float[Array, " sample"]]
-"""What was drawn, and what axes set, by name of the scene's numbers."""
+"""Sampled and listed parameters of the scene, by name."""
 
 Batched = Callable[[Key[Array, " sample"], Numbers], Answers]
-"""From the keys of samples and their numbers to answers."""
+"""Function from the keys and parameters of samples to answers."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What may be asked of a sample.
+    """Outcome of a sample.
 
     Attributes:
-        name: As in the file of a study.
-        units: Of its value; "1" of none.
-        long_name: In words.
-        family: What it is calculated with.
+        name: Name in a study file.
+        units: Unit of the value; "1" for none.
+        long_name: Description.
+        family: Name of its family.
         kind: A number, or yes and no.
-        per_sensor: Whether every sensor has its own.
-        needs: What the scene must have, in words.
+        per_sensor: Whether each sensor has a value.
+        needs: Required sections of the scene.
     """
 
     name: str
@@ -55,12 +55,12 @@ class Outcome:
 
 
 class Prepared(NamedTuple):
-    """A family, ready for the scenes of a study.
+    """Family prepared for the scenes of a study.
 
     Attributes:
-        batched: What calculates it.
-        finish: What makes answers of what that returns, for a batch, from Python; None:
-            they are answers already.
+        batched: Pure function of a batch.
+        finish: Function from its results to answers, which runs from Python; None if
+            the results are answers.
         notes: Remarks on the calculation.
     """
 
@@ -70,15 +70,14 @@ class Prepared(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What a family is made ready for.
+    """Input of the preparation of a family.
 
     Attributes:
-        uncertain: The scene, and what its numbers are drawn from.
-        believed: The same scene with what it says of its numbers itself, free ones
-            among them: what a fit goes by.
-        names: Outcomes that are asked for.
+        uncertain: Scene with the priors of the samples.
+        believed: The same scene with its own priors and free parameters, for fits.
+        names: Requested outcomes.
         options: Options of the study.
-        pilot: Numbers of some samples, of each cell of the axes among them.
+        pilot: Parameters of pilot samples, which include each cell of the axes.
     """
 
     uncertain: UncertainScene
@@ -89,23 +88,24 @@ class Setting(NamedTuple):
 
 
 Prepare = Callable[[Setting], Prepared]
-"""Raises InputError where the scene lacks what an outcome needs."""
+"""Preparation; raises InputError if the scene lacks a requirement of an outcome."""
 
 
 @dataclass(frozen=True)
 class Family:
-    """Outcomes that come from one calculation.
+    """Family of outcomes that follow from one calculation.
 
     Attributes:
-        name: Of the family.
-        number: Folded into a sample's key for what the family draws; never changed.
-        prepare: Makes it ready for a scene.
-        block: The most samples that should be calculated together, a power of two.
-        tile: The most of a chunk of the store.
-        together: The most that a GPU takes together.
-        on_core: Values that a core takes together, a power of two: as many as its
-            cache holds; 1: a block at a time.
-        options: Keys of [options] that it reads, and what each means.
+        name: Name of the family.
+        number: Number folded into a sample's key for the random numbers of the family.
+            It never changes, so that studies stay reproducible.
+        prepare: Preparation for a scene.
+        block: Largest number of samples computed together, a power of two.
+        tile: Largest number of samples of a chunk of the store.
+        together: Largest number of samples computed together on a GPU.
+        on_core: Values computed together on a core, a power of two, limited by its
+            cache; 1 for one block at a time.
+        options: Keys of [options] of the family, with their descriptions.
     """
 
     name: str
@@ -123,17 +123,17 @@ OUTCOMES: dict[str, Outcome] = {}
 
 
 def register_family(family: Family) -> Family:
-    """Enter a family into the table."""
+    """Register a family."""
     FAMILIES[family.name] = family
     return family
 
 
 def register(outcome: Outcome) -> Outcome:
-    """Enter an outcome into the table; one of the same name is replaced."""
+    """Register an outcome; it replaces one of the same name."""
     OUTCOMES[outcome.name] = outcome
     return outcome
 
 
 def yes_no(yes: Bool[Array, "..."], known: Bool[Array, "..."]) -> Int8[Array, "..."]:
-    """Return 1 for yes, 0 for no, and -1 where there is no answer."""
+    """Return 1 for yes, 0 for no, and -1 without an answer."""
     return jnp.where(known, yes.astype(jnp.int8), jnp.int8(NO_ANSWER))

@@ -1,7 +1,7 @@
-"""Fits to each sample's readings: error, interval, and whether it contains the truth.
+"""Fit to each sample's readings: error, interval, and coverage of the truth.
 
 The readings are the records that the scene's sensors specify, with the standard errors
-specified there. The truth is the drawn value, or that of an axis. The fit uses the
+specified there. The truth is the sampled value, or that of an axis. The fit uses the
 priors of the scene's own file: with `mass_kg = "free"` in the scene and an axis over
 the mass, the study measures how well an unknown mass is estimated.
 
@@ -39,26 +39,29 @@ from jblast.study.outcome.family import (
 
 DEFAULT = "charge_mass_kg"
 OPTIONS = {
-    "fit_number": f"number of the scene that is asked about (default: {DEFAULT})",
-    "fit_free": "numbers that the fit frees, whatever the scene says of them",
-    "fit_tries": "how often a doubtful fit starts again (default: 4)",
+    "fit_number": f"parameter of the outcomes (default: {DEFAULT})",
+    "fit_free": "parameters without a prior in the fit, in place of the scene's priors",
+    "fit_tries": "starts of a fit with a large misfit (default: 4)",
 }
 READINGS, TRUTH, EXACT = "_readings", "_truth", "_exact"
-"""What blocks hand to the fit; no columns of the store."""
+"""Results of a block for the fit, which are no columns of the store."""
 BOUND = "fit_bound_width"
 AGAIN_Z = 3.0
-"""A fit starts again whose cost is above its mean by so many standard deviations. With
-Student-t errors some logs have two optima; of 384 of a charge of 100 kg in a line of
-sensors one ended in the worse, 1/8 of the mass, at 4.6."""
+"""Standard deviations by which the cost of a fit exceeds its mean before it starts
+again.
+
+With Student-t errors some logs have two optima. Of 384 logs of a charge of 100 kg with
+sensors in a line, one fit ended in the worse one (1/8 of the mass), at 4.6.
+"""
 HALF_WIDTH = 1.6448536269514722
-"""Standard deviations from the middle to an end of a 90 % interval."""
+"""Half width of a 90 % interval of a normal distribution [standard deviations]."""
 
 
 def prepare(setting: Setting) -> Prepared:
-    """Make fits ready for a scene.
+    """Return the prepared fits of a scene.
 
     Raises:
-        InputError: There is nothing to fit, or no reading to fit it to.
+        InputError: The parameter is not fitted, or there are no readings.
     """
     options = setting.options
     number = str(options.get("fit_number", DEFAULT))
@@ -72,7 +75,7 @@ def prepare(setting: Setting) -> Prepared:
             f"[options] fit_tries: expected a whole number from 1, got {tries!r}"
         )
 
-    wanted = BOUND in setting.names
+    with_bound = BOUND in setting.names
     sigmas = np.asarray(sigma)
 
     def one(key, numbers) -> Answers:
@@ -80,7 +83,7 @@ def prepare(setting: Setting) -> Prepared:
         truth = numbers.get(number)
         if truth is None:
             truth = value_of(scene, number)
-        exact = record(true, layout, laws).value if wanted else jnp.zeros(0)
+        exact = record(true, layout, laws).value if with_bound else jnp.zeros(0)
         key, of_rows = jax.random.split(key)
         own = student_errors(of_rows, STUDENT_FREEDOM, sigma.size)
         return {
@@ -92,8 +95,8 @@ def prepare(setting: Setting) -> Prepared:
     def finish(answers: Mapping[str, Array | np.ndarray]) -> Answers:
         found = _fit(answers[READINGS], tries)
         answered = dict(compared(*_marginal(found), found.bad, answers[TRUTH]))
-        if wanted:
-            # by Fisher information at readings without error
+        if with_bound:
+            # the Fisher information at readings without error
             answered[BOUND] = width(*_marginal(_fit(answers[EXACT], 4)))
         return answered
 
@@ -123,7 +126,7 @@ def prepare(setting: Setting) -> Prepared:
 
 
 def _believed(setting: Setting, number: str) -> UncertainScene:
-    """Return what the fit goes by."""
+    """Return the scene with the priors of the fit."""
     free = setting.options.get("fit_free", [])
     if not isinstance(free, list) or not all(isinstance(name, str) for name in free):
         raise InputError(f"[options] fit_free: expected a list of names, got {free!r}")
@@ -132,8 +135,8 @@ def _believed(setting: Setting, number: str) -> UncertainScene:
         known = names_in(believed.scene)
         hint = "" if number in known else nearest(number, known)
         raise InputError(
-            f"[options] fit_number: expected a number that the fit does not know, one "
-            f"of {', '.join(believed.beliefs) or '(none)'}, got {number}{hint}"
+            f"[options] fit_number: expected a fitted parameter, one of "
+            f"{', '.join(believed.beliefs) or '(none)'}, got {number}{hint}"
         )
     scene = replace(believed.scene, law=setting.uncertain.scene.law)
     return replace(believed, scene=scene)
@@ -142,10 +145,10 @@ def _believed(setting: Setting, number: str) -> UncertainScene:
 Constrain = Callable[[Array], Array]
 
 
-def _ends(
+def _interval(
     constrain: Constrain, positive: bool, z: Array, variance: Array
 ) -> tuple[Array, Array, Array]:
-    """Return middle and ends of 90 % intervals; of a positive number their ln."""
+    """Return middle and bounds of 90 % intervals; ln of them for a positive number."""
     sd = jnp.sqrt(variance)
     parts = (constrain(z + n * HALF_WIDTH * sd) for n in (0.0, -1.0, 1.0))
     middle, low, high = (_scaled(positive, x) for x in parts)
@@ -159,8 +162,8 @@ def _scaled(positive: bool, x: Array) -> Array:
 def _width(
     constrain: Constrain, positive: bool, z: Array, variance: Array, converged: Array
 ) -> Array:
-    """Return the widths of intervals, NaN where there is none."""
-    _, low, high = _ends(constrain, positive, z, variance)
+    """Return the widths of intervals; NaN for a fit that did not converge."""
+    _, low, high = _interval(constrain, positive, z, variance)
     return jnp.where(converged & jnp.isfinite(high - low), high - low, jnp.nan)
 
 
@@ -173,8 +176,8 @@ def _compared(
     bad: Array,
     truth: Array,
 ) -> dict[str, Array]:
-    """Return how far fits are off; of a positive number in ln."""
-    middle, low, high = _ends(constrain, positive, z, variance)
+    """Return the outcomes of fits; errors of a positive number are in ln."""
+    middle, low, high = _interval(constrain, positive, z, variance)
     good, true = converged & jnp.isfinite(high - low), _scaled(positive, truth)
     inside = (low <= true) & (true <= high)
     return {
@@ -189,11 +192,15 @@ def _compared(
 register_family(Family("fit", 3, prepare, block=1 << 14, tile=1 << 16, options=OPTIONS))
 for _name, _words, _yes in (
     ("fit_value", "fitted number, in its own unit", False),
-    ("fit_error", "fit minus truth; of a positive number ln of their ratio", False),
-    ("fit_interval_width", "of the fit's 90 % interval; likewise", False),
-    (BOUND, "the same by the Cramer-Rao bound: of readings without error", False),
-    ("fit_truth_inside", "whether the 90 % interval holds the truth", True),
-    ("fit_converged", "whether the fit converged; else it has no other answer", True),
+    ("fit_error", "fit minus truth; for a positive number ln of their ratio", False),
+    ("fit_interval_width", "width of the 90 % interval, in the same unit", False),
+    (BOUND, "the same by the Cramer-Rao bound, at readings without error", False),
+    ("fit_truth_inside", "whether the 90 % interval contains the truth", True),
+    (
+        "fit_converged",
+        "whether the fit converged; if not, the other outcomes have no answer",
+        True,
+    ),
 ):
     register(
         Outcome(

@@ -1,7 +1,7 @@
 """Quantities at each sensor without measurement error: times, pressures, impulses.
 
-If the scene's laws scatter, the values contain this scatter. Every requested quantity
-is computed at every sensor, whatever records the sensors specify.
+If the scene's laws have scatter, the values contain it. Each requested quantity is
+computed at each sensor, whatever records the sensors specify.
 """
 
 from collections.abc import Mapping
@@ -34,40 +34,41 @@ from jblast.study.outcome.family import (
 
 NOT_AT_SENSORS = {*BY_CAMERA, *BY_VEHICLE, *PLACELESS, *TIMED}
 OWN_SIGMA = 1.0
-"""Stands where a sensor says nothing of a quantity; nothing reads it."""
+"""Placeholder of a standard error: layouts need one, but no outcome depends on it."""
 
 
 def planned(
     uncertain: UncertainScene, quantities: tuple[str, ...]
 ) -> tuple[Scene, Layout, dict[str, str]]:
-    """Return scene, rows and laws of quantities at every sensor: quantity by quantity.
+    """Return scene, rows and laws of quantities at each sensor, in that order.
 
     Raises:
-        InputError: There is no sensor, one has no place, or a quantity has no law.
+        InputError: There is no sensor, a sensor has no position, there are several
+            charges, or a quantity has no law.
     """
     scene = uncertain.scene
     source = uncertain.source or "scene"
     if not scene.sensors:
         raise InputError(
-            f"{source}: [[sensor]]: expected at least one, where {quantities[0]} is "
-            "asked for, got none"
+            f"{source}: [[sensor]]: expected at least one for the outcome "
+            f"{quantities[0]}, got none"
         )
     for sensor in scene.sensors:
         if not np.isfinite(np.asarray(sensor.position_m)).all():
             raise InputError(
                 f"{source}: [[sensor]] {sensor.name!r} position_m: expected [east, "
-                f"north, up], where {quantities[0]} is asked for, got nothing"
+                f"north, up] for the outcome {quantities[0]}, got nothing"
             )
     records = tuple((quantity, OWN_SIGMA) for quantity in quantities)
-    asked = tuple(replace(sensor, records=records) for sensor in scene.sensors)
-    layout, _, _ = planned_layout(replace(scene, sensors=asked))
+    sensors = tuple(replace(sensor, records=records) for sensor in scene.sensors)
+    layout, _, _ = planned_layout(replace(scene, sensors=sensors))
     shots = 1 + max(layout.shot)
     if shots > 1:
         raise InputError(
-            f"{source}: [[charge]]: expected one charge, where {quantities[0]} at "
-            f"sensors is asked for, got {len(scene.charges)}"
+            f"{source}: [[charge]]: expected one charge for the outcome "
+            f"{quantities[0]} at sensors, got {len(scene.charges)}"
         )
-    order = np.arange(len(layout.quantity)).reshape(len(asked), len(quantities)).T
+    order = np.arange(len(layout.quantity)).reshape(len(sensors), len(quantities)).T
     layout = layout.only(order.ravel())
     scene, layout = settled(scene, layout)
     laws = law_names(resolve_laws(scene, layout))
@@ -75,13 +76,13 @@ def planned(
 
 
 class Limit(NamedTuple):
-    """A value of a quantity above which something happens.
+    """Threshold of a quantity.
 
     Attributes:
-        quantity: At a sensor.
-        value: In its unit; None: the study says it, as [options] threshold.
-        words: What happens.
-        source: Where that is from.
+        quantity: Quantity at a sensor.
+        value: Threshold in the unit of the quantity; None if [options] state it.
+        words: Effect above the threshold.
+        source: Source of the value.
     """
 
     quantity: str
@@ -106,26 +107,26 @@ LIMITS = {
     "lung_damage": Limit(
         "peak_overpressure_pa",
         10.0 * PSI,
-        "the threshold of lung damage in long blasts, the lowest there is",
+        "the threshold of lung damage in long blasts, the lowest one",
         "10 psi: UFC 3-340-02, section 1-6; from memory",
     ),
     "above_threshold": Limit(
         "peak_overpressure_pa", None, "[options] threshold_pa", "the study"
     ),
 }
-"""Outcomes that a quantity decides: thresholds of harm, not its probability."""
+"""Outcomes by a threshold of a quantity: thresholds of harm, not probabilities."""
 
 
 def prepare(setting: Setting) -> Prepared:
-    """Make quantities at sensors ready for a scene; see `planned`."""
+    """Return the prepared quantities at the sensors of a scene (`planned`)."""
     limits = {n: _limit(n, setting.options) for n in setting.names if n in LIMITS}
-    asked = [LIMITS[n].quantity if n in limits else n for n in setting.names]
-    quantities = tuple(dict.fromkeys(asked))
+    requested = [LIMITS[n].quantity if n in limits else n for n in setting.names]
+    quantities = tuple(dict.fromkeys(requested))
     like, layout, laws = planned(setting.uncertain, quantities)
     count = len(like.sensors)
     exact = jnp.zeros(len(layout.quantity))
-    # a layout for each quantity: what lies between charge and sensors is then written
-    # alike for all, and XLA calculates it once
+    # one layout for each quantity: the propagation from charge to sensors is then the
+    # same expression in all of them, which XLA computes once
     own_rows = {
         quantity: layout.only(np.arange(n * count, (n + 1) * count))
         for n, quantity in enumerate(quantities)
@@ -149,22 +150,22 @@ def prepare(setting: Setting) -> Prepared:
         return answers
 
     used = tuple(f"{quantity} by {law}" for quantity, law in laws.items())
-    said = tuple(
+    limit_notes = tuple(
         f"{name}: above {limit:.4g} Pa ({LIMITS[name].source})"
         for name, limit in limits.items()
     )
-    return Prepared(jax.vmap(one), notes=used + said)
+    return Prepared(jax.vmap(one), notes=used + limit_notes)
 
 
 def _limit(name: str, options: Mapping[str, Any]) -> float:
-    """Return above what something happens."""
+    """Return the threshold of an outcome."""
     value = LIMITS[name].value
     if value is not None:
         return value
     if "threshold_pa" not in options:
         raise InputError(
-            f"[options] threshold_pa: expected the pressure that {name} is asked for, "
-            "got nothing"
+            f"[options] threshold_pa: expected the threshold of {name} [Pa], got "
+            "nothing"
         )
     return finite(options["threshold_pa"], "[options] threshold_pa")
 

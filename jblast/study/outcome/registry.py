@@ -1,11 +1,11 @@
-"""All outcomes, found by name, and functions of the user as outcomes.
+"""Registry of outcomes by name, and functions of the user as outcomes.
 
 `python:MODULE.FUNCTION` is called with a sample's key and scene and returns a number.
 It must be pure, because JAX compiles it for whole blocks of samples, and the user has
 to allow it.
 """
 
-# each enters what it calculates into the table
+# Importing a module of outcomes registers them.
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
@@ -32,7 +32,7 @@ from jblast.study.outcome.family import (
 
 LISTED = (_detection, _fit, _quantities, _vehicle)
 CODE = "python:"
-"""Begins the name of such an outcome."""
+"""Prefix of the name of a user's function."""
 
 
 def outcomes_named(
@@ -41,22 +41,22 @@ def outcomes_named(
     """Return outcomes by name.
 
     Args:
-        names: As the study's file has them.
-        source: That file, for messages.
-        allow_code: Whether functions of the user's own may be run.
+        names: Names in the study file.
+        source: Name of the study file, for messages.
+        allow_code: Whether functions of the user may be run.
 
     Raises:
-        InputError: There is no such outcome; the message names the nearest.
+        InputError: An outcome is unknown; the message has the nearest name.
     """
     found = []
     for name in names:
         if name.startswith(CODE):
             if not allow_code:
                 raise InputError(
-                    f"{source}: outcomes: {shown(name)} is code that would be run: "
-                    f"expected {argument('allow_code')} with it"
+                    f"{source}: outcomes: expected {argument('allow_code')} with "
+                    f"the Python function {shown(name)}, got none"
                 )
-            _function(name)  # refused here, before anything is drawn
+            _function(name)  # fails here, before the first sample
             words = f"{name.removeprefix(CODE)} of each sample"
             found.append(Outcome(name, "1", words, "own"))
         elif name in OUTCOMES:
@@ -70,7 +70,7 @@ def outcomes_named(
 
 
 def families_of(outcomes: Sequence[Outcome]) -> dict[str, tuple[Family, list[str]]]:
-    """Return families by name, and which of their outcomes are asked for."""
+    """Return families by name, with their requested outcomes."""
     found: dict[str, tuple[Family, list[str]]] = {}
     for outcome in outcomes:
         family = FAMILIES[outcome.family]
@@ -79,7 +79,7 @@ def families_of(outcomes: Sequence[Outcome]) -> dict[str, tuple[Family, list[str
 
 
 def prepare(setting: Setting) -> Prepared:
-    """Make functions ready for a scene."""
+    """Return the prepared functions of the user for a scene."""
     functions = {name: _function(name) for name in setting.names}
     scene = setting.uncertain.scene
 
@@ -96,7 +96,8 @@ def prepare(setting: Setting) -> Prepared:
         return found
 
     return Prepared(
-        jax.vmap(one), notes=tuple(f"{name}: not ours" for name in functions)
+        jax.vmap(one),
+        notes=tuple(f"{name}: a function of the user" for name in functions),
     )
 
 

@@ -2,8 +2,8 @@
 
 Each sample is one flight under position control in the sample's wind, with integral
 action unless the scene excludes it. It begins at 0 on the scene's clock and ends
-`study.flights.AFTER_S` after the latest arrival among the study's first draws. The
-duration and the curve sets of the blasts are settled by these draws for all samples. A
+`study.flights.AFTER_S` after the latest arrival among the pilot samples of the study.
+These samples determine the duration and the curve sets of the blasts for all samples. A
 sample whose blast arrives after the end has no answer.
 """
 
@@ -38,18 +38,19 @@ from jblast.study.outcome.family import (
 from jblast.vehicle.metrics import THRESHOLDS
 
 STEP_S = 1e-3
-"""Default: the error by it is 0.12 mm (`calibration/results/benchmark_flights.txt`)."""
+"""Default time step [s]: its error is 0.12 mm
+(`calibration/results/benchmark_flights.txt`)."""
 OPTIONS = {
     "flight_step_s": f"step of the integrator [s] (default: {STEP_S:g})",
     "flight_tolerance_m": "path error within which a vehicle has recovered [m] "
     f"(default: {TOLERANCE_M:g})",
 }
 SEVERAL = 2
-"""Flights that are not one alone: few of their rows are kept."""
+"""Number of flights for `flown_by`: more than one, so that few rows are stored."""
 
 
 def prepare(setting: Setting) -> Prepared:
-    """Make flights ready for a scene.
+    """Return the prepared flights of a scene.
 
     Raises:
         InputError: The scene cannot be flown.
@@ -65,7 +66,7 @@ def prepare(setting: Setting) -> Prepared:
     bursts = [charge.burst for charge in some.charges]
 
     def batched(keys, numbers) -> Answers:
-        # without numbers all are alike, and each is flown all the same
+        # without parameters all samples are equal; the batch axis must still exist
         count = {"": jnp.zeros(keys.shape[0])}
         scenes = _scenes(uncertain.scene, numbers or count)
         charges = [
@@ -82,7 +83,7 @@ def prepare(setting: Setting) -> Prepared:
 
 
 def _scenes(scene: Scene, numbers: Mapping[str, Array]) -> Scene:
-    """Return a scene for each sample, every array with a leading axis."""
+    """Return the scenes of samples, with a leading axis in each array."""
 
     def one(values: Mapping[str, Array]) -> Scene:
         return with_values(scene, {k: v for k, v in values.items() if k})
@@ -91,7 +92,7 @@ def _scenes(scene: Scene, numbers: Mapping[str, Array]) -> Scene:
 
 
 def _answers(flown: Flown, spec: VehicleSpec, seconds: float) -> dict[str, Array]:
-    """Return all outcomes; of a sample whose blast comes too late or too early none."""
+    """Return all outcomes; none for samples with an arrival outside of the flight."""
     metrics, exposure = flown.metrics, flown.exposure
     arrival = flown.encounter.arrival_s
     happens = arrival < jnp.inf
@@ -100,7 +101,7 @@ def _answers(flown: Flown, spec: VehicleSpec, seconds: float) -> dict[str, Array
     unharmed = jnp.ones_like(metrics.crashed)
     for name, limit in THRESHOLDS[spec.model].items():
         if limit.value is not None:
-            # NaN, of who was lost, is not within any limit
+            # NaN of a diverged vehicle compares as false: it does not survive
             unharmed = unharmed & (getattr(exposure, name) <= limit.value)
 
     def number(values: Array, where: Array = known) -> Array:
@@ -119,17 +120,19 @@ def _answers(flown: Flown, spec: VehicleSpec, seconds: float) -> dict[str, Array
 
 
 def _options(options: Mapping[str, Any]) -> Options:
-    def asked(name: str, default: float) -> float:
+    def option(name: str, default: float) -> float:
         return finite(options.get(name, default), f"[options] {name}")
 
-    step = asked("flight_step_s", STEP_S)
+    step = option("flight_step_s", STEP_S)
     return Options(
-        step_s=step, tolerance_m=asked("flight_tolerance_m", TOLERANCE_M), backend="jax"
+        step_s=step,
+        tolerance_m=option("flight_tolerance_m", TOLERANCE_M),
+        backend="jax",
     )
 
 
 FLIGHTS_ON_DEVICE = 1 << 16
-"""Flights whose rows, about 3 GB, are on a GPU simultaneously."""
+"""Flights on a GPU at a time, whose rows take about 3 GB."""
 
 register_family(
     Family(
@@ -147,15 +150,15 @@ for _name, _units, _words, _yes in (
     (
         "recovery_time_s",
         "s",
-        "from the blast until back within the tolerance; no answer of who is not",
+        "time from the blast until back within the tolerance, if it recovers",
         False,
     ),
-    ("recovers", "1", "whether it is back within the tolerance for good", True),
-    ("flies_on", "1", "whether it neither crashes nor is lost", True),
-    ("survives", "1", "whether it flies on, past no threshold of its model", True),
-    ("vehicle_overpressure_pa", "Pa", "incident peak overpressure at it", False),
+    ("recovers", "1", "whether it returns to the tolerance and stays there", True),
+    ("flies_on", "1", "whether it neither crashes nor diverges", True),
+    ("survives", "1", "whether it flies on, below each threshold of its model", True),
+    ("vehicle_overpressure_pa", "Pa", "incident peak overpressure", False),
     ("vehicle_acceleration_m_s2", "m/s2", "peak acceleration by the blasts", False),
-    ("vehicle_fireball_time_s", "s", "how long it is within a glowing fireball", False),
+    ("vehicle_fireball_time_s", "s", "time within a glowing fireball", False),
 ):
     register(
         Outcome(

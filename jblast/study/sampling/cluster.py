@@ -1,9 +1,9 @@
-"""Tiles of a study shared among the workers of a Dask cluster.
+"""Distribution of the tiles of a study among the workers of a Dask cluster.
 
 A task is the number of a tile and the path of the store: its worker reads the study
-from the store, calculates the tile and writes the chunks itself, each completely or not
-at all. So a task that is done twice, for example after a lost connection, writes the
-same bytes again, and a lost task is done by another worker. Only the completion of the
+from the store, computes the tile and writes the chunks itself, each completely or not
+at all. So a task that runs twice, for example after a lost connection, writes the same
+bytes again, and a lost task is run by another worker. Only the completion of the
 tile is returned. All workers must see the store under the same path.
 """
 
@@ -28,25 +28,26 @@ from jblast.study.sampling.work import Reduced, Work
 
 EXTRA, WHAT = "cluster", "work is shared among processes"
 RETRIES = 5
-"""Of a task whose worker died."""
+"""Retries of a task whose worker ended: a task that ends its worker each time must
+fail."""
 AHEAD = 3
-"""Tasks of a worker that are handed out before their turn."""
+"""Tasks queued for each worker, so that it does not wait for the scheduler."""
 CONNECT_S = 10.0
-"""Time for a scheduler to answer; declared."""
+"""Time limit of a connection to a scheduler [s], declared."""
 Task = Callable[[str, int], str]
-"""From the store and the number of a tile to the version that wrote it."""
+"""Function from the store and the number of a tile to the version of the worker."""
 
 
 def write_tile(path: str, tile: int) -> str:
-    """Calculate a tile of a store and write it, unless it is there.
+    """Compute and write a tile of a store, unless it is complete.
 
     Args:
-        path: The store.
-        tile: Its number.
+        path: Folder of the store.
+        tile: Number of the tile.
 
     Returns:
-        The version of jblast that this is; of another than the store's nothing is
-        written.
+        Version of jblast of this worker. If it differs from that of the store, nothing
+        is written.
     """
     stamp = (Path(path) / "zarr.json").stat().st_mtime_ns
     store, work = _opened(path, stamp)
@@ -56,7 +57,7 @@ def write_tile(path: str, tile: int) -> str:
 
 
 def write_summary(path: str, tile: int) -> str:
-    """Calculate the statistics of a tile and write them; likewise."""
+    """Compute and write the statistics of a tile; otherwise as `write_tile`."""
     stamp = (Path(path) / "zarr.json").stat().st_mtime_ns
     store = _opened(path, stamp)[0]
     if store.attributes["jblast"] == jblast.__version__:
@@ -68,27 +69,31 @@ def write_summary(path: str, tile: int) -> str:
 
 @functools.lru_cache(maxsize=2)
 def _summary(path: str, stamp: int) -> tuple[SummaryStore, Reduced]:
-    """Return the statistics of a store and what adds to them, made ready once."""
+    """Return the cached statistics of a store and their computation."""
     return opened_summary(*_opened(path, stamp))
 
 
 @functools.lru_cache(maxsize=2)
 def _opened(path: str, stamp: int) -> tuple[Store, Work]:
-    """Return a store and what calculates it, made ready once.
+    """Return the cached store and its computation.
 
     Raises:
-        InputError: This process does not see the store, or would count otherwise.
+        InputError: The store does not exist for this process.
     """
-    del stamp  # another of the same name
+    del stamp  # part of the cache's key: a new store may have the same path
     jax.config.update("jax_enable_x64", True)
     store = open_store(path)
     if store is None:
-        raise InputError(f"{path}: a worker sees no such store; expected the same path")
-    said = store.attributes
+        raise InputError(
+            f"{path}: no such store on a worker; expected the same path as here"
+        )
+    attributes = store.attributes
     study = study_from_text(
-        said["study"], scenes_of(said), allow_code=said["allow_code"]
+        attributes["study"],
+        scenes_of(attributes),
+        allow_code=attributes["allow_code"],
     )
-    assert sha256_of(study.text) == said["study_sha256"]
+    assert sha256_of(study.text) == attributes["study_sha256"]
     work = Work(study)
     work.cut_as(store.tile)
     return store, work
@@ -96,7 +101,7 @@ def _opened(path: str, stamp: int) -> tuple[Store, Work]:
 
 @contextlib.contextmanager
 def client_of(address: str) -> Iterator[Any]:
-    """Give a client of a scheduler.
+    """Yield a client of a scheduler.
 
     Raises:
         InputError: Dask is not installed, or the scheduler does not answer.
@@ -115,13 +120,14 @@ def client_of(address: str) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def workers_here(count: int) -> Iterator[Any]:
-    """Give a client of so many worker processes on this machine.
+    """Yield a client of `count` worker processes on this machine.
 
-    Each has its share of the cores, as many CPU devices of JAX, and one task at a time.
-    It is held to its cores, or XLA would have threads in each worker for all of them.
+    Each has its share of the cores, one CPU device of JAX for each, and one task at a
+    time. Its threads are bound to its cores: XLA would otherwise start threads for all
+    cores in each worker.
 
     Raises:
-        InputError: Dask is not installed, or no worker is asked for.
+        InputError: Dask is not installed, or the number is below 1.
     """
     distributed = needed("distributed", EXTRA, f"{count} workers", WHAT)
     if count < 1:
@@ -141,11 +147,11 @@ def workers_here(count: int) -> Iterator[Any]:
 
 
 def hold_to_cores(nth: int, count: int) -> None:
-    """Have all threads of this process run on their share of the cores, if they may.
+    """Bind all threads of this process to its share of the cores (Linux only).
 
     Args:
-        nth: Which worker this is, from 0.
-        count: How many there are.
+        nth: Number of this worker, from 0.
+        count: Number of workers.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -157,10 +163,10 @@ def hold_to_cores(nth: int, count: int) -> None:
 
 
 def environment(cores: int) -> dict[str, str]:
-    """Return what a worker of a CPU is started with.
+    """Return the environment variables of a worker on a CPU.
 
     Args:
-        cores: Of the machine that it may use.
+        cores: Number of its cores.
     """
     return {
         "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu"),
@@ -174,17 +180,17 @@ def environment(cores: int) -> dict[str, str]:
 def shared(
     client: Any, task: Task, store: str, tiles: list[int], version: str
 ) -> Iterator[int]:
-    """Have tiles calculated and written; give each number as it is done.
+    """Compute and write tiles on workers; yield each number when it is complete.
 
     Args:
-        client: Of a cluster.
-        task: What a worker does.
-        store: The store's folder, as every worker sees it.
-        tiles: Which tiles.
-        version: What each worker has to be.
+        client: Client of a cluster.
+        task: Task of a worker.
+        store: Folder of the store, the same for each worker.
+        tiles: Numbers of the tiles.
+        version: Required version of jblast.
 
     Raises:
-        InputError: There is no worker, or one is of another version.
+        InputError: There is no worker, or a worker has another version.
     """
     from distributed import as_completed
 

@@ -1,4 +1,4 @@
-"""Parameter values of samples: drawn from their priors, or set by axes and designs.
+"""Parameter values of samples, from priors, axes and designs.
 
 A sample's key is that of the study folded with the sample's number, so it does not
 depend on where or when the sample is calculated. Folded with 0 it draws the parameters,
@@ -32,48 +32,49 @@ from jblast.scene import UncertainScene, parameter_named
 from jblast.scene.uncertain import Prior
 from jblast.study.file import Axis, Design
 
-MOST_LATIN = 20_000_000
-"""Draws of a Latin hypercube, which is made whole."""
+MAX_LATIN = 20_000_000
+"""Largest Latin hypercube: it is in memory as a whole, 160 MB for each parameter."""
 BITS = 32
-"""Of a Sobol point: of more SciPy passes over none. There are 2^32 points."""
+"""Bits of a Sobol' point, of which there are 2^32. With more, SciPy does not skip
+points."""
 Points = Callable[[int, int], Float[np.ndarray, "draw dimension"]]
-"""From the first draw and how many, to standard normal coordinates."""
+"""Function from the first sample and a count to standard normal coordinates."""
 OF_NUMBERS = 0
-"""Folded into a sample's key for the draws of the scene's numbers."""
+"""Number folded into a sample's key for the parameters of the scene."""
 ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
-"""Of Threefry-2x32, by turns of five rounds (Salmon et al. 2011)."""
+"""Rotations of Threefry-2x32, alternating for groups of rounds (Salmon et al. 2011)."""
 PARITY = np.uint32(0x1BD11BDA)
-"""Of its key schedule, from Skein."""
+"""Parity constant of its key schedule, from Skein."""
 ONE = np.uint64(0x3FF0000000000000)
-"""Bits of 1.0."""
+"""Bits of the float 1.0: random bits in its fraction give a number in [1, 2)."""
 LOWEST_UNIFORM = np.nextafter(-1.0, 0.0)
-"""Lower bound of the uniform numbers that are transformed into normal ones."""
+"""Lower bound of the uniform numbers: at -1 itself the normal number is infinite."""
 Word = UInt32[Array, "..."] | np.uint32
 
 
 def points_of(
     design: Design, dimensions: int, draws: int, seed: int, source: str
 ) -> Points | None:
-    """Return what gives the points of a design; None where keys draw them.
+    """Return the points of a design; None for random samples from keys.
 
     Args:
-        design: How draws fill what the priors allow.
-        dimensions: How many numbers are drawn.
-        draws: How many draws there are.
-        seed: Of the design.
-        source: The study's file, for messages.
+        design: Kind of samples.
+        dimensions: Number of sampled parameters.
+        draws: Number of samples.
+        seed: Seed of the design.
+        source: Name of the study file, for messages.
 
     Raises:
-        InputError: The design cannot be made for so many numbers, or draws.
+        InputError: The design does not exist for this number of samples.
     """
     if design == "random" or dimensions == 0:
         return None
     if design == "sobol":
         return _sobol(dimensions, seed)
     if design == "latin":
-        if draws > MOST_LATIN:
+        if draws > MAX_LATIN:
             raise InputError(
-                f"{source}: samples: expected at most {MOST_LATIN:,} of a Latin "
+                f"{source}: samples: expected at most {MAX_LATIN:,} of a Latin "
                 f'hypercube, got {draws:,}; design = "sobol" has no such limit'
             )
         made: list[np.ndarray] = []
@@ -81,8 +82,8 @@ def points_of(
         def latin(begin: int, count: int) -> np.ndarray:
             if not made:
                 made.append(qmc.LatinHypercube(dimensions, rng=seed).random(draws))
-            # a last block is filled up with the last draw: each length is a program of
-            # its own
+            # the last block is padded with the last sample: another length would
+            # compile another program
             rows = np.minimum(np.arange(begin, begin + count), draws - 1)
             return _scores(made[0][rows])
 
@@ -93,7 +94,7 @@ def points_of(
 def _sobol(dimensions: int, seed: int) -> Points:
     def sobol(begin: int, count: int) -> np.ndarray:
         engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
-        if begin:  # SciPy takes no step of nothing
+        if begin:  # SciPy rejects a step of 0
             engine.fast_forward(begin)
         with np.errstate(all="ignore"):
             return _scores(engine.random(count))
@@ -102,14 +103,14 @@ def _sobol(dimensions: int, seed: int) -> Points:
 
 
 def _grid(dimensions: int, draws: int, source: str) -> Points:
-    """Return the points of a grid of as many parts along each number."""
+    """Return the points of a grid with equal divisions of each parameter."""
     each = round(draws ** (1 / dimensions))
     if each**dimensions != draws:
         near = [max(1, each - 1) ** dimensions, each**dimensions]
         near.append((each + 1) ** dimensions)
         raise InputError(
             f"{source}: samples: expected a number of points of a grid over "
-            f"{dimensions} drawn numbers, as {' or '.join(map(str, near))}, got {draws}"
+            f"{dimensions} parameters, as {' or '.join(map(str, near))}, got {draws}"
         )
 
     def grid(begin: int, count: int) -> np.ndarray:
@@ -121,8 +122,8 @@ def _grid(dimensions: int, draws: int, source: str) -> Points:
 
 
 def _scores(unit: np.ndarray) -> np.ndarray:
-    """Return standard normal coordinates, the corners of the cube left out."""
-    # the finest step of a number near one: 0 and 1 would be infinite
+    """Return standard normal coordinates of points in the unit cube."""
+    # 0 and 1 would be infinite: the bounds are the finest step of a float near 1
     tiny = 2.0**-53
     return ndtri(np.clip(unit, tiny, 1 - tiny))
 
@@ -131,8 +132,8 @@ def key_of_study(seed: int, high: int = 0) -> PRNGKeyArray:
     """Return the key that samples are folded into.
 
     Args:
-        seed: Of the study.
-        high: Of a sample's number what is above 32 bits; folded in where there is any.
+        seed: Seed of the study.
+        high: Bits of a sample's number above the 32nd, folded in unless they are 0.
     """
     key = jax.random.key(seed)
     return jax.random.fold_in(key, high) if high else key
@@ -141,19 +142,19 @@ def key_of_study(seed: int, high: int = 0) -> PRNGKeyArray:
 def sample_keys(
     key: PRNGKeyArray, index: UInt32[Array, " sample"]
 ) -> Key[Array, " sample"]:
-    """Return the keys of samples by their numbers."""
+    """Return the keys of samples, by their numbers."""
     return folded(key, index)
 
 
 def part_of(keys: Key[Array, " sample"], number: int) -> Key[Array, " sample"]:
-    """Return of each sample's key the part for one purpose."""
+    """Return keys derived from those of samples, for one purpose."""
     return folded(keys, number)
 
 
 def normal_scores(
     keys: Key[Array, " sample"], count: int
 ) -> Float[Array, "sample drawn"]:
-    """Return standard normal draws, of which priors make the numbers."""
+    """Return standard normal samples, which priors convert to parameters."""
     if not count:
         return jnp.zeros((keys.shape[0], 0))
     return normals(part_of(keys, OF_NUMBERS), count)
@@ -166,14 +167,14 @@ def numbers_at(
     table: Float[Array, "cell axis"],
     cell: Int[Array, " sample"],
 ) -> dict[str, Float[Array, " sample"]]:
-    """Return the numbers of samples by name: drawn ones, then those of axes.
+    """Return the parameters of samples by name: sampled ones, then those of axes.
 
     Args:
-        uncertain: The scene and its priors.
-        scores: Standard normal coordinates of the draws.
-        axes: Over numbers.
-        table: Their values by cell.
-        cell: Of each sample.
+        uncertain: Scene with its priors.
+        scores: Standard normal coordinates of the samples.
+        axes: Axes over parameters.
+        table: Values of the axes by cell.
+        cell: Cell of each sample.
     """
     beliefs: Mapping[str, Prior] = uncertain.beliefs  # pyright: ignore[reportAssignmentType]  the reader refuses free ones
     found = {
@@ -188,7 +189,7 @@ def numbers_at(
 def allowed(
     numbers: Mapping[str, Float[Array, " sample"]],
 ) -> Bool[Array, " sample"] | None:
-    """Return which samples have numbers that there can be; None: whatever is drawn."""
+    """Return a mask of samples within the bounds of parameters; None without bounds."""
     inside = None
     for name, values in numbers.items():
         bounds = parameter_named(name).bounds
@@ -199,7 +200,7 @@ def allowed(
 
 
 def hashed(first: Word, second: Word, high: Word, low: Word) -> UInt64[Array, "..."]:
-    """Return the hash of two words by a key of two, both in one number."""
+    """Return the hash of two words with a key of two words, as one 64-bit number."""
     keys = first, second, first ^ second ^ PARITY
     x, y = high + keys[0], low + keys[1]
     for five in range(5):
@@ -208,13 +209,13 @@ def hashed(first: Word, second: Word, high: Word, low: Word) -> UInt64[Array, ".
             y = x ^ ((y << np.uint32(turn)) | (y >> np.uint32(32 - turn)))
         x = x + keys[(five + 1) % 3]
         y = y + keys[(five + 2) % 3] + np.uint32(five + 1)
-    # one number, or XLA goes through the rounds once for each word
+    # one 64-bit number: for two outputs XLA would compute all rounds twice
     return (x.astype(jnp.uint64) << np.uint64(32)) | y.astype(jnp.uint64)
 
 
 def folded(keys: Key[Array, "..."], data: Any) -> Key[Array, "..."]:
-    """Return keys with a whole number below 2^32 folded in; broadcasting."""
-    if not is_here(keys):
+    """Return keys with an integer below 2^32 folded in; arguments are broadcast."""
+    if not is_supported(keys):
         shape = jnp.broadcast_shapes(keys.shape, jnp.shape(data))
         fold = jax.random.fold_in
         for _ in shape:
@@ -226,29 +227,29 @@ def folded(keys: Key[Array, "..."], data: Any) -> Key[Array, "..."]:
 
 
 def normals(keys: Key[Array, " key"], count: int) -> Float[Array, "key number"]:
-    """Return so many standard normal numbers of each key."""
-    if not is_here(keys):
+    """Return `count` standard normal numbers of each key."""
+    if not is_supported(keys):
         return jax.vmap(lambda key: jax.random.normal(key, (count,)))(keys)
     first, second = words(keys)
     pairs = (first.astype(jnp.uint64) << np.uint64(32)) | second.astype(jnp.uint64)
 
     def bits_of(nth: UInt32[Array, ""]) -> UInt64[Array, " key"]:
-        # no count is as large, which XLA does not know: it would take the words out of
-        # the loop, and go through the rounds that make them once for each
+        # `nth >> 31` is 0, but XLA cannot know it: else it would move the words out of
+        # the loop, and compute the rounds of `pairs` once for each of them
         own = words_of(pairs ^ (nth >> np.uint32(31)).astype(jnp.uint64))
         return hashed(*own, np.uint32(0), nth)
 
-    # a loop, so that bits are there once for all that is done with them
+    # a loop, so that bits are stored once: in one expression XLA would recompute them
     bits = lax.map(bits_of, jnp.arange(count, dtype=jnp.uint32))
     unit = lax.bitcast_convert_type((bits >> np.uint64(12)) | ONE, jnp.float64) - 1.0
     even = jnp.maximum(LOWEST_UNIFORM, unit * (1.0 - LOWEST_UNIFORM) + LOWEST_UNIFORM)
     return (np.sqrt(2.0) * lax.erf_inv(even)).T
 
 
-def is_here(keys: Key[Array, "..."]) -> bool:
-    """Whether numbers of these keys are drawn here: of Threefry, in float64."""
+def is_supported(keys: Key[Array, "..."]) -> bool:
+    """Return whether this module computes numbers of keys: Threefry, in float64."""
     ours = str(jax.random.key_impl(keys)) == "threefry2x32"
-    streams = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]  as JAX says to read it
+    streams = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]  the documented attribute
     return bool(ours and streams and jnp.zeros(()).dtype == jnp.float64)
 
 
@@ -259,5 +260,5 @@ def words(keys: Key[Array, "..."]) -> tuple[Array, Array]:
 
 
 def words_of(pair: UInt64[Array, "..."]) -> tuple[Array, Array]:
-    """Return the two words of a number."""
+    """Return the two words of a 64-bit number."""
     return (pair >> np.uint64(32)).astype(jnp.uint32), pair.astype(jnp.uint32)

@@ -1,4 +1,4 @@
-"""A study from its file to its store or data set.
+"""Run of a study, from its file to a store or a data set.
 
 A run writes tiles into a store, which stays valid if the process is killed, or returns
 an xarray data set. Where samples are too many to store, statistics are written, and on
@@ -43,33 +43,33 @@ if TYPE_CHECKING:
     import xarray
 
 SHOWN = 3
-"""Outcomes whose running estimates a progress line contains."""
+"""Outcomes with running estimates in a progress line, which has 79 characters."""
 Tiles = Callable[..., Iterable[tuple[int, Columns | None]]]
-"""Calculates tiles by their numbers, in any order; None: whoever calculated one has
-written it. With `summary=True` they are tiles of the statistics, not of samples."""
+"""Function that computes tiles by their numbers, in any order. None in place of columns
+means that a worker has written the tile. With `summary=True` they are tiles of
+statistics."""
 
 
 def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
     """Run a study in memory.
 
     Args:
-        study: The study.
-        mesh: Devices among which samples are shared, along its one axis; None: all
-            local ones.
+        study: Study.
+        mesh: Devices of the run, along one axis; None for all local ones.
 
     Returns:
-        A value of every number that was drawn or set, and of every outcome, for each
-        sample; attributes state its provenance.
+        Data set with each parameter and outcome of each sample; attributes state its
+        provenance.
 
     Raises:
-        InputError: An outcome cannot be had of the scene, or there is none such.
+        InputError: An outcome is unknown, or not available for the scene.
 
     Example:
         `jblast.study.run(jblast.study.read_study("study.toml"))`
     """
     work = Work(study, mesh)
     estimates = Estimates(work.variables, work.numbering)
-    order = InOrder(estimates, study.sd_target, telling(work.numbering))
+    order = InOrder(estimates, study.sd_target, progress_reporter(work.numbering))
     parts: list[Columns] = []
     for tile, columns in calculated(work, range(work.numbering.tiles)):
         parts.append(columns)
@@ -87,13 +87,13 @@ class Ran:
     """The result of a run.
 
     Attributes:
-        store: The store.
-        estimates: What is known of each outcome.
-        samples: How many there are now.
-        new: How many were calculated by this run.
-        seconds: How long that took, but for getting ready.
+        store: Store.
+        estimates: Running estimates of the outcomes.
+        samples: Number of samples so far.
+        new: Number of samples computed by this run.
+        seconds: Duration of the computation, without preparation.
         complete: Whether the study is complete.
-        reached: Whether it ended by its targets.
+        reached: Whether it ended at its target errors.
         notes: Remarks on the calculation.
     """
 
@@ -116,32 +116,33 @@ def run_into(
     mesh: Mesh | None = None,
     tiles: Tiles | None = None,
 ) -> Ran:
-    """Run a study into a store, or go on with one.
+    """Run a study into a new or existing store.
 
     Args:
-        study: The study.
-        path: The store's folder.
-        resume: Whether to go on where there is one already.
-        limit: How many samples to calculate at most, rounded up to whole tiles; None:
+        study: Study.
+        path: Folder of the store.
+        resume: Whether to continue an existing store.
+        limit: Largest number of samples to compute, rounded up to whole tiles; None for
             all that are missing.
-        mesh: As in `run`.
-        tiles: What calculates them in place of this process.
+        mesh: Devices, as in `run`.
+        tiles: Computation of tiles by other processes; None for this process.
 
     Raises:
-        InputError: An outcome is not available, there is a store and `resume` is false,
-            or it is another study's.
-        OSError: It cannot be written; what was computed is kept.
+        InputError: An outcome is not available, the store exists and `resume` is false,
+            or the store belongs to another study.
+        OSError: A tile cannot be written; the tiles before it are kept.
     """
     if limit is not None and limit < 1:
         raise InputError(f"limit: expected a positive whole number, got {limit}")
     store = open_store(path)
     if store is not None and not resume:
         raise InputError(
-            f"{path}: there is a study already; go on with it, or write to another"
+            f"{path}: expected a new store, got an existing one; resume it, or write "
+            "to another"
         )
     work = Work(study, mesh)
     if store is not None:
-        refuse_other(store, work)
+        check_same_study(store, work)
         work.cut_as(store.tile)
     with locked(Path(path)):
         if store is None:
@@ -160,10 +161,10 @@ def run_into(
 
 
 def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ran:
-    """Calculate what a store lacks."""
+    """Compute the missing tiles of a store."""
     study, numbering = work.study, work.numbering
     estimates = Estimates(work.variables, numbering)
-    order = InOrder(estimates, study.sd_target, telling(work.numbering))
+    order = InOrder(estimates, study.sd_target, progress_reporter(work.numbering))
     if store.attributes["complete"]:
         for tile in range(store.tiles):
             order.take(tile, store.read_tile(tile))
@@ -209,18 +210,18 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
 
 
 def rows_of(keep: Keep, samples: int) -> int:
-    """Return how many samples a store keeps themselves: the first ones."""
+    """Return the number of samples that are stored, which are the first ones."""
     if keep == "all":
         return samples
     return 0 if keep == "summary" else min(keep, samples)
 
 
 def opened_summary(store: Store, work: Work) -> tuple[SummaryStore, Reduced]:
-    """Return the statistics of a store, made where there are none, and what adds to it.
+    """Return the statistics of a store, new ones if necessary, and their computation.
 
     Raises:
-        InputError: They would take too much memory.
-        OSError: They cannot be written.
+        InputError: The statistics need too much memory.
+        OSError: The statistics cannot be written.
     """
     groups = work.numbering.variants * work.numbering.cells
     summary = SummaryStore(store.path, store.variables, groups, 0)
@@ -232,18 +233,18 @@ def opened_summary(store: Store, work: Work) -> tuple[SummaryStore, Reduced]:
 
 
 def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ran:
-    """Calculate what a store lacks: rows that are kept, then statistics of all.
+    """Compute the missing stored samples, then the missing statistics, of a store.
 
     Args:
-        work: What calculates samples.
-        store: The store.
-        limit: How many samples to calculate at most, rounded up to whole tiles.
-        tiles: What calculates them in place of this process.
+        work: Computation of samples.
+        store: Store.
+        limit: Largest number of samples to compute, rounded up to whole tiles.
+        tiles: Computation of tiles by other processes; None for this process.
     """
     summary, reduced = opened_summary(store, work)
     run = _Run(work, summary, reduced)
     if store.attributes["complete"]:
-        summary.tiles = summary.tiles_said()
+        summary.tiles = summary.stored_tiles()
         run.take(summary.done())
         reached = run.samples < work.numbering.samples
         return Ran(store, run.estimates, run.samples, 0, 0.0, True, reached, work.notes)
@@ -260,7 +261,7 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
         def written(tile: int) -> None:
             summary.write(tile, reduced.states(tile))
 
-        # whoever may stop at a target begins nothing that lies beyond
+        # a study that may stop at a target does not compute tiles beyond it
         most = 1 if work.study.sd_target else reduced.ahead
         here = ahead(written, missing, most)
         for number, _ in tiles(missing, summary=True) if tiles else here:
@@ -288,7 +289,7 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
 def _rows(
     work: Work, store: Store, limit: int | None, tiles: Tiles | None
 ) -> int | None:
-    """Calculate the samples that are kept; return how many more may be calculated."""
+    """Compute the missing stored samples; return the remaining limit of samples."""
     done = store.done()
     missing = [tile for tile in range(store.tiles) if tile not in done]
     if limit is not None:
@@ -303,12 +304,12 @@ def _rows(
 
 
 class _Run:
-    """Adds statistics in the order of their tiles, as the tiles arrive."""
+    """Running estimates from statistics, added in the order of their tiles."""
 
     def __init__(self, work: Work, summary: SummaryStore, reduced: Reduced) -> None:
         self._summary, self._reduced = summary, reduced
         self._targets = work.study.sd_target
-        self._heard = telling(work.numbering)
+        self._report = progress_reporter(work.numbering)
         self._there: set[int] = set()
         self._state: Mapping[str, State] = reduced.empty()
         self.estimates = Estimates(work.variables, work.numbering)
@@ -316,7 +317,7 @@ class _Run:
         self.reached = False
 
     def take(self, tiles: Iterable[int]) -> None:
-        """Take in tiles that are written."""
+        """Add tiles that are written."""
         self._there |= set(tiles)
         variables = self._summary.variables
         while self.next in self._there and not self.reached:
@@ -327,7 +328,7 @@ class _Run:
             for v in outcomes_of(variables):
                 self.estimates.moments[v.name] = moments_of(v, self._state[v.name])
             self.reached = self.estimates.reached(self._targets)
-        self._heard(self.samples, self.estimates)
+        self._report(self.samples, self.estimates)
 
 
 def moments_of(variable: Variable, state: State) -> Moments:
@@ -340,28 +341,28 @@ def moments_of(variable: Variable, state: State) -> Moments:
     return Moments(m.finite, m.lost + m.infinite, m.mean, m.squares)
 
 
-def telling(numbering: Numbering) -> Callable[[int, Estimates], None]:
+def progress_reporter(numbering: Numbering) -> Callable[[int, Estimates], None]:
     """Return a reporter of the progress of a run, its rate and its estimates."""
-    teller, total, begun = Task(), numbering.samples, time.monotonic()
+    task, total, begun = Task(), numbering.samples, time.monotonic()
     first: list[int] = []
 
-    def heard(samples: int, estimates: Estimates) -> None:
+    def report(samples: int, estimates: Estimates) -> None:
         if not first:
             first.append(samples)
         gone = time.monotonic() - begun
         rate = (samples - first[0]) / gone if gone > 0 else 0.0
-        known = "; ".join(
-            _known(name, estimates) for name in [*estimates.moments][:SHOWN]
+        means = "; ".join(
+            _estimate_text(name, estimates) for name in [*estimates.moments][:SHOWN]
         )
-        words = f"{samples:,} of {total:,} samples, {rate:.3g}/s; {known}"
+        words = f"{samples:,} of {total:,} samples, {rate:.3g}/s; {means}"
         through = samples / total
-        teller(Level("", words, through, min(1.0 - through, numbering.tile / total)))
+        task(Level("", words, through, min(1.0 - through, numbering.tile / total)))
 
-    return heard
+    return report
 
 
-def _known(name: str, estimates: Estimates) -> str:
-    """Return an outcome's mean and its standard error in words."""
+def _estimate_text(name: str, estimates: Estimates) -> str:
+    """Return the mean of an outcome and its standard error as text."""
     whole = estimates.moments[name].whole()
     mean, error = float(whole.mean.flat[0]), float(whole.standard_error().flat[0])
     if not math.isfinite(error):
@@ -397,7 +398,7 @@ def attributes_of(work: Work) -> dict[str, Any]:
 
 
 def _scenes(study: Study) -> dict[str, Any]:
-    """Return the description of the scene; of several by the name of each."""
+    """Return the attributes of the scene; several scenes are stored by name."""
     texts = dict(study.scenes)
     scene = next(iter(texts.values()), "") if len(texts) < 2 else texts
     whole = scene if isinstance(scene, str) else json.dumps(scene)
@@ -405,19 +406,19 @@ def _scenes(study: Study) -> dict[str, Any]:
 
 
 def scenes_of(attributes: Mapping[str, Any]) -> dict[str, str]:
-    """Return the scenes of a store by the names its study has for them."""
+    """Return the scenes of a store, by their names in the study."""
     scene = attributes["scene"]
     if isinstance(scene, Mapping):
         return dict(scene)
     return {tomllib.loads(attributes["study"])["scene"]: scene}
 
 
-def refuse_other(store: Store, work: Work) -> None:
-    """Refuse to go on with the store of another study.
+def check_same_study(store: Store, work: Work) -> None:
+    """Check that a store belongs to a study.
 
     Raises:
-        InputError: The study, its scene or the version of jblast is another; the
-            message says what changed.
+        InputError: The study, its scene or the version of jblast has changed; the
+            message has the differences.
     """
     new, old = attributes_of(work), store.attributes
     if new["study_sha256"] != old["study_sha256"]:
@@ -443,22 +444,24 @@ def refuse_other(store: Store, work: Work) -> None:
 
 
 def _changes(old: str, new: str) -> str:
-    """Return which keys differ, in words."""
+    """Return the keys that differ, as text."""
     try:
         before, after = _flat(tomllib.loads(old)), _flat(tomllib.loads(new))
     except tomllib.TOMLDecodeError:
         return ""
-    said = [
+    changes = [
         f"{key} was {shown(before.get(key, 'not there'), 40)}, is "
         f"{shown(after.get(key, 'not there'), 40)}"
         for key in dict.fromkeys([*before, *after])
         if before.get(key) != after.get(key)
     ]
-    return f" ({'; '.join(said[:4])})" if said else " (in comments or spaces alone)"
+    return (
+        f" ({'; '.join(changes[:4])})" if changes else " (in comments or spaces only)"
+    )
 
 
 def _flat(tables: Any, name: str = "") -> dict[str, Any]:
-    """Return all values by their whole keys."""
+    """Return all values by their dotted keys."""
     if isinstance(tables, dict):
         pairs = ((f"{name}.{k}" if name else k, v) for k, v in tables.items())
     elif isinstance(tables, list) and any(isinstance(one, dict) for one in tables):
@@ -477,13 +480,13 @@ def dataset_of(
     attributes: Mapping[str, Any],
     places: Mapping[str, Sequence[float]],
 ) -> "xarray.Dataset":
-    """Return columns as a data set, as a store of them is read by xarray.
+    """Return columns as a data set, equal to the one that xarray reads from a store.
 
     Args:
-        variables: The columns.
-        columns: Their values.
+        variables: Columns of the study.
+        columns: Values of the columns.
         attributes: Attributes of the data set.
-        places: East, north, up [m] of the sensors by name.
+        places: Positions of the sensors by name: east, north, up [m].
     """
     import xarray
 
@@ -491,13 +494,16 @@ def dataset_of(
     coordinates: dict[str, Any] = {}
     if places:
         where = np.array(list(places.values()))
-        said = {"long_name": "place of the sensor: east, north, up", "units": "m"}
+        position_attributes = {
+            "long_name": "place of the sensor: east, north, up",
+            "units": "m",
+        }
         coordinates = {
             "sensor": (
                 "sensor",
                 np.array(list(places), object),
                 {"long_name": "sensor"},
             ),
-            "sensor_position_m": (("sensor", "direction"), where, said),
+            "sensor_position_m": (("sensor", "direction"), where, position_attributes),
         }
     return xarray.Dataset(data, coordinates, dict(attributes))

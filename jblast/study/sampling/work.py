@@ -1,4 +1,4 @@
-"""A study as a program: outcome families prepared once, samples calculated by tiles.
+"""Computation of a study: prepared outcome families, and samples by tiles.
 
 Each family of outcomes is prepared for every variant of the scene by a few pilot
 samples; `outcomes` is then a pure function of one sample's key. Tiles of which only
@@ -27,7 +27,7 @@ from jblast.study.engine.store import NO_ANSWER, Variable
 from jblast.study.engine.summary import (
     ANCHORS,
     COUNTERS,
-    MOST_COUNTS,
+    MAX_COUNTS,
     VALID,
     Anchor,
     State,
@@ -54,37 +54,40 @@ from jblast.study.sampling.draws import (
     sample_keys,
 )
 
-MOST_TILES = 256
-"""Parts that a study is cut into, whatever its size."""
+MAX_TILES = 256
+"""Largest number of tiles of a summary: a killed run loses less than 0.4 % of its work,
+and the histograms of all tiles stay small on disk."""
 PART, PART_OF_POINTS = 1 << 26, 1 << 24
-"""Samples whose blocks are summed at once, fewer where the host makes their points;
-parts are merged in their order."""
+"""Samples of a launch of statistics; fewer if the host computes their points, whose
+memory is 8 bytes for each parameter."""
 AHEAD = 4
-"""Parts, or tiles, that devices and host are at together."""
+"""Parts or tiles in computation, so that devices do not wait for the host."""
 ANCHOR_SAMPLES = 16
-"""Samples of each cell from which the origins of its sketches follow."""
+"""Samples of each cell that determine the origins of its histograms: only their order
+of magnitude matters."""
 ANCHOR_SEED = 0
-"""Of those samples, so that studies of other seeds can be merged."""
+"""Seed of these samples, a constant, so that studies with other seeds can be merged."""
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
-"""Samples that a device is given at a time, by platform."""
+"""Samples of a device in one launch: enough to hide its overhead, within its memory."""
 GROUP = 1 << 19
-"""Samples, in whole blocks, that a GPU takes together at most."""
+"""Largest number of samples, in whole blocks, that a GPU computes together."""
 REDUCED = {"cpu": 1 << 20, "gpu": 1 << 24}
-"""Samples of a launch of which statistics alone are kept."""
+"""Samples of a device in one launch that stores statistics only."""
 Columns = dict[str, np.ndarray]
-LEAST_PILOTS, MOST_PILOTS = 256, 4096
-"""Samples that families are made ready by."""
+MIN_PILOTS, MAX_PILOTS = 256, 4096
+"""Pilot samples that families are prepared with: at least those that show the range of
+inputs, and no more than the time of a preparation allows."""
 
 
 class Work:
-    """What calculates the samples of a study.
+    """Computation of the samples of a study.
 
     Attributes:
-        study: The study.
-        variables: Its columns: what was drawn, what axes set, outcomes.
-        numbering: Which sample is which.
+        study: Study.
+        variables: Columns: sampled parameters, axes, outcomes.
+        numbering: Numbering of the samples.
         notes: Remarks on the calculation.
-        kind: Of the devices: "cpu" or "gpu".
+        kind: Kind of the devices: "cpu" or "gpu".
     """
 
     def __init__(self, study: Study, mesh: Mesh | None = None) -> None:
@@ -109,25 +112,25 @@ class Work:
         self.points = points_of(
             study.design, len(study.drawn), -(-each // cells), study.seed, study.source
         )
-        said = [note for part in self.parts[0] for note in part.prepared.notes]
-        self.notes = tuple(dict.fromkeys(said))
+        notes = [note for part in self.parts[0] for note in part.prepared.notes]
+        self.notes = tuple(dict.fromkeys(notes))
         self._launchers: dict[int, Launcher] = {}
         self._table = np.array(study.cells, float).reshape(cells, -1)
 
     def cut_as(self, tile: int) -> None:
-        """Cut samples into tiles of another size, as a store has them."""
+        """Set the tile size, to that of an existing store."""
         self.numbering = self.numbering._replace(tile=tile)
 
     @property
     def at_once(self) -> int:
-        """How many tiles are worth calculating together."""
+        """Number of tiles that are computed together."""
         if self.kind == "cpu":
             return 1
         return max(1, LAUNCH["gpu"] * self.mesh.size // self.numbering.tile)
 
     @property
     def places(self) -> dict[str, tuple[float, ...]]:
-        """East, north, up [m] of the sensors by name, if any outcome is theirs."""
+        """Positions of sensors by name, east, north, up [m]; empty if unused."""
         if not any(variable.sensors for variable in self.variables):
             return {}
         return {
@@ -136,11 +139,11 @@ class Work:
         }
 
     def tile(self, tile: int) -> Columns:
-        """Calculate a tile: a value of every column for each of its samples."""
+        """Return the columns of a tile, one value for each sample."""
         return self.several([tile])[0]
 
     def several(self, tiles: Sequence[int]) -> list[Columns]:
-        """Calculate tiles together; as many as `at_once` are worth it."""
+        """Return the columns of tiles that are computed together (`at_once`)."""
         numbering = self.numbering
         each = [numbering.blocks_of(tile) for tile in tiles]
         blocks = np.concatenate(each)
@@ -149,7 +152,7 @@ class Work:
             for v in self.variables
         }
         variants = numbering.variant_of(blocks)
-        # a key is that of 2^32 samples: blocks before and after have others
+        # a key serves 2^32 samples: blocks beyond that have another one
         kinds = variants + numbering.variants * (blocks * numbering.block >> 32)
         for kind in np.unique(kinds):
             rows = np.flatnonzero(kinds == kind)
@@ -178,18 +181,18 @@ class Work:
         return found
 
     def _blocks(self, variant: int, blocks: np.ndarray) -> Columns:
-        """Calculate blocks of one variant."""
+        """Return the columns of blocks of one variant."""
         if variant not in self._launchers:
             self._launchers[variant] = self.launcher(variant)
         launcher, given = self._launchers[variant], self.given(blocks)
         finishes = self._finishes(variant)
         if finishes and self.kind == "gpu":
-            wanted = [v.name for v in self.variables]
-            return where_they_are(finishes, launcher.pieces(*given), wanted)
+            names = [v.name for v in self.variables]
+            return finished_on_devices(finishes, launcher.pieces(*given), names)
         return self.finished(variant, launcher(*given))
 
     def launcher(self, variant: int, reduce: Reduce | None = None) -> Launcher:
-        """Return what runs blocks of a variant, or reduces them."""
+        """Return the launcher of blocks of a variant, with or without a reduction."""
         block = self.numbering.block
         at_once = (REDUCED if reduce else LAUNCH)[self.kind]
         blocks = -(-self.numbering.samples // block)
@@ -203,7 +206,7 @@ class Work:
             self._blocks_of(variant),
             self.mesh,
             at_once // block,
-            # the same on any number of devices: sums depend on it in the last digit
+            # independent of the number of devices: the last digit of sums depends on it
             group=min(together // block, 1 << (blocks - 1).bit_length()),
             reduce=reduce,
         )
@@ -211,11 +214,11 @@ class Work:
     def given(
         self, blocks: np.ndarray, seed: int | None = None
     ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """Return what blocks of one variant share, and what is of each.
+        """Return the shared arrays of blocks of one variant, and those of each block.
 
         Args:
-            blocks: Their numbers.
-            seed: In place of the study's; its draws are random ones.
+            blocks: Numbers of the blocks.
+            seed: Seed of random samples, in place of the study's design.
         """
         numbering = self.numbering
         first = blocks * numbering.block
@@ -246,10 +249,10 @@ class Work:
         return points[draws - draws[0]]
 
     def _blocks_of(self, variant: int) -> Blocks:
-        """Return what calculates blocks: pure, of arrays.
+        """Return the pure function of arrays that computes blocks.
 
-        Samples of all of them stand side by side, not block beside block: of flights
-        those that go together ask together whether a blast is near.
+        The samples of all blocks are one batch axis, because flights of one batch
+        evaluate their branches (is a blast near?) together.
         """
         study, numbering = self.study, self.numbering
 
@@ -276,7 +279,7 @@ class Work:
         return blocks
 
     def finished(self, variant: int, answers: Mapping[str, np.ndarray]) -> Columns:
-        """Finish what only runs from Python, and keep the columns."""
+        """Return the columns after the part of a calculation that runs from Python."""
         found = dict(answers)
         for finish in self._finishes(variant):
             found |= by_block(finish, found, list(self.mesh.devices.flat))
@@ -288,27 +291,27 @@ class Work:
 
 
 class Reduced:
-    """What calculates the statistics of tiles.
+    """Computation of the statistics of tiles.
 
     Attributes:
-        work: What calculates samples.
-        tile: Samples of a part that is done or not.
-        groups: Variants and cells of the study, as one number.
-        anchors: What numbers are counted from.
+        work: Computation of samples.
+        tile: Samples of a tile.
+        groups: Number of variants times cells.
+        anchors: Reference values by outcome.
     """
 
     def __init__(self, work: Work, anchors: Mapping[str, Anchor] | None = None) -> None:
         self.work, numbering = work, work.numbering
         self.groups = numbering.variants * numbering.cells
         counts = counts_in(work.variables, self.groups)
-        if counts > MOST_COUNTS:
+        if counts > MAX_COUNTS:
             raise InputError(
-                f"{work.study.source}: keep: expected at most {MOST_COUNTS:,} counts "
-                "of sketches, of all numbers, sensors, cells and variants together, "
-                f'got {counts:,}; keep = "all", or ask for less'
+                f"{work.study.source}: keep: expected at most {MAX_COUNTS:,} histogram "
+                "bins of all numbers, sensors, cells and variants together, "
+                f'got {counts:,}; set keep = "all", or request fewer outcomes'
             )
         self.tile = numbering.tile
-        while numbering.samples > MOST_TILES * self.tile:
+        while numbering.samples > MAX_TILES * self.tile:
             self.tile *= 2
         self.anchors = self._anchors() if anchors is None else dict(anchors)
         host = any(p.prepared.finish is not None for part in work.parts for p in part)
@@ -323,16 +326,16 @@ class Reduced:
 
     @property
     def tiles(self) -> int:
-        """How many tiles there are."""
+        """Number of tiles."""
         return -(-self.work.numbering.samples // self.tile)
 
     @property
     def ahead(self) -> int:
-        """How many tiles are worth calculating at a time."""
+        """Number of tiles in computation at a time."""
         return AHEAD if self._on_device else 1
 
     def samples_of(self, tile: int) -> int:
-        """Return how many samples a tile has."""
+        """Return the number of samples of a tile."""
         return min(self.tile, self.work.numbering.samples - tile * self.tile)
 
     def states(self, tile: int) -> dict[str, State]:
@@ -351,11 +354,11 @@ class Reduced:
         return whole
 
     def empty(self) -> dict[str, State]:
-        """Return the states of no samples."""
+        """Return the states without samples."""
         return empty_states(self.work.variables, self.groups, self.anchors)
 
     def _host(self, begin: int, end: int) -> dict[str, State]:
-        """Reduce the columns of samples."""
+        """Return the states of samples, reduced on the host."""
         numbering = self.work.numbering
         tiles = range(begin // numbering.tile, -(-end // numbering.tile))
         parts = self.work.several(tiles)
@@ -367,7 +370,7 @@ class Reduced:
         )
 
     def _device(self, begin: int, end: int) -> dict[str, State]:
-        """Reduce samples where they are calculated."""
+        """Return the states of samples, reduced on the devices that compute them."""
         work, numbering = self.work, self.work.numbering
         blocks = np.arange(begin // numbering.block, -(-end // numbering.block))
         variants = numbering.variant_of(blocks)
@@ -387,10 +390,10 @@ class Reduced:
             }
             kept, counts = self._launchers[variant].reduced(shared, each)
             found[variant] = states_of(self._outcomes, kept, counts, mine)
-        return self._beside(found)
+        return self._combined(found)
 
-    def _beside(self, found: dict[int, dict[str, State]]) -> dict[str, State]:
-        """Return states of variants as one."""
+    def _combined(self, found: dict[int, dict[str, State]]) -> dict[str, State]:
+        """Return the states of all variants as one, with the group as first axis."""
         if self.groups == 1:
             return found[0]
         empty = self.empty()
@@ -402,7 +405,7 @@ class Reduced:
         return whole
 
     def _anchors(self) -> dict[str, Anchor]:
-        """Return what numbers are counted from, by the first samples of each cell."""
+        """Return reference values from the first samples of each cell."""
         work, numbering = self.work, self.work.numbering
         count = -(-ANCHOR_SAMPLES * numbering.cells // numbering.block)
         columns, which = [], []
@@ -422,7 +425,7 @@ class Reduced:
 
 
 def _filled(empty: State, parts: Mapping[int, State]) -> State:
-    """Return a state with those of single groups in their places."""
+    """Return a state with the states of single groups inserted."""
     if hasattr(empty, "_fields"):
         return type(empty)(
             *(
@@ -442,12 +445,12 @@ def _filled(empty: State, parts: Mapping[int, State]) -> State:
 def draw(
     key: PRNGKeyArray, study: Study, *, cell: int = 0
 ) -> dict[str, Float[Array, ""]]:
-    """Return the numbers of a sample: drawn by its key, or set by axes.
+    """Return the parameters of a sample, from its key or from axes.
 
     Args:
-        key: Of the sample: `jax.random.fold_in(jax.random.key(study.seed), index)`.
-        study: The study.
-        cell: Which of the `cells` of the study sets the axes.
+        key: Key of the sample: `jax.random.fold_in(jax.random.key(study.seed), index)`.
+        study: Study.
+        cell: Number of the combination of axes in `study.cells`.
     """
     scores = normal_scores(key[None], len(study.drawn))
     cells = jnp.full((1,), cell)
@@ -463,22 +466,22 @@ def outcomes(
     variant: int = 0,
     cell: int = 0,
 ) -> dict[str, Array]:
-    """Return the outcomes of one sample: under `jit`, `vmap` and `grad` alike.
+    """Return the outcomes of one sample; works under `jit`, `vmap` and `grad`.
 
     Args:
-        key: Of the sample, as in `draw`.
-        study: The study; its design is left out: the key draws.
-        numbers: In place of what the key would draw, by name of the scene's numbers;
-            derivatives by them are those of the outcomes.
-        variant: Which of the `variants` of the study it is of.
-        cell: Which of the `cells` of the study sets the axes.
+        key: Key of the sample, as in `draw`.
+        study: Study; its design is ignored, and the key gives the sample.
+        numbers: Parameters by name, in place of sampled ones; outcomes are
+            differentiable by them.
+        variant: Number of the variant in `study.variants`.
+        cell: Number of the combination of axes in `study.cells`.
 
     Returns:
-        A number by outcome, or one for each sensor.
+        One value by outcome, or one for each sensor.
 
     Raises:
-        InputError: An outcome cannot be had of the scene, or only by whole batches, or
-            there is no such number.
+        InputError: An outcome is not available for the scene, or for whole batches
+            only, or a parameter is unknown.
 
     Example:
         `jax.vmap(lambda key: jblast.study.outcomes(key, study))(keys)`
@@ -494,8 +497,8 @@ def outcomes(
     for part in parts_of(study, variant):
         if part.prepared.finish is not None:
             raise InputError(
-                f"{study.source}: {part.names[0]} is had of whole batches alone, which "
-                "jblast.study.run makes"
+                f"{study.source}: expected outcomes of single samples, got "
+                f"{part.names[0]}, which jblast.study.run computes for whole batches"
             )
     answers = answers_of(
         study,
@@ -514,13 +517,16 @@ def _table(study: Study) -> Float[Array, "cell axis"]:
 
 
 def _tile_samples(variables: tuple[Variable, ...]) -> int:
-    """Return how many samples a chunk holds, so that the largest stays below 8 MiB."""
+    """Return the samples of a chunk, of which the largest column has 8 MiB at most.
+
+    Larger chunks would lose more work of a killed run; smaller ones are too many files.
+    """
     widest = max(v.dtype.itemsize * max(1, len(v.sensors)) for v in variables)
     return (8 << 20) // widest
 
 
 class Part(NamedTuple):
-    """A family of outcomes, ready for one variant of the scene."""
+    """Family of outcomes, prepared for one variant of the scene."""
 
     family: Family
     names: tuple[str, ...]
@@ -528,18 +534,18 @@ class Part(NamedTuple):
 
 
 def parts_of(study: Study, variant: int) -> tuple[Part, ...]:
-    """Return what calculates the outcomes of a variant; made ready once.
+    """Return the prepared families of a variant, which the study caches.
 
     Raises:
-        InputError: There is no such outcome or option, or the scene lacks what an
-            outcome needs.
+        InputError: An outcome or option is unknown, or the scene lacks a requirement of
+            an outcome.
     """
     if variant not in study.prepared:
         families = families_of(
             outcomes_named(study.outcomes, study.source, allow_code=study.allow_code)
         ).values()
-        _refuse_options(study, [family for family, _ in families])
-        with jax.ensure_compile_time_eval():  # also from within a program
+        _check_options(study, [family for family, _ in families])
+        with jax.ensure_compile_time_eval():  # also while JAX traces a caller
             study.prepared[variant] = tuple(
                 Part(family, tuple(names), prepared)
                 for family, names in families
@@ -559,9 +565,9 @@ def parts_of(study: Study, variant: int) -> tuple[Part, ...]:
 
 
 def _pilot(study: Study, variant: int) -> dict[str, np.ndarray]:
-    """Return numbers of some samples, every cell of the axes among them."""
+    """Return the parameters of pilot samples, which include each cell of the axes."""
     cells = np.array(study.cells, float).reshape(len(study.cells), -1)
-    count = min(max(LEAST_PILOTS, len(cells)), MOST_PILOTS)
+    count = min(max(MIN_PILOTS, len(cells)), MAX_PILOTS)
     scores = np.random.default_rng(0).standard_normal((count, len(study.drawn)))
     which = np.linspace(0, len(cells) - 1, min(count, len(cells))).round().astype(int)
     numbers = numbers_at(
@@ -583,16 +589,16 @@ def answers_of(
     cell: Int[Array, " sample"],
     numbers: dict[str, Array] | None = None,
 ) -> dict[str, Array]:
-    """Return numbers and outcomes of samples of one variant.
+    """Return parameters and outcomes of samples of one variant.
 
     Args:
-        study: The study.
-        variant: Which variant of the scene.
-        keys: Of the samples.
-        scores: Standard normal coordinates of the draws.
+        study: Study.
+        variant: Number of the variant.
+        keys: Keys of the samples.
+        scores: Standard normal coordinates of the samples.
         table: Values of the axes by cell.
-        cell: Of each sample.
-        numbers: In place of what is drawn or set.
+        cell: Cell of each sample.
+        numbers: Parameters in place of sampled or listed ones.
     """
     uncertain = study.variants[variant]
     found = numbers_at(uncertain, scores, study.numbers, table, cell)
@@ -605,11 +611,11 @@ def answers_of(
 
 
 def input_variables(study: Study) -> tuple[Variable, ...]:
-    """Return the columns of what is drawn, and of what axes set."""
+    """Return the columns of sampled parameters and of axes."""
 
     def number(name: str, role: Any) -> Variable:
-        said = parameter_named(name)
-        return Variable(name, role, said.unit, said.words)
+        parameter = parameter_named(name)
+        return Variable(name, role, parameter.unit, parameter.words)
 
     drawn = [number(name, "input") for name in study.drawn]
     axes = [number(axis.key, "axis") for axis in study.numbers]
@@ -629,12 +635,14 @@ def input_variables(study: Study) -> tuple[Variable, ...]:
 def outcome_variables(study: Study) -> tuple[Variable, ...]:
     """Return the columns of the outcomes."""
     sensors = tuple(s.name for s in study.uncertain.scene.sensors)
-    asked = outcomes_named(study.outcomes, study.source, allow_code=study.allow_code)
+    requested = outcomes_named(
+        study.outcomes, study.source, allow_code=study.allow_code
+    )
     names = {tuple(s.name for s in one.scene.sensors) for one in study.variants}
-    if len(names) > 1 and any(outcome.per_sensor for outcome in asked):
+    if len(names) > 1 and any(outcome.per_sensor for outcome in requested):
         raise InputError(
-            f"{study.source}: [axes]: expected the same sensors in every variant of "
-            "the scene, where an outcome is asked of each, got others"
+            f"{study.source}: [axes]: expected the same sensors in each variant of the "
+            f"scene for outcomes at sensors, got {len(names)} different sets"
         )
     return tuple(
         Variable(
@@ -645,12 +653,12 @@ def outcome_variables(study: Study) -> tuple[Variable, ...]:
             o.kind,
             sensors if o.per_sensor else (),
         )
-        for o in asked
+        for o in requested
     )
 
 
 def _failed_where(good: Array | None, values: Any) -> Array:
-    """Mark answers of samples that cannot be as having failed."""
+    """Return answers, marked as failed for samples with invalid parameters."""
     if good is None:
         return values
     good = good.reshape(good.shape + (1,) * (values.ndim - 1))
@@ -659,8 +667,8 @@ def _failed_where(good: Array | None, values: Any) -> Array:
     return jnp.where(good, values.astype(jnp.int8), jnp.int8(NO_ANSWER))
 
 
-def _refuse_options(study: Study, families: list[Family]) -> None:
-    """Refuse an option that no outcome asked for reads."""
+def _check_options(study: Study, families: list[Family]) -> None:
+    """Check that each option belongs to a requested outcome."""
     known = sorted({key for family in families for key in family.options})
     for key in study.options:
         if key not in known:
@@ -673,12 +681,12 @@ def _refuse_options(study: Study, families: list[Family]) -> None:
 def by_block(
     finish: Finish, answers: Mapping[str, np.ndarray], devices: Sequence[Any]
 ) -> dict[str, np.ndarray]:
-    """Finish blocks, as many at a time as there are devices.
+    """Return the answers of blocks after `finish`, one block on each device at a time.
 
     Args:
-        finish: What finishes a batch.
-        answers: By name a value of every sample of every block.
-        devices: Of one process.
+        finish: Part of the calculation that runs from Python.
+        answers: Values by name, with axes block and sample.
+        devices: Devices of this process.
     """
     blocks = len(next(iter(answers.values())))
 
@@ -695,17 +703,17 @@ def by_block(
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
-def where_they_are(
+def finished_on_devices(
     finishes: Sequence[Finish],
     pieces: Sequence[Mapping[str, Array]],
-    wanted: Sequence[str],
+    names: Sequence[str],
 ) -> dict[str, np.ndarray]:
-    """Finish what devices have, each its own, and return the columns that are wanted.
+    """Return columns after `finishes`, each chunk on the device that has it.
 
     Args:
-        finishes: What finishes batches.
-        pieces: Blocks in their order, those of a piece on one device.
-        wanted: Names of columns.
+        finishes: Parts of the calculation that run from Python.
+        pieces: Chunks of blocks in their order, each on one device.
+        names: Names of the returned columns.
     """
 
     def one(piece: Mapping[str, Array]) -> dict[str, np.ndarray]:
@@ -718,7 +726,7 @@ def where_they_are(
         with jax.default_device(device):
             for finish in finishes:
                 found |= finish(found)
-        kept = {name: found[name] for name in wanted if name in found}
+        kept = {name: found[name] for name in names if name in found}
         for x in kept.values():
             x.copy_to_host_async()
         return {n: x.reshape(*shape, *x.shape[1:]) for n, x in _on_host(kept).items()}

@@ -1,8 +1,11 @@
 """What is said of verbs and options, and what is imported to say it."""
 
+import re
+import shlex
+
 import pytest
 
-from jblast.cli.parsers import GROUPS, VERBS, verb_parser
+from jblast.cli.parsers import GROUPS, VERBS, parsed, verb_parser
 from tests.cli.child import told
 
 NAMES = [verb.name for verb in VERBS]
@@ -21,9 +24,28 @@ def test_help_lists_every_verb_once_under_its_group(jblast):
 @pytest.mark.parametrize("verb", VERBS, ids=NAMES)
 def test_every_verb_has_a_group_a_description_and_a_module_that_runs_it(verb):
     assert verb.group in GROUPS
-    asked = verb_parser(verb)
-    assert asked.description
-    assert asked.get_default("run").__module__ == f"jblast.cli.verbs.{verb.name}"
+    parser = verb_parser(verb)
+    assert parser.description
+    assert parser.get_default("run").__module__ == f"jblast.cli.verbs.{verb.name}"
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=NAMES)
+def test_the_help_of_a_verb_has_a_summary_of_one_line_and_an_example(verb):
+    parser = verb_parser(verb)
+    assert "\n" not in parser.summary
+    shown = parser.format_help()
+    assert f"\n\nexample:\n  {verb.example}\n\n" in shown
+    options = parsed(shlex.split(verb.example)[1:])
+    assert options.verb == verb.name
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=NAMES)
+def test_every_option_stands_in_one_of_four_groups_and_has_a_help(verb):
+    groups = re.findall(r"^(\w[\w ]*):$", verb_parser(verb).format_help(), re.M)
+    ordered = ["example", "input", "model", "output", "advanced"]
+    assert groups == [name for name in ordered if name in groups]
+    for action in verb_parser(verb)._actions:
+        assert action.help
 
 
 @pytest.mark.parametrize("words", [("--help",), ("choose", "--help"), ("clac",)])

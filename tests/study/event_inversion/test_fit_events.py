@@ -40,7 +40,7 @@ def test_size_and_start_are_recovered_from_events_alone(counts, size, late):
 def test_a_fit_that_runs_out_of_steps_says_so(counts):
     start = coordinates(1.2**3 * MASS, START)
     given = log_frames, start, counts, TIMES, THRESHOLDS
-    found = fit_events(*given, stages=((0.3, 5e-3),), most_steps=3)
+    found = fit_events(*given, stages=((0.3, 5e-3),), max_steps=3)
     assert not found.converged
     assert found.steps == 3
 

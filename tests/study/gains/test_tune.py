@@ -13,7 +13,7 @@ from jblast.scene import UncertainScene, read_scene
 from jblast.study.flight_results import Options
 from jblast.study.gains import (
     FACTORS,
-    Wish,
+    TuningSettings,
     chosen_ranks,
     drawn_flights,
     known_peaks,
@@ -69,18 +69,24 @@ def test_what_is_asked_of_margins_is_met_at_zero():
 
 
 @pytest.mark.parametrize(
-    ("wish", "words"),
+    ("settings", "words"),
     [
-        (Wish(vehicles=1), "vehicles: expected two blasts"),
-        (Wish(margin_db=-1.0), "margin-db: expected a positive number"),
-        (Wish(margin_deg=float("nan")), "margin-deg: expected a positive number"),
-        (Wish(delay_s=-0.1), "delay: expected a time of 0 s or more"),
-        (Wish(motor_lead=0.5), "motor-lead: expected a factor of 1 and more, got 0.5"),
+        (TuningSettings(vehicles=1), "vehicles: expected two blasts"),
+        (TuningSettings(margin_db=-1.0), "margin-db: expected a positive number"),
+        (
+            TuningSettings(margin_deg=float("nan")),
+            "margin-deg: expected a positive number",
+        ),
+        (TuningSettings(delay_s=-0.1), "delay: expected a time of 0 s or more"),
+        (
+            TuningSettings(motor_lead=0.5),
+            "motor-lead: expected a factor of 1 or more, got 0.5",
+        ),
     ],
 )
-def test_numbers_that_cannot_be_are_named(tmp_path, wish, words):
+def test_numbers_that_cannot_be_are_named(tmp_path, settings, words):
     with pytest.raises(InputError, match=words):
-        tune_gains(scene_of(tmp_path, "iris"), wish)
+        tune_gains(scene_of(tmp_path, "iris"), settings)
 
 
 @pytest.mark.parametrize(("drawn", "count"), [(256, 32), (40, 32), (9, 8)])
@@ -123,8 +129,8 @@ def test_the_peak_has_the_slopes_of_differences(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("model", NAMES)
 def test_peaks_over_unseen_blasts_are_a_fifth_less_within_the_margins(tmp_path, model):
-    wish = Wish(vehicles=16, motor_lead=NAMES[model])
-    tuned = tune_gains(scene_of(tmp_path, model), wish)
+    settings = TuningSettings(vehicles=16, motor_lead=NAMES[model])
+    tuned = tune_gains(scene_of(tmp_path, model), settings)
     after = tuned.after
     assert after.gain_margin_db >= 6.0
     assert after.phase_margin_deg >= 35.0
@@ -138,7 +144,7 @@ def test_peaks_over_unseen_blasts_are_a_fifth_less_within_the_margins(tmp_path, 
 def test_margins_that_no_gains_have_are_refused(tmp_path):
     lag = float(named("crazyflie").motor_lag_s)
     uncertain = scene_of(tmp_path, "crazyflie")
-    wish = Wish(vehicles=2, margin_deg=89.99, margin_db=60.0)
+    settings = TuningSettings(vehicles=2, margin_deg=89.99, margin_db=60.0)
     with pytest.raises(InputError, match=r"own have 17\.9 dB and 15\.5 degrees") as no:
-        tune_gains(uncertain, wish)
+        tune_gains(uncertain, settings)
     assert f"lag by {lag:g} s" in str(no.value)
