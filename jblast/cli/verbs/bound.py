@@ -44,6 +44,11 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     add_law(verb)
     add_noise(verb)
+    verb.add_argument(
+        "--verbose",
+        action="store_true",
+        help="also print why each law was chosen, and its scatter",
+    )
     verb.add_argument("--json", action="store_true", help="print the answer as JSON")
     verb.add_argument(
         "--force", action="store_true", help="overwrite an existing --map"
@@ -82,7 +87,7 @@ def run(asked: argparse.Namespace) -> int:
     if asked.json:
         sys.stdout.write(BoundAnswer(found.summary).to_json())
     else:
-        sys.stdout.write(bound_text(found, plot=asked.map))
+        sys.stdout.write(bound_text(found, plot=asked.map, verbose=asked.verbose))
     return found.exit_code
 
 

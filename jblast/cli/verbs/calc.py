@@ -80,9 +80,11 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
     )
     verb.add_argument("--law", metavar="NAME", help="answer by this law alone")
     verb.add_argument(
+        "--all-laws",
         "--table",
+        dest="table",
         action="store_true",
-        help="every law beside its range, where one question has one answer, too",
+        help="print every law with its range of validity, not the recommended one alone",
     )
     verb.add_argument(
         "--units",
@@ -181,6 +183,7 @@ def _forward(
     from jblast.report.calculator.terminal import (
         calculation_csv,
         calculation_text,
+        recommended_text,
         value_line,
     )
     from jblast.sensors.calculator import (
@@ -207,6 +210,8 @@ def _forward(
     if asked.json:
         whole = calculator_answer(question, answer, other, apart, recommended)
         return whole.to_json(), recommended
+    if len(rows[0]) == 1 and not asked.table:
+        return recommended_text(question, answer, apart), recommended
     return calculation_text(question, answer, other, apart), recommended
 
 

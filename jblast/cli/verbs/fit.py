@@ -78,6 +78,12 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         help="write fit.json, figures, report.html; of several logs fits.json and "
         "answers.csv. A walk that was cut short goes on there",
     )
+    verb.add_argument(
+        "--verbose",
+        action="store_true",
+        help="also print why each law was chosen, how intervals were computed and all "
+        "conversions of the log",
+    )
     verb.add_argument("--json", action="store_true", help="print the answer as JSON")
     verb.add_argument(
         "--force", action="store_true", help="overwrite an existing --out"
@@ -169,7 +175,7 @@ def run(asked: argparse.Namespace) -> int:
     if recorded and not asked.json:
         sys.stdout.write(recorded.text + "\n")
     if not asked.json:
-        sys.stdout.write(summary(answer, out=out) + "\n")
+        sys.stdout.write(summary(answer, out=out, verbose=asked.verbose) + "\n")
     return answer.exit_code
 
 

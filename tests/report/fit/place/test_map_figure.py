@@ -11,7 +11,7 @@ from jblast.report.figure_files import image_bytes
 from jblast.report.fit.map import map_figure
 from jblast.report.fit.place import (
     COLOURS,
-    NONE,
+    NO_RESIDUAL,
     absent_map_note,
     degrees,
     ground_map,
@@ -107,7 +107,7 @@ def test_a_sensor_has_the_colour_of_its_worst_residual():
         if line.get_marker() == "o" and line.get_markerfacecolor() != "none"
     ]
     found = [to_hex(line.get_markerfacecolor()) for line in dots]
-    assert found == [COLOURS[1], COLOURS[3], COLOURS[6], COLOURS[4], NONE]
+    assert found == [COLOURS[1], COLOURS[3], COLOURS[6], COLOURS[4], NO_RESIDUAL]
 
 
 def test_colours_run_from_blue_through_white_to_red():
