@@ -59,7 +59,7 @@ def titled(axes: Axes, title: str, note: str = "", y: float | None = None) -> No
 def log_ticks(axis: Axis, limits: Iterable[float]) -> None:
     """Label a log axis with plain numbers: 20, 50, 100 rather than powers of ten."""
     low, high = limits
-    # the shorter the axis, the more multiples of a power of ten have room: 4 to 9 labels
+    # short axes have room for more multiples of powers of ten: 4 to 9 labels
     if high / low < 3:
         subs = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
     elif high / low < 12:

@@ -227,7 +227,7 @@ def loads_figure(flights: Flights) -> Figure:
     first = float(arrivals.min())
     figure = new_figure(11.0, 6.4)
     grid = figure.subplots(2, 2, width_ratios=[1.5, 1.0])
-    # the scale is that of rows without a blast, next to which a blast is 100 times larger
+    # the scale is that of rows without a blast, whose loads are some 100 times larger
     calm = np.all(
         (time[:, None] < arrivals) | (time[:, None] > arrivals + AFTER_S), axis=1
     )
