@@ -66,9 +66,8 @@ def setting_lines(log: Observations, uncertain: UncertainScene) -> list[str]:
     free = [parameter_words(name) for name in for_log(uncertain, log).beliefs]
     if uncertain.source == NO_SCENE and len(free) > 1:
         more = [f"{len(free) - MAX_NAMED} more"] if len(free) > MAX_NAMED else []
-        lines.append(
-            f"free parameters of a fit without a scene: {joined(free[:MAX_NAMED] + more)}"
-        )
+        names = joined(free[:MAX_NAMED] + more)
+        lines.append(f"free parameters of a fit without a scene: {names}")
     return lines
 
 

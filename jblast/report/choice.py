@@ -18,7 +18,7 @@ BY_HEIGHT = {
     ("surface",): "the height of burst lies between the limits of the two curve sets; "
     "surface curves were taken",
     ("surface", "free-air"): "by the height of burst some readings are of a free-air "
-    "burst and others lie between the two curve sets; the method is valid for both sets",
+    "burst and others lie between the curve sets; the method is valid for both sets",
 }
 """Sentence on the curve sets that the height of burst selects."""
 

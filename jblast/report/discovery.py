@@ -292,7 +292,7 @@ class NominalInterval:
 
     Attributes:
         nominal: Nominal level.
-        held_when_simulated: Coverage in simulated records with noise, least and largest.
+        held_when_simulated: Coverage in simulated noisy records, least and largest.
     """
 
     nominal: float

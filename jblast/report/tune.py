@@ -283,8 +283,8 @@ def _note(note: Note) -> str:
             return "the scene has no noise: noise_pa is tuned as well"
         case "blast_outside":
             return (
-                f"the record of {about['seconds']:g} s contains no blast: it constrains "
-                "the noise only"
+                f"the record of {about['seconds']:g} s contains no blast: it "
+                "constrains the noise only"
             )
         case "law_invalid":
             return (

@@ -35,7 +35,7 @@ SAID = [
     (table.HeightTaken(), "sensors assumed at up = 0"),
     (table.ColumnsIgnored(("Note",)), "column Note ignored"),
     (table.UnitsRow(2), "line 2 was read as the units"),
-    (table.MadeLong(("a", "b"), ("b",)), "for b: the law's scatter alone"),
+    (table.MadeLong(("a", "b"), ("b",)), "for b: only the law's scatter"),
 ]
 
 

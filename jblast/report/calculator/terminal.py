@@ -137,7 +137,7 @@ def recommended_text(
 
 
 def _scatter(sd: float) -> str:
-    """Return a scatter [sd of ln]: in per cent, from 1 on as a factor; "-" if unknown."""
+    """Return a scatter [sd of ln] in per cent, or as a factor from 1 on; or "-"."""
     if not sd > 0.0:
         return "-"
     # exp(sd) is the factor of one standard deviation; below 1 per cent is read faster

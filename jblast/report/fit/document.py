@@ -265,7 +265,7 @@ class FitsAnswer(Document):
 
 
 def fit_document(fit: Fit) -> dict[str, Any]:
-    """Return the document of `jblast fit --json`; null is a number that is not finite."""
+    """Return the document of `jblast fit --json`, null for non-finite numbers."""
     return fit_answer(fit).to_dict()
 
 

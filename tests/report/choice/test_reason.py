@@ -17,7 +17,7 @@ def test_the_reason_of_a_law_is_that_at_the_answer():
     assert law_reason(LAW) == choice_reason(CHOICE)
     assert law_reason(LAW).startswith("Z = 2.1 to 38 m/kg^(1/3) inside")
     before = law_reason(replace(LAW, name="wu_hao"))
-    assert "at which it would be kingery_bulmash: Z = 2.1 to 38" in before
+    assert "at the answer it would be kingery_bulmash: Z = 2.1 to 38" in before
     assert law_reason(TakenLaw("wu_hao")) == "requested"
 
 

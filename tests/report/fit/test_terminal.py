@@ -94,7 +94,7 @@ def test_outliers_and_ambiguities_are_named():
     text = " ".join(summary(example.with_outliers()).split())
     assert f"{example.NASTY}, peak overpressure: +14.9 sd" in text
     assert "charge mass 340 kg and origin time 410.1 ms" in text
-    assert "Add: an air arrival at a new place off the sensors' line." in text
+    assert "Add: an air arrival at a new position off the sensors' line." in text
 
 
 def test_a_fit_that_did_not_converge_says_so_first():
