@@ -81,7 +81,7 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
             bar = figure.colorbar(image, ax=axes, pad=0.01)
             bar.set_label(f"dB re {words}", size=9, color=INK)
             bar.ax.tick_params(labelsize=9, color=MUTED)
-            bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  a spine, whose stub says it is called
+            bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  the stub of a spine lacks its type
         else:
             axes.text(0.5, 0.5, "silent", transform=axes.transAxes, color=MUTED)
         _arrivals(axes, listening, number, light=True)

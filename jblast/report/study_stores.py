@@ -24,8 +24,8 @@ from jblast.study.sampling.run import scenes_of
 MAX_POINTS = 40
 """Largest number of points of a convergence curve: each one merges all statistics."""
 NOTE = (
-    "Only statistics of the samples were stored: the error of a quantile is below 0.8 % "
-    "of its distance from the origin of its cell's sketch."
+    "Only statistics of the samples were stored: the error of a quantile is below "
+    "0.8 % of its distance from the origin of its cell's sketch."
 )
 
 

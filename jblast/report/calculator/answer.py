@@ -161,7 +161,7 @@ class Inputs:
     Attributes:
         mass_kg: Mass of the explosive, by row; absent if it is the unknown.
         range_m: Slant range, by row; absent if it is the unknown.
-        asked: The unknown, range or mass; absent if there is none.
+        unknown: The unknown, range or mass; absent if there is none.
         scaled: Scaled distances; None if range or mass is the unknown.
         measured: The measured value, by quantity.
         explosive: Name of the explosive.
@@ -180,7 +180,9 @@ class Inputs:
 
     mass_kg: Numbers | None = field(metadata=ABSENT)
     range_m: Numbers | None = field(metadata=ABSENT)
-    asked: Literal["range_m", "charge_mass_kg"] | None = field(metadata=ABSENT)
+    unknown: Literal["range_m", "charge_mass_kg"] | None = field(
+        metadata={"key": "asked"} | ABSENT
+    )
     scaled: Scaled | None = field(metadata=AMONG)
     measured: Mapping[str, float] = field(metadata=AMONG)
     explosive: str
@@ -358,7 +360,7 @@ def inputs(question: Question) -> Inputs:
     return Inputs(
         mass_kg=mass,
         range_m=distance,
-        asked=unknown,
+        unknown=unknown,
         scaled=scaled,
         measured={question.quantity: question.target} if question.quantity else {},
         explosive=charge.explosive,
@@ -452,7 +454,9 @@ def inverse_answer(
     """Combine the ranges or masses at which laws take a value."""
     given = inputs(question)
     by_law = {name: _root_entry(found) for name, found in answer.items()}
-    return InverseAnswer(given, _recommended(recommended), {given.asked or "": by_law})
+    return InverseAnswer(
+        given, _recommended(recommended), {given.unknown or "": by_law}
+    )
 
 
 def _recommended(recommended: Recommended) -> RecommendedEntry:

@@ -81,7 +81,7 @@ def calculation_csv(
 
 def roots_csv(question: Question, answer: dict[str, Roots]) -> str:
     """Return one root a line; the inputs precede the table as comments."""
-    lines = [(str(inputs(question).asked), "law", "valid")]
+    lines = [(str(inputs(question).unknown), "law", "valid")]
     for name, found in answer.items():
         for value, valid in zip(found.value, found.valid, strict=True):
             lines.append((repr(float(value)), name, str(bool(valid)).lower()))
