@@ -187,7 +187,7 @@ def hearing(columns: StudyColumns) -> tuple[list[str], Figure]:
     """Tell from how far half of the blasts are heard, by the wind's noise."""
     noise = next(a for a in columns.axes if a.name == "ambient.level_pa")
     away = next(a for a in columns.numeric_axes if a.name == "charge_east_m")
-    levels = [noise.said(n) for n in range(noise.values.size)]
+    levels = [noise.shown(n) for n in range(noise.values.size)]
     labels = [((word,), noise.at == n) for n, word in enumerate(levels)]
     rows = [("noise [Pa]", "half heard [m]", "from", "to")]
     rows += contours(columns, "detected", labels, even, "charge_east_m")

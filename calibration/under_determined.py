@@ -23,7 +23,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.inference import Fit, fit
 from jblast.observations import Observations
-from jblast.report.fit.terminal import cannot_tell
+from jblast.report.fit.terminal import not_identified
 from jblast.scene import UncertainScene, default_scene, freed, with_laws
 
 PLACE = ("charge_east_m", "charge_north_m")
@@ -249,7 +249,7 @@ def fault(found: Fit | Exception) -> str:
     least = max(len(answer.free) - len(found.observations), 1)
     if len(answer.null_directions) < least:
         return f"{len(answer.null_directions)} null directions for {least}"
-    return "" if cannot_tell(answer, answer.estimates) else "no sentence"
+    return "" if not_identified(answer, answer.estimates) else "no sentence"
 
 
 if __name__ == "__main__":

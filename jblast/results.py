@@ -3,12 +3,12 @@
 A result is a frozen dataclass or a named tuple.
 
 The list of attributes in a result's docstring describes its fields, and gives the unit
-of those whose names do not end with one. `described` reads it, so that the schema, the
-tables of keys in the manual and the pages of the API have the same words.
+of fields without a unit in their names. `described` reads it, so that the schema, the
+tables of keys in the manual and the pages of the API have the same text.
 
-Findings are typed where they are found and worded in `jblast.report`: there a table
-gives by type the function that makes its JSON. `plain` takes the values from that
-function, and `schema_of` the schema from the type that it returns.
+Findings are typed in the modules that produce them, and worded in `jblast.report`.
+There a table maps each type to the function that makes its JSON. `plain` takes the
+values from that function, and `schema_of` takes the schema from its return type.
 """
 
 import json
@@ -28,7 +28,7 @@ ABSENT = MappingProxyType({"absent": True})
 HIDDEN = MappingProxyType({"hidden": True})
 """Metadata of a field without an entry."""
 AMONG = MappingProxyType({"among": ()})
-"""Metadata of a field whose own entries are merged into the object; None has none."""
+"""Metadata of a field whose entries are merged into the object; None adds none."""
 UNITS = {
     "_pa_s": "Pa s",
     "_m_s2": "m/s2",
@@ -58,12 +58,12 @@ SIMPLE: dict[Any, dict[str, Any]] = {
 }
 Schema = dict[str, Any]
 Words = Mapping[type, Callable[[Any], Any]]
-"""By type, the function that returns the document's entry for a value."""
+"""Function that returns the document's entry for a value, by type."""
 NO_WORDS: Words = MappingProxyType({})
 
 
 def among(*names: str) -> Mapping[str, tuple[str, ...]]:
-    """Return metadata of a field of which these entries alone are merged."""
+    """Return metadata of a field of which only these entries are merged."""
     return {"among": names}
 
 
@@ -72,14 +72,14 @@ class Answer:
     """The answer of a command, as a document."""
 
     words: ClassVar[Words] = NO_WORDS
-    """Types that it has in words."""
+    """Types that the document contains as text."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON can hold it; null is what is not a finite number."""
+        """Return it as values for JSON, with null for numbers that are not finite."""
         return entries(self, self.words)
 
     def to_json(self) -> str:
-        """Return it as the text of a document."""
+        """Return it as the text of a JSON document."""
         return to_json(self.to_dict())
 
 
@@ -128,22 +128,26 @@ def entries(result: Any, words: Words = NO_WORDS) -> dict[str, Any]:
 
 
 def to_json(document: Mapping[str, Any]) -> str:
-    """Return the text of a document; a number that is not finite raises ValueError."""
+    """Return the text of a document.
+
+    Raises:
+        ValueError: A number is not finite.
+    """
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def to_frame(results: Iterable[Any], words: Words = NO_WORDS) -> Any:
     """Return results of one type as a `pandas.DataFrame`, a row each.
 
-    Entries of an entry have columns of their own, `air_arrival_s.value`. Units stand in
+    Nested entries have separate columns, such as `air_arrival_s.value`. Units are in
     `frame.attrs["units"]`, by the name of the field.
     """
     import pandas
 
     rows = list(results)
     frame = pandas.json_normalize([entries(row, words) for row in rows])
-    said = described(type(rows[0])) if rows else {}
-    frame.attrs["units"] = {name: unit for name, (_, unit) in said.items() if unit}
+    fields_of = described(type(rows[0])) if rows else {}
+    frame.attrs["units"] = {name: unit for name, (_, unit) in fields_of.items() if unit}
     return frame
 
 
@@ -154,10 +158,10 @@ def described(cls: type) -> dict[str, tuple[str, str]]:
         _, _, listed = cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
         listed = re.split(r"\n(?=\S)", listed)[0]  # up to the next section
         for name, text in re.findall(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", listed, re.M):
-            said = " ".join(text.split()).rstrip(".")
-            unit = re.search(r"\[([^]]+)\]$", said)
+            description = " ".join(text.split()).rstrip(".")
+            unit = re.search(r"\[([^]]+)\]$", description)
             ends = (unit for end, unit in UNITS.items() if name.endswith(end))
-            found[name] = (said, unit[1] if unit else next(ends, ""))
+            found[name] = (description, unit[1] if unit else next(ends, ""))
     return found
 
 
@@ -166,12 +170,12 @@ def schema_of(
     words: Words = NO_WORDS,
     names: Mapping[str, Any] | None = None,
 ) -> Schema:
-    """Return the JSON Schema of a type: of a result, or of what a field of one holds.
+    """Return the JSON Schema of a type: of a result, or of a field of a result.
 
     Args:
         hint: The type.
         words: Functions that word some types; their annotations give the schema.
-        names: Types that classes import for type checkers alone, by name.
+        names: Types that classes import for type checkers only, by name.
     """
     if hint in SIMPLE:
         return SIMPLE[hint]
@@ -185,22 +189,23 @@ def schema_of(
     if origin is Literal:
         return {"const": inner[0]} if inner == (1,) else {"enum": list(inner)}
     if origin is Mapping:
-        held = schema_of(inner[1], words, names)
-        return {"type": "object", "additionalProperties": held}
+        values = schema_of(inner[1], words, names)
+        return {"type": "object", "additionalProperties": values}
     if origin in (tuple, Sequence):
         items = {"type": "array", "items": schema_of(inner[0], words, names)}
         if origin is Sequence or inner[1] is ...:
             return items
         return items | {"minItems": len(inner), "maxItems": len(inner)}
-    return {"type": "array", "items": NUMBER}  # an array, by its shape
+    # what is left is a jaxtyping annotation of an array
+    return {"type": "array", "items": NUMBER}
 
 
 def _schema_of_class(
     cls: type, words: Words, names: Mapping[str, Any] | None
 ) -> Schema:
-    """Return the schema of what `entries` makes of a result."""
+    """Return the schema of a result as returned by `entries`."""
     words = {**words, **cls.words} if issubclass(cls, Answer) else words
-    hints, said = get_type_hints(cls, localns=names), described(cls)
+    hints, texts = get_type_hints(cls, localns=names), described(cls)
     properties: dict[str, Schema] = {}
     required: list[str] = []
     others: Any = False
@@ -210,19 +215,19 @@ def _schema_of_class(
             continue
         kinds = [kind for kind in get_args(hint) if kind is not type(None)]
         is_optional = type(None) in get_args(hint)
-        held = Union[*kinds] if is_optional else hint
+        value = Union[*kinds] if is_optional else hint
         if "among" not in meta:
             is_absent, key = meta.get("absent"), meta.get("key", name)
-            schema = schema_of(held if is_absent else hint, words, names)
-            properties[key] = schema | {"description": said[name][0]}
+            schema = schema_of(value if is_absent else hint, words, names)
+            properties[key] = schema | {"description": texts[name][0]}
             required += [] if is_absent else [key]
-        elif _is_result(held):
-            own = _schema_of_class(held, words, names)
+        elif _is_result(value):
+            own = _schema_of_class(value, words, names)
             picked = meta["among"] or own["properties"]
             properties |= {key: own["properties"][key] for key in picked}
             required += [k for k in own["required"] if k in picked and not is_optional]
         else:
-            others = schema_of(held, words, names)["additionalProperties"]
+            others = schema_of(value, words, names)["additionalProperties"]
     return object_schema(properties) | {
         "additionalProperties": others,
         "required": required,
@@ -240,7 +245,7 @@ def object_schema(properties: Mapping[str, Schema]) -> Schema:
 
 
 def _is_result(cls: Any) -> bool:
-    """Return whether values of a type have fields: a dataclass, or a named tuple."""
+    """Return whether a type has fields: a dataclass or a named tuple."""
     return isinstance(cls, type) and (is_dataclass(cls) or hasattr(cls, "_fields"))
 
 
@@ -252,5 +257,5 @@ def _fields(cls: Any) -> dict[str, Mapping[str, Any]]:
 
 
 def _wording(cls: type, words: Words) -> Callable[[Any], Any] | None:
-    """Return the wording of a type, or of the nearest type that it extends."""
+    """Return the wording of a type, or of its nearest base class."""
     return next((words[base] for base in cls.__mro__ if base in words), None)

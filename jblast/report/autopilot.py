@@ -10,22 +10,22 @@ from jblast.results import Document
 
 @dataclass(frozen=True)
 class LockstepAnswer(Document):
-    """What came of a flight with an autopilot.
+    """Result of a flight with an autopilot in lockstep.
 
     Attributes:
         scene: The scene's file.
-        seed: Of all that is drawn.
-        vehicle: What flew.
-        address: Where it was spoken.
-        turns: Number of turns, 250 a second.
-        flown: Of these, since the autopilot armed.
-        seconds: How long the vehicle flew.
-        late: Answers that came for an earlier turn, and were passed over.
-        lost: Messages that are missing by the autopilot's own count.
-        damaged: Messages with a wrong checksum.
-        ended: Why it ended.
-        position_m: Where the vehicle was then: east, north, up.
-        files: That were written.
+        seed: Seed of all random draws.
+        vehicle: The vehicle.
+        address: Address of the connection.
+        turns: Number of steps, 250 per second.
+        flown: Number of steps since the autopilot armed.
+        seconds: Time of flight.
+        late: Number of ignored answers, which came for an earlier step.
+        lost: Number of missing messages, by the autopilot's count.
+        damaged: Number of messages with a wrong checksum.
+        ended: Reason for the end of the flight.
+        position_m: Final position of the vehicle: east, north, up.
+        files: Files that were written.
     """
 
     scene: str
@@ -45,18 +45,18 @@ class LockstepAnswer(Document):
 
 @dataclass(frozen=True)
 class WatchedAnswer(Document):
-    """What came of serving a ground station.
+    """Result of serving a ground station.
 
     Attributes:
         scene: The scene's file.
-        seed: Of all that is drawn.
-        vehicle: What flew.
-        address: Where it was spoken.
-        flights: How many were flown.
-        items: Of the mission that it holds at the end.
-        lost: Messages that are missing by the station's own count.
-        damaged: Messages with a wrong checksum.
-        ended: Why it ended.
+        seed: Seed of all random draws.
+        vehicle: The vehicle.
+        address: Address of the connection.
+        flights: Number of flights.
+        items: Number of mission items at the end.
+        lost: Number of missing messages, by the station's count.
+        damaged: Number of messages with a wrong checksum.
+        ended: Reason for the end of the connection.
     """
 
     scene: str
@@ -79,7 +79,7 @@ def lockstep_answer(
     vehicle: str,
     files: list[str],
 ) -> LockstepAnswer:
-    """Return what came of a flight with an autopilot."""
+    """Return the result of a flight with an autopilot."""
     east, north, up = (float(x) for x in flight.rows[-1].state[:3])
     return LockstepAnswer(
         scene=scene,
@@ -107,7 +107,7 @@ def watched_answer(
     vehicle: str,
     items: int,
 ) -> WatchedAnswer:
-    """Return what came of serving a ground station."""
+    """Return the result of serving a ground station."""
     return WatchedAnswer(
         scene=scene,
         seed=seed,
@@ -123,9 +123,9 @@ def watched_answer(
 
 def lockstep_line(vehicle: str, scene: str, address: str, *, listens: bool) -> str:
     """Return the line printed when an autopilot can connect."""
-    how = "waits for an autopilot on" if listens else "speaks to an autopilot at"
+    link = "waits for an autopilot on" if listens else "connects to an autopilot at"
     return (
-        f"{vehicle} in {scene} {how} {address}: 250 samples a second in lockstep, "
+        f"{vehicle} in {scene} {link} {address}: 250 samples a second in lockstep, "
         f"motors {MOTOR_WORDS}"
     )
 
@@ -136,13 +136,14 @@ def watched_line(vehicle: str, scene: str, address: str) -> str:
 
 
 def lockstep_text(answer: LockstepAnswer) -> str:
-    """Return a flight with an autopilot, for a terminal."""
+    """Return the result of a flight with an autopilot, for the terminal."""
     place = ", ".join(f"{x:.3g}" for x in answer.position_m)
     lines = [
         f"{answer.vehicle.capitalize()} flown by an autopilot for {answer.seconds:g} s"
         f" to ({place}) m: {answer.ended}",
-        f"{answer.turns:,} turns told, {answer.flown:,} flown, {answer.late:,} answers "
-        f"late, {answer.lost:,} messages lost, {answer.damaged:,} damaged",
+        f"{answer.turns:,} steps, {answer.flown:,} of them in flight; late answers "
+        f"{answer.late:,}, lost messages {answer.lost:,}, damaged messages "
+        f"{answer.damaged:,}",
     ]
     if answer.files:
         lines.append(f"Written: {', '.join(answer.files)}")
@@ -150,7 +151,7 @@ def lockstep_text(answer: LockstepAnswer) -> str:
 
 
 def watched_text(answer: WatchedAnswer) -> str:
-    """Return the serving of a ground station, for a terminal."""
+    """Return the result of serving a ground station, for the terminal."""
     return (
         f"{answer.vehicle.capitalize()} for a ground station on {answer.address}: "
         f"{answer.ended}\n{answer.flights} flights, {answer.items} items in its "

@@ -36,16 +36,17 @@ from jblast.verification.benchmark.chart import (
 COLUMNS = ("method", "cost_s", "error", "on_front", "range")
 HEAD = ("", "method", "cost [s]", "error", "over")
 COST_GAP = 1e3
-"""A method that costs this many times the next cheaper one stands at the right edge."""
-MANY = 300.0
-"""An axis that spans a larger factor names decades only."""
-BESIDE = 4.0
-"""How far past the others, as a factor of cost."""
-ALONE = 4.6
-"""Height of a panel that is alone [inches]."""
-LETTERS = 10
-"""Letters of an axis label to the inch."""
-PLACES = (
+"""A method that costs more than this many times the next cheaper one is drawn at the
+right edge: on a common axis the other methods would be in one spot."""
+MAX_LABELLED_SPAN = 300.0
+"""Largest factor spanned by an axis with labels at 1, 2 and 5; else at decades only."""
+EDGE_FACTOR = 4.0
+"""Position of the right edge, as a factor of the largest cost on the axis."""
+SINGLE_HEIGHT = 4.6
+"""Height of a single panel [inch]."""
+CHARACTERS_PER_INCH = 10
+"""Characters per inch of an axis label, at 10 points."""
+LABEL_POSITIONS = (
     (5, 4, "left", "bottom"),
     (7, 0, "left", "center"),
     (-7, 0, "right", "center"),
@@ -54,7 +55,7 @@ PLACES = (
     *((7, dy, "left", "center") for dy in (10, -10, 18, -18)),
     *((-7, dy, "right", "center") for dy in (10, -10, 18, -18)),
 )
-"""Where a name may stand beside its point: offset [points] and alignment."""
+"""Candidate positions of a name relative to its point: offset [point], alignment."""
 
 
 def chart_markdown(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> str:
@@ -63,7 +64,7 @@ def chart_markdown(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> st
         f"## {benchmark.title}",
         "",
         f"Cost: {benchmark.cost}. Error: {benchmark.error}. {machine()}. A star marks "
-        "the methods that no other beats in both.",
+        "the Pareto front: no other method is better in both.",
     ]
     front = {
         id(point)
@@ -85,7 +86,7 @@ def _row(point: BenchmarkPoint, is_on_front: bool) -> tuple[str, ...]:
 
 
 def chart_csv(points: Sequence[BenchmarkPoint]) -> str:
-    """Return all points, a row each."""
+    """Return all points as CSV, one row each."""
     rows = [
         (
             point.method,
@@ -112,13 +113,13 @@ def write_chart(
 def chart_figure(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> Figure:
     """Draw every panel of a benchmark: cost to the right, error upwards.
 
-    All panels have the same axes. A filled point covers the whole panel, a blue one no
-    other beats, a diamond is what the others are held against.
+    All panels have the same axes. A filled point covers the whole panel, a blue one is
+    on the Pareto front, and a diamond is the reference.
     """
     parts = panels(points)
     columns = min(2, len(parts))
     rows = math.ceil(len(parts) / columns)
-    height = 2.7 * rows + 1.0 if len(parts) > 1 else ALONE
+    height = 2.7 * rows + 1.0 if len(parts) > 1 else SINGLE_HEIGHT
     figure = new_figure(5.4 * columns if columns > 1 else 7.0, height)
     figure.suptitle(benchmark.title, fontsize=13, color=INK, fontweight="bold")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
@@ -134,7 +135,9 @@ def chart_figure(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> Figu
         for word, order in benchmark.orders.items():
             _order(axes, [p for p in panel if p.method.startswith(word)], order)
     figure.supxlabel(f"cost: {benchmark.cost}", fontsize=10, color=INK)
-    error = textwrap.fill(f"error: {benchmark.error}", int(LETTERS * height))
+    error = textwrap.fill(
+        f"error: {benchmark.error}", int(CHARACTERS_PER_INCH * height)
+    )
     figure.supylabel(error, fontsize=10, color=INK, ma="center")
     figure.canvas.draw()
     for axes, labels in drawn:
@@ -143,7 +146,7 @@ def chart_figure(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> Figu
 
 
 def _last_within(points: Sequence[BenchmarkPoint]) -> float:
-    """Return the cost past which methods stand at the right edge."""
+    """Return the cost past which methods are drawn at the right edge."""
     costs = np.sort([point.cost_s for point in points])
     gaps = np.flatnonzero(costs[1:] > COST_GAP * costs[:-1])
     return float(costs[gaps[0]] if gaps.size else costs[-1])
@@ -157,12 +160,12 @@ def _scale(
     axes.set_yscale("log")
     first = min(point.cost_s for point in points)
     far = any(point.cost_s > last for point in points)
-    axes.set_xlim(first / 1.6, last * (BESIDE * 1.2 if far else 2.5))
+    axes.set_xlim(first / 1.6, last * (EDGE_FACTOR * 1.2 if far else 2.5))
     errors = [point.error for point in points]
     axes.set_ylim(min(errors) / 2.2, max(errors) * 2.2)
     for axis in (axes.xaxis, axes.yaxis):
         low, high = axis.get_view_interval()
-        subs = (1.0, 2.0, 5.0) if high / low < MANY else (1.0,)
+        subs = (1.0, 2.0, 5.0) if high / low < MAX_LABELLED_SPAN else (1.0,)
         axis.set_major_locator(LogLocator(subs=subs))
     axes.xaxis.set_major_formatter(EngFormatter(unit="s"))
     axes.xaxis.set_minor_formatter(NullFormatter())
@@ -176,13 +179,13 @@ def _scale(
 def _panel(
     axes: Axes, panel: str, points: Sequence[BenchmarkPoint], last: float
 ) -> list[tuple[float, float, str, str]]:
-    """Draw the points of a panel; return each with where it stands and its name."""
+    """Draw the points of a panel; return position, name and colour of each."""
     quiet(axes)
     titled(axes, capitalised(panel))
     labels, front = [], []
     for point, best in zip(points, on_pareto_front(points), strict=True):
         far = point.cost_s > last
-        x = last * BESIDE if far else point.cost_s
+        x = last * EDGE_FACTOR if far else point.cost_s
         colour = VERMILLION if point.is_reference else BLUE if best else MUTED
         axes.plot(
             x,
@@ -207,7 +210,7 @@ def _panel(
 
 
 def _order(axes: Axes, points: Sequence[BenchmarkPoint], order: int) -> None:
-    """Draw how a method's error should fall with its cost: from its last point."""
+    """Draw the theoretical decrease of a method's error through its last point."""
     if not points:
         return
     last = points[-1]
@@ -230,7 +233,7 @@ def _order(axes: Axes, points: Sequence[BenchmarkPoint], order: int) -> None:
 
 
 def _front(axes: Axes) -> list[Bbox]:
-    """Return where the front runs, which no name should be written over."""
+    """Return boxes along the Pareto front, which names should not cover."""
     boxes = []
     for line in axes.lines:
         if line.get_drawstyle() == "steps-post":
@@ -242,7 +245,7 @@ def _front(axes: Axes) -> list[Bbox]:
 
 
 def _name(axes: Axes, labels: Sequence[tuple]) -> None:
-    """Write each name beside its point, where it covers least."""
+    """Write each name next to its point, at the position where it covers least."""
     place = axes.transData.transform
     taken = [
         Bbox.from_bounds(x - 5, y - 5, 10, 10)
@@ -250,10 +253,10 @@ def _name(axes: Axes, labels: Sequence[tuple]) -> None:
     ]
     taken += _front(axes)
     inside = axes.get_window_extent().frozen()
-    # those at the right edge have the fewest places to be
+    # from the right: names near the right edge have the fewest free positions
     for x, y, name, colour in sorted(labels, key=lambda label: -label[0]):
         best, least, kept = None, math.inf, taken[0]
-        for dx, dy, across, along in PLACES:
+        for dx, dy, across, along in LABEL_POSITIONS:
             text = axes.annotate(
                 name,
                 (x, y),

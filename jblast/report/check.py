@@ -1,4 +1,4 @@
-"""The answer of `jblast check`: mistakes in a log, and magnitudes no law explains."""
+"""The answer of `jblast check`: faults of a log, and values that no law explains."""
 
 import re
 import textwrap
@@ -25,62 +25,62 @@ from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
 MAX_NAMED = 8
-"""Largest number of rows that are named one by one."""
+"""Largest number of parameters listed in a sentence."""
 WIDTH = 79
-MOST_LINES = 5
-"""Lines that are named of one warning, or of one fault."""
+MAX_LINES = 5
+"""Largest number of line numbers listed for one fault or warning."""
 KNOWN = re.compile(r"; expected (?:one|some) of [\w, ]+$")
-"""A list of all that could have been meant, at the end of a message."""
-MOST_WARNINGS = 40
-"""Warnings that are printed one by one; a document has all of them."""
+"""A list of all valid names, at the end of a message."""
+MAX_WARNINGS = 40
+"""Largest number of printed warnings, about one screen; the JSON has all of them."""
 LINE = re.compile(r"line (\d+)([:,].*)", re.DOTALL)
-"""How a message of one line of the file begins."""
+"""Beginning of a message on one line of the file."""
 REFUSED = 2
-"""Exit code where a fit would refuse the log."""
+"""Exit code for a log that a fit would reject."""
 
 
 def setting_lines(log: Observations, uncertain: UncertainScene) -> list[str]:
-    """Return a sentence each on datum, clock and what is not known.
+    """Return sentences on geodetic datum, time zero and free parameters.
 
     Args:
-        log: As it was read.
-        uncertain: The scene it is checked beside.
+        log: The log.
+        uncertain: The scene of the check.
     """
     lines = []
     if log.frame is not None:
-        from jblast.report.fit.place import degrees  # with all of a report
+        # imported here: it loads all of a report, which most checks do not need
+        from jblast.report.fit.place import degrees
 
         frame = log.frame
         middle = uncertain.place is None
-        whose = "the middle of the sensors" if middle else "as the scene says"
+        whose = "the centre of the sensors" if middle else "from the scene"
         lines.append(
-            "places are degrees of WGS84; east, north and up count from "
+            "positions are degrees of WGS84; the origin of east, north and up is "
             f"{degrees(frame.lat_deg, frame.lon_deg)}, {frame.alt_m:.6g} m, {whose}"
         )
     if log.epoch is not None:
         start = log.epoch.astimezone(UTC)
-        lines.append(f"times count from {start:%Y-%m-%d %H:%M:%S} UTC")
+        lines.append(f"time zero is {start:%Y-%m-%d %H:%M:%S} UTC")
     if not len(log) or len(set(log.shot)) > 1:
         return lines
     free = [parameter_words(name) for name in for_log(uncertain, log).beliefs]
     if uncertain.source == NO_SCENE and len(free) > 1:
         more = [f"{len(free) - MAX_NAMED} more"] if len(free) > MAX_NAMED else []
-        lines.append(
-            f"without a scene a fit leaves free {joined(free[:MAX_NAMED] + more)}"
-        )
+        names = joined(free[:MAX_NAMED] + more)
+        lines.append(f"free parameters of a fit without a scene: {names}")
     return lines
 
 
 @dataclass(frozen=True)
 class Warned:
-    """Something odd that stops no fit.
+    """A suspicious value that does not prevent a fit.
 
     Attributes:
-        kind: What is odd, in one word for programs.
-        lines: Lines of the file, the one to look at first; rows from 1 where the log is
-            no text.
-        sensors: Whose rows these are.
-        message: The same in a sentence.
+        kind: Kind of the warning, for programs.
+        lines: Lines of the file, the most suspicious first; rows from 1 if the log is
+            not a text file.
+        sensors: Sensors of these rows.
+        message: The warning as a sentence.
     """
 
     kind: str
@@ -91,20 +91,20 @@ class Warned:
 
 @dataclass(frozen=True)
 class CheckAnswer(Document):
-    """All that can be said of a log before it is fitted.
+    """Contents, faults and warnings of a log before it is fitted.
 
     Attributes:
         source: The file.
-        rows: Rows that could be read.
-        sensors: How many sensors they are of.
-        quantities: How many rows each quantity has.
-        shots: Names of the shots; none where the log has one alone.
-        clocks: Names of the clocks; none where all rows are by the common one.
-        places: How many sensors have a position, how many a range, how many neither.
-        lower_bounds: Rows that are lower bounds.
-        understood: What was converted, skipped or supplied, a sentence each.
-        faults: Why a fit would refuse the log, a message each, all of them.
-        warnings: What is odd and stops no fit.
+        rows: Number of rows that could be read.
+        sensors: Number of sensors.
+        quantities: Number of rows by quantity.
+        shots: Names of the shots; none if the log has only one.
+        clocks: Names of the clocks; none if all rows are on the common clock.
+        places: Number of sensors with a position, with a range, and with neither.
+        lower_bounds: Number of rows that are lower bounds.
+        understood: Conversions, omissions and defaults, as sentences.
+        faults: All reasons why a fit would reject the log, as messages.
+        warnings: Suspicious values that do not prevent a fit.
     """
 
     source: str
@@ -121,29 +121,36 @@ class CheckAnswer(Document):
 
     @property
     def exit_code(self) -> int:
-        """0, or 2 where a fit would refuse the log."""
+        """0, or 2 if a fit would reject the log."""
         return REFUSED if self.faults else 0
 
 
 def check_text(answer: CheckAnswer) -> str:
-    """Return what was understood, what a fit refuses and what is odd."""
+    """Return the verdict, faults, warnings and conversions, for the terminal."""
     parts = [_head(answer)]
     faults, warnings = (
         _number(len(found), word)
         for found, word in ((answer.faults, "fault"), (answer.warnings, "warning"))
     )
     odd = [f"{_lines([str(n) for n in w.lines])}: {w.message}" for w in answer.warnings]
-    if len(odd) > MOST_WARNINGS:
-        odd[MOST_WARNINGS:] = [f"and {len(odd) - MOST_WARNINGS:,} more"]
+    if len(odd) > MAX_WARNINGS:
+        odd[MAX_WARNINGS:] = [f"and {len(odd) - MAX_WARNINGS:,} more"]
     for title, lines in (
-        ("Understood", answer.understood),
-        (f"A fit would refuse it: {faults}", _folded(answer.faults, answer.source)),
-        (f"Worth a look, though no fit stops there: {warnings}", odd),
+        ("Conversions", answer.understood),
+        (
+            f"A fit would reject this log: {faults}",
+            _folded(answer.faults, answer.source),
+        ),
+        (f"Suspicious values, which do not prevent a fit: {warnings}", odd),
     ):
         if lines:
             parts.append("\n".join([title, *map(_item, lines)]))
     if not answer.faults:
-        parts.append("Nothing stops a fit." if answer.warnings else "Nothing is wrong.")
+        parts.append(
+            "No faults: the log can be fitted."
+            if answer.warnings
+            else "No faults or warnings."
+        )
     return "\n\n".join(parts) + "\n"
 
 
@@ -165,11 +172,11 @@ def _head(answer: CheckAnswer) -> str:
         for key, words in (
             ("position", "by position"),
             ("range", "by range"),
-            ("neither", "by neither"),
+            ("neither", "without either"),
         )
         if (count := answer.places[key])
     ]
-    sentences.append(f"Places of sensors: {', '.join(where)}")
+    sentences.append(f"Sensors located: {', '.join(where)}")
     if answer.clocks:
         sentences.append(f"Clocks: {joined(answer.clocks)}")
     if answer.lower_bounds:
@@ -187,41 +194,44 @@ def _item(line: str) -> str:
 
 
 def _folded(faults: Sequence[str], source: str) -> list[str]:
-    """Tell once what is said of many lines, and each list of all that is known.
+    """Return each fault once, with its lines, and each list of valid names once.
 
-    The name of the file stands above. Of a warning on many lines the first is printed.
+    The file's name is removed, as it is in the title. Of the rejected values only the
+    first is printed.
     """
     lines: dict[str, list[str]] = {}
-    came: dict[str, list[str]] = {}
+    rejected: dict[str, list[str]] = {}
     lists: set[str] = set()
     for fault in faults:
         numbered = LINE.fullmatch(fault.removeprefix(f"{source}: "))
-        what = numbered.group(2) if numbered else fault.removeprefix(f"{source}: ")
-        known = KNOWN.search(what)
-        if known and known.group() in lists and what not in lines:
-            what = what.removesuffix(known.group())
+        message = numbered.group(2) if numbered else fault.removeprefix(f"{source}: ")
+        known = KNOWN.search(message)
+        if known and known.group() in lists and message not in lines:
+            message = message.removesuffix(known.group())
         elif known:
             lists.add(known.group())
-        what, got, text = what.partition("; got ") if numbered else (what, "", "")
-        lines.setdefault(what, []).extend([numbered.group(1)] if numbered else [])
-        came.setdefault(what, []).extend([got + text] if got else [])
+        message, got, text = (
+            message.partition("; got ") if numbered else (message, "", "")
+        )
+        lines.setdefault(message, []).extend([numbered.group(1)] if numbered else [])
+        rejected.setdefault(message, []).extend([got + text] if got else [])
     return [
         _lines(numbers)
-        + what
-        + "".join(came[what][:1])
-        + (" and others" if len(set(came[what])) > 1 else "")
-        for what, numbers in lines.items()
+        + message
+        + "".join(rejected[message][:1])
+        + (" and others" if len(set(rejected[message])) > 1 else "")
+        for message, numbers in lines.items()
     ]
 
 
 def _lines(numbers: Sequence[str]) -> str:
-    """Name the lines that something is said of."""
+    """Return the line numbers of a fault or warning, for a sentence."""
     if len(numbers) < 2:
         return "".join(f"line {number}" for number in numbers)
-    kept = list(numbers[:MOST_LINES])
-    if len(numbers) > MOST_LINES:
-        kept.append(f"{len(numbers) - MOST_LINES} more")
-    return f"lines {joined(kept)}"
+    listed = list(numbers[:MAX_LINES])
+    if len(numbers) > MAX_LINES:
+        listed.append(f"{len(numbers) - MAX_LINES} more")
+    return f"lines {joined(listed)}"
 
 
 def _number(count: int, word: str) -> str:
@@ -235,14 +245,14 @@ def check_answer(
     understood: Sequence[str] = (),
     readings: Observations | None = None,
 ) -> CheckAnswer:
-    """Put together what was found.
+    """Return the answer of a check.
 
     Args:
         observations: The rows that could be read.
-        faults: Why a fit would refuse the log.
-        doubts: From `inference.sanity.doubts`.
-        understood: What the reader made of the file, a sentence each.
-        readings: The rows that doubts are of, where records of samples were picked.
+        faults: Reasons why a fit would reject the log.
+        doubts: Warnings from `inference.sanity.doubts`.
+        understood: Conversions of the file, as sentences.
+        readings: The rows of the warnings, if records of samples were picked.
     """
     log = observations
     doubted = log if readings is None else readings
@@ -262,7 +272,7 @@ def check_answer(
 
 
 def _line(fault: str) -> int:
-    """Return the line that a message names; 0, before all, where it names none."""
+    """Return the line number of a message; 0, which sorts first, without one."""
     numbered = re.search(r": line (\d+)[:,]", fault)
     return int(numbered.group(1)) if numbered else 0
 
@@ -277,7 +287,7 @@ def _warned(doubt: Doubt, log: Observations) -> Warned:
 
 
 def _places(log: Observations) -> dict[str, int]:
-    """Count sensors by how the log gives their positions."""
+    """Return the number of sensors with a position, with a range, and with neither."""
     known: dict[str, str] = {}
     positioned = np.asarray(~np.isnan(log.position).any(axis=1))
     ranged = ~np.isnan(log.slant_range)
@@ -292,7 +302,7 @@ def _fast(doubt: Doubt, log: Observations) -> str:
     numbers = doubt.numbers
     return (
         f"{reading(doubt, log)}: {metres(numbers['distance_m'])} in "
-        f"{seconds(numbers['took_s'])}; the strongest shock there is runs at "
+        f"{seconds(numbers['took_s'])}; no blast wave is faster than "
         f"{significant(numbers['fastest_m_s'])} m/s"
     )
 
@@ -300,8 +310,8 @@ def _fast(doubt: Doubt, log: Observations) -> str:
 def _in_fireball(doubt: Doubt, log: Observations) -> str:
     numbers = doubt.numbers
     return (
-        f"{reading(doubt, log)} at {metres(numbers['distance_m'])} is that of "
-        f"{kilograms(numbers['mass_kg'])}, whose fireball has a radius of "
+        f"{reading(doubt, log)} at {metres(numbers['distance_m'])} corresponds to "
+        f"{kilograms(numbers['mass_kg'])}, with a fireball radius of "
         f"{metres(numbers['fireball_m'])}: is the unit right?"
     )
 
@@ -309,18 +319,18 @@ def _in_fireball(doubt: Doubt, log: Observations) -> str:
 def _no_blast(doubt: Doubt, log: Observations) -> str:
     mass = kilograms(doubt.numbers["mass_kg"])
     return (
-        f"{reading(doubt, log)} at {metres(doubt.numbers['distance_m'])} is that of "
-        f"{mass}: no blast is such"
+        f"{reading(doubt, log)} at {metres(doubt.numbers['distance_m'])} corresponds "
+        f"to {mass}, which is impossible"
     )
 
 
 def _no_mass(doubt: Doubt, log: Observations) -> str:
     largest = value_of(doubt, "largest")
     if "distance_m" not in doubt.numbers:
-        return f"{reading(doubt, log)}: no charge gives that; laws end at {largest}"
+        return f"{reading(doubt, log)}: larger than any law gives, {largest} at most"
     return (
-        f"{reading(doubt, log)} at {metres(doubt.numbers['distance_m'])}: no charge "
-        f"gives that; laws end at {largest} there"
+        f"{reading(doubt, log)} at {metres(doubt.numbers['distance_m'])}: larger than "
+        f"any law gives there, {largest} at most"
     )
 
 
@@ -328,14 +338,14 @@ def _rises(doubt: Doubt, log: Observations) -> str:
     numbers = doubt.numbers
     return (
         f"{reading(doubt, log)} at {metres(numbers['distance_m'])} is larger than "
-        f"{value_of(doubt, 'nearer')} at {metres(numbers['nearer_m'])}: peaks fall "
-        "with distance; a factor of 2 to 8 suggests a reflected reading"
+        f"{value_of(doubt, 'nearer')} at {metres(numbers['nearer_m'])}: peaks decrease "
+        "with distance; a factor of 2 to 8 suggests a reflected pressure"
     )
 
 
 def _shrinks(doubt: Doubt, log: Observations) -> str:
     before = metres(doubt.numbers["before"])
-    return f"{reading(doubt, log)} comes after one of {before}: shocks do not turn back"
+    return f"{reading(doubt, log)} follows one of {before}: shock radii never decrease"
 
 
 def _slow(doubt: Doubt, log: Observations) -> str:
@@ -353,9 +363,9 @@ def _slow_between(doubt: Doubt, log: Observations) -> str:
     late, apart = numbers["late_s"], numbers["apart_m"]
     speed = significant(apart / late) if apart else "0"
     return (
-        f"{log.sensor[doubt.rows[0]]} and {other} are {metres(apart)} apart and heard "
-        f"it {seconds(late)} apart, {speed} m/s; no wave in air is slower than "
-        f"{numbers['slowest_m_s']:.0f} m/s: a clock, a place or a unit is wrong"
+        f"{log.sensor[doubt.rows[0]]} and {other} are {metres(apart)} apart, and their "
+        f"arrivals {seconds(late)}: {speed} m/s; no wave in air is slower than "
+        f"{numbers['slowest_m_s']:.0f} m/s: a clock, a position or a unit is wrong"
     )
 
 
@@ -363,7 +373,7 @@ def _slow_together(doubt: Doubt, _: Observations) -> str:
     numbers = doubt.numbers
     return (
         f"the {len(doubt.rows)} air arrivals together imply a speed of "
-        f"{numbers['speed_m_s']:.0f} m/s from one place, slower than sound "
+        f"{numbers['speed_m_s']:.0f} m/s from one position, slower than sound "
         f"({numbers['slowest_m_s']:.0f} m/s or more): positions, a unit, or "
         "temperature and wind of the scene are wrong"
     )
@@ -384,44 +394,45 @@ OF_MAGNITUDES: dict[str, Callable[[Doubt, Observations], str]] = {
 
 def _before_flash(doubt: Doubt, log: Observations) -> str:
     early = seconds(doubt.numbers["early_s"])
-    return f"{reading(doubt, log)} is {early} before the flash by the same clock"
+    return f"{reading(doubt, log)} is {early} before the flash on the same clock"
 
 
 def _copied(doubt: Doubt, _: Observations) -> str:
     one, other = doubt.names
     return (
-        f"{other} stands where {one} does and reads the same to the last digit: is it "
-        "one sensor under two names?"
+        f"{other} and {one} have the same position and the same values to the last "
+        "digit: is it one sensor with two names?"
     )
 
 
 def _degrees(doubt: Doubt, _: Observations) -> str:
     lat, lon = doubt.numbers["lat_deg"], doubt.numbers["lon_deg"]
     return (
-        f"{doubt.names[0]} stands {metres(doubt.numbers['apart_m'])} from the others "
-        f"at latitude {lat:.6g}, longitude {lon:.6g}; swapped it would be among them"
+        f"{doubt.names[0]} is {metres(doubt.numbers['apart_m'])} from the other "
+        f"sensors, at latitude {lat:.6g}, longitude {lon:.6g}; with the two swapped it "
+        "would be among them"
     )
 
 
 def _fine(doubt: Doubt, log: Observations) -> str:
     share = significant(doubt.numbers["share"])
     return (
-        f"{reading(doubt, log)} has a sigma of {share} of "
-        "it, finer than any gauge: a log's sigma is in the unit of its value"
+        f"{reading(doubt, log)} has a sigma of {share} of its value, smaller than that "
+        "of any gauge: sigma is in the unit of the value"
     )
 
 
 def _large(doubt: Doubt, log: Observations) -> str:
     return (
         f"{reading(doubt, log)} has a sigma of {significant(doubt.numbers['share'])} "
-        "times itself: a log's sigma is in the unit of its value"
+        "times its value: sigma is in the unit of the value"
     )
 
 
 def _lonely(doubt: Doubt, _: Observations) -> str:
     return (
-        f"clock {doubt.names[0]} has this one reading: if its offset is free, the "
-        "reading tells nothing else"
+        f"clock {doubt.names[0]} has only this reading: with a free clock offset the "
+        "reading constrains nothing else"
     )
 
 
@@ -431,8 +442,8 @@ def _since_1970(doubt: Doubt, log: Observations) -> str:
     these = "this looks" if many == 1 else f"these {many} rows look"
     return (
         f"{log.sensor[doubt.rows[0]]}: {these} like {unit} since 1970, here {when}; "
-        "taken for seconds of an unknown start, as nothing says so: dates belong in "
-        "column value_utc, written like this one"
+        "without a date they are read as seconds after an unknown time zero; write "
+        "dates in the column value_utc, like this one"
     )
 
 
@@ -443,19 +454,19 @@ def _together(doubt: Doubt, log: Observations) -> str:
         printed_number(quantity, doubt.numbers[key], 4) for key in ("value", "other")
     )
     return (
-        f"{other} and {one} stand at one place, but read {read} and {beside} as "
-        f"{quantity_words(quantity)}"
+        f"{other} and {one} have the same position, but {quantity_words(quantity)} "
+        f"{read} and {beside}"
     )
 
 
 def _two_places(doubt: Doubt, _: Observations) -> str:
     apart = metres(doubt.numbers["apart_m"])
-    return f"{doubt.names[0]} stands {apart} from where an earlier row puts it"
+    return f"{doubt.names[0]} is {apart} from its position in an earlier row"
 
 
 def _unheard(doubt: Doubt, _: Observations) -> str:
     shot = f"shot {doubt.names[0]}" if doubt.names[0] else "the shot"
-    return f"{shot} was seen, but nobody heard it: light alone tells no mass"
+    return f"{shot} has a flash but no reading of the blast: light constrains no mass"
 
 
 OF_PLAIN_FAULTS: dict[str, Callable[[Doubt, Observations], str]] = {
@@ -474,23 +485,24 @@ OF_PLAIN_FAULTS: dict[str, Callable[[Doubt, Observations], str]] = {
 
 def _another_time(doubt: Doubt, _: Observations) -> str:
     return (
-        "the log is not of a charge at time 0, but agrees with one at another time: a "
-        "scene, or freeing the time, has to say so"
+        "the log does not agree with a charge at time 0, but with one at another time: "
+        "set or free the origin time in a scene, or use --free origin_time_s"
     )
 
 
 def _divided(doubt: Doubt, log: Observations) -> str:
     sensors = joined(list(dict.fromkeys(log.sensor[row] for row in doubt.rows))[:5])
     return (
-        f"no blast explains more than {doubt.numbers['agree']:.0f} of "
-        f"{doubt.numbers['rows']:.0f} rows; not those of {sensors}"
+        f"one blast explains at most {doubt.numbers['agree']:.0f} of "
+        f"{doubt.numbers['rows']:.0f} rows, and not those of {sensors}"
     )
 
 
 def _elsewhere(doubt: Doubt, log: Observations) -> str:
     return (
-        "the log is not of a charge at the origin at time 0, but agrees with one near "
-        f"{place(doubt, log)}: a scene, or freeing place and time, has to say so"
+        "the log does not agree with a charge at the origin at time 0, but with one "
+        f"near {place(doubt, log)}: set or free position and time in a scene, or use "
+        "--free"
     )
 
 
@@ -500,49 +512,49 @@ def _factor(doubt: Doubt, log: Observations) -> str:
         f"{significant(ratio)} times" if ratio > 1 else f"1/{significant(1 / ratio)} of"
     )
     return (
-        f"{reading(doubt, log)} is {size} what the blast of "
-        f"{kilograms(doubt.numbers['mass_kg'])} gives that the other rows agree on"
+        f"{reading(doubt, log)} is {size} the prediction for "
+        f"{kilograms(doubt.numbers['mass_kg'])}, on which the other rows agree"
     )
 
 
 def _late(doubt: Doubt, log: Observations) -> str:
     late = doubt.numbers["late_s"]
-    way = "late" if late > 0 else "early"
+    sign = "late" if late > 0 else "early"
     return (
-        f"{reading(doubt, log)} is {seconds(abs(late))} too {way} for the blast of "
-        f"{kilograms(doubt.numbers['mass_kg'])} that the other rows agree on"
+        f"{reading(doubt, log)} is {seconds(abs(late))} too {sign} for "
+        f"{kilograms(doubt.numbers['mass_kg'])}, on which the other rows agree"
     )
 
 
-def _reads_as_if(asked: str) -> Callable[[Doubt, Observations], str]:
-    """Say where a sensor reads as if it stood, and ask what that may come from."""
+def _wrong_position(cause: str) -> Callable[[Doubt, Observations], str]:
+    """Return the function that words a wrong position with its possible cause."""
 
     def sentence(doubt: Doubt, log: Observations) -> str:
         sensor = doubt.names[0]
-        return f"{sensor} reads as if it stood at {place(doubt, log)}: {asked}?"
+        return f"{sensor} agrees with the position {place(doubt, log)}: {cause}?"
 
     return sentence
 
 
 def _unit(doubt: Doubt, log: Observations) -> str:
     name = doubt.names[1]
-    return f"{reading(doubt, log)} {_as_if(name)}, by what the other rows agree on"
+    return f"{reading(doubt, log)} {_as_if(name)}, compared with the other rows"
 
 
 def _units(doubt: Doubt, log: Observations) -> str:
     quantity, name = doubt.names
     return (
         f"every {quantity_words(quantity)} ({len(doubt.rows)} rows) {_as_if(name)}: "
-        "then all rows would agree"
+        "with that corrected all rows agree"
     )
 
 
 def _zone(doubt: Doubt, _: Observations) -> str:
     late = doubt.numbers["late_s"]
-    way = "fast" if late > 0 else "slow"
+    sign = "fast" if late > 0 else "slow"
     return (
-        f"the clock of {doubt.names[0]} looks {seconds(abs(late))} {way}: is it that "
-        "of another zone, or of summer time?"
+        f"the clock of {doubt.names[0]} looks {seconds(abs(late))} {sign}: is it in "
+        "another time zone, or in summer time?"
     )
 
 
@@ -550,11 +562,11 @@ OF_SLIPS: dict[str, Callable[[Doubt, Observations], str]] = {
     "unit_slip": _unit,
     "units_of_a_quantity": _units,
     "clock_of_another_zone": _zone,
-    "east_north_swapped": _reads_as_if("are east and north swapped"),
-    "place_in_feet": _reads_as_if("is it in feet"),
-    "place_in_km": _reads_as_if("is it in km"),
-    "sign_of_east": _reads_as_if("is a sign wrong"),
-    "sign_of_north": _reads_as_if("is a sign wrong"),
+    "east_north_swapped": _wrong_position("are east and north swapped"),
+    "place_in_feet": _wrong_position("is it in feet"),
+    "place_in_km": _wrong_position("is it in km"),
+    "sign_of_east": _wrong_position("is a sign wrong"),
+    "sign_of_north": _wrong_position("is a sign wrong"),
     "off_in_time": _late,
     "off_by_factor": _factor,
     "of_no_one_blast": _divided,
@@ -562,44 +574,44 @@ OF_SLIPS: dict[str, Callable[[Doubt, Observations], str]] = {
     "not_at_time_0": _another_time,
 }
 SENTENCES = OF_PLAIN_FAULTS | OF_MAGNITUDES | OF_SLIPS
-"""By kind of doubt, the function that words it."""
+"""Function that words a warning, by its kind."""
 
 
 def sentence(doubt: Doubt, observations: Observations) -> str:
-    """Return a doubt as a sentence, without the place in the file."""
+    """Return a warning as a sentence, without its lines."""
     return SENTENCES[doubt.kind](doubt, observations)
 
 
 def _as_if(name: str) -> str:
     if "written" in name:
         return f"looks like {name}"
-    return f"looks {name} what it should be"
+    return f"looks {name} the true value"
 
 
 def seconds(number: float) -> str:
-    """Print a time; hours from one on."""
+    """Return a time with its unit, from one hour on in hours."""
     if abs(number) >= 3600:
         return f"{number / 3600:.4g} h"
     return printed_number("_s", number, 3)
 
 
 def metres(number: float) -> str:
-    """Print a length."""
+    """Return a length with its unit."""
     return printed_number("_m", number, 3)
 
 
 def kilograms(number: float) -> str:
-    """Print a mass."""
+    """Return a mass with its unit."""
     return printed_number("_kg", number, 2)
 
 
 def value_of(doubt: Doubt, key: str = "value") -> str:
-    """Print one of a doubt's numbers, of the quantity that it names."""
+    """Return one of a warning's numbers in the unit of its quantity."""
     return printed_number(doubt.names[0], doubt.numbers[key], 3)
 
 
 def reading(doubt: Doubt, log: Observations) -> str:
-    """Name what a doubt is about: sensor, quantity and value of its first row."""
+    """Return sensor, quantity and value of a warning's first row."""
     row = doubt.rows[0]
     quantity = log.quantity[row]
     if log.epoch is not None and quantity in CLOCK_TIMES:
@@ -610,16 +622,16 @@ def reading(doubt: Doubt, log: Observations) -> str:
 
 
 def utc(epoch: datetime, seconds_since: float) -> str:
-    """Print a clock time as it came, in UTC, to the millisecond."""
+    """Return a clock time in UTC, to the millisecond."""
     when = (epoch + timedelta(seconds=seconds_since)).astimezone(UTC)
     return f"{when:%H:%M:%S}.{when.microsecond // 1000:03d} UTC"
 
 
 def place(doubt: Doubt, log: Observations) -> str:
-    """Print the place that a doubt names; in degrees where the log is in degrees."""
+    """Return the position of a warning, in degrees if the log is in degrees."""
     east, north = doubt.numbers["east_m"], doubt.numbers["north_m"]
     if log.frame is not None:
-        from jblast.report.fit.place import degrees  # with all of a report
+        from jblast.report.fit.place import degrees
 
         lat, lon, _ = log.frame.to_geodetic(np.array([east, north, 0.0])).tolist()
         return degrees(lat, lon)

@@ -12,24 +12,24 @@ from jblast.results import Answer, among
 
 ABSENT = "-"
 WIDTHS = (26, 14, 12)
-"""Of the columns, where no method is named at greater length."""
+"""Least widths of the columns [characters]: no registered method has a longer name."""
 BY_HEIGHT = {
-    ("free-air",): "the height leaves the free-air curves",
-    ("surface",): "the charge stands between the limits of the curves, of which the "
-    "surface ones were taken",
-    ("surface", "free-air"): "by its height the charge bursts as in free air for some "
-    "sensors and numbers, for the others neither set holds: it does for both sets",
+    ("free-air",): "free-air curves, by the height of burst",
+    ("surface",): "the height of burst lies between the limits of the two curve sets; "
+    "surface curves were taken",
+    ("surface", "free-air"): "by the height of burst some readings are of a free-air "
+    "burst and others lie between the curve sets; the method is valid for both sets",
 }
-"""What is said of the curve sets that heights leave."""
+"""Sentence on the curve sets that the height of burst selects."""
 
 
 def choice_text(choice: Choice) -> str:
-    """Return the method, the reason, and a table of all that were looked at."""
+    """Return the method, the reason, and a table of all compared methods."""
     verdict = "suffices" if choice.met else "does not suffice"
     within = (
         f"within {percent(choice.tolerance)}"
         if choice.tolerance
-        else "as well as can be"
+        else "without a tolerance"
     )
     lines = [
         f"{choice.method} {verdict}: {choice.quantity} {within}",
@@ -37,7 +37,7 @@ def choice_text(choice: Choice) -> str:
         *hanging(reason_for(choice), indent=2),
         "",
     ]
-    rows = [("  method", "error", "s a reading", "")]
+    rows = [("  method", "error", "s/reading", "")]
     rows += [_row(candidate) for candidate in choice.candidates]
     lines += aligned(rows, right=(1, 2), least=WIDTHS)
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -48,7 +48,7 @@ def _row(candidate: Candidate) -> tuple[str, str, str, str]:
     error = percent(candidate.error) if math.isfinite(candidate.error) else ABSENT
     note = "the reference" if candidate.is_reference else ""
     if not candidate.valid:
-        error, note = ABSENT, "does not hold at all places"
+        error, note = ABSENT, "not valid at all sensors"
     return f"  {candidate.method}", error, cost, f" {note}"
 
 
@@ -57,9 +57,9 @@ class ChoiceAnswer(Answer):
     """The answer of `jblast choose`.
 
     Attributes:
-        choice: The method.
-        reason: Why, in one sentence.
-        rest: Its error and cost, and the methods compared.
+        choice: The selected method.
+        reason: Reason for the selection, as one sentence.
+        rest: Error and cost of the method, and the compared methods.
     """
 
     choice: Choice = field(metadata=among("quantity", "method"))
@@ -70,58 +70,54 @@ class ChoiceAnswer(Answer):
 
 
 def choice_answer(choice: Choice) -> ChoiceAnswer:
-    """Return a choice with its reason in words."""
+    """Return a choice with its reason as text."""
     return ChoiceAnswer(choice, reason_for(choice), choice)
 
 
 def reason_for(choice: Choice) -> str:
-    """Return why the method was chosen, and what the others would have cost.
+    """Return the reason for the method, with errors and costs of the alternatives.
 
-    Then what heights leave of the curve sets, or what contradicts them.
+    Notes on curve sets and height of burst follow.
     """
     found = next(c for c in choice.candidates if c.method == choice.method)
     parts = [_of_the_chosen(choice, found)]
     rejected = _rejected(choice, found)
     if rejected:
-        parts.append(
-            f"{rejected.method} would be off by up to {percent(rejected.error)}"
-        )
+        parts.append(f"error of {rejected.method} up to {percent(rejected.error)}")
     dearest = _dearest(choice, found)
     if dearest:
         more = f"costs {_times(dearest.cost_s / found.cost_s)} times more"
         parts.append(
             f"{dearest.method}, the reference, {more}"
             if dearest.is_reference
-            else f"{named(dearest.method)} {more} for {percent(dearest.error)}"
+            else f"{named(dearest.method)} {more} (error {percent(dearest.error)})"
         )
     parts += [BY_HEIGHT[choice.by_height]] if choice.by_height else []
     return "; ".join([*parts, *choice.notes])
 
 
 def choice_reason(choice: Choice) -> str:
-    """Return why the method was chosen, without its name."""
+    """Return the reason for the method, without its name."""
     return reason_for(choice).removeprefix(f"{choice.method}: ")
 
 
 def law_reason(law: TakenLaw) -> str:
-    """Return why a law was taken, without its name."""
+    """Return the reason for a law, without its name."""
     if law.choice is None:
-        return "as asked for"
+        return "requested"
     method, reason = law.choice.method, choice_reason(law.choice)
     if method == law.name:
         return reason
-    return (
-        f"chosen before the answer was known, at which it would be {method}: {reason}"
-    )
+    return f"chosen before the fit; at the answer it would be {method}: {reason}"
 
 
 def law_reasons(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
-    """Return why the law of each quantity was taken."""
+    """Return the reason for the law of each quantity."""
     return {quantity: law_reason(law) for quantity, law in laws.items()}
 
 
 def percent(error: float) -> str:
-    """Return a relative error in words: 0.31 %, 24 %, a factor of 3.2."""
+    """Return a relative error as text: 0.31 %, 24 %, a factor of 3.2."""
     if not math.isfinite(error):
         return "an unknown amount"
     if error >= 1.0:
@@ -136,7 +132,7 @@ def _times(ratio: float) -> str:
 
 
 def named(method: str) -> str:
-    """Return a method's name as a sentence has it."""
+    """Return the name of a method in a sentence."""
     return "the Euler solver" if method == SOLVER else method
 
 
@@ -150,8 +146,8 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
         if choice.reference_uncertainty == 0.0:
             return f"{name}: exact"
         return (
-            f"{name}: the law taken unless told otherwise; nothing was measured to "
-            "hold it against, so no tolerance is supportable"
+            f"{name}: the default law; its error is unknown, as there is no reference, "
+            "so no tolerance is supportable"
         )
     if not math.isfinite(choice.reference_uncertainty):
         end = REFERENCES[choice.quantity][-1].end
@@ -161,26 +157,26 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
         )
     own = percent(choice.reference_uncertainty)
     if not found.valid:
-        return f"{name}: {z}, not all {where}; no method holds at all of it"
+        return f"{name}: {z}, not all {where}; no method is valid at all of it"
     quality = (
-        f"the reference there, itself good to {own}"
+        f"the reference law here (uncertainty {own})"
         if found.is_reference
-        else f"off by up to {percent(found.error)} (the reference is good to {own})"
+        else f"error up to {percent(found.error)} (uncertainty of the reference {own})"
     )
     if choice.met or choice.tolerance == 0.0:
-        return f"{name}: {z} {where}, {quality}"
-    asked = f"a tolerance of {percent(choice.tolerance)}"
+        return f"{name}: {z} {where}; {quality}"
+    tolerance = f"a tolerance of {percent(choice.tolerance)}"
     if choice.reference_uncertainty > choice.tolerance:
-        return f"{name}: {z} {where}; {asked} is not supportable: it is {quality}"
+        return f"{name}: {z} {where}; {quality}; {tolerance} is not supportable"
     short = found.predicted_error / choice.tolerance
     return (
-        f"{name}: {z} {where}, the best there is, but {quality}: {asked} is missed by "
-        f"a factor of {short:.2g}"
+        f"{name}: {z} {where}; {quality}; it is the most accurate method, and misses "
+        f"{tolerance} by a factor of {short:.2g}"
     )
 
 
 def _rejected(choice: Choice, found: Candidate) -> Candidate | None:
-    """Return the cheapest method passed over though it is cheaper, or costs alike."""
+    """Return the cheapest rejected method that costs less or as much, if any."""
     others = [
         c
         for c in choice.candidates
@@ -192,7 +188,10 @@ def _rejected(choice: Choice, found: Candidate) -> Candidate | None:
 
 
 def _dearest(choice: Choice, found: Candidate) -> Candidate | None:
-    """Return the method that would have cost most and holds, if it costs 10 times."""
+    """Return the most expensive valid method, if it costs more than 10 times as much.
+
+    Below a factor of 10 the cost decides nothing: all laws take microseconds.
+    """
     others = [c for c in choice.candidates if math.isfinite(c.error) and c.cost_s > 0.0]
     if not others or not found.cost_s > 0.0:
         return None

@@ -14,19 +14,20 @@ from jblast.sensors.camera.files.images import srgb_bytes
 COLUMNS = 4
 ROWS = 3
 WIDTH = 320
-"""Of a frame on the sheet [px]; none is made larger than twice its size."""
+"""Width of a frame on the sheet [px]; frames are enlarged at most twice."""
 GAP = 12
-LETTERS = 16
-"""Height of the letters [px]."""
+"""Space between frames [px]."""
+FONT_SIZE = 16
+"""Size of the labels [px]."""
 
 
 def sheet_frames(
     times: Float[np.ndarray, " frame"], bursts: Sequence[float]
 ) -> list[int]:
-    """Return which frames to show: early ones close together, late ones far apart.
+    """Return the numbers of the frames to show.
 
-    The first frame, and others whose times since the first burst seen grow by equal
-    factors; of several frames as wanted the same, one.
+    These are the first frame, and frames whose times since the first visible burst
+    increase by equal factors: a fireball grows fast at first, then slowly.
     """
     most = COLUMNS * ROWS
     last = len(times) - 1
@@ -48,12 +49,12 @@ def write_contact_sheet(
     frames: Sequence[Float[np.ndarray, "height width 3"]],
     labels: Sequence[str],
 ) -> None:
-    """Write frames of linear light in rows, each over its label; all or nothing.
+    """Write frames of linear light in rows, each above its label.
 
     Args:
-        path: An existing file is replaced.
-        frames: All of one size, full scale 1.
-        labels: What is said of each.
+        path: Output file; an existing one is replaced.
+        frames: Frames of one size, full scale 1.
+        labels: Label of each frame.
     """
     from PIL import Image, ImageDraw, ImageFont
 
@@ -62,9 +63,9 @@ def write_contact_sheet(
     size = across, max(1, round(height * across / width))
     columns = min(COLUMNS, len(frames))
     rows = math.ceil(len(frames) / columns)
-    cell = across + GAP, size[1] + GAP + LETTERS + 6
+    cell = across + GAP, size[1] + GAP + FONT_SIZE + 6
     sheet = Image.new("RGB", (columns * cell[0] + GAP, rows * cell[1] + GAP), "white")
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(LETTERS)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(FONT_SIZE)
     for k, (frame, label) in enumerate(zip(frames, labels, strict=True)):
         x, y = GAP + k % columns * cell[0], GAP + k // columns * cell[1]
         picture = Image.fromarray(srgb_bytes(frame))
@@ -75,7 +76,7 @@ def write_contact_sheet(
 
 
 def time_label(time: float) -> str:
-    """Return a time in words, three digits: "1.5 ms"."""
+    """Return a time with three digits and its unit: "1.5 ms"."""
     size = abs(time)
     if size >= 1.0:
         return f"{time:.3g} s"

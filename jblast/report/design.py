@@ -22,12 +22,14 @@ from jblast.report.choice import law_reason
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import WORDED, determined_lines
 from jblast.report.fit.findings import all_words
-from jblast.report.fit.terminal import cannot_tell, section
+from jblast.report.fit.terminal import not_identified, section
 from jblast.report.words import (
     aligned,
+    capitalised,
     finite,
     hanging,
     joined,
+    law_words,
     parameter_words,
     printed_number,
     quantity_words,
@@ -35,32 +37,40 @@ from jblast.report.words import (
 )
 from jblast.results import AMONG, Document, Words, among
 
-SAID_OF_THE_MASS = {"air_arrival_s": "the air shock's travel time"}
-MOST_HELP = 6
-LITTLE = 0.99
-"""A datum that leaves more of the sd than this is no help."""
+SCALED_QUANTITIES = {"air_arrival_s": "the air shock's travel time"}
+"""Quantities whose slope in the mass is that of a part of them."""
+MAX_ADDED = 6
+"""Largest number of quantities in the table of additional data: one screen."""
+LITTLE_HELP = 0.99
+"""A datum that leaves more than this share of the sd is listed as no help: a gain below
+1 % is not visible in the two digits that are printed."""
 NOT = "not identified"
-PER_CENT = 1.0
-"""A larger sd of ln is printed as a factor."""
+FACTOR_FROM = 1.0
+"""Standard deviation of ln from which it is printed as a factor, not in per cent."""
 
 
-def bound_text(bound: Bound, plot: str | Path | None = None) -> str:
-    """Return what a layout constrains, for the terminal.
+def bound_text(
+    bound: Bound, plot: str | Path | None = None, *, verbose: bool = False
+) -> str:
+    """Return the parameters that a layout constrains, for the terminal.
 
     Args:
-        bound: The layout.
-        plot: Where the map was drawn, if it was.
+        bound: The bound of the layout.
+        plot: File of the map, if it was drawn.
+        verbose: Whether to add the reasons for the laws and their scatter.
     """
     found, estimates = bound.summary, _estimates(bound.summary)
     lines = [*hanging(_title(bound), indent=0), "", *_table(found, estimates)]
-    lines += ["", "Laws", *_laws(bound)]
-    nothing = ["nothing: the recordings, or a prior, identify every open number"]
-    untold = cannot_tell(found, estimates) or nothing
-    lines += section("What the recordings cannot tell", untold)
-    lines += section("What they do tell", determined_lines(found.determined))
-    lines += section("What it leans on", _leans(found))
+    identified = ["All free parameters are identified."]
+    unknown = not_identified(found, estimates) or identified
+    lines += section("Identifiability", unknown)
+    lines += section("Identified combinations", determined_lines(found.determined))
+    lines += section("Influence of other parameters", _influences(found))
     lines += data_lines(found.help, found.parameters)
     lines += section("Warnings", all_words(found.warnings))
+    lines += section("Assumptions", _assumptions(bound))
+    if verbose:
+        lines += ["", "Laws", *_laws(bound)]
     if plot is not None:
         lines += ["", f"Map: {plot}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -71,15 +81,14 @@ def _title(bound: Bound) -> str:
     name = PurePosixPath(log.source.replace("\\", "/")).name
     sensors, n = len(set(log.sensor)), found.n_observations
     return (
-        f"Bound of {name}: {n} recording{'s' * (n > 1)} planned of {sensors} "
+        f"Bound of {name}: {n} planned recording{'s' * (n > 1)} of {sensors} "
         f"sensor{'s' * (sensors > 1)}, "
-        f"{joined([parameter_words(name) for name in found.free])} open, "
-        f"{found.noise.capitalize()} errors".replace("Student", "Student-t")
+        f"{joined([parameter_words(name) for name in found.free])} free"
     )
 
 
 def _estimates(found: BoundSummary) -> dict[str, Estimate]:
-    """Return the bounds as a fit of the expected log would print its estimates."""
+    """Return the bounds as estimates of a fit to the expected log."""
     estimates = {}
     for name, spread in found.parameters.items():
         if not spread.is_known:
@@ -97,7 +106,7 @@ def _estimates(found: BoundSummary) -> dict[str, Estimate]:
 
 
 def _table(found: BoundSummary, estimates: Mapping[str, Estimate]) -> list[str]:
-    rows = [("Parameters", "taken as", "sd", "90 % interval")]
+    rows = [("Parameters", "assumed", "smallest sd", "90 % interval")]
     for name, estimate in estimates.items():
         sd = shown_sd(name, estimate.spread)
         rows.append(
@@ -111,61 +120,69 @@ def _table(found: BoundSummary, estimates: Mapping[str, Estimate]) -> list[str]:
     return aligned(rows)
 
 
+def _assumptions(bound: Bound) -> list[str]:
+    """Return the laws, the distribution of errors and the slopes in the mass."""
+    found = bound.summary
+    by_law: dict[str, list[str]] = {}
+    for quantity, name in found.law.items():
+        by_law.setdefault(name, []).append(quantity_words(quantity))
+    laws = [f"{joined(of)} by {law_words(name)}" for name, of in by_law.items()]
+    exact = "" if bound.posterior.parameters.scene.scatter else ", without model error"
+    noise = found.noise.capitalize().replace("Student", "Student-t")
+    lines = [f"Laws: {'; '.join(laws)}{exact}", f"{noise} errors"]
+    slopes = [
+        f"{SCALED_QUANTITIES.get(quantity, quantity_words(quantity))} as W^"
+        + " to W^".join(dict.fromkeys(f"{end:.2g}" for end in ends))
+        for quantity, ends in found.mass_exponents.items()
+    ]
+    if slopes:
+        lines.append(f"Dependence on the mass W: {joined(slopes)}")
+    if not found.law_valid:
+        lines.append("Some recordings lie outside the range of their law")
+    return lines
+
+
 def _laws(bound: Bound) -> list[str]:
+    """Return the law of each quantity with its reason and scatter."""
     found, lines = bound.summary, []
     scatter = bound.posterior.parameters.scene.scatter
     column = max(len(quantity_words(q)) for q in found.law) + 2
     for quantity, name in found.law.items():
         law = LAWS[quantity, name]
-        words = law.scatter_words() if scatter else "taken as exact"
+        words = law.scatter_words() if scatter else "no model error"
         text = "; ".join(
             p for p in (law_reason(found.law_reason[quantity]), words) if p
         )
         lines += hanging(
             f"{quantity_words(quantity).ljust(column)}{name}: {text}", column
         )
-    slopes = [
-        f"{SAID_OF_THE_MASS.get(quantity, quantity_words(quantity))} as W^"
-        + " to W^".join(dict.fromkeys(f"{end:.2g}" for end in ends))
-        for quantity, ends in found.mass_exponents.items()
-    ]
-    if slopes:
-        lines += hanging(f"With the mass W here go {joined(slopes)}.")
-    if not found.law_valid:
-        lines += hanging("Some recordings lie outside the range of their law.")
     return lines
 
 
-def _leans(found: BoundSummary) -> list[str]:
-    said = []
+def _influences(found: BoundSummary) -> list[str]:
+    """Return a sentence for each parameter whose sd depends on another one."""
+    sentences = []
     for entry in found.leans_on:
         name, on = entry.parameter, parameter_words(entry.on)
         words, now = parameter_words(name), found.parameters[name]
-        known, without = entry.if_known, entry.without_prior
-        if not now.is_known:
-            sd = shown_sd(name, known)
-            said.append(f"Were the {on} known, the {words} would be told: sd {sd}.")
-            continue
-        text = f"The {words} (sd {shown_sd(name, now)}) leans on the "
-        if without is None:
-            text += f"{on}: were that known, sd {shown_sd(name, known)}."
-        else:
+        known, without = shown_sd(name, entry.if_known), entry.without_prior
+        text = f"With a known {on} the sd of the {words} would be {known}"
+        if now.is_known:
+            text += f" instead of {shown_sd(name, now)}"
+        if without is not None:
             left = shown_sd(name, without)
-            left = left if left == NOT else f"sd {left}"
-            text += (
-                f"prior of the {on}: without it {left}; were that known, sd "
-                f"{shown_sd(name, known)}."
-            )
-        said.append(text)
-    return said
+            text += f"; without the prior of the {on}: {left}"
+        sentences.append(f"{text}.")
+    return sentences
 
 
 def shown_sd(name: str, spread: Spread) -> str:
-    """Return an sd: of what is positive in per cent, or a factor where it is wide."""
+    """Return an sd; for positive parameters in per cent, or as a factor if wide."""
     log_sd, sd = finite(spread.log_sd), finite(spread.sd)
     if log_sd is None:
         return NOT if sd is None else printed_number(name, sd, 2)
-    if log_sd > PER_CENT:
+    if log_sd > FACTOR_FROM:
+        # exp overflows past 709, so that an sd of ln that large is printed as exp(700)
         with np.errstate(over="ignore"):
             return f"a factor of {significant(float(np.exp(min(log_sd, 700.0))))}"
     return f"{significant(100 * log_sd)} %"
@@ -174,11 +191,11 @@ def shown_sd(name: str, spread: Spread) -> str:
 def data_lines(
     data: Sequence[AddedDatum], parameters: Mapping[str, Spread]
 ) -> list[str]:
-    """Say what the best datum of each quantity leaves, those first that help most.
+    """Return a table of the best additional datum of each quantity, the best first.
 
     Args:
-        data: What could be added.
-        parameters: How far each number may be off without it.
+        data: Data that could be added.
+        parameters: Spread of each parameter without them.
     """
     if not data:
         return []
@@ -189,29 +206,29 @@ def data_lines(
     now = parameters[target]
     rows, idle = [], []
     for datum in sorted(best.values(), key=lambda datum: _width(datum.left))[
-        :MOST_HELP
+        :MAX_ADDED
     ]:
         if _helps(datum.left, now):
             rows.append(_row(datum))
         else:
             idle.append(quantity_words(datum.quantity))
-    title = f"One more datum: sd of the {parameter_words(target)}"
-    lines = ["", f"{title}, now {shown_sd(target, now)}"]
+    title = f"sd of the {parameter_words(target)} with one more datum"
+    lines = ["", f"{capitalised(title)}, now {shown_sd(target, now)}"]
     for row in aligned(rows):
         lines += hanging(row)
     if idle:
-        alone = "No one of these tells it" if not now.is_known else "No help"
-        lines += hanging(f"{alone}: {joined(idle)}.")
+        lines += hanging(f"No improvement by {joined(idle)}.")
     return lines
 
 
 def _helps(left: Spread, now: Spread) -> bool:
     before = now.sd if math.isnan(left.log_sd) else now.log_sd
-    return _width(left) < (LITTLE * before if math.isfinite(before) else math.inf)
+    limit = LITTLE_HELP * before if math.isfinite(before) else math.inf
+    return _width(left) < limit
 
 
 def _width(left: Spread) -> float:
-    """Return the sd that a datum leaves; infinite if nothing is known then."""
+    """Return the sd with a datum; infinite if the parameter is not identified then."""
     return left.width if math.isfinite(left.width) else math.inf
 
 
@@ -222,7 +239,7 @@ def _row(datum: AddedDatum) -> tuple[str, str, str]:
         if quantity in ADDITIVE
         else f"{100 * datum.sigma:.2g} %"
     )
-    whose = "our guess" if datum.is_default else "as planned"
+    source = "default" if datum.is_default else "as planned"
     place = where(datum)
     if datum.position is not None and not datum.sensor:
         east, north, _ = datum.position
@@ -232,27 +249,27 @@ def _row(datum: AddedDatum) -> tuple[str, str, str]:
     return (
         f"{quantity_words(quantity)}{of} {place}",
         shown_sd(datum.parameter, datum.left),
-        f"(read to {error}, {whose}{mark})",
+        f"(error {error}, {source}{mark})",
     )
 
 
 def where(datum: AddedDatum) -> str:
-    """Say where a datum would be recorded."""
+    """Return the position of a datum, as text."""
     return f"at sensor {datum.sensor}" if datum.sensor else "off the sensors' line"
 
 
 @dataclass(frozen=True)
 class AddedRow:
-    """A row that could be added to a layout, and what it would leave unknown.
+    """A row that could be added to a layout, with the resulting uncertainty.
 
     Attributes:
-        of: The quantity, its law, and the number that it would constrain.
-        where: Its position, in words.
-        position_m: Its position; null in a scene without places.
+        of: The quantity, its law, and the parameter that it would constrain.
+        where: Its position, as text.
+        position_m: Its position; null in a scene without positions.
         charge: Name of the charge; null for a single one.
         sigma: Its error: seconds, or relative.
         sigma_from: Source of the error.
-        left: How far that may be off then.
+        left: Spread of the parameter with this row.
     """
 
     of: AddedDatum = field(metadata=among("quantity", "law", "law_valid", "parameter"))

@@ -30,23 +30,26 @@ from jblast.report.words import (
 
 SHADES = LinearSegmentedColormap.from_list("paper", ["#3d84b8", "#b7d4e8", "#ffffff"])
 """Dark where a sensor adds much information."""
-NICE = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-MOST_LEVELS = 6
-MOST_NAMED = 12
-"""More sensors than this are drawn without their names."""
+ROUND_NUMBERS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+"""Contour levels within a decade, about evenly spaced in ln."""
+MAX_LEVELS = 6
+"""Largest number of contours: more of them hide the shading."""
+MAX_NAMED = 12
+"""Largest number of sensors drawn with names: names of more of them overlap."""
 
 
 def bound_figure(drawn: BoundMap) -> Figure:
-    """Draw the sd of ln mass, and of the place, over where a next sensor stands."""
+    """Draw the sd of ln mass and of the position over the position of a next sensor."""
     panels = []
     if drawn.log_sd_mass is not None:
         percent = 100.0 * drawn.log_sd_mass
         now = f"now {_percent(100 * drawn.now['mass'], 2)}"
         panels.append((f"sd of {parameter_words(drawn.mass)}", percent, _percent, now))
     if drawn.place_sd is not None:
-        what = "place" if len(drawn.place) == 2 else parameter_words(drawn.place[-1])
+        one = len(drawn.place) != 2
+        name = parameter_words(drawn.place[-1]) if one else "position"
         now = f"now {_metres(drawn.now['place'], 2)}"
-        panels.append((f"sd of {what}", drawn.place_sd, _metres, now))
+        panels.append((f"sd of {name}", drawn.place_sd, _metres, now))
     figure = new_figure(6.2 * len(panels), 6.4)
     grid = figure.subplots(1, len(panels), squeeze=False)
     for axes, (name, values, words, now) in zip(grid.flat, panels, strict=True):
@@ -55,8 +58,8 @@ def bound_figure(drawn: BoundMap) -> Figure:
     records = joined([quantity_words(q) for q in drawn.records])
     hatched = "" if drawn.valid.all() else "  Hatched: outside the range of a law."
     caption = (
-        f"With one more sensor there, {drawn.up:g} m up, that records {records} as "
-        f"{drawn.like} does. Dots: sensors, star: charge.{hatched}"
+        f"One more sensor at this position, {drawn.up:g} m up, that records {records} "
+        f"like {drawn.like}. Dots: sensors. Star: charge.{hatched}"
     )
     lines = textwrap.wrap(caption, 92 * len(panels))
     figure.supxlabel("\n".join(lines), fontsize=9, color=MUTED)
@@ -70,7 +73,7 @@ def _panel(axes: Axes, drawn: BoundMap, values, words) -> None:
     else:
         axes.text(
             *(0.5, 0.03),
-            "not identified, wherever it stands",
+            "not identified at any position",
             transform=axes.transAxes,
             ha="center",
             color=INK,
@@ -94,7 +97,7 @@ def _panel(axes: Axes, drawn: BoundMap, values, words) -> None:
         axes.plot(
             *(east, north), "o", color=BLUE, markeredgecolor="white", markersize=8
         )
-        if len(drawn.sensors) <= MOST_NAMED:
+        if len(drawn.sensors) <= MAX_NAMED:
             axes.annotate(
                 name,
                 (east, north),
@@ -114,7 +117,8 @@ def _panel(axes: Axes, drawn: BoundMap, values, words) -> None:
 
 
 def _shade(axes: Axes, drawn: BoundMap, values, words) -> None:
-    """Shade what is left unknown, with contours at round numbers."""
+    """Shade the standard deviation, with contours at round numbers."""
+    # quantiles: near the charge and far off a few values would take the whole scale
     low, high = np.nanquantile(values, [0.005, 0.995])
     norm = LogNorm(low, max(high, 1.001 * low))
     half = [(line[1] - line[0]) / 2 for line in (drawn.east, drawn.north)]
@@ -140,20 +144,20 @@ def _shade(axes: Axes, drawn: BoundMap, values, words) -> None:
 
 
 def round_levels(low: float, high: float) -> Float[np.ndarray, " level"]:
-    """Return some round numbers between two others, evenly spaced if these are near.
+    """Return round numbers between two numbers, evenly spaced if their ratio is small.
 
-    There are none where all is the same to a per cent.
+    None are returned if the two are equal within 1 %.
     """
     if high < 1.01 * low:
         return np.zeros(0)
     if high < 2.5 * low:
-        locator = MaxNLocator(MOST_LEVELS, steps=[1, 2, 2.5, 5, 10])
+        locator = MaxNLocator(MAX_LEVELS, steps=[1, 2, 2.5, 5, 10])
         levels = np.asarray(locator.tick_values(low, high))
     else:
         decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-        levels = np.array([m * 10.0**d for d in decades for m in NICE])
+        levels = np.array([m * 10.0**d for d in decades for m in ROUND_NUMBERS])
     levels = levels[(levels > low) & (levels < high)]
-    return levels[:: max(-(-len(levels) // MOST_LEVELS), 1)]
+    return levels[:: max(-(-len(levels) // MAX_LEVELS), 1)]
 
 
 def _percent(value: float, digits: int = 4) -> str:

@@ -27,37 +27,39 @@ ANGLES = {"bearing_rad": "the bearing", "elevation_rad": "the elevation"}
 
 
 def detection_text(
-    searched: Sequence[Searched], dead: Sequence[str], how: str, log: Log | None = None
+    searched: Sequence[Searched],
+    dead: Sequence[str],
+    target: str,
+    log: Log | None = None,
 ) -> str:
-    """Return what was heard.
+    """Return the arrivals as a table, with notes, for the terminal.
 
     Args:
         searched: Channels that were searched.
-        dead: Names of those that hold nothing.
-        how: What was looked for.
+        dead: Names of constant channels, which were skipped.
+        target: Search target: a template, the pulse of a charge, or a bank of pulses.
         log: Rows of the arrivals, if there are any.
     """
     count = sum(len(one.detections) for one in searched)
     names = len(searched)
     head = (
-        f"{count} {'arrival' if count == 1 else 'arrivals'}"
-        if count
-        else "Nothing was found"
+        f"{count} {'arrival' if count == 1 else 'arrivals'}" if count else "No arrival"
     )
     seconds = sum(one.channel.samples.size / one.channel.rate_hz for one in searched)
     lines = [
         f"{head} in {names} {'channel' if names == 1 else 'channels'}, "
         f"{seconds:.6g} s of sound",
-        f"looked for: {how}",
-        *_thresholds(searched),
     ]
-    if dead:
-        are = "is dead: it holds" if len(dead) == 1 else "are dead: each holds"
-        lines.append(f"{joined(list(dead))} {are} one value throughout; not searched")
-    lines += _forms(searched)
-    lines += _rejected(sum(len(one.rejected) for one in searched))
     if count:
-        lines += ["", *_table(searched)]
+        lines += ["", *_table(searched), ""]
+    lines += [f"search target: {target}", *_thresholds(searched)]
+    if dead:
+        noun = "constant channel" if len(dead) == 1 else "constant channels"
+        lines.append(f"{noun} skipped: {joined(list(dead))}")
+    lines += _forms(searched)
+    if rejected := sum(len(one.rejected) for one in searched):
+        sounds = "impulsive sound" if rejected == 1 else "impulsive sounds"
+        lines.append(f"{rejected} {sounds} rejected: not the form of a blast pulse")
     if log is not None:
         lines += _of_log(log)
     return "\n".join(lines) + "\n"
@@ -70,29 +72,21 @@ def _thresholds(searched: Sequence[Searched]) -> list[str]:
     span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
     latency = max(one.latency_s for one in searched)
     return [
-        f"threshold {span} dB (2E/N0); told {1e3 * latency:.3g} ms after the first "
-        "sample of it"
+        f"threshold {span} dB (2E/N0); detection delay {1e3 * latency:.3g} ms "
+        "from the first sample"
     ]
 
 
-def _rejected(count: int) -> list[str]:
-    """Return a line for the arrivals that were rejected, if any."""
-    if not count:
-        return []
-    words = "1 impulsive sound" if count == 1 else f"{count} impulsive sounds"
-    return [f"{words} rejected: not the form of a blast pulse"]
-
-
 def _forms(searched: Sequence[Searched]) -> list[str]:
-    """Return how many arrivals have the form of a blast, where that was tested."""
+    """Return the number of arrivals with the form of a blast, if that was tested."""
     fits = [fit for one in searched for fit in one.fits]
     other = sum(not fit.blast_form for fit in fits)
     if not other:
         return []
     return [
-        f"{len(fits) - other} of {len(fits)} have the form of a blast pulse; others "
-        "can be doors, clicks, thunder, or distant or reverberant blasts",
-        "(--blast-form leaves these out)",
+        f"{len(fits) - other} of {len(fits)} have the form of a blast pulse; the "
+        "remaining ones can be doors, clicks, thunder,",
+        "or distant or reverberant blasts (--blast-form removes them)",
     ]
 
 
@@ -121,14 +115,14 @@ def _table(searched: Sequence[Searched]) -> list[str]:
 
 
 def _of_log(log: Log) -> list[str]:
-    """Say what the rows of the log are, and what stands in none."""
+    """Return sentences on arrays, and on arrivals that the log does not contain."""
     lines = [""]
     for finding in log.arrays:
         lines += _of_array(finding)
     for sensor, found in log.left_out:
         lines.append(
-            f"{sensor}: the arrival at {found.time_s:.6g} s is weaker than one of the "
-            "same bang, an echo perhaps, and stands in no row"
+            f"{sensor}: the arrival at {found.time_s:.6g} s is not in the log: weaker "
+            "than another one of the same bang, possibly an echo"
         )
     return lines if len(lines) > 1 else []
 
@@ -137,7 +131,7 @@ def _of_array(finding: ArrayFinding) -> list[str]:
     came = finding.direction
     name = f"Array {finding.array}, bang {finding.bang + 1}"
     if came is None:
-        return [f"{name}: the microphones have no delay in common; rows of their own"]
+        return [f"{name}: no common wave was found; each microphone has its own row"]
     sds = came.covariance.diagonal() ** 0.5
     angles = [
         f"{word} {math.degrees(value):.2f} ± {math.degrees(sd):.2g} degrees"
@@ -147,20 +141,20 @@ def _of_array(finding: ArrayFinding) -> list[str]:
         )
         if math.isfinite(value)
     ]
-    said = f"{name} ({LAYOUTS[came.layout]}): {', '.join(angles) or 'no direction'}"
+    text = f"{name} ({LAYOUTS[came.layout]}): {', '.join(angles) or 'no direction'}"
     lost = [ANGLES[key] for key in came.undetermined]
     if lost:
-        said += f"; {joined(lost)} is not told by them"
+        text += f"; not identified: {joined(lost)}"
     if not finding.used and finding.probability <= LEAST_PLANE_PROBABILITY:
-        said += (
+        text += (
             f"; the times contradict a plane wave (p = {finding.probability:.1g}), so "
             "each microphone has its own row"
         )
     elif finding.used:
-        said += (
-            f"; within {MAX_ARRAY_WIDTH:g} m of each other, so one row of time for all"
+        text += (
+            f"; within {MAX_ARRAY_WIDTH:g} m of each other, so one arrival row for all"
         )
-    return [said]
+    return [text]
 
 
 def detection_document(
@@ -169,12 +163,12 @@ def detection_document(
     method: dict[str, Any],
     arrays: Sequence[ArrayFinding] = (),
 ) -> dict[str, Any]:
-    """Return the document of what was heard.
+    """Return the arrivals as a document.
 
     Args:
         searched: Channels that were searched.
-        dead: Names of those that could not be.
-        method: How, as keys and values.
+        dead: Names of constant channels, which were skipped.
+        method: Parameters of the search, by key.
         arrays: Results of arrays.
     """
     arrivals = [

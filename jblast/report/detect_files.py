@@ -32,10 +32,11 @@ JSON, PICTURE, LOG, FILTERED = (
     *("detect.json", "detection.png", "observations.csv", "filtered.wav"),
 )
 COLUMNS = 2000
-"""Of an envelope: more than a screen shows."""
-MOST_CHANNELS = 8
-MOST_LABELS = 5
-"""Of arrivals, the loudest: more would hide each other."""
+"""Columns of a drawn envelope: about two a pixel of the figure."""
+MAX_CHANNELS = 8
+"""Largest number of channels in a figure: 29 inches high."""
+MAX_LABELS = 5
+"""Largest number of labelled arrivals, the loudest: more labels would overlap."""
 
 
 def write_flashes(
@@ -45,14 +46,14 @@ def write_flashes(
     text: str,
     log: Observations | None,
 ) -> list[str]:
-    """Write all there is; return the names of the files.
+    """Write the document, the figure and the log; return the names of the files.
 
     Args:
-        directory: Where to; made if it is not there.
-        watched: What was seen.
+        directory: Output directory; created if missing.
+        watched: Flashes and the statistic of the search.
         shape: Height and width of the image [px].
         text: The document.
-        log: Rows; where there are none no file is written, and an older one is removed.
+        log: Rows of the flashes; without rows an older log is removed.
 
     Raises:
         OSError: It cannot be written.
@@ -69,10 +70,10 @@ def write_flashes(
 
 
 def flash_figure(watched: FlashDetections, shape: tuple[int, int]) -> Figure:
-    """Draw each flash, and the statistic below.
+    """Draw each flash, and the statistic of the search below.
 
     Args:
-        watched: What was seen.
+        watched: Flashes and the statistic of the search.
         shape: Height and width of the image [px].
     """
     shown = watched.flashes[:MAX_DRAWN]
@@ -93,6 +94,7 @@ def _picture(axes: Axes, flash: Flash, shape: tuple[int, int]) -> None:
     if flash.picture is None:
         axes.set_facecolor("#cccccc")
     else:
+        # linear light is drawn with the gamma of a display, 1 / 2.2
         shown = np.clip(flash.picture, 0.0, 1.0) ** 0.45
         axes.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, extent=extent)
     grown = flash.growth
@@ -135,21 +137,21 @@ def _statistic(axes: Axes, watched: FlashDetections) -> None:
     axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
     quiet(axes)
     count = len(watched.flashes)
-    title = f"{count} seen" if count else "nothing seen"
+    title = f"{count} detected" if count else "no flash detected"
     titled(axes, title, f"dashed: threshold, {watched.threshold:.1f}")
 
 
 def write_detection(
     directory: Path, searched: Sequence[Searched], text: str, log: Log | None
 ) -> list[str]:
-    """Write all there is; return the names of the files.
+    """Write document, filter output, figure and log; return the names of the files.
 
     Args:
-        directory: Where to; made if it is not there.
-        searched: Channels.
+        directory: Output directory; created if missing.
+        searched: Channels that were searched.
         text: The document.
-        log: Rows of the arrivals, if positions are known; where there are none, no
-            file is written, and an older one is removed.
+        log: Rows of the arrivals, if positions are known; without rows an older log is
+            removed.
 
     Raises:
         OSError: It cannot be written.
@@ -167,7 +169,7 @@ def write_detection(
 
 
 def _write_outputs(directory: Path, searched: Sequence[Searched]) -> list[str]:
-    """Write the filter's output, a file for each recording, its live channels in it."""
+    """Write the filter output of the searched channels, one file a recording."""
     records: dict[str, list[Searched]] = {}
     for one in searched:
         records.setdefault(one.channel.record, []).append(one)
@@ -182,8 +184,8 @@ def _write_outputs(directory: Path, searched: Sequence[Searched]) -> list[str]:
 
 
 def detection_figure(searched: Sequence[Searched]) -> Figure:
-    """Draw each channel's recording above what the filter made of it."""
-    shown = searched[:MOST_CHANNELS]
+    """Draw the recording of each channel above its filter output."""
+    shown = searched[:MAX_CHANNELS]
     figure = new_figure(10.0, 0.4 + 3.6 * len(shown))
     grid = figure.subplots(2 * len(shown), 1, sharex=True, squeeze=False)[:, 0]
     for one, above, below in zip(shown, grid[::2], grid[1::2], strict=True):
@@ -194,7 +196,7 @@ def detection_figure(searched: Sequence[Searched]) -> Figure:
             above.axvline(found.time_s, color=VERMILLION, linewidth=0.9, zorder=0)
             below.plot(found.time_s, found.statistic, "v", color=VERMILLION, ms=6)
         loudest = sorted(one.detections, key=lambda found: -found.statistic)
-        for found in loudest[:MOST_LABELS]:
+        for found in loudest[:MAX_LABELS]:
             below.annotate(
                 f"{found.time_s:.4f} s, {found.snr_db:.0f} dB",
                 (found.time_s, found.statistic),
@@ -210,21 +212,21 @@ def detection_figure(searched: Sequence[Searched]) -> Figure:
         above.set_ylabel("recording")
         below.set_ylabel("output [sigma]")
         count = len(one.detections)
-        heard = f"{count} arrival{'' if count == 1 else 's'}" if count else "nothing"
-        titled(above, f"{one.channel.sensor}: {heard} found")
+        found = f"{count} arrival{'' if count == 1 else 's'}" if count else "no arrival"
+        titled(above, f"{one.channel.sensor}: {found}")
         note = f"dashed: threshold, {one.threshold_snr_db:.1f} dB"
         below.set_title(note, loc="right", fontsize=9, color=MUTED)
     grid[-1].set_xlabel("time of the recording [s]")
     left = len(searched) - len(shown)
     if left:
-        figure.supxlabel(f"{left} channels more are not drawn", fontsize=9)
+        figure.supxlabel(f"{left} more channels are not drawn", fontsize=9)
     return figure
 
 
 def _envelope(
     axes: Axes, samples: Float[np.ndarray, " sample"], rate_hz: float, colour: str
 ) -> None:
-    """Draw samples, or of many the lowest and highest of each column."""
+    """Draw samples; of a long recording the least and largest of each column."""
     if samples.size <= 2 * COLUMNS:
         axes.plot(np.arange(samples.size) / rate_hz, samples, color=colour, lw=0.7)
         return

@@ -1,4 +1,4 @@
-"""The answer of `jblast discover`: equations, and doubts about them."""
+"""The answer of `jblast discover`: equations, and evidence against them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,22 +14,23 @@ from jblast.report.words import aligned, significant
 from jblast.results import Document
 
 COVERAGE = (0.73, 1.0)
-"""Share of noisy records whose 90 % interval held the truth; least and greatest of the
-cases and noises simulated, where the true terms came out
+"""Coverage of the 90 % intervals in simulated records with noise: least and largest of
+the cases and noise levels, where the true terms were found
 (calibration/results/discovery.txt)."""
 MIN_SHARE = 0.05
-"""Share of the ensemble from which an excluded term is reported."""
+"""Share of the ensemble from which an excluded term is reported: below 1 in 20 it is
+chance at the 5 % level."""
 
 
 def discovery_text(
     found: Discovery, again: Replay, further: tuple[Discovery, Replay] | None = None
 ) -> str:
-    """Return the equations, their terms with certainty, and whether they hold.
+    """Return the equations with their terms, validation and warnings.
 
     Args:
         found: The equations.
-        again: What they give, integrated.
-        further: The same among products of one column more, where that was tried.
+        again: The integrated equations.
+        further: Equations and integration with products of one column more, if tried.
     """
     lines = []
     for state, name in enumerate(found.states):
@@ -44,17 +45,9 @@ def discovery_text(
             f"  {_skill_words(found, state)}",
             "",
         ]
-    if np.any(found.coefficients):
-        low, high = (f"{100.0 * share:.0f}" for share in COVERAGE)
-        lines += [
-            "Intervals are nominal: those of 90 % held the true coefficient in "
-            f"{low} to {high} % of",
-            "simulated records with noise, case by case",
-            "",
-        ]
     if found.repeated:
         lines += [
-            "Left out, since other terms add up to them on this record: "
+            "Terms left out, as sums of other terms equal them on this record: "
             f"{', '.join(found.repeated)}",
             "",
         ]
@@ -62,20 +55,20 @@ def discovery_text(
 
 
 def slowing_text(slowing: Slowing) -> str:
-    """Return the answer on a shock's speed from a radius history."""
+    """Return the equation of a shock's speed from a radius history."""
     found = slowing.discovery
     lines = [
         equation_text(found, 0).replace("d(R)/dt", "dR/dt"),
         *_terms_lines(found, 0),
         f"  one power: dR/dt ~ R^{slowing.exponent:.3f}, {100.0 * found.level:.0f} % "
-        f"interval {slowing.low:.3f} to {slowing.high:.3f}; it leaves "
+        f"interval {slowing.low:.3f} to {slowing.high:.3f}; misfit "
         f"{100.0 * slowing.misfit:.1f} %",
     ]
     return "\n".join(lines) + "\n"
 
 
 def outcomes_text(outcomes: Sequence[Outcome]) -> str:
-    """Return a table: a row for each noise of each equation."""
+    """Return a table with a row for each equation and noise level."""
     rows = [
         (
             "of",
@@ -116,59 +109,59 @@ def _terms_lines(found: Discovery, state: int) -> list[str]:
         low, high = (significant(x, 4) for x in (kept.q05, kept.q95))
         lines.append(
             f"  {kept.term.ljust(width)}  {significant(kept.coefficient, 4)}, "
-            f"{100.0 * found.level:.0f} % interval {low} to {high}; in "
+            f"{100.0 * found.level:.0f} % interval {low} to {high} (nominal); in "
             f"{100.0 * kept.inclusion:.0f} % of the ensemble"
         )
     others = left_out_terms(found, state)
     if others:
         words = (f"{o.term} {100.0 * o.inclusion:.0f} %" for o in others)
-        lines.append(f"  left out, though some of the ensemble had: {', '.join(words)}")
+        lines.append(f"  excluded terms in part of the ensemble: {', '.join(words)}")
     return lines
 
 
 def _further_lines(further: tuple[Discovery, Replay] | None, state: int) -> list[str]:
-    """Say what products of one column more give."""
+    """Return the equation with candidate terms of one degree more."""
     if further is None:
         return []
     if not further[0].terms(state):
         return ["One degree more: no term is certain either"]
     words = doubts(*further, state)
-    verdict = "of which nothing of the kind is to be said"
-    if words:
-        verdict = f"in doubt too: {'; '.join(words)}"
+    verdict = (
+        f"also doubtful: {'; '.join(words)}" if words else "without these problems"
+    )
     return [f"One degree more: {equation_text(further[0], state)}, {verdict}"]
 
 
 def _skill_words(found: Discovery, state: int) -> str:
-    """Say how an equation does where it has not been found."""
+    """Return the skill of an equation on held-out data."""
     skill = found.judged[state].skill
     if not math.isfinite(skill):
-        return "over stretches that its coefficients have not seen it runs away"
+        return "held-out data: the integration diverges"
     return (
-        "over stretches that its coefficients have not seen it saves "
-        f"{100.0 * max(skill, 0.0):.1f} % of the squared miss of a guess"
+        "held-out data: the squared error is "
+        f"{100.0 * max(skill, 0.0):.1f} % smaller than that of a constant prediction"
     )
 
 
 def _replay_words(found: Discovery, again: Replay, state: int) -> str:
-    """Say how the integrated equation compares with the data."""
+    """Return the misfit of the integrated equation."""
     misfit = again.misfit[state]
     if not math.isfinite(misfit):
-        return "integrated from the first row it runs away: not reproduced"
-    verdict = "" if again.reproduced[state] else ": not reproduced"
+        return "integration from the first row: diverges, the data are not reproduced"
+    verdict = "" if again.reproduced[state] else ", not reproduced"
     return (
-        f"integrated from the first row it lies {100.0 * misfit:.1f} % of the spread "
-        f"of {found.states[state]} off the data, noise aside{verdict}"
+        f"integration from the first row: misfit {100.0 * misfit:.1f} % of the spread "
+        f"of {found.states[state]}, noise removed{verdict}"
     )
 
 
 @dataclass(frozen=True)
 class ExchangeableTerms:
-    """Two terms of which this record does not identify the right one.
+    """Two terms that this record does not distinguish.
 
     Attributes:
         term: A term of the equation.
-        other: Nearly collinear candidate that could stand in its place.
+        other: Nearly collinear candidate that could replace it.
     """
 
     term: str
@@ -180,11 +173,11 @@ class KeptTerm:
     """A term of an equation.
 
     Attributes:
-        term: What it is.
+        term: The term.
         coefficient: Its coefficient.
-        q05: 5 % quantile of that over the ensemble.
+        q05: 5 % quantile of the coefficient over the ensemble.
         q95: 95 % quantile.
-        inclusion: Share of the ensemble that has it.
+        inclusion: Share of the ensemble with this term.
     """
 
     term: str
@@ -196,11 +189,11 @@ class KeptTerm:
 
 @dataclass(frozen=True)
 class LeftOutTerm:
-    """A term that only some of the ensemble had.
+    """An excluded term that a part of the ensemble had.
 
     Attributes:
-        term: What it is.
-        inclusion: Share of the ensemble that has it.
+        term: The term.
+        inclusion: Share of the ensemble with this term.
     """
 
     term: str
@@ -208,7 +201,7 @@ class LeftOutTerm:
 
 
 def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
-    """Return what speaks against one equation; the gravest first."""
+    """Return the evidence against one equation, the most serious first."""
     judged, name = found.judged[state], found.states[state]
     if not found.terms(state):
         return ["no term is certain"]
@@ -218,32 +211,27 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
         for term, other in found.exchangeable[state]
     ]
     if not judged.law:
-        words.append(
-            "over stretches that its coefficients have not seen it comes hardly nearer "
-            "than their start, or the mean elsewhere"
-        )
+        words.append("on held-out data it is hardly better than a constant prediction")
     if not again.reproduced[state]:
-        words.append(f"integrated from the first row it does not give {name} back")
+        words.append(f"integrated from the first row it does not reproduce {name}")
     if not judged.tested:
         words.append(
-            "whether what is left over is noise could not be judged: that takes "
-            f"equations that give every state back, and {FEWEST_MEMBERS} or more "
-            "records with new noise"
+            "the residuals could not be tested: the test requires that every state is "
+            f"reproduced, and {FEWEST_MEMBERS} or more records with new noise"
         )
     if judged.outside < DOUBTFUL:
         words.append(
-            f"what is left over goes with {judged.outside_term}, which it was not "
-            f"looked among (p = {significant(judged.outside, 2)})"
+            f"the residuals correlate with {judged.outside_term}, which is not a "
+            f"candidate term (p = {significant(judged.outside, 2)})"
         )
     if judged.excess < DOUBTFUL:
         words.append(
-            "more is left over than the noise would leave "
+            "the residuals are larger than the noise "
             f"(p = {significant(judged.excess, 2)})"
         )
     if judged.serial < DOUBTFUL:
         words.append(
-            "what is left over is no independent noise "
-            f"(p = {significant(judged.serial, 2)})"
+            f"the residuals are correlated (p = {significant(judged.serial, 2)})"
         )
     return words
 
@@ -253,20 +241,21 @@ class FoundEquation:
     """The equation of one column.
 
     Attributes:
-        equation: In words.
+        equation: The equation, as text.
         terms: Its terms.
-        left_out: Terms that only some of the ensemble had.
-        exchangeable: Pairs of terms that this record does not distinguish. The equation
-            is not identified where there are any.
-        noise_sd: Noise of the column.
-        misfit: What the integrated equation misses, as a share of the column's spread.
-        reproduced: Whether, integrated, it gives the column back.
-        law: Whether it holds where its coefficients have not seen.
-        doubts: What speaks against it, the gravest first.
-        skill_not_seen: Share of the squared miss of a guess that it saves there.
-        p_excess: Chance of noise that leaves more over.
-        p_serial: Chance of noise whose remains go together more from row to row.
-        p_outside: Chance of noise whose remains go more with a term not looked among.
+        left_out: Excluded terms that a part of the ensemble had.
+        exchangeable: Pairs of terms that this record does not distinguish. With such a
+            pair the equation is not identified.
+        noise_sd: Standard deviation of the column's noise.
+        misfit: Misfit of the integrated equation, as a share of the column's spread.
+        reproduced: Whether the integrated equation reproduces the column.
+        law: Whether it predicts held-out data.
+        doubts: Evidence against it, the most serious first.
+        skill_not_seen: Reduction of the squared error on held-out data, relative to a
+            constant prediction.
+        p_excess: p value of the size of the residuals.
+        p_serial: p value of their serial correlation.
+        p_outside: p value of their correlation with a term that is not a candidate.
     """
 
     equation: str
@@ -289,8 +278,8 @@ class FurtherEquations:
     """The equations among products of one column more.
 
     Attributes:
-        certain: Whether all of them are law.
-        equations: By column, in words.
+        certain: Whether all of them are without evidence against them.
+        equations: Equations by column, as text.
     """
 
     certain: bool
@@ -299,11 +288,11 @@ class FurtherEquations:
 
 @dataclass(frozen=True)
 class NominalInterval:
-    """What the intervals are worth.
+    """Nominal level and simulated coverage of the intervals.
 
     Attributes:
-        nominal: Their level.
-        held_when_simulated: Share of noisy records that held the truth, least and most.
+        nominal: Nominal level.
+        held_when_simulated: Coverage in simulated noisy records, least and largest.
     """
 
     nominal: float
@@ -312,22 +301,23 @@ class NominalInterval:
 
 @dataclass(frozen=True)
 class DiscoveryAnswer(Document):
-    """What was asked, and what was found.
+    """The answer of `jblast discover`.
 
     Attributes:
-        rows: Of the trajectory.
-        state: Columns that equations were sought for.
-        input: Columns that drive them.
-        candidates: Terms that were looked among.
-        threshold: Least share of a derivative for a term to stay.
-        ensemble: Records with new noise.
-        seed: Of that noise.
-        certain: Whether all of it is law.
-        equations: By column.
-        one_degree_more: The same of more candidates, where there was a doubt.
-        interval: What intervals are worth.
-        repeated: Terms that others add up to on this record.
-        reproduced: Whether the equations give the data back.
+        rows: Rows of the trajectory.
+        state: Columns with an equation.
+        input: Columns used as inputs.
+        candidates: Candidate terms.
+        threshold: Least share of a derivative that keeps a term.
+        ensemble: Number of records with new noise.
+        seed: Seed of that noise.
+        certain: Whether all equations are without evidence against them.
+        equations: Equations by column.
+        one_degree_more: Equations with more candidates, if there is evidence against
+            these.
+        interval: Level and coverage of the intervals.
+        repeated: Terms left out, as sums of other terms equal them on this record.
+        reproduced: Whether the integrated equations reproduce the data.
     """
 
     rows: int
@@ -360,13 +350,13 @@ def discovery_answer(
 
     Args:
         found: The equations.
-        again: What they give, integrated.
-        further: The same among products of one column more, where that was tried.
-        rows: Of the trajectory.
-        inputs: Columns that drive it.
-        threshold: Least share of a derivative for a term to stay.
-        members: Of the ensemble.
-        seed: Of its noise.
+        again: The integrated equations.
+        further: Equations and integration with products of one column more, if tried.
+        rows: Rows of the trajectory.
+        inputs: Columns used as inputs.
+        threshold: Least share of a derivative that keeps a term.
+        members: Size of the ensemble.
+        seed: Seed of its noise.
     """
     more = None
     if further is not None:
@@ -432,7 +422,7 @@ def kept_terms(found: Discovery, state: int) -> tuple[KeptTerm, ...]:
 
 
 def left_out_terms(found: Discovery, state: int) -> tuple[LeftOutTerm, ...]:
-    """Return the terms that only some of the ensemble had, if not few of it."""
+    """Return the excluded terms that at least `MIN_SHARE` of the ensemble had."""
     share = found.inclusion[state]
     left = (found.coefficients[state] == 0.0) & (share >= MIN_SHARE)
     return tuple(
@@ -459,10 +449,10 @@ def equation_text(found: Discovery, state: int) -> str:
 
 
 def doubts_text(found: Discovery, again: Replay, state: int) -> str:
-    """Return the doubt about one equation as its headline; "" if there is none."""
+    """Return the evidence against one equation as a headline; "" if there is none."""
     words = doubts(found, again, state)
     if not words:
         return ""
     is_law = found.terms(state) and found.judged[state].law
-    first = "In doubt" if is_law else "No law found"
+    first = "Doubtful" if is_law else "No law found"
     return f"{first}, {found.states[state]}: {'; '.join(words)}"

@@ -32,7 +32,7 @@ def discovery_figure(
     time_s: Float[np.ndarray, " row"],
     states: Float[np.ndarray, "row state"],
 ) -> Figure:
-    """Draw each state with its equation integrated, and how often each term came."""
+    """Draw each state with its integrated equation, and the inclusion of each term."""
     rows = len(found.states)
     figure = new_figure(11.0, 0.8 + 3.0 * rows)
     grid = figure.subplots(rows, 2, squeeze=False, width_ratios=[2.6, 1.0])
@@ -54,7 +54,7 @@ def discovery_figure(
             0.09,
             0.96,
             "equations, integrated from the first row"
-            + (": IN DOUBT" if doubtful else ""),
+            + (": DOUBTFUL" if doubtful else ""),
             color=VERMILLION if doubtful else BLUE,
             transform=left.transAxes,
             va="top",
@@ -66,7 +66,7 @@ def discovery_figure(
 
 
 def noise_figure(outcomes: Sequence[Outcome]) -> Figure:
-    """Draw the share of records whose true terms came out, and the coefficients."""
+    """Draw the share of records with exactly the true terms, and coefficient errors."""
     figure = new_figure(11.0, 4.4)
     left, right = figure.subplots(1, 2)
     keys = list(dict.fromkeys((o.case, o.state) for o in outcomes))
@@ -91,14 +91,14 @@ def noise_figure(outcomes: Sequence[Outcome]) -> Figure:
     left.set_ylim(-4.0, 104.0)
     left.set_ylabel("records [%]")
     right.set_ylabel("largest error of a coefficient, median [%]")
-    titled(left, "Exactly the true terms come out")
-    titled(right, "Their coefficients, where they do")
+    titled(left, "Records with exactly the true terms")
+    titled(right, "Coefficients of these records")
     left.legend(frameon=False, fontsize=9, loc="lower left")
     return figure
 
 
 def _inclusion(axes: Axes, found: Discovery, state: int) -> None:
-    """Draw a bar a term: how much of the ensemble has it."""
+    """Draw a bar a term: its share of the ensemble."""
     quiet(axes)
     kept = found.coefficients[state] != 0.0
     share = found.inclusion[state]
@@ -116,7 +116,7 @@ def _inclusion(axes: Axes, found: Discovery, state: int) -> None:
 
 
 def _cut(words: str, longest: int = 84) -> str:
-    """Return a title that fits above its plot."""
+    """Return a title shortened at a term to the width of its plot [characters]."""
     if len(words) <= longest:
         return words
     kept = words[: longest - 4]

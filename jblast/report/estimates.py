@@ -15,16 +15,17 @@ from jblast.report.words import (
 )
 
 WIDE_LOG_SD = 0.3
-"""Past this sd in ln an interval spans a factor of three: digits count then."""
+"""Standard deviation of ln above which numbers have two significant digits: the 90 %
+interval then spans a factor of three, and an absolute error means little."""
 
 
 @dataclass(frozen=True)
 class Printed:
-    """An estimate in words ready for a table.
+    """An estimate as text, ready for a table.
 
     Attributes:
-        value: With its unit, "not identified" where there is none.
-        interval: The 90 % interval with its unit, "-" where there is none.
+        value: Value with its unit, "not identified" if there is none.
+        interval: The 90 % interval with its unit, "-" if there is none.
         beside: The same value in another common unit, or "".
     """
 
@@ -39,10 +40,10 @@ class Printed:
 
 
 def printed_estimate(name: str, estimate: Estimate) -> Printed:
-    """Print one entry of an answer's `estimates` or `derived`.
+    """Return one entry of an answer's `estimates` or `derived` as text.
 
-    Two digits of the sd decide how far value and interval are printed; where the
-    parameter is uncertain by a factor, each number has two significant digits.
+    Value and interval are printed to two digits of the standard deviation. For a
+    parameter with an uncertainty of a factor each number has two significant digits.
     """
     numbers = estimate.value, estimate.sd, estimate.q05, estimate.q95
     value, sd, low, high = map(finite, numbers)
@@ -51,11 +52,11 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
     if value is not None:
         ends = (value,)
     elif low is not None and high is not None and low > 0.0:
-        # an interval alone: in the unit of its middle, 0.017 to 510000 kg
+        # an interval without a value is printed in the unit of its geometric mean
         ends, by_factors = (math.sqrt(low) * math.sqrt(high),), True
     unit = unit_for(name, *ends)
     if sd is None and low is not None and high is not None:
-        sd = (high - low) / 3.29
+        sd = (high - low) / 3.29  # the 90 % interval of a normal: 2 * 1.645 sd
 
     def show(number: float) -> str:
         if by_factors or (log_sd is not None and log_sd > WIDE_LOG_SD) or not sd:

@@ -14,23 +14,24 @@ from matplotlib.figure import Figure
 from jblast.files import replacing
 
 PACKED = 3
-"""Of 9: lines are packed as well as at Matplotlib's 6, in two thirds of the time."""
+"""Compression level of PNG: line figures are as small as at Matplotlib's 6, in two
+thirds of the time."""
 
 
 def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure; the suffix says which format.
+    """Write a figure in the format of the suffix.
 
     Raises:
-        OSError: It cannot be written; what was there before is as it was.
+        OSError: It cannot be written; an existing file is unchanged.
     """
     with replacing(path) as temporary:
         figure.savefig(temporary, format=Path(path).suffix[1:])
 
 
 def write_drawn(draw: Callable[[], Figure], path: Path) -> Figure | None:
-    """Draw and write a figure; None, and a warning that names it, where that fails.
+    """Draw and write a figure; on failure warn and return None.
 
-    Whatever went wrong with a picture, what was computed is kept.
+    A figure that cannot be drawn must not lose the computed numbers.
     """
     try:
         figure = draw()
@@ -43,11 +44,11 @@ def write_drawn(draw: Callable[[], Figure], path: Path) -> Figure | None:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as a PNG file, drawn once for whoever shows it.
+    """A figure as a PNG file, drawn once for file and page.
 
     Attributes:
-        png: The file.
-        width: How wide it is on a page [1/96 inch].
+        png: Content of the file.
+        width: Width on a page [1/96 inch].
     """
 
     png: bytes
@@ -55,20 +56,20 @@ class Picture:
 
     @property
     def source(self) -> str:
-        """The file as an address that holds it."""
+        """The file as a data URL."""
         return f"data:image/png;base64,{base64.b64encode(self.png).decode('ascii')}"
 
 
 def picture_of(figure: Figure) -> Picture:
-    """Draw a figure."""
+    """Return a drawn figure."""
     return Picture(image_bytes(figure, "png"), round(96 * figure.get_figwidth()))
 
 
 def image_bytes(figure: Figure, kind: str) -> bytes:
-    """Return a figure as a file of its own, the same each time it is drawn."""
+    """Return the content of a figure's file, the same each time it is drawn."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
-        # a sensor's name may hold signs the font lacks; it is drawn with boxes
+        # names of sensors may have characters that the font lacks, drawn as boxes
         warnings.filterwarnings("ignore", message=r"Glyph \d+ .*missing from font")
         _laid_out(figure)
         if kind == "png":
@@ -80,7 +81,8 @@ def image_bytes(figure: Figure, kind: str) -> bytes:
 
 
 def _write_png(figure: Figure, buffer: io.BytesIO) -> None:
-    """Draw on white and write what is seen: Matplotlib writes an opaque layer, too."""
+    """Draw on white and write a PNG."""
+    # written by Pillow, as Matplotlib would add an opaque alpha channel
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -95,7 +97,7 @@ def _write_png(figure: Figure, buffer: io.BytesIO) -> None:
 
 
 def _laid_out(figure: Figure) -> None:
-    """Lay a figure out, once; Matplotlib does it twice for each file it writes."""
+    """Execute the layout of a figure once; Matplotlib does it twice for each file."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)

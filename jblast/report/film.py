@@ -14,12 +14,12 @@ class FilmEvents:
     """The events of a film.
 
     Attributes:
-        threshold: Changes of the logarithm of light that give an event, brighter and
-            darker.
-        noise: Whether the camera has its imperfections.
+        threshold: Contrast thresholds of events, brighter and darker (change of the
+            logarithm of light).
+        noise: Whether the camera's noise is included.
         written: Numbers of events.
-        stamps: How their times were found.
-        stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
+        stamps: Computation of their times.
+        stamp_error_s: Bound of the times' error; if interpolated, of 99 % of them.
     """
 
     threshold: tuple[float, float]
@@ -31,11 +31,11 @@ class FilmEvents:
 
 @dataclass(frozen=True)
 class FilmFiles:
-    """Where a film's files are.
+    """Paths of a film's files.
 
     Attributes:
-        frames: The directory of frames; absent with `--mode events`.
-        events: The file of events; absent with `--mode rgb`.
+        frames: Directory of the frames; absent with `--mode events`.
+        events: File of the events; absent with `--mode rgb`.
         video: The video; absent without `--video`.
         contact_sheet: Some of the frames on one page.
     """
@@ -48,23 +48,23 @@ class FilmFiles:
 
 @dataclass(frozen=True)
 class FilmAnswer(Answer):
-    """A film that was written.
+    """The answer of `jblast render`.
 
     Attributes:
-        scene: The file.
-        mode: What was written of it.
-        frames: How many there are.
-        width: Of a frame, in pixels.
-        height: Of a frame, in pixels.
-        fps: Frames a second.
-        video_fps: Frames of the video a second; absent without `--video`.
-        start_s: When the first frame stands, on the scene's clock.
-        duration_s: From the first frame to the last.
-        seed: Of noise and priors.
+        scene: The scene's file.
+        mode: Kind of the output.
+        frames: Number of frames.
+        width: Width of a frame [px].
+        height: Height of a frame [px].
+        fps: Frames per second.
+        video_fps: Frames per second of the video; absent without `--video`.
+        start_s: Time of the first frame, on the scene's clock.
+        duration_s: Time from the first frame to the last.
+        seed: Seed of noise and priors.
         found: Its events; None with `--mode rgb`.
-        lifted_m: How far above the ground a set of pictures stands that shows a burst
-            on the ground; absent where it stands on it, or there is none.
-        files: Where they are.
+        lifted_m: Height above the ground of pictures of a surface burst; absent if
+            they stand on the ground, or if there are none.
+        files: Paths of the files.
     """
 
     scene: str
@@ -83,7 +83,7 @@ class FilmAnswer(Answer):
 
 
 def film_text(answer: FilmAnswer) -> str:
-    """Return how much was written, how exact it is, and where it is."""
+    """Return size, accuracy and paths of a film, for the terminal."""
     summary = (
         f"{answer.frames:,} frames of {answer.width} x {answer.height} "
         f"pixels at {answer.fps:g} Hz from {answer.start_s:g} s"
@@ -91,14 +91,15 @@ def film_text(answer: FilmAnswer) -> str:
     if found := answer.found:
         summary += (
             f": {_counts(found.written)}; times {found.stamps}, "
-            f"within {1e6 * found.stamp_error_s:g} us"
+            f"error below {1e6 * found.stamp_error_s:g} us"
         )
         if found.stamps != "solved for":
-            summary += " for 99 in 100"
+            summary += " for 99 % of them"
     if answer.lifted_m is not None:
         summary += (
-            ".\nThe pictures show a burst on the ground; this one is higher than half "
-            f"its fireball's radius, and they hover at {answer.lifted_m:.3g} m"
+            ".\nWarning: the pictures show a burst on the ground, but this burst is "
+            "higher than half its fireball's radius;\nthey are drawn at a height of "
+            f"{answer.lifted_m:.3g} m"
         )
     files = answer.files
     where = (files.frames, files.events, _video(answer), files.contact_sheet)
@@ -113,21 +114,22 @@ def _counts(written: Written) -> str:
 
 
 def _video(answer: FilmAnswer) -> str | None:
-    """Return where the video is, and how fast it runs."""
+    """Return the path of the video, and its speed relative to the blast."""
     if answer.video_fps is None:
         return None
     slower = answer.fps / answer.video_fps
+    # below half a per cent the ratio prints as 1, to three digits
     if abs(slower - 1) < 5e-3:
-        pace = "as fast as"
+        pace = "in real time"
     elif slower > 1:
-        pace = f"{slower:.3g} times slower than"
+        pace = f"{slower:.3g} times slower than real time"
     else:
-        pace = f"{1 / slower:.3g} times faster than"
-    return f"{answer.files.video} ({answer.video_fps:g} Hz, {pace} the blast)"
+        pace = f"{1 / slower:.3g} times faster than real time"
+    return f"{answer.files.video} ({answer.video_fps:g} Hz, {pace})"
 
 
 def dark_film(share: float, darkest: float) -> str:
-    """Return the warning of a film with pixels below the floor of the light."""
+    """Return the warning on pixels below the least light that gives events."""
     return (
         f"{100 * share:.2g} % of the pixel values are darker than {darkest:.3g} of "
         "full scale; changes below that level give no events (--darkest sets it)"
@@ -136,26 +138,26 @@ def dark_film(share: float, darkest: float) -> str:
 
 @dataclass(frozen=True)
 class EventsAnswer(Answer):
-    """The events of frames, as they were written.
+    """The answer of `jblast events`.
 
     Attributes:
-        frames: How many were read.
-        width: Of a frame, in pixels.
-        height: Of a frame, in pixels.
-        fps: Frames a second.
-        duration_s: From the first frame to the last.
-        threshold: Changes of the logarithm of light that give an event, brighter and
-            darker.
-        srgb: Whether grey values were taken for sRGB.
-        noise: Whether the camera has its imperfections.
-        seed: Of the noise; null without.
+        frames: Number of frames that were read.
+        width: Width of a frame [px].
+        height: Height of a frame [px].
+        fps: Frames per second.
+        duration_s: Time from the first frame to the last.
+        threshold: Contrast thresholds of events, brighter and darker (change of the
+            logarithm of light).
+        srgb: Whether grey values were read as sRGB.
+        noise: Whether the camera's noise is included.
+        seed: Seed of the noise; null without noise.
         written: Numbers of events.
-        bits: Bit depth of the values of the frames; null of floats.
+        bits: Bit depth of the frames; null for floats.
         darkest: Linear light, as a fraction of full scale, below which changes give no
             events.
         below_darkest: Share of the pixel values that are darker than that.
-        warnings: Limitations of this answer.
-        out: The file.
+        warnings: Limitations, as sentences.
+        out: File of the events.
     """
 
     frames: int
@@ -176,7 +178,7 @@ class EventsAnswer(Answer):
 
 
 def events_text(answer: EventsAnswer) -> str:
-    """Return how many events there were, and where they are."""
+    """Return the number of events and their file, for the terminal."""
     return (
         f"{answer.frames:,} frames of {answer.width} x {answer.height} pixels "
         f"over {answer.duration_s:g} s: {_counts(answer.written)}\n"

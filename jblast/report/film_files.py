@@ -1,9 +1,9 @@
 """Output files of a film: frames, video, events and contact sheet.
 
 `film_outputs` checks the options and `cleared` prepares the directory. `FilmWriter`
-writes frames block by block, and keeps those of the contact sheet alone. Times of
-events are solved for where the light is a known function of time and the camera is
-ideal; otherwise the light between many instants is interpolated (`Stamps`).
+writes frames block by block, and stores only those of the contact sheet. If the light
+is a known function of time and the camera is ideal, the times of events are solved for;
+otherwise they are interpolated between many instants (`Stamps`).
 """
 
 import math
@@ -44,11 +44,11 @@ from jblast.sensors.camera.surroundings import Landscape
 
 Mode = Literal["rgb", "events", "both"]
 SHOWN_HZ = 30.0
-"""Frames of a video a second, where the camera has more than screens show."""
+"""Frame rate of the video [1/s], if the camera is faster than a screen."""
 SCREEN_HZ = 60.0
-"""Frames a second that any screen shows."""
+"""Frame rate that every screen shows [1/s]."""
 SOLVED = 1e-6
-"""Times in the file are whole microseconds [s]."""
+"""Error of solved times [s]: the file has whole microseconds."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class FilmOutputs:
     Attributes:
         out: Their directory.
         mode: "rgb", "events" or "both".
-        suffix: Of the file of events: its format.
-        video: The video; None if there is to be none.
-        video_hz: Its frames a second.
+        suffix: Suffix of the file of events, which sets its format.
+        video: The video; None for no video.
+        video_hz: Frame rate of the video [1/s].
     """
 
     out: Path
@@ -85,7 +85,7 @@ class FilmOutputs:
         return self.out / "contact_sheet.png"
 
     def files(self) -> FilmFiles:
-        """Return what is written where."""
+        """Return the paths of the files that are written."""
         return FilmFiles(
             frames=None if self.mode == "events" else str(self.frames),
             events=None if self.mode == "rgb" else str(self.events),
@@ -107,14 +107,15 @@ def film_outputs(
 
     Args:
         out: Their directory.
-        frames_hz: Of the camera.
+        frames_hz: Frame rate of the camera [1/s].
         mode: Whether frames, events or both are written.
         events_format: "h5", "npz", "raw" or "aedat4".
-        video: The video, if there is to be one.
-        video_fps: Its frames a second; default: the camera's, of fast ones 30.
+        video: File of the video, if requested.
+        video_fps: Frame rate of the video [1/s]; default: that of the camera, or 30 if
+            it is above 60.
 
     Raises:
-        InputError: A video cannot be written, or has no frames to be made of.
+        InputError: A video cannot be written, or no frames are written for it.
     """
     if video is None and video_fps is not None:
         raise InputError(
@@ -139,17 +140,16 @@ def film_outputs(
 def cleared(
     outputs: FilmOutputs, *, force: bool, read: Sequence[str | None] = ()
 ) -> None:
-    """Make the directory, without what an earlier run left of the files to come.
+    """Create the directory, and remove files of an earlier run that will be written.
 
     Args:
-        outputs: What is to come.
-        force: Whether such files may be replaced.
-        read: Files and directories that the frames are made from; None if there are
-            none.
+        outputs: The files to be written.
+        force: Whether existing files may be replaced.
+        read: Input files and directories of the frames; None entries are ignored.
 
     Raises:
-        InputError: It holds such files and `force` is not set, they are read from, or
-            it is no directory.
+        InputError: It contains such files and `force` is not set, they are inputs, or
+            it is not a directory.
     """
     out, mode = outputs.out, outputs.mode
     if out.exists() and not out.is_dir():
@@ -168,8 +168,8 @@ def cleared(
         folders = (place.parent, out.resolve()) if file in wanted else ()
         if any(s in (place, *folders) for s in sources):
             raise InputError(
-                f"{file}: expected another {argument('out')}, as the frames are made "
-                "from what is here, and it would be overwritten"
+                f"{file}: expected another {argument('out')}; this file is an input of "
+                "the frames, and would be overwritten"
             )
     for file in wanted:
         file.unlink(missing_ok=True)
@@ -190,22 +190,23 @@ def write_film(
 
     Args:
         film: The film.
-        outputs: What is written of it, and where.
-        noise: Whether the event camera has its imperfections.
-        seed: Of the noise.
+        outputs: The files to be written.
+        noise: Whether the camera's noise is included.
+        seed: Seed of the noise.
         force: Whether files may be replaced.
-        read: Files and directories that the frames are made from.
+        read: Input files and directories of the frames.
         begin: Called with the name of each stage; default: progress is reported.
 
     Returns:
-        The events; None where none are written.
+        The events; None if none are written.
 
     Raises:
         InputError: The film cannot be rendered, or a file cannot be written.
     """
     lasts = {"filming": 9.0, "finding events": 9.0, "drawing the sheet": 0.5}
     begin = begin or stages(lasts)
-    next(film.frames())  # what cannot be rendered is refused with all files in place
+    # renders the first block, so that an error comes before any file is removed
+    next(film.frames())
     writer, found = FilmWriter(film, outputs), None
     begin("filming")
     with writing(outputs.out):
@@ -227,12 +228,12 @@ def write_film(
 
 
 class Stamps(NamedTuple):
-    """How good the times of events are.
+    """Accuracy of the times of events.
 
     Attributes:
-        error_s: Bound [s]; of all if they are solved for, else of 99 in 100, of a real
-            camera by trial (`sensors.camera.film.LIGHT_ERROR`).
-        how: In two words.
+        error_s: Bound [s] for all solved times; for 99 % of interpolated times, found
+            by trial for a real camera (`sensors.camera.film.LIGHT_ERROR`).
+        how: Name of the computation.
     """
 
     error_s: float
@@ -240,13 +241,13 @@ class Stamps(NamedTuple):
 
 
 def is_solvable(film: Film) -> bool:
-    """Return whether a film's light is the law's fireball before what stands still."""
+    """Return whether the light is the law's fireball before a still background."""
     still = film.path is None and not isinstance(film.background, MovingBackground)
     return film.views is None and film.supersample == 1 and still
 
 
 def saved(path: Path, frame: np.ndarray) -> np.ndarray:
-    """Write a frame of linear light; return its values, sRGB of 8 bits."""
+    """Write a frame of linear light; return its sRGB values of 8 bits."""
     values = srgb_bytes(frame)
     write_values(path, values)
     return values
@@ -264,12 +265,12 @@ def finished(
 
 @dataclass
 class FilmWriter:
-    """A film on its way into a directory.
+    """Writer of a film's files.
 
     Attributes:
-        film: What is filmed.
-        outputs: What is written of it, and where.
-        shown: Frames kept for the contact sheet, by number.
+        film: The film.
+        outputs: The files to be written.
+        shown: Frames stored for the contact sheet, by number.
     """
 
     film: Film
@@ -277,7 +278,7 @@ class FilmWriter:
     shown: dict[int, np.ndarray] = field(default_factory=dict)
 
     def write_frames(self) -> None:
-        """Write the frames; or look only at those of the contact sheet."""
+        """Write the frames; without frames, render those of the contact sheet only."""
         film = self.film
         times, digits = film.times, max(4, len(str(len(film.times) - 1)))
         bursts = [float(charge.time_s) for charge in film.scene.charges]
@@ -297,7 +298,8 @@ class FilmWriter:
             pool = stack.enter_context(ThreadPoolExecutor(os.cpu_count()))
             written: list[Future[np.ndarray]] = []
             for which, frames in film.frames():
-                finished(written, add)  # while the next block is rendered
+                # the pool writes one block while the next one is rendered
+                finished(written, add)
                 numbers = range(which.start, which.stop)
                 paths = [self.outputs.frames / f"{n:0{digits}}.png" for n in numbers]
                 written = [*map(partial(pool.submit, saved), paths, frames)]
@@ -308,11 +310,7 @@ class FilmWriter:
             through(len(times))
 
     def write_events(self, noise: bool, seed: int) -> tuple[Written, Stamps]:
-        """Write the events; and say how good their times are.
-
-        They are solved for where the light is a function of time that we know and the
-        camera is ideal; else the light between two of many instants is interpolated.
-        """
+        """Write the events; return their numbers and the accuracy of their times."""
         film, camera = self.film, self.film.camera
         stamps = Stamps(SOLVED, "solved for")
         if noise or not is_solvable(film):
@@ -335,7 +333,10 @@ class FilmWriter:
         return written, stamps
 
     def write_frame_differences(self) -> tuple[Written, Stamps]:
-        """Write events as the thesis makes them; each may be a frame late."""
+        """Write events from differences of frames, as the thesis does.
+
+        Each event may be one frame late.
+        """
         film = self.film
         start, stop = float(film.times[0]), float(film.times[-1])
         greys = (
@@ -353,7 +354,7 @@ class FilmWriter:
         return written, Stamps(1.0 / self.outputs.video_hz, "of the frame")
 
     def _instants(self, threshold: float, light_error: float) -> Iterator[Block]:
-        """Return times from frame 0 on and grey light, and tell how far it is."""
+        """Yield times from frame 0 on with grey light, and report progress."""
         start, stop = float(self.film.times[0]), float(self.film.times[-1])
         total = max(1, math.ceil(1e3 * (stop - start)))
         through = counted(total, "milliseconds of events")
@@ -377,7 +378,7 @@ class FilmWriter:
         return replace(events, time=events.time - film.times[0])
 
     def write_sheet(self) -> None:
-        """Write the contact sheet of the frames that were kept."""
+        """Write the contact sheet of the stored frames."""
         first = min(float(charge.time_s) for charge in self.film.scene.charges)
         numbers = sorted(self.shown)
         labels = [time_label(float(self.film.times[n]) - first) for n in numbers]

@@ -14,11 +14,11 @@ Kind = Literal["frames", "video", "events"]
 
 
 def slow_film(frames_hz: float) -> str:
-    """Return what to know of a film whose frames are far apart."""
+    """Return the warning for a film with a low frame rate."""
     return (
         f"{frames_hz:g} frames/s: a fireball grows within a few milliseconds, and the "
-        "test was set for 1,000 frames/s; slower films show a lamp and a blast alike, "
-        "and false alarms are not those asked for"
+        "test is calibrated at 1,000 frames/s; at lower rates a lamp looks like a "
+        "blast, and the false-alarm rate is not the requested one"
     )
 
 
@@ -34,14 +34,14 @@ def rejected_alarms(rejected: Sequence[Rejected]) -> list[str]:
 
 @dataclass(frozen=True)
 class Arrival:
-    """A flash in a line.
+    """A flash, in short.
 
     Attributes:
         time_s: First light, since frame 0 or the first event.
-        snr_db: Of the test's statistic, when it was told.
-        sigma_s: Of the time.
-        pixel: Where the burst is, x and y.
-        frame: The first that shows it; of events the millisecond.
+        snr_db: Test statistic at the detection.
+        sigma_s: Standard error of the time.
+        pixel: Position of the burst, x and y [px].
+        frame: First frame with the flash; for events the millisecond.
     """
 
     time_s: float
@@ -66,12 +66,12 @@ class GrownTo:
 
 @dataclass(frozen=True)
 class FlashSeen:
-    """All that is known of a flash.
+    """A flash, in full.
 
     Attributes:
-        grown: First light, place and growth.
+        grown: First light, position and growth.
         alarm: First frame and alarm.
-        direction: From the camera; null without a scene.
+        direction: Direction from the camera; null without a scene.
         growth: Its silhouettes.
     """
 
@@ -88,12 +88,12 @@ class FlashSeen:
 
 @dataclass(frozen=True)
 class Method:
-    """How it was searched.
+    """Method of the search.
 
     Attributes:
-        name: The test.
-        false_alarms_per_hour: Of scenes that look like a blast.
-        threshold: Of the statistic.
+        name: Name of the test.
+        false_alarms_per_hour: False-alarm rate in scenes that look like a blast.
+        threshold: Threshold of the statistic.
     """
 
     name: Literal["growth_cusum"]
@@ -103,16 +103,16 @@ class Method:
 
 @dataclass(frozen=True)
 class Searched:
-    """What was searched.
+    """The searched film.
 
     Attributes:
         path: Folder or file.
-        kind: Of which kind.
-        width: In pixels.
-        height: In pixels.
-        frames: How many; of events milliseconds.
-        frames_hz: A second.
-        seconds: How long.
+        kind: Kind of the film.
+        width: Width of the image [px].
+        height: Height of the image [px].
+        frames: Number of frames; for events of milliseconds.
+        frames_hz: Frame rate [1/s].
+        seconds: Length [s].
     """
 
     path: str
@@ -126,18 +126,18 @@ class Searched:
 
 @dataclass(frozen=True)
 class FlashAnswer(Document):
-    """What was seen.
+    """The answer of `jblast detect` for film.
 
     Attributes:
-        detected: Whether anything was.
-        arrivals: In order of time.
-        threshold_snr_db: The same of the threshold as `snr_db`.
-        latency_s: From first light to being told, of the slowest; the least there can
-            be where nothing was seen.
-        method: How it was searched.
-        recording: What was searched.
-        flashes: All that is known of each arrival.
-        warnings: Warnings, a sentence each.
+        detected: Whether a flash was detected.
+        arrivals: Flashes in order of time.
+        threshold_snr_db: The threshold, in the unit of `snr_db`.
+        latency_s: Largest delay from first light to detection; without a flash the
+            least possible one.
+        method: Method of the search.
+        recording: The searched film.
+        flashes: Each flash in full.
+        warnings: Warnings, as sentences.
     """
 
     detected: bool
@@ -151,28 +151,29 @@ class FlashAnswer(Document):
 
 
 def flash_text(answer: FlashAnswer) -> str:
-    """Return what was seen."""
+    """Return the flashes, for the terminal."""
     count = len(answer.flashes)
     head = f"{count} {'blast' if count == 1 else 'blasts'}" if count else "No blast"
     rate = answer.method.false_alarms_per_hour
-    lines = [
-        f"{head} seen in {_searched(answer.recording)}",
-        f"looked for: a bright spot that grows to both sides and stays; {rate:g} false "
-        f"{'alarm' if rate == 1 else 'alarms'} an hour of what looks like one",
-    ]
+    lines = [f"{head} detected in {_film_words(answer.recording)}"]
     for number, flash in enumerate(answer.flashes, 1):
         lines += ["", *_lines(flash, number if count > 1 else None)]
-    lines += [f"\nNote: {warning}" for warning in answer.warnings]
+    lines += [
+        "",
+        "search target: a bright spot that grows in all directions and stays; "
+        f"false-alarm rate {rate:g} per hour",
+    ]
+    lines += [f"\nWarning: {warning}" for warning in answer.warnings]
     return "\n".join(lines) + "\n"
 
 
-def _searched(what: Searched) -> str:
-    size = f"{what.width} x {what.height} pixels"
-    if what.kind == "events":
-        return f"{what.seconds:.6g} s of events of {size}"
+def _film_words(film: Searched) -> str:
+    size = f"{film.width} x {film.height} pixels"
+    if film.kind == "events":
+        return f"{film.seconds:.6g} s of events of {size}"
     return (
-        f"{what.frames:,} frames of {size}, {what.seconds:.6g} s at "
-        f"{what.frames_hz:g} frames/s"
+        f"{film.frames:,} frames of {size}, {film.seconds:.6g} s at "
+        f"{film.frames_hz:g} frames/s"
     )
 
 
@@ -183,8 +184,8 @@ def _lines(flash: FlashSeen, number: int | None) -> list[str]:
     lines = [f"Blast {number}"] if number else []
     lines += [
         f"first light  {grown.time_s:.{digits}f} ± {grown.sigma_s:.2g} s, frame "
-        f"{flash.alarm.frame}, told {late:.3g} ms later",
-        f"where        x {grown.x_px:.1f} ± {grown.x_sigma_px:.1f} px, "
+        f"{flash.alarm.frame}, detected {late:.3g} ms later",
+        f"position     x {grown.x_px:.1f} ± {grown.x_sigma_px:.1f} px, "
         f"y {grown.y_px:.1f} ± {grown.y_sigma_px:.1f} px",
     ]
     if seen_from is not None:
@@ -197,14 +198,14 @@ def _lines(flash: FlashSeen, number: int | None) -> list[str]:
     if grown.radius_px is not None and grown.growth_s is not None:
         tau, tau_sd = 1e3 * grown.growth_s, 1e3 * (grown.growth_sigma_s or 0.0)
         lines.append(
-            f"grew to      {grown.radius_px:.1f} ± {grown.radius_sigma_px:.1f} px, "
+            f"radius       {grown.radius_px:.1f} ± {grown.radius_sigma_px:.1f} px, "
             f"time constant {tau:.2f} ± {tau_sd:.2g} ms"
         )
     else:
         last = flash.alarm.silhouettes[-1]
         lines.append(
-            f"grew to      {last.radius_px:.1f} px at {last.time_s:.6g} s; no growth "
-            "could be fitted"
+            f"radius       {last.radius_px:.1f} px at {last.time_s:.6g} s; the growth "
+            "could not be fitted"
         )
     return lines
 
@@ -219,11 +220,11 @@ def flash_answer(
     """Return the answer on a film.
 
     Args:
-        watched: What was seen in it.
-        searched: What it is.
-        false_alarms: For how many an hour the threshold was set.
-        directions: Of each flash; none without a scene.
-        warnings: Warnings, a sentence each.
+        watched: Flashes and the statistic of the search.
+        searched: The film.
+        false_alarms: False-alarm rate of the threshold [1/h].
+        directions: Direction of each flash; none without a scene.
+        warnings: Warnings, as sentences.
     """
     late = [f.told_s - f.growth.time_s for f in watched.flashes]
     return FlashAnswer(

@@ -38,15 +38,17 @@ from jblast.study.flight_results import (
 from jblast.vehicle import path_error
 
 DASHES = ("-", (0, (4, 3)), (0, (1, 1)), (0, (6, 2, 1, 2)))
-"""Of as many controllers as there are."""
-MOST_POINTS = 4000
-"""Of the scatter: more only darken it."""
-GROUPS, LEAST = 8, 12
-"""Most groups of vehicles by distance, and fewest vehicles in each."""
+"""Line styles, one for each of four controllers."""
+MAX_POINTS = 4000
+"""Largest number of points of a scatter plot: more of them only darken it."""
+MAX_GROUPS, MIN_VEHICLES = 8, 12
+"""Largest number of groups by distance, and least number of vehicles in each: with
+fewer than 12 the 90 % interval of a share spans half of the axis."""
 HOLD_COLOURS = (BLUE, VERMILLION, COLOURS[2], INK)
-"""Of as many controllers as there are."""
+"""Colours, one for each of four controllers."""
 BEFORE_S, AFTER_S = 0.01, 0.05
-"""Around the blast's arrival, where its loads are drawn large."""
+"""Enlarged interval before and after the first blast's arrival [s]: the positive phases
+of kilograms at metres last a few milliseconds."""
 SHADOW = "#d0d0d0"
 
 
@@ -91,7 +93,7 @@ def distribution_figure(flights: Flights) -> Figure:
     for axes in (deviation, recovery):
         axes.set_ylim(0.0, 102.0)
         axes.set_ylabel("vehicles with at most this [%]")
-    # below the axes: whatever the curves do, it does not lie over one
+    # below the axes, as no corner is free of curves in every study
     deviation.legend(
         frameon=False, fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.16)
     )
@@ -118,7 +120,7 @@ def _shares(
     """Draw the share of all vehicles that have at most each value."""
     ordered = np.sort(values[np.isfinite(values)])
     shares = 100 * np.arange(1, ordered.size + 1) / values.size
-    # a share stays as it is up to the next value
+    # an empirical distribution function is constant up to the next value
     axes.step(
         ordered,
         shares,
@@ -134,19 +136,19 @@ def _vehicles(axes: Axes, flights: Flights, name: str, size: float) -> None:
     """Draw deviation against the first blast's scaled distance, or its distance."""
     flown = flights.holds[name]
     away, label = distances(flights)
-    x = away[:MOST_POINTS]
-    y = metric(flown, "peak_deviation_m")[:MOST_POINTS] / size
-    crashed = np.asarray(flown.metrics.crashed)[:MOST_POINTS]
+    x = away[:MAX_POINTS]
+    y = metric(flown, "peak_deviation_m")[:MAX_POINTS] / size
+    crashed = np.asarray(flown.metrics.crashed)[:MAX_POINTS]
     axes.plot(x[~crashed], y[~crashed], ".", color=BLUE, markersize=4, alpha=0.6)
     axes.plot(x[crashed], y[crashed], "x", color=VERMILLION, markersize=5)
     axes.set_xlabel(label)
 
 
 def controllers_figure(flights: Flights) -> Figure:
-    """Draw who flies on, and peak deviation, against the first blast's distance.
+    """Draw the share that flies on, and peak deviation, against the first distance.
 
-    Vehicles are grouped by distance, as many in each; bars are 90 % intervals of the
-    share, and 5 to 95 % of the vehicles' deviations about their median.
+    Vehicles are in groups of equal size by distance from the first blast. Bars are 90 %
+    intervals of the share, and 5 to 95 % quantiles of the deviations.
     """
     figure = new_figure(11.5, 4.8)
     on, thrown = figure.subplots(1, 2)
@@ -159,7 +161,7 @@ def controllers_figure(flights: Flights) -> Figure:
     unit = unit_for("path_error_m", most)
     count = len(flights.holds)
     for n, (name, flown) in enumerate(flights.holds.items()):
-        # side by side, or their bars would hide one another
+        # shifted by 3 % each, so that the bars of controllers do not overlap
         at = x * 1.03 ** (n - (count - 1) / 2)
         style = {
             "color": HOLD_COLOURS[n],
@@ -195,13 +197,13 @@ def controllers_figure(flights: Flights) -> Figure:
         bbox_to_anchor=(0.5, -0.16),
         ncols=2,
     )
-    titled(on, "Who flies on", "bars: 90 % interval")
-    titled(thrown, "How far thrown", "bars: 5 to 95 % of the vehicles")
+    titled(on, "Vehicles that fly on", "bars: 90 % interval")
+    titled(thrown, "Displacement", "bars: 5 to 95 % of the vehicles")
     return figure
 
 
 def distances(flights: Flights) -> tuple[Float[np.ndarray, " vehicle"], str]:
-    """Return how far the first blast of each vehicle was, and what to call that."""
+    """Return the distance of each vehicle from its first blast, and the axis label."""
     encounter = next(iter(flights.holds.values())).encounter
     first = np.argmin(encounter.arrival_s, axis=-1)[:, None]
     scaled = flights.options.profile is None
@@ -211,13 +213,13 @@ def distances(flights: Flights) -> tuple[Float[np.ndarray, " vehicle"], str]:
 
 
 def groups_of(away: Float[np.ndarray, " vehicle"]) -> list[np.ndarray]:
-    """Return numbers of vehicles, group by group from near to far."""
-    count = max(1, min(GROUPS, away.size // LEAST))
+    """Return indices of vehicles in groups by distance, the nearest group first."""
+    count = max(1, min(MAX_GROUPS, away.size // MIN_VEHICLES))
     return np.array_split(np.argsort(away, kind="stable"), count)
 
 
 def loads_figure(flights: Flights) -> Figure:
-    """Draw all force and moment on the first hold's vehicle, the blast's large."""
+    """Draw all forces and moments with the first controller, and the blast enlarged."""
     name = next(iter(flights.holds))
     trajectory = trajectory_of(flights, name)
     time = np.asarray(trajectory.time_s)
@@ -225,7 +227,7 @@ def loads_figure(flights: Flights) -> Figure:
     first = float(arrivals.min())
     figure = new_figure(11.0, 6.4)
     grid = figure.subplots(2, 2, width_ratios=[1.5, 1.0])
-    # rows of the blasts themselves, beside which nothing else would be seen
+    # the scale is that of rows without a blast, whose loads are some 100 times larger
     calm = np.all(
         (time[:, None] < arrivals) | (time[:, None] > arrivals + AFTER_S), axis=1
     )
@@ -246,7 +248,7 @@ def loads_figure(flights: Flights) -> Figure:
         left.set_ylim(*(np.array([-1.2, 1.6]) * max(most, 1e-9)))
         right.set_xlim(max(first - BEFORE_S, 0.0), first + AFTER_S)
     titled(grid[0][0], f"All forces, {hold_words(name)}", "blasts are cut off")
-    titled(grid[0][1], "As the first blast comes", "whole")
+    titled(grid[0][1], "At the first blast's arrival", "full scale")
     titled(grid[1][0], "All moments, body axes", "blasts are cut off")
     for axes in grid[1]:
         axes.set_xlabel("time [s]; dashed: a blast arrives")
@@ -254,7 +256,7 @@ def loads_figure(flights: Flights) -> Figure:
 
 
 def error_figure(flights: Flights) -> Figure:
-    """Draw the path error of each hold, its tolerance and its recovery."""
+    """Draw the path error with each controller, its tolerance and its recovery."""
     tolerance = flights.options.tolerance_m
     target = target_of(flights.vehicle)
     errors = {
@@ -302,7 +304,7 @@ def error_figure(flights: Flights) -> Figure:
 
 
 def _recovery_words(metrics) -> str:
-    """Return what became of a vehicle."""
+    """Return the recovery of a vehicle, as text."""
     if metrics.crashed:
         return "crashed"
     recovery = float(metrics.recovery_time_s)
@@ -314,12 +316,13 @@ def _recovery_words(metrics) -> str:
 
 
 def _arrival_lines(axes: Axes, arrivals: Float[np.ndarray, " blast"]) -> None:
-    for arrival in arrivals[np.isfinite(arrivals)]:  # one may never come
+    # the arrival is infinite if the blast does not reach the vehicle
+    for arrival in arrivals[np.isfinite(arrivals)]:
         axes.axvline(float(arrival), color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
 
 
 def path_figure(flights: Flights) -> Figure:
-    """Draw the first hold's path from its target, coloured by the distance from it."""
+    """Draw the path with the first controller, coloured by distance from the target."""
     name = next(iter(flights.holds))
     target = target_of(flights.vehicle)
     away = np.asarray(trajectory_of(flights, name).position_m) - target
@@ -327,10 +330,12 @@ def path_figure(flights: Flights) -> Figure:
     error = np.linalg.norm(away, axis=1)
     unit = unit_for("path_error_m", float(error.max()))
     path = away / unit.size
-    # a vehicle that nothing moved still has a picture
+    # a vehicle that did not move needs axes of some length
     size = max(float(np.ptp(path, axis=0).max()), 1e-3)
-    ways = _blast_ways(flights)
-    tails = -0.45 * size * ways
+    to_target = target - flights.places_m
+    length = np.linalg.norm(to_target, axis=1, keepdims=True)
+    directions = (to_target / np.where(length > 0, length, 1.0))[length[:, 0] > 0]
+    tails = -0.45 * size * directions
     drawn = np.concatenate([path, np.zeros((1, 3)), tails])
     middle = (drawn.min(axis=0) + drawn.max(axis=0)) / 2
     half = 0.55 * float(np.ptp(drawn, axis=0).max())
@@ -353,7 +358,7 @@ def path_figure(flights: Flights) -> Figure:
         handles=[
             Line2D([], [], color=INK, marker="o", linestyle="", label="target"),
             Line2D([], [], color=MUTED, marker="s", linestyle="", label="end"),
-            Line2D([], [], color=VERMILLION, label="from where the blast comes"),
+            Line2D([], [], color=VERMILLION, label="direction of the blast"),
             Line2D([], [], color=SHADOW, label="shadow on the floor"),
         ],
         frameon=False,
@@ -373,17 +378,10 @@ def path_figure(flights: Flights) -> Figure:
     return figure
 
 
-def _blast_ways(flights: Flights) -> Float[np.ndarray, "blast 3"]:
-    """Return the directions in which blasts blow at the target, of length 1."""
-    way = target_of(flights.vehicle) - flights.places_m
-    length = np.linalg.norm(way, axis=1, keepdims=True)
-    return (way / np.where(length > 0, length, 1.0))[length[:, 0] > 0]
-
-
 def _equal_axes(
     axes: Axes3D, middle: Float[np.ndarray, "3"], half: float, symbol: str
 ) -> None:
-    """Make a quiet cube about a place."""
+    """Set equal axes about a position, with a light style."""
     for letter, word, centre in zip(
         "xyz", ("east", "north", "up"), middle, strict=True
     ):

@@ -39,10 +39,10 @@ ONE: dict[str, Callable[[Flights], Figure]] = {
 }
 MANY = {"distribution.png": distribution_figure}
 CONTROLLERS = {"controllers.png": controllers_figure}
-"""Where others than both holds are flown many times."""
+"""Additional figure of many flights, if other controllers than the two are compared."""
 TABLES = ("flight.csv", "flights.csv")
 ROW_S = 0.02
-"""Between two rows of the table, at least."""
+"""Least interval of a mission's rows [s]: a mission of ten minutes has 30,000 rows."""
 FLIGHT, MISSION_KML = TABLES[0], "mission.kml"
 MISSION_FIGURES: dict[str, Callable[[MissionFlight], Figure]] = {
     "map.png": map_figure,
@@ -53,12 +53,12 @@ MISSION_FIGURES: dict[str, Callable[[MissionFlight], Figure]] = {
 def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
     """Write flights into a directory; return the names of the files.
 
-    A figure that cannot be drawn costs nothing but itself: a warning names it.
+    A figure that cannot be drawn is left out, with a warning.
 
     Args:
         flights: The flights.
-        text: Their JSON.
-        directory: Where to; made if it is not there.
+        text: The JSON of the answer.
+        directory: Output directory; created if missing.
 
     Raises:
         InputError: It cannot be written to.
@@ -66,7 +66,7 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
     several = flights.count > 1
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        # an earlier run's would mislead
+        # figures of an earlier run next to new numbers would mislead
         for name in (JSON, *TABLES, *ONE, *MANY, *CONTROLLERS):
             (directory / name).unlink(missing_ok=True)
     table = flights_csv(flights) if several else flight_csv(flights)
@@ -83,7 +83,7 @@ def write_flights(flights: Flights, text: str, directory: Path) -> list[str]:
 
 
 def flight_csv(flights: Flights) -> str:
-    """Return the first hold's flight."""
+    """Return the flight with the first position controller, as CSV."""
     name = next(iter(flights.holds))
     trajectory = trajectory_of(flights, name)
     error = np.asarray(path_error(trajectory, target_of(flights.vehicle)))
@@ -96,12 +96,12 @@ def flight_csv(flights: Flights) -> str:
 def write_mission(flight: MissionFlight, text: str, directory: Path) -> list[str]:
     """Write a mission into a directory; return the names of the files.
 
-    A figure that cannot be drawn costs nothing but itself: a warning names it.
+    A figure that cannot be drawn is left out, with a warning.
 
     Args:
-        flight: What was flown.
-        text: Its JSON.
-        directory: Where to; made if it is not there.
+        flight: The flight.
+        text: The JSON of the answer.
+        directory: Output directory; created if missing.
 
     Raises:
         InputError: It cannot be written to.
@@ -109,7 +109,7 @@ def write_mission(flight: MissionFlight, text: str, directory: Path) -> list[str
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         for name in (JSON, *TABLES, MISSION_KML, *ONE, *MANY, *MISSION_FIGURES):
-            (directory / name).unlink(missing_ok=True)  # an earlier run's
+            (directory / name).unlink(missing_ok=True)
     comment = f"{flight.vehicle.model}, mission, clock of the scene"
     table = trajectory_csv(*_thinned(flight), comment)
     whole = {JSON: text, FLIGHT: table, MISSION_KML: mission_kml(flight)}
@@ -123,7 +123,7 @@ def write_mission(flight: MissionFlight, text: str, directory: Path) -> list[str
 
 
 def _thinned(flight: MissionFlight) -> tuple[Trajectory, np.ndarray]:
-    """Return rows some time apart, and their path errors."""
+    """Return rows at least `ROW_S` apart, and their path errors."""
     every = max(1, round(ROW_S / flight.options.step_s))
     whole = flight.trajectory
     parts = {

@@ -55,18 +55,18 @@ COLUMNS = {
     "force_n": [f"force_{axis}_n" for axis in WORLD],
     "moment_n_m": [f"moment_{axis}_n_m" for axis in BODY],
 }
-"""Columns by the trajectory's parts."""
+"""Columns of the table, by part of the trajectory."""
 PULL = [f"pull_{axis}" for axis in WORLD]
 WORDS = {
     "error_before_m": "path error before",
-    "error_at_blast_m": "path error as it comes",
+    "error_at_blast_m": "path error at arrival",
     "error_after_m": "path error after",
     "peak_deviation_m": "peak deviation",
-    "peak_time_s": "  after the blast",
+    "peak_time_s": "  time after arrival",
     "recovery_time_s": "recovery time",
     "peak_overpressure_pa": QUANTITIES["peak_overpressure_pa"].words,
     "peak_acceleration_m_s2": "peak acceleration",
-    "fireball_time_s": "in a fireball for",
+    "fireball_time_s": "time in a fireball",
 }
 THRESHOLD_WORDS = {
     "peak_overpressure_pa": "threshold of overpressure",
@@ -75,9 +75,10 @@ THRESHOLD_WORDS = {
 }
 MET = ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa")
 """Numbers of an `Encounter` that are printed for each blast."""
-MOST_NAMED = 100
-"""Lost vehicles that are named one by one."""
+MAX_NAMED = 100
+"""Largest number of lost vehicles listed in the JSON: the table has all of them."""
 PARTS = {"position": "place", "velocity": "moves", "attitude": "turn"}
+"""Parts of a state, with the beginning of their names in `EstimateThrown`."""
 UNITS = {"place": "_m", "moves": "_m_s", "turn": "_rad"}
 EastNorthUpM = tuple[float, float, float]
 
@@ -85,11 +86,11 @@ EastNorthUpM = tuple[float, float, float]
 def trajectory_csv(
     trajectory: Trajectory, path_error_m: Float[np.ndarray, " time"], comment: str
 ) -> str:
-    """Return the rows of one flight, up to where it was lost if it was.
+    """Return the rows of one flight, up to its divergence if it diverged.
 
     Args:
         trajectory: The flight.
-        path_error_m: Of each row.
+        path_error_m: Path error of each row.
         comment: Text of the first line.
     """
     names = [name for part in COLUMNS.values() for name in part]
@@ -106,15 +107,14 @@ def trajectory_csv(
 
 
 def flights_text(flights: Flights) -> str:
-    """Return what the terminal shows."""
-    lines = [_title(flights), ""]
-    if flights.drawn:
-        lines += [*aligned(_drawn(flights)), ""]
-    lines += [*aligned(_blasts(flights)), ""]
-    lines += aligned(_holds(flights))
+    """Return results, blasts, sampled parameters and notes, for the terminal."""
+    lines = [_title(flights), "", *aligned(_holds(flights))]
     estimates = [(hold_words(name), one.thrown) for name, one in flights.holds.items()]
     lines += estimate_lines(estimates, flights.blasts, _number)
-    lines += ["", *_notes(flights)]
+    lines += ["", *aligned(_blasts(flights)), ""]
+    if flights.drawn:
+        lines += [*aligned(_drawn(flights)), ""]
+    lines += _notes(flights)
     return "\n".join(lines) + "\n"
 
 
@@ -131,7 +131,7 @@ def _title(flights: Flights) -> str:
 
 
 def _drawn(flights: Flights) -> list[tuple[str, ...]]:
-    head = "drawn, by --seed"
+    head = "sampled, by --seed"
     if flights.count > 1:
         head += ": 5 %, 50 %, 95 %"
     return [
@@ -168,7 +168,7 @@ def _blasts(flights: Flights) -> list[tuple[str, ...]]:
 
 
 def _holds(flights: Flights) -> list[tuple[str, ...]]:
-    """Return a row for each metric, a column for each hold."""
+    """Return a row for each metric, a column for each position controller."""
     holds = flights.holds
     several = flights.count > 1
     head = [
@@ -198,31 +198,34 @@ def _holds(flights: Flights) -> list[tuple[str, ...]]:
 
 
 def _exposures(flights: Flights) -> list[tuple[str, ...]]:
-    """Return what the blasts did beside moving it, and who is past a threshold."""
+    """Return rows on pressure, acceleration and fireball, with their thresholds."""
     model, rows = flights.vehicle.model, []
     for name in EXPOSURES:
         held = flights.holds.values()
         rows.append((WORDS[name], *(_number(name, metric(f, name)) for f in held)))
         past = [past_threshold(model, f)[name] for f in held]
-        cells = ["not known" if each is None else _past(each) for each in past]
+        cells = [
+            "unknown"
+            if each is None
+            else _interval(each)
+            if each.ndim
+            else _yes(bool(each))
+            for each in past
+        ]
         limit = THRESHOLDS[model][name].value
         limit_words = "" if limit is None else f" {_one(name, limit, 3)}"
-        rows.append((f"  past{limit_words or ' a threshold'}", *cells))
+        rows.append((f"  above{limit_words or ' a threshold'}", *cells))
     return rows
 
 
-def _past(flags: np.ndarray) -> str:
-    return _interval(flags) if flags.ndim else _yes(bool(flags))
-
-
 def _notes(flights: Flights) -> list[str]:
-    """Return what the words above mean, and what to beware of."""
+    """Return definitions of the terms, sources of the thresholds, and warnings."""
     tolerance = printed_number("tolerance_m", flights.options.tolerance_m)
     notes = [
-        f"Path errors are root mean squares. Recovery: from the first blast's arrival "
-        f"until the path error stays within {tolerance}; 0 where it never left. "
-        "Flies on: never hit the ground, turned over or diverged, and came back or "
-        "not; whether the blast broke it is not judged by that."
+        f"Path errors are root mean squares. Recovery time: from the first blast's "
+        f"arrival until the path error stays within {tolerance}; 0 if it never exceeds "
+        "that. Flies on: did not hit the ground, turn over or diverge; structural "
+        "damage is not included."
     ]
     for name, limit in THRESHOLDS[flights.vehicle.model].items():
         notes.append(f"{capitalised(THRESHOLD_WORDS[name])}: {limit.source}.")
@@ -247,7 +250,8 @@ def _one(name: str, value: float, digits: int = 4) -> str:
     if math.isnan(value):
         return "-"
     if math.isinf(value):
-        return {"recovery_time_s": "never here", "arrival_s": "never"}.get(name, "-")
+        return {"recovery_time_s": "not reached", "arrival_s": "never"}.get(name, "-")
+    # rounding of the integration: 1e-6 of any unit here is far below what matters
     if 0 < abs(value) < 1e-6:
         return printed_number(name, 0.0)
     return printed_number(name, value, digits) if name else significant(value, digits)
@@ -259,15 +263,15 @@ def _yes(value: bool) -> str:
 
 @dataclass(frozen=True)
 class BlastMet:
-    """A blast as it came to one vehicle.
+    """A blast at one vehicle.
 
     Attributes:
-        charge: Its name; "" of one alone.
-        arrival_s: When, on the scene's clock.
-        distance_m: From the charge to the vehicle then.
-        scaled_distance: By Sachs [m/kg^(1/3)].
-        overpressure_pa: Incident peak there.
-        in_range: Whether its laws hold there.
+        charge: Name of the charge; "" for a single one.
+        arrival_s: Arrival on the scene's clock.
+        distance_m: Distance from the charge to the vehicle at the arrival.
+        scaled_distance: Sachs-scaled distance [m/kg^(1/3)].
+        overpressure_pa: Incident peak overpressure there.
+        in_range: Whether its laws are valid there.
     """
 
     charge: str
@@ -295,15 +299,15 @@ class Quantiles:
 
 @dataclass(frozen=True)
 class BlastMetBySeveral:
-    """A blast as it came to several vehicles; attributes as of `BlastMet`.
+    """A blast at several vehicles; attributes as in `BlastMet`.
 
     Attributes:
-        charge: Its name; "" of one alone.
-        arrival_s: When, on the scene's clock.
-        distance_m: From the charge to the vehicle then.
-        scaled_distance: By Sachs [m/kg^(1/3)].
-        overpressure_pa: Incident peak there.
-        in_range_share: Of the vehicles, where its laws hold.
+        charge: Name of the charge; "" for a single one.
+        arrival_s: Arrival on the scene's clock.
+        distance_m: Distance from the charge to the vehicle at the arrival.
+        scaled_distance: Sachs-scaled distance [m/kg^(1/3)].
+        overpressure_pa: Incident peak overpressure there.
+        in_range_share: Share of the vehicles for which its laws are valid.
     """
 
     charge: str
@@ -316,16 +320,19 @@ class BlastMetBySeveral:
 
 @dataclass(frozen=True)
 class EstimateThrown:
-    """Errors of the vehicle's estimate about one blast; quantiles of several vehicles.
+    """Errors of the state estimate before and after a blast.
+
+    Errors before are root mean squares over the second before the arrival. Errors after
+    are the largest until the next blast, 10 s at most. Several vehicles have quantiles.
 
     Attributes:
-        charge: Its name; "" of one alone.
-        place_before_m: Of position, root mean square in the second before it comes.
-        place_m: Greatest until the next blast, 10 s at most.
-        moves_before_m_s: Of velocity, before.
-        moves_m_s: After.
-        turn_before_rad: Of attitude, before.
-        turn_rad: After.
+        charge: Name of the charge; "" for a single one.
+        place_before_m: Error of the position before.
+        place_m: Error of the position after.
+        moves_before_m_s: Error of the velocity before.
+        moves_m_s: Error of the velocity after.
+        turn_before_rad: Error of the attitude before.
+        turn_rad: Error of the attitude after.
     """
 
     charge: str
@@ -339,24 +346,24 @@ class EstimateThrown:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one flight.
+    """Result of one flight.
 
     Attributes:
         error_before_m: Path error before the first blast.
-        error_at_blast_m: As it comes.
-        error_after_m: After it.
+        error_at_blast_m: Path error at its arrival.
+        error_after_m: Path error after it.
         peak_deviation_m: Largest path error after it.
-        peak_time_s: When that was, after the arrival.
-        recovery_time_s: From the arrival until it stays within the tolerance.
-        peak_overpressure_pa: Incident, of the strongest blast.
-        peak_acceleration_m_s2: By the blasts alone.
-        fireball_time_s: Within a fireball while it glows.
-        recovered: Whether it came back within the tolerance.
-        settled: Whether it was within it before the blast.
+        peak_time_s: Time of that after the arrival.
+        recovery_time_s: Time from the arrival until it stays within the tolerance.
+        peak_overpressure_pa: Incident peak overpressure of the strongest blast.
+        peak_acceleration_m_s2: Largest acceleration by the blasts alone.
+        fireball_time_s: Time within a fireball while it is luminous.
+        recovered: Whether it returned within the tolerance.
+        settled: Whether it was within the tolerance before the blast.
         crashed: Whether it crashed.
-        lost: Whether its numbers ran away.
-        flies_on: Whether it did neither.
-        past_threshold: By exposure; null: not known.
+        lost: Whether the integration diverged.
+        flies_on: Whether it neither crashed nor diverged.
+        past_threshold: Whether each exposure exceeds its threshold; null if unknown.
     """
 
     error_before_m: float
@@ -378,12 +385,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Share:
-    """A share of the vehicles as that of a chance.
+    """A share of the vehicles, with the interval of its probability.
 
     Attributes:
         value: The share.
-        q05: Where the chance's 90 % interval begins.
-        q95: Where it ends.
+        q05: Lower bound of the probability's 90 % interval.
+        q95: Upper bound.
     """
 
     value: float
@@ -393,25 +400,26 @@ class Share:
 
 @dataclass(frozen=True)
 class OutcomeOfSeveral:
-    """What became of several flights; quantiles are of the attributes of `Outcome`.
+    """Results of several flights; quantiles of the attributes of `Outcome`.
 
     Attributes:
         error_before_m: Path error before the first blast.
-        error_at_blast_m: As it comes.
-        error_after_m: After it.
+        error_at_blast_m: Path error at its arrival.
+        error_after_m: Path error after it.
         peak_deviation_m: Largest path error after it.
-        peak_time_s: When that was, after the arrival.
-        recovery_time_s: From the arrival until it stays within the tolerance.
-        peak_overpressure_pa: Incident, of the strongest blast.
-        peak_acceleration_m_s2: By the blasts alone.
-        fireball_time_s: Within a fireball while it glows.
-        recovered_share: Of the vehicles.
-        settled_share: Of the vehicles.
-        crashed_share: Of the vehicles.
-        flies_on_share: Of the vehicles, with its interval.
-        past_threshold_share: By exposure; null: not known.
-        lost: How many ran away.
-        lost_vehicles: Numbers of these, the first hundred.
+        peak_time_s: Time of that after the arrival.
+        recovery_time_s: Time from the arrival until it stays within the tolerance.
+        peak_overpressure_pa: Incident peak overpressure of the strongest blast.
+        peak_acceleration_m_s2: Largest acceleration by the blasts alone.
+        fireball_time_s: Time within a fireball while it is luminous.
+        recovered_share: Share of the vehicles that recovered.
+        settled_share: Share of the vehicles that were settled.
+        crashed_share: Share of the vehicles that crashed.
+        flies_on_share: Share of the vehicles that fly on, with its interval.
+        past_threshold_share: Share above the threshold of each exposure; null if
+            unknown.
+        lost: Number of flights that diverged.
+        lost_vehicles: Numbers of these vehicles, the first hundred.
     """
 
     error_before_m: Quantiles
@@ -434,30 +442,30 @@ class OutcomeOfSeveral:
 
 @dataclass(frozen=True)
 class FlightsAnswer(Document):
-    """How it was flown, what came, and what became of it.
+    """The answer of `jblast fly`: options, blasts and results.
 
     Attributes:
         scene: The scene's file.
-        seed: Of the priors.
-        vehicle: What flew.
-        vehicles: How many.
-        position_m: Where from: east, north, up.
-        target_m: What it holds.
-        yaw_rad: Its heading.
-        seconds: How long.
-        step_s: Of the integrator.
-        integrator: Which.
-        backend: What calculated it.
-        tolerance_m: Within which a vehicle has recovered.
+        seed: Seed of the priors.
+        vehicle: Model of the vehicle.
+        vehicles: Number of vehicles.
+        position_m: Initial position: east, north, up.
+        target_m: Target position.
+        yaw_rad: Heading.
+        seconds: Length of the flight [s].
+        step_s: Step of the integrator.
+        integrator: Name of the integrator.
+        backend: Backend of the computation.
+        tolerance_m: Path error within which a vehicle has recovered.
         load: "laws", "custom profile" or the preset of a world.
-        drawn: What was drawn of priors; quantiles of several.
-        blasts: Each as it came.
-        thresholds: By exposure.
-        scene_hold: Which hold the scene asked for; null: it does not say.
-        holds: By hold what became of the flights.
-        estimator: "ekf", or "": it flew by the truth.
-        estimates: By hold what each blast did to the estimate.
-        warnings: Limits of the numbers, a sentence each.
+        drawn: Values sampled from priors; quantiles of several.
+        blasts: Each blast at the vehicles.
+        thresholds: Thresholds by exposure.
+        scene_hold: Position controller of the scene; null if it has none.
+        holds: Results by position controller.
+        estimator: "ekf", or "" for flights with the true state.
+        estimates: Errors of the estimate at each blast, by position controller.
+        warnings: Limitations, as sentences.
     """
 
     scene: str
@@ -487,9 +495,9 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
     """Return the answer on flights.
 
     Args:
-        flights: What was flown.
+        flights: The flights.
         scene: The scene's file.
-        seed: Of what was drawn.
+        seed: Seed of the sampled parameters.
     """
     options, vehicle = flights.options, flights.vehicle
     first = next(iter(flights.holds.values()))
@@ -533,7 +541,7 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
 
 
 def flights_csv(flights: Flights) -> str:
-    """Return a row for each vehicle and hold: what was drawn, and what became of it."""
+    """Return a row for each vehicle and controller: sampled parameters and results."""
     blasts = [f".{name}" if name else "" for name in flights.blasts]
     met = ("arrival_s", "distance_m", "scaled_distance", "in_range")
     names = ["vehicle", "hold", *flights.drawn]
@@ -558,7 +566,7 @@ def _field(value: Any) -> str:
 
 
 def _outcome(model: str, flown: Flown) -> Outcome:
-    """Return what became of one flight."""
+    """Return the result of one flight."""
     metrics = flown.metrics
     return Outcome(
         **{name: float(metric(flown, name)) for name in (*METRICS, *EXPOSURES)},
@@ -590,12 +598,12 @@ def _outcome_of_several(model: str, flown: Flown) -> OutcomeOfSeveral:
             for name, past in past_threshold(model, flown).items()
         },
         lost=lost.size,
-        lost_vehicles=tuple(lost[:MOST_NAMED].tolist()),
+        lost_vehicles=tuple(lost[:MAX_NAMED].tolist()),
     )
 
 
 def _blast(flights: Flights, flown: Flown, n: int) -> BlastMet:
-    """Return a blast as it came to one vehicle."""
+    """Return a blast at one vehicle."""
     encounter = flown.encounter
     return BlastMet(
         charge=flights.blasts[n],
@@ -605,7 +613,7 @@ def _blast(flights: Flights, flown: Flown, n: int) -> BlastMet:
 
 
 def _blast_of_several(flights: Flights, flown: Flown, n: int) -> BlastMetBySeveral:
-    """Return a blast as it came to several vehicles."""
+    """Return a blast at several vehicles."""
     encounter = flown.encounter
     return BlastMetBySeveral(
         charge=flights.blasts[n],
@@ -631,12 +639,12 @@ def _spread(values: ArrayLike) -> Quantiles:
 def estimates_thrown(
     thrown: Thrown, blasts: Iterable[str], of: Callable[[Any], Any]
 ) -> tuple[EstimateThrown, ...]:
-    """Return what each blast did to the estimate.
+    """Return the errors of the estimate before and after each blast.
 
     Args:
-        thrown: It, the blasts last.
-        blasts: Their names.
-        of: Printed numbers of the vehicles.
+        thrown: The errors; the last axis is that of the blasts.
+        blasts: Names of the charges.
+        of: Function that summarises the vehicles' numbers.
     """
     found = thrown._asdict()
     return tuple(
@@ -650,12 +658,12 @@ def estimate_lines(
     blasts: Sequence[str],
     number: Callable[[str, ArrayLike], str],
 ) -> list[str]:
-    """Return lines on the estimates of flights; none where they flew by the truth.
+    """Return lines on the estimates of flights; none if they used the true state.
 
     Args:
-        estimates: What the blasts did to each, behind its name; None: nothing is.
+        estimates: Pairs of name and errors; None for flights with the true state.
         blasts: Names of the charges.
-        number: Words a number by the name of its unit.
+        number: Function that prints a number by the name of its unit.
     """
     rows = []
     for own, thrown in estimates:
@@ -677,6 +685,6 @@ def estimate_lines(
     return [
         "",
         *aligned([head, *rows]),
-        "Root mean square in the second before each blast -> greatest until the next,",
-        "10 s at most.",
+        "Root mean square in the second before each blast -> largest until the next",
+        "blast, 10 s at most.",
     ]

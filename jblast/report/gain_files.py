@@ -27,7 +27,8 @@ from jblast.report.tune_files import FIGURE, JSON, SCENE, moved, scene_text
 from jblast.study.gains import TunedGains, known_peaks
 
 BEFORE_S, AFTER_S = 0.2, 3.0
-"""What is shown about a blast."""
+"""Drawn interval before and after a blast's arrival [s]: a vehicle recovers in 1 to 2
+seconds."""
 
 
 def gains_figure(tuned: TunedGains) -> Figure:
@@ -41,12 +42,12 @@ def gains_figure(tuned: TunedGains) -> Figure:
         f"{tuned.vehicle.model.capitalize()}: {tuned.settings.unseen} unseen blasts",
         f"{cut_words(tuned)}; cross: does not fly on",
     )
-    titled(over_time, "One of them", "the blast whose peak before was the median")
+    titled(over_time, "Example", "the blast with the median peak before tuning")
     return figure
 
 
 def cut_words(tuned: TunedGains) -> str:
-    """Return by how much the median peak deviation is less, or more."""
+    """Return the change of the median peak deviation, as text."""
     cut = tuned.cut()
     return f"median {100 * abs(cut):.0f} % {'less' if cut >= 0 else 'more'}"
 
@@ -75,7 +76,7 @@ def draw_each(axes: Axes, tuned: TunedGains) -> None:
 
 
 def draw_middle(axes: Axes, tuned: TunedGains) -> None:
-    """Draw the path error over time of the blast in the middle, before and after."""
+    """Draw the path error over time for the median blast, before and after tuning."""
     peaks = known_peaks(tuned.before)
     middle = int(np.argsort(peaks)[peaks.size // 2])
     for tried, colour, label in (
@@ -84,7 +85,7 @@ def draw_middle(axes: Axes, tuned: TunedGains) -> None:
     ):
         outcomes = tried.outcomes
         error, time = outcomes.error_m[middle], outcomes.time_s
-        # where the first blast comes is where its peak time counts from
+        # the arrival is not stored: it is the time of the peak minus the peak time
         peak = time[np.nanargmax(np.where(time > 0, error, 0.0))]
         since = peak - float(np.asarray(outcomes.metrics.peak_time_s)[middle])
         axes.plot(time - since, error, color=colour, linewidth=1.6, label=label)
@@ -99,12 +100,12 @@ def draw_middle(axes: Axes, tuned: TunedGains) -> None:
 def write_gains(tuned: TunedGains, directory: Path, scene: str) -> tuple[str, ...]:
     """Write tuned gains into a directory; return the names of the files.
 
-    A figure that cannot be drawn costs nothing but itself: a warning names it.
+    A figure that cannot be drawn is left out, with a warning.
 
     Args:
-        tuned: What was found.
-        directory: Where to; made if it is not there.
-        scene: The file of the scene, which is read again.
+        tuned: The tuned gains.
+        directory: Output directory; created if missing.
+        scene: File of the scene, which is read again.
 
     Raises:
         OSError: It cannot be written.
@@ -124,7 +125,7 @@ def write_gains(tuned: TunedGains, directory: Path, scene: str) -> tuple[str, ..
 
 
 def with_gains(document: dict[str, Any], tuned: TunedGains) -> dict[str, Any]:
-    """Return a scene's tables with the tuned gains in them."""
+    """Return the tables of a scene with the tuned gains."""
     changed = copy.deepcopy(document)
     control = changed["vehicle"].setdefault("control", {})
     found = keys_of_gains(tuned.after.gains)

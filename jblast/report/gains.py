@@ -25,13 +25,13 @@ WORDS = {
 
 @dataclass(frozen=True)
 class LoopMargins:
-    """Margins of one loop; null: nothing of the kind makes it swing.
+    """Stability margins of one loop; null is an infinite margin.
 
     Attributes:
-        gain_up_db: By what the rotors' answer may grow.
-        gain_down_db: By what it may shrink.
-        phase_deg: By what it may lag.
-        distance: Least distance of the loop from -1.
+        gain_up_db: Largest increase of the rotors' gain.
+        gain_down_db: Largest decrease of the rotors' gain.
+        phase_deg: Largest additional phase lag.
+        distance: Least distance of the loop's frequency response from -1.
     """
 
     gain_up_db: float
@@ -42,7 +42,7 @@ class LoopMargins:
 
 @dataclass(frozen=True)
 class Peaks:
-    """Peak deviations from the place held over the unseen blasts [m]; null: infinite.
+    """Peak deviations from the target over the unseen blasts [m]; null is infinite.
 
     Attributes:
         q50: Median.
@@ -57,17 +57,17 @@ class Peaks:
 
 @dataclass(frozen=True)
 class TriedGains:
-    """A hold with some gains.
+    """A position controller with some gains.
 
     Attributes:
-        gains: By the names of `[vehicle] control`.
-        gain_margin_db: Least of all loops, upwards and downwards.
-        phase_margin_deg: Least of all loops.
-        margins: By loop.
-        peak_deviation_m: Over the unseen blasts.
+        gains: Gains by the names of `[vehicle] control`.
+        gain_margin_db: Least gain margin of all loops, upwards and downwards.
+        phase_margin_deg: Least phase margin of all loops.
+        margins: Margins by loop.
+        peak_deviation_m: Peak deviations over the unseen blasts.
         error_after_m: Root mean square of the path error from the first blast to the
-            end of the flight; median over them.
-        flies_on_share: Of them, after which the vehicle flies on.
+            end of the flight; median over the unseen blasts.
+        flies_on_share: Share of the unseen blasts after which the vehicle flies on.
     """
 
     gains: Mapping[str, float | tuple[float, ...]]
@@ -81,25 +81,25 @@ class TriedGains:
 
 @dataclass(frozen=True)
 class GainsAnswer(Document):
-    """Gains before and after, and what they are worth.
+    """The answer of `jblast tune --gains`.
 
     Attributes:
         scene: The scene's file.
-        vehicle: What flew.
-        seed: Of the blasts.
-        vehicles: Blasts that the gains were tuned by.
-        unseen: Blasts that they are judged by.
-        margin_db: Gain margin asked for.
-        margin_deg: Phase margin asked for.
-        motor_lag_s: Of the motors.
-        dead_time_s: Of the loops, at which margins are told.
-        before: The scene's gains.
-        after: The tuned ones.
-        cut: By what share the median peak deviation is less.
-        flights_of_the_search: How often all blasts were flown, with derivatives.
-        converged: Whether the search ended of itself.
-        warnings: Warnings, a sentence each.
-        files: What was written.
+        vehicle: Model of the vehicle.
+        seed: Seed of the blasts.
+        vehicles: Number of blasts for tuning.
+        unseen: Number of blasts for validation.
+        margin_db: Required gain margin.
+        margin_deg: Required phase margin.
+        motor_lag_s: Time constant of the motors.
+        dead_time_s: Dead time of the loops, included in the margins.
+        before: Gains of the scene.
+        after: Tuned gains.
+        cut: Relative reduction of the median peak deviation.
+        flights_of_the_search: Number of times all blasts were flown, with derivatives.
+        converged: Whether the search converged.
+        warnings: Warnings, as sentences.
+        files: Files that were written.
     """
 
     scene: str
@@ -121,27 +121,27 @@ class GainsAnswer(Document):
 
 
 def gains_text(answer: GainsAnswer) -> str:
-    """Return what the terminal shows."""
+    """Return the gains before and after with their results, for the terminal."""
     lines = textwrap.wrap(
-        f"{answer.vehicle}: gains tuned by gradient through {answer.vehicles} blasts, "
-        f"judged by {answer.unseen} unseen ones; motors lag by {answer.motor_lag_s:g} "
-        f"s, dead time {answer.dead_time_s:.3g} s",
+        f"{answer.vehicle}: gains tuned by gradient over {answer.vehicles} blasts, "
+        f"validated with {answer.unseen} unseen blasts",
         WIDTH,
     )
     lines += ["", *aligned(_rows(answer), right=(1, 2, 3)), ""]
+    for warning in answer.warnings:
+        lines += textwrap.wrap(f"Warning: {warning}.", WIDTH)
     lines += textwrap.wrap(
-        f"Asked for: margins of {answer.margin_db:g} dB and {answer.margin_deg:g} "
-        "degrees and more, each loop broken at the rotors.",
+        f"Required margins: {answer.margin_db:g} dB and {answer.margin_deg:g} degrees, "
+        f"each loop opened at the rotors. Motor lag {answer.motor_lag_s:g} s, dead "
+        f"time {answer.dead_time_s:.3g} s.",
         WIDTH,
     )
-    for warning in answer.warnings:
-        lines += textwrap.wrap(f"Beware: {warning}.", WIDTH)
-    lines += ["", "Into the scene, as one line:", "", control_line(answer.after)]
+    lines += ["", "Line for the scene's [vehicle]:", "", control_line(answer.after)]
     return "\n".join(lines) + "\n"
 
 
 def control_line(tried: TriedGains) -> str:
-    """Return the gains as a scene's `[vehicle]` takes them, on one line."""
+    """Return the gains as one line for a scene's `[vehicle]`."""
     integral = "ki_pos" in tried.gains
     entries = [f"integral = {'true' if integral else 'false'}"]
     entries += [f"{key} = {_toml(value)}" for key, value in tried.gains.items()]
@@ -189,12 +189,12 @@ def _toml(value: float | tuple[float, ...]) -> str:
 def gains_answer(
     tuned: TunedGains, scene: str, files: tuple[str, ...] = ()
 ) -> GainsAnswer:
-    """Return an answer as it is printed.
+    """Return the answer on tuned gains.
 
     Args:
-        tuned: What was found.
+        tuned: The tuned gains.
         scene: The scene's file.
-        files: What was written.
+        files: Files that were written.
     """
     settings = tuned.settings
     return GainsAnswer(
@@ -218,8 +218,9 @@ def gains_answer(
 
 
 def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
-    """Return gains by the names of `[vehicle] control`, in four digits."""
+    """Return gains by the names of `[vehicle] control`, rounded to four digits."""
 
+    # far finer than any effect on the margins, and short in a scene file
     def few(value: Any) -> float:
         return float(f"{float(value):.4g}")
 
@@ -237,42 +238,43 @@ def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
 
 def warnings_of(tuned: TunedGains) -> list[str]:
     """Return warnings on tuned gains."""
-    said = list(tuned.notes)
+    warnings = list(tuned.notes)
     before, after = tuned.before, tuned.after
     short = [
-        f"{had:.3g} {unit}"
-        for had, asked, unit in (
+        f"{margin:.3g} {unit}"
+        for margin, required, unit in (
             (before.gain_margin_db, tuned.settings.margin_db, "dB"),
             (before.phase_margin_deg, tuned.settings.margin_deg, "degrees"),
         )
-        if had < asked
+        if margin < required
     ]
     if short:
-        said.append(
-            f"the scene's own gains have margins of {' and '.join(short)}, less than "
-            "is asked of the tuned ones"
+        warnings.append(
+            f"the scene's gains have margins of {' and '.join(short)}, below the "
+            "required ones"
         )
     fewer = np.mean(before.outcomes.flies_on) - np.mean(after.outcomes.flies_on)
     if fewer > 0:
-        said.append(
-            f"{100 * fewer:.3g} % of the flights that flew on with the scene's gains "
-            "no longer do"
+        warnings.append(
+            f"{100 * fewer:.3g} % fewer flights fly on than with the scene's gains"
         )
     if tuned.cut(1.0) < 0 < tuned.cut():
-        said.append("the worst of the blasts throws it further than before")
+        warnings.append("the largest peak deviation is larger than before")
     if tuned.cut() <= 0:
-        said.append("the median peak deviation is not less than with the scene's gains")
+        warnings.append(
+            "the median peak deviation is not less than with the scene's gains"
+        )
     error = [
         float(np.nanmedian(x.outcomes.metrics.error_after_m)) for x in (before, after)
     ]
     if error[1] > error[0]:
-        said.append(
-            "the path error after the blast is more than with the scene's gains: the "
-            "way back is longer"
+        warnings.append(
+            "the path error after the blast is larger than with the scene's gains: "
+            "recovery is slower"
         )
     if not tuned.converged:
-        said.append("the search did not end of itself: other gains may be better")
-    return said
+        warnings.append("the search did not converge: other gains may be better")
+    return warnings
 
 
 def _tried(tried: EvaluatedGains) -> TriedGains:

@@ -1,4 +1,4 @@
-"""KML documents: their frame, elements with a text, and coordinates."""
+"""KML documents: root, text elements and coordinates."""
 
 from xml.etree import ElementTree as ET
 
@@ -9,7 +9,7 @@ NAMESPACE = "http://www.opengis.net/kml/2.2"
 
 
 def new_document(title: str) -> tuple[ET.Element, ET.Element]:
-    """Return the root of a new file and its document, which has a title."""
+    """Return the root of a new file and its document with a title."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     add_text(document, "name", title)
@@ -24,13 +24,13 @@ def document_text(root: ET.Element) -> str:
 
 
 def add_text(parent: ET.Element, name: str, value: object) -> None:
-    """Add an element with a text, without the characters that XML cannot hold."""
+    """Add an element with a text; characters that XML forbids are removed."""
     text = "".join(c for c in str(value) if c.isprintable())
     ET.SubElement(parent, name).text = text
 
 
 def coordinates(places: Float[np.ndarray, "place axis"]) -> str:
-    """Return places as KML writes them.
+    """Return positions as KML coordinates.
 
     Args:
         places: Longitude and latitude [degree], with nine decimals (0.1 mm), and the

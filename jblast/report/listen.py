@@ -1,4 +1,4 @@
-"""The records of a scene's sensors, as `jblast listen` prints and writes them.
+"""The records of a scene's sensors: text, JSON and tables of `jblast listen`.
 
 Samples arrive in chunks of any size and are read once. The data stored for a figure
 take constant memory and do not depend on the size of the chunks.
@@ -29,46 +29,47 @@ from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import clipping
 from jblast.sensors.listening import Listening, instrument_of, samples_of
 
-MOST_LINES = 20
-"""Sensors that are printed one by one; truth.csv has all of them."""
-TOLD = ("ground_arrival_s", "air_arrival_s", "peak_overpressure_pa")
-CLOCK = "times are by each sensor's own clock; its file begins there at 0"
+MAX_LINES = 20
+"""Largest number of printed sensors, half a screen; truth.csv has all of them."""
+PRINTED = ("ground_arrival_s", "air_arrival_s", "peak_overpressure_pa")
+CLOCK = "times are on each sensor's own clock; its file begins at 0 of that clock"
 BITS = (8, 16, 24, 32)
-"""What a whole number in a sound file may have; the least that holds a sensor's own."""
+"""Bit depths of a sound file; the least one that is not below the sensor's is used."""
 BEFORE, AFTER = 0.25, 6.0
-"""What is drawn large: from the first arrival, some of the time to the end of the
-positive phase before it, and so many positive phases after the last."""
+"""Extent of the enlarged figure: before the first arrival, as a share of the time to
+the end of the positive phase; after that end, in positive durations."""
 DRAWN_COLUMNS = 1600
-"""That a waveform is drawn from, about one a pixel."""
-INSTANTS = 400
-"""That a spectrogram has at most."""
+"""Columns of a drawn waveform: about one a pixel."""
+MAX_INSTANTS = 400
+"""Largest number of columns of a spectrogram: about two pixels each."""
 WINDOW_S = 0.04
-"""Of one spectrum, about: a blast's low tones and its front are both seen."""
+"""Length of a window of the spectrogram, about [s]: it resolves 25 Hz, and a front to
+0.04 s."""
 OVERLAPS = (2, 16)
-"""Windows that a sample lies in: of a long record, and at most."""
-PIECE = 2**16
-"""Samples that are looked at in one go."""
+"""Number of windows that contain a sample: for a long record, and at most."""
+CHUNK = 2**16
+"""Samples per Fourier transform: it bounds the memory for packets of any size."""
 
 
 class SensorRecord:
     """One sensor's record: where it is written, and its summary.
 
     Attributes:
-        sensor: Whose it is.
+        sensor: The sensor.
         kind: Its kind.
         is_sound: Whether its file is a sound file.
         file: Name of its file.
-        rate_hz: Samples a second.
-        samples: How many it has.
+        rate_hz: Sampling rate [1/s].
+        samples: Number of samples.
         column: Component that is printed and drawn, with its unit.
-        full_scale: What a sample of 1 in a sound file stands for [Pa].
+        full_scale: Pressure of a sample of 1 in a sound file [Pa].
         largest: Largest magnitude written, in its unit.
         clipped: By charge, whether a sample clipped between its first arrival and the
             next charge's.
-        clipped_samples: How many did in all.
-        whole: Its wave form.
-        near: Its wave form around the arrivals; None where no blast comes.
-        spectrogram: Its spectra.
+        clipped_samples: Number of clipped samples.
+        whole: Its waveform.
+        near: Its waveform around the arrivals; None without a blast.
+        spectrogram: Its spectrogram.
     """
 
     def __init__(self, listening: Listening, sensor: Sensor, file: str):
@@ -82,7 +83,7 @@ class SensorRecord:
         self.full_scale = 1.0
         if self.bits is not None and instrument.full_scale is not None:
             self.full_scale = float(instrument.full_scale)
-        # what 32 bits make of a sample at the limit is no less clipped
+        # rounding to 32 bits may leave a clipped sample 1e-7 below the limit
         self._limit = float(clipping(jnp.zeros(1), instrument).level) * (1 - 1e-6)
         self.largest, self.clipped_samples = 0.0, 0
         number = [other.name for other in listening.sensors].index(sensor.name)
@@ -100,7 +101,7 @@ class SensorRecord:
         packets: Iterable[Float[np.ndarray, "sample component"]],
         comments: Iterable[str],
     ) -> None:
-        """Write the samples as they come; what a stream had that breaks is kept."""
+        """Write the samples as they arrive; if the stream breaks, the rest is kept."""
         seen = self._seen(packets)
         if not self.is_sound:
             write_samples(path, seen, self.rate_hz, self.kind.columns, [*comments])
@@ -114,7 +115,7 @@ class SensorRecord:
     def _seen(
         self, packets: Iterable[Float[np.ndarray, "sample component"]]
     ) -> Iterator[Float[np.ndarray, "sample component"]]:
-        """Look at packets as they go by."""
+        """Yield the packets, and update envelopes, spectrogram and clipping."""
         for packet in packets:
             magnitude = np.linalg.norm(packet, axis=1)
             signal = packet[:, 0] if packet.shape[1] == 1 else magnitude
@@ -129,10 +130,10 @@ class SensorRecord:
             yield packet
 
     def _clip(self, times: Float[np.ndarray, " n"]) -> None:
-        """Count samples that clipped, and say of which blast: the last that came."""
+        """Count clipped samples, and assign them to the last blast that arrived."""
         self.clipped_samples += times.size
         order = np.argsort(self._first)
-        # a front within the sample that it begins in
+        # a sample is the mean over its interval, so its front may lie inside it
         came = np.searchsorted(self._first[order], times + 1.0 / self.rate_hz)
         self.clipped[order[np.unique(came[came > 0]) - 1]] = True
 
@@ -140,25 +141,25 @@ class SensorRecord:
 def listening_text(
     listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
 ) -> str:
-    """Return the records as a table, and what to know of them.
+    """Return the records as a table with notes, for the terminal.
 
     Args:
-        listening: What was to be recorded.
-        records: What was.
-        notes: Further remarks.
+        listening: The simulated recording.
+        records: The records.
+        notes: Further notes.
     """
     rows = [["sensor", "kind", "file", "ground", "air", "peak"]]
-    for number, record in enumerate(records[:MOST_LINES]):
+    for number, record in enumerate(records[:MAX_LINES]):
         values = {name: row[number] for name, row in listening.truth.values.items()}
         shot = int(np.nan_to_num(values["air_arrival_s"], nan=np.inf).argmin())
-        numbers = [_number(name, values[name][shot]) for name in TOLD]
+        numbers = [_number(name, values[name][shot]) for name in PRINTED]
         rows.append([record.sensor.name, record.sensor.kind, record.file, *numbers])
     lines = aligned(rows, right=(3, 4, 5))
-    if len(records) > MOST_LINES:
-        lines.append(f"and {len(records) - MOST_LINES} more, in truth.csv")
+    if len(records) > MAX_LINES:
+        lines.append(f"and {len(records) - MAX_LINES} more, in truth.csv")
     lines.append(f"{listening.seconds:g} s each, from 0 on the sensor's own clock")
     if len(listening.truth.shots) > 1:
-        lines.append("arrivals and peak of the first blast that comes")
+        lines.append("arrivals and peak of the first blast at each sensor")
     notes = (*notes, *listening.notes, *warnings_of(listening, records))
     lines += [f"Note: {note.removeprefix('note: ')}" for note in notes]
     return "\n".join(lines) + "\n"
@@ -171,15 +172,14 @@ def _number(name: str, value: float) -> str:
 def listening_document(
     listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return what `--json` prints; what never comes is null.
+    """Return the document of `--json`; null for a blast that does not arrive.
 
-    Where there are several blasts, a sensor's own arrivals and peak are those of the
-    first that comes to it.
+    With several blasts, the arrivals and peak of a sensor are those of its first one.
 
     Args:
-        listening: What was to be recorded.
-        records: What was.
-        notes: Further remarks.
+        listening: The simulated recording.
+        records: The records.
+        notes: Further notes.
     """
     return plain(
         {
@@ -225,24 +225,24 @@ def warnings_of(listening: Listening, records: Sequence[SensorRecord]) -> list[s
     truth = listening.truth
     notes = [f"sensor {name!r}: {why}" for name, why in listening.skipped.items()]
     for name, valid in truth.valid.items():
-        held = zip(records, valid, strict=True)
-        wrong = [record.sensor.name for record, row in held if not row.all()]
+        rows = zip(records, valid, strict=True)
+        wrong = [record.sensor.name for record, row in rows if not row.all()]
         if wrong:
             notes.append(
-                f"{name} by {law_words(truth.laws[name])}, which was not made for "
-                f"where these stand: {', '.join(wrong)}"
+                f"{name} by {law_words(truth.laws[name])} is extrapolated at "
+                f"{', '.join(wrong)}"
             )
     for record, arrivals in zip(records, truth.values["air_arrival_s"], strict=True):
         who = f"sensor {record.sensor.name!r}"
         if record.clipped_samples:
             notes.append(
                 f"{who}: {record.clipped_samples:,} of {record.samples:,} samples are "
-                "at the instrument's limit; a peak read from them is a lower bound"
+                "clipped; a peak read from them is a lower bound"
             )
         end = record.samples / record.rate_hz
         notes += [
-            f"{who}: the blast{f' {shot!r}' if shot else ''} comes at {arrival:.6g} s, "
-            f"outside the record of {end:g} s"
+            f"{who}: the blast{f' {shot!r}' if shot else ''} arrives at "
+            f"{arrival:.6g} s, outside the record of {end:g} s"
             for shot, arrival in zip(truth.shots, arrivals, strict=True)
             if np.isfinite(arrival) and not 0.0 <= arrival < end
         ]
@@ -252,7 +252,7 @@ def warnings_of(listening: Listening, records: Sequence[SensorRecord]) -> list[s
 def truth_csv(
     listening: Listening, records: Sequence[SensorRecord], comments: Sequence[str]
 ) -> str:
-    """Return a row for each sensor and blast: what the laws say, and what clipped."""
+    """Return a row for each sensor and blast: predictions of the laws, and clipping."""
     truth = listening.truth
     head = ["sensor", "kind", "shot", "east_m", "north_m", "up_m", *truth.values]
     head += ["law_valid", "clipped", "file", "rate_hz", "samples", "full_scale_pa"]
@@ -276,11 +276,11 @@ def _word(flag: Any) -> str:
 
 
 class Envelope:
-    """Smallest and largest sample of every column of a stretch of a record.
+    """Smallest and largest sample of every column of a segment of a record.
 
     Attributes:
-        low: Smallest sample of each column; NaN where none has come.
-        high: Largest one.
+        low: Smallest sample of each column; NaN before the first sample.
+        high: Largest sample.
     """
 
     def __init__(
@@ -293,7 +293,7 @@ class Envelope:
         self.high = np.full(columns, np.nan)
 
     def push(self, samples: Float[np.ndarray, " n"], at: int) -> None:
-        """Take in samples, of which the first is number `at` of the record."""
+        """Add samples, of which the first is number `at` of the record."""
         begin, end = max(at, self.start), min(at + samples.size, self.stop)
         if end <= begin:
             return
@@ -317,7 +317,7 @@ def _near(
     samples: int,
     rate_hz: float,
 ) -> Envelope | None:
-    """Return what draws the arrivals of the first blast that comes, large."""
+    """Return the envelope around the arrivals of the first blast; None without one."""
     first = np.where(first >= 0, first, np.inf)
     shot = int(first.argmin())
     duration = values["positive_duration_s"][shot]
@@ -337,20 +337,20 @@ def write_samples(
     columns: Sequence[str],
     comments: Sequence[str],
 ) -> int:
-    """Write samples against time, in constant memory.
+    """Write samples against time as CSV, in constant memory.
 
-    If the packets break off by an error, or are interrupted, those that came are kept
-    as a whole file and the error goes on.
+    If the packets end with an error or an interrupt, the file with the samples so far
+    is kept, and the error is raised.
 
     Args:
-        path: What is there is replaced.
-        packets: Samples in a row.
-        rate_hz: Samples a second; the first is at 0.
-        columns: What each component is, with the unit.
-        comments: Lines that say where the samples come from.
+        path: Output file; an existing one is replaced.
+        packets: Packets of consecutive samples.
+        rate_hz: Sampling rate [1/s]; the first sample is at 0.
+        columns: Names of the components, with units.
+        comments: Comment lines, such as the provenance.
 
     Returns:
-        How many samples there are.
+        Number of samples.
     """
     written = 0
     broken: BaseException | None = None
@@ -367,8 +367,9 @@ def write_samples(
                 file.write(comma_separated(map(_cells, rows)))
                 written += len(packet)
         except BaseException as error:
+            # without a sample the error leaves `replacing`, and an old file stays
             if not written:
-                raise  # nothing to keep: what was there before stays
+                raise
             broken = error
     if broken is not None:
         raise broken
@@ -382,10 +383,10 @@ def _cells(row: Sequence[float]) -> list[str]:
 
 
 class Spectrogram:
-    """Power density of a record against time, by Hann windows that overlap.
+    """Power density of a record against time, by overlapping Hann windows.
 
     Attributes:
-        frequency_hz: Of each row, without 0.
+        frequency_hz: Frequency of each row, without 0.
         time_s: Edges of the columns.
     """
 
@@ -395,10 +396,10 @@ class Spectrogram:
         while size > max(samples, 16):
             size //= 2
         least, most = (size // overlap for overlap in reversed(OVERLAPS))
-        self.size, self.step = size, max(1, least, min(most, samples // INSTANTS))
+        self.size, self.step = size, max(1, least, min(most, samples // MAX_INSTANTS))
         self.window = np.hanning(size + 1)[:-1]
         frames = max(1, (samples - size) // self.step + 1)
-        self.frames, columns = frames, min(frames, INSTANTS)
+        self.frames, columns = frames, min(frames, MAX_INSTANTS)
         self.power = np.zeros((columns, size // 2))
         self.count = np.zeros(columns)
         self.frequency_hz = np.arange(1, size // 2 + 1) * rate_hz / size
@@ -408,9 +409,9 @@ class Spectrogram:
         self._done = 0
 
     def push(self, samples: Float[np.ndarray, " n"]) -> None:
-        """Take in the next samples."""
-        for start in range(0, samples.size, PIECE):
-            self._take(samples[start : start + PIECE])
+        """Add the next samples."""
+        for start in range(0, samples.size, CHUNK):
+            self._take(samples[start : start + CHUNK])
 
     def _take(self, samples: Float[np.ndarray, " n"]) -> None:
         waiting = np.concatenate([self._left, samples])
@@ -419,7 +420,7 @@ class Spectrogram:
         if frames > 0:
             windows = np.lib.stride_tricks.sliding_window_view(waiting, self.size)
             spectra = np.fft.rfft(windows[:: self.step][:frames] * self.window)[:, 1:]
-            # one-sided; the last row, Nyquist's, has no twin
+            # one-sided: twice the power, but for the Nyquist row, which occurs once
             power = 2.0 * np.abs(spectra) ** 2
             power[:, -1] /= 2.0
             columns = (self._done + np.arange(frames)) * len(self.count) // self.frames
@@ -429,7 +430,7 @@ class Spectrogram:
         self._left = waiting[frames * self.step :]
 
     def density(self) -> Float[np.ndarray, "instant frequency"]:
-        """Return mean power by frequency [unit^2/Hz]; NaN where nothing came."""
+        """Return mean power by frequency [unit^2/Hz]; NaN without samples."""
         scale = self.rate_hz * np.sum(self.window**2)
         with np.errstate(invalid="ignore"):
             return self.power / (scale * self.count[:, None])

@@ -32,12 +32,13 @@ from jblast.sensors.listening import Listening, packets
 
 JSON, TRUTH = "listen.json", "truth.csv"
 LONGEST_NAME = 80
-"""Characters of a file's name that come from a sensor's."""
-MOST_DRAWN = 8
-"""Sensors in a picture."""
+"""Largest number of characters of a file name from a sensor's name: file systems allow
+255 bytes, and a character has up to three."""
+MAX_DRAWN = 8
+"""Largest number of sensors in a figure: 18 inches high."""
 ROW_INCHES = 2.2
 SPAN_DB = 90.0
-"""What a spectrogram shows below its loudest tone."""
+"""Dynamic range of a spectrogram: about that of 16 bits."""
 HEARING_PA = 20e-6
 """Reference of levels of sound in air (ISO 1683)."""
 ARRIVALS = {"ground_arrival_s": (VERMILLION, "ground"), "air_arrival_s": (INK, "air")}
@@ -45,7 +46,7 @@ ARRIVALS = {"ground_arrival_s": (VERMILLION, "ground"), "air_arrival_s": (INK, "
 
 def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) -> Figure:
     """Draw the power density of each record against time and frequency."""
-    drawn = records[:MOST_DRAWN]
+    drawn = records[:MAX_DRAWN]
     figure = new_figure(11.0, 0.8 + ROW_INCHES * len(drawn))
     grid = figure.subplots(len(drawn), 1, squeeze=False)[:, 0]
     for number, (record, axes) in enumerate(zip(drawn, grid, strict=True)):
@@ -66,7 +67,8 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
         axes.set_xlim(0.0, record.whole.stop / record.rate_hz)
         loudest = float(np.max(level, where=np.isfinite(level), initial=-np.inf))
         if np.isfinite(loudest):
-            axes.set_facecolor(colormaps["cividis"](0.0))  # where no window fits
+            # the colour of silence, for the ends of the record without a whole window
+            axes.set_facecolor(colormaps["cividis"](0.0))
             image = axes.pcolormesh(
                 spectrogram.time_s,
                 edges,
@@ -79,7 +81,7 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
             bar = figure.colorbar(image, ax=axes, pad=0.01)
             bar.set_label(f"dB re {words}", size=9, color=INK)
             bar.ax.tick_params(labelsize=9, color=MUTED)
-            bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  a spine, whose stub says it is called
+            bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  the stub of a spine lacks its type
         else:
             axes.text(0.5, 0.5, "silent", transform=axes.transAxes, color=MUTED)
         _arrivals(axes, listening, number, light=True)
@@ -88,15 +90,15 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
 
 
 def _reference(record: SensorRecord) -> tuple[float, str]:
-    """Return the reference of power densities, and its unit in words."""
+    """Return the reference of power densities, and its unit as text."""
     if record.kind.unit == "pa":
         return HEARING_PA, "(20 µPa)²/Hz"
     return 1.0, f"({unit_for(record.column, 1.0).symbol})²/Hz"
 
 
 def waveform_figure(listening: Listening, records: Sequence[SensorRecord]) -> Figure:
-    """Draw each record whole, and around the first blast that comes."""
-    drawn = records[:MOST_DRAWN]
+    """Draw each record whole, and around its first blast."""
+    drawn = records[:MAX_DRAWN]
     figure = new_figure(11.0, 0.8 + ROW_INCHES * len(drawn))
     grid = figure.subplots(len(drawn), 2, squeeze=False, width_ratios=[1.0, 1.0])
     for number, (record, (left, right)) in enumerate(zip(drawn, grid, strict=True)):
@@ -162,7 +164,7 @@ def write_tracks(
 
 
 def _standpoint(sensor: Sensor) -> str:
-    """Return where a sensor is, in words."""
+    """Return the position of a sensor, as text."""
     place, axes = sensor.position_m, "east, north, up"
     if sensor.mount:
         place = sensor.offset_m
@@ -176,7 +178,7 @@ def write_pictures(
 ) -> list[str]:
     """Draw the records; return the names of the files.
 
-    A picture that cannot be drawn costs nothing but itself: a warning names it.
+    A figure that cannot be drawn is left out, with a warning.
     """
     written = []
     for name, draw in FIGURES.items():
@@ -187,7 +189,7 @@ def write_pictures(
 
 
 def provenance(listening: Listening, source: str, seed: int) -> list[str]:
-    """Return what the comments of every table say."""
+    """Return the provenance of the records, for the comments of every table."""
     laws = ", ".join(f"{name} by {law}" for name, law in listening.truth.laws.items())
     return [
         f"SIMULATED, not measured: jblast {jblast.__version__}, {source}, seed {seed}",
@@ -198,9 +200,9 @@ def provenance(listening: Listening, source: str, seed: int) -> list[str]:
 
 
 def file_names(sensors: Sequence[Sensor]) -> dict[str, str]:
-    """Return the file of each sensor: its name, as far as any file may be called so.
+    """Return the file name of each sensor: its name with safe characters only.
 
-    No two are alike, nor alike in capitals, nor those of the truth or the pictures.
+    Names are unique even without regard to case, and differ from the other files'.
     """
     taken = {name.lower() for name in (JSON, TRUTH, *FIGURES)}
     names: dict[str, str] = {}
@@ -216,7 +218,7 @@ def file_names(sensors: Sequence[Sensor]) -> dict[str, str]:
 
 
 def _draw(axes: Axes, envelope: Envelope, unit: Unit) -> None:
-    """Draw smallest and largest sample of each column as a band with an edge."""
+    """Draw smallest and largest sample of each column as a band with outlines."""
     low, high = envelope.low / unit.size, envelope.high / unit.size
     time = envelope.time_s
     axes.fill_between(time, low, high, color=BLUE, alpha=0.35, linewidth=0.0)
@@ -228,7 +230,7 @@ def _draw(axes: Axes, envelope: Envelope, unit: Unit) -> None:
 def _arrivals(
     axes: Axes, listening: Listening, number: int, *, light: bool = False
 ) -> None:
-    """Mark when the waves of every blast arrive, where that is in the picture."""
+    """Mark the arrivals of the waves of every blast within the axes."""
     low, high = axes.get_xlim()
     for name, (colour, _) in ARRIVALS.items():
         for arrival in listening.truth.values[name][number]:
@@ -243,7 +245,7 @@ def _arrivals(
 
 
 def _legend(figure: Figure) -> None:
-    """Say beside the pictures what the two lines are."""
+    """Add the legend of the two arrival lines below the figure."""
     from matplotlib.lines import Line2D
 
     lines = [

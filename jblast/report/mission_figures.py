@@ -25,15 +25,17 @@ from jblast.report.words import printed_number, unit_for
 from jblast.study.missions import MissionFlight
 
 PLANNED, FLOWN, BLAST = "ff666666", "ffb27200", "ff005ed5"
-"""Colours, which KML has as alpha, blue, green, red."""
-MOST_POINTS = 5000
-"""Of a path: more only take room."""
+"""Colours; KML orders the bytes alpha, blue, green, red."""
+MAX_POINTS = 5000
+"""Largest number of points of a path: about two for each pixel of the figure."""
+MAX_NUMBERED = 64
+"""Largest number of waypoints drawn with numbers: more numbers overlap."""
 
 
 def mission_kml(flight: MissionFlight) -> str:
-    """Return the text of a document with a mission's paths and places.
+    """Return the text of a KML document with the paths, waypoints and blasts.
 
-    Heights are those of the plan's home and the scene's place, taken as above the sea.
+    Heights of the plan's home and the scene's position are written as above sea level.
     """
     frame = flight.mission.frame
     root, document = new_document(f"Mission: {flight.mission.plan.source}")
@@ -93,7 +95,7 @@ def draw_map(axes: Axes, flight: MissionFlight, *, labels: bool = True) -> None:
     """Draw a mission's map into axes: plan, path, waypoints, charges.
 
     Args:
-        axes: Where to.
+        axes: Axes of the map.
         flight: The mission.
         labels: Whether waypoints have their numbers.
     """
@@ -121,7 +123,7 @@ def draw_map(axes: Axes, flight: MissionFlight, *, labels: bool = True) -> None:
     axes.plot(home[1], home[0], "s", color=INK, markersize=7, label="home")
     blasts = there(flight.places_m)
     axes.plot(*blasts[:, 1::-1].T, "*", color=VERMILLION, markersize=12, label="blast")
-    if labels and len(goals) <= 64:
+    if labels and len(goals) <= MAX_NUMBERED:
         named: set[int] = set()
         for one, (lat, lon, _) in zip(flight.waypoints, goals, strict=True):
             if one.item.number not in named and np.hypot(*one.goal_m[:2]) > 0.5:
@@ -144,7 +146,7 @@ def draw_map(axes: Axes, flight: MissionFlight, *, labels: bool = True) -> None:
 def error_figure(flight: MissionFlight) -> Figure:
     """Draw path error, height and speed over time, with the blasts' arrivals."""
     time = np.asarray(flight.trajectory.time_s)
-    rows = slice(None, None, max(1, time.size // MOST_POINTS))
+    rows = slice(None, None, max(1, time.size // MAX_POINTS))
     time = time[rows]
     error = flight.path_error_m[rows]
     peak = float(np.nanmax(flight.path_error_m))
@@ -161,7 +163,7 @@ def error_figure(flight: MissionFlight) -> Figure:
     if flight.followed is not None:
         off = np.linalg.norm(np.asarray(flight.followed.error)[rows, PLACE], axis=1)
         upper.plot(
-            time, off / unit.size, color=MUTED, linewidth=1.0, label="estimate is off"
+            time, off / unit.size, color=MUTED, linewidth=1.0, label="estimate error"
         )
     upper.plot(time, error / unit.size, color=BLUE, linewidth=1.2, label="path error")
     if flight.followed is not None:
@@ -181,19 +183,19 @@ def error_figure(flight: MissionFlight) -> Figure:
 
 
 def planned_path(flight: MissionFlight) -> Float[np.ndarray, "place 3"]:
-    """Return the way of the set point: east, north, up, where it was."""
+    """Return the path of the set point above the ground: east, north, up [m]."""
     set_point = np.asarray(flight.guided.set_point_m)
     return _thinned(np.maximum(set_point, [-np.inf, -np.inf, 0.0]))
 
 
 def flown_path(flight: MissionFlight) -> Float[np.ndarray, "place 3"]:
-    """Return the way of the vehicle: east, north, up, as far as it is known."""
+    """Return the path of the vehicle up to a divergence: east, north, up [m]."""
     place = np.asarray(flight.trajectory.position_m)
     return _thinned(place[np.isfinite(place).all(axis=1)])
 
 
 def _thinned(path: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "place 3"]:
-    return path[:: max(1, len(path) // MOST_POINTS)]
+    return path[:: max(1, len(path) // MAX_POINTS)]
 
 
 def _end(flight: MissionFlight) -> str:

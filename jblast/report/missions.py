@@ -31,18 +31,17 @@ from jblast.vehicle.metrics import THRESHOLDS, Threshold
 
 
 def mission_text(flight: MissionFlight) -> str:
-    """Return what the terminal shows."""
-    lines = [*_title(flight), ""]
+    """Return waypoints, blasts, sampled parameters and notes, for the terminal."""
+    lines = [*_title(flight), "", *aligned(_waypoints(flight)), ""]
+    lines += aligned(_blasts(flight))
+    names = [one.charge for one in flight.disturbances]
+    lines += estimate_lines([("", flight.thrown)], names, _any_number)
     if flight.drawn:
         drawn = [
             (parameter_words(name), _number(name, value))
             for name, value in flight.drawn.items()
         ]
-        lines += [*aligned([("drawn, by --seed", ""), *drawn]), ""]
-    lines += [*aligned(_waypoints(flight)), ""]
-    lines += aligned(_blasts(flight))
-    names = [one.charge for one in flight.disturbances]
-    lines += estimate_lines([("", flight.thrown)], names, _any_number)
+        lines += ["", *aligned([("sampled, by --seed", ""), *drawn])]
     lines += ["", *_notes(flight)]
     return "\n".join(lines) + "\n"
 
@@ -51,21 +50,22 @@ def _title(flight: MissionFlight) -> list[str]:
     reached = sum(one.reached for one in flight.waypoints)
     options = flight.options
     who = f"{flight.vehicle.model.capitalize()} on {flight.mission.plan.source}"
-    how = f"({options.integrator}, steps of {printed_number('step_s', options.step_s)})"
+    length = printed_number("step_s", options.step_s)
+    step = f"({options.integrator}, steps of {length})"
     if flight.crash:
-        end = f"{flight.crash}: a crash"
+        end = f"crashed ({flight.crash})"
     elif math.isfinite(flight.disarmed_s):
         end = f"landed, disarmed after {flight.disarmed_s:.4g} s"
     else:
-        end = f"cut off after {flight.seconds:.4g} s, in flight"
+        end = f"still in flight at the time limit, {flight.seconds:.4g} s"
     return [
-        f"{who} {how}:",
+        f"{who} {step}:",
         f"{end}; {reached} of {len(flight.waypoints)} waypoints reached",
     ]
 
 
 def _waypoints(flight: MissionFlight) -> list[tuple[str, ...]]:
-    rows = [("waypoint", "reached", "missed by", "path error rms", "greatest")]
+    rows = [("waypoint", "reached", "closest", "path error rms", "largest")]
     for one in flight.waypoints:
         rows.append(
             (
@@ -82,7 +82,7 @@ def _waypoints(flight: MissionFlight) -> list[tuple[str, ...]]:
 def _blasts(flight: MissionFlight) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [
         (
-            *("blast", "arrives", "on the way to", "distance", "peak"),
+            *("blast", "arrives", "leg to", "distance", "peak"),
             *("path error before", "peak deviation", "recovery"),
         )
     ]
@@ -108,11 +108,11 @@ def _blasts(flight: MissionFlight) -> list[tuple[str, ...]]:
 def _notes(flight: MissionFlight) -> list[str]:
     tolerance = printed_number("tolerance_m", flight.options.tolerance_m)
     notes = [
-        "A waypoint is reached within its acceptance radius; missed by: the least "
-        "distance from it. Path error: distance from the set point, which moves along "
-        "the plan's legs. Deviation and recovery: of the "
-        f"{WATCHED_S:g} s after a blast, or up to the next one; recovered is who stays "
-        f"within {tolerance}."
+        "A waypoint is reached within its acceptance radius. Closest: least distance "
+        "from it. Path error: distance from the set point, which moves along the "
+        "plan's legs. Deviation and recovery are measured over the "
+        f"{WATCHED_S:g} s after a blast, or up to the next one; recovered: the path "
+        f"error stays within {tolerance}."
     ]
     notes += [f"{capitalised(warning)}." for warning in mission_warnings(flight)]
     return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
@@ -126,7 +126,8 @@ def _number(name: str, value: float) -> str:
     if math.isnan(value):
         return "-"
     if math.isinf(value):
-        return {"recovery_time_s": "not yet", "arrival_s": "never"}.get(name, "-")
+        return {"recovery_time_s": "not reached", "arrival_s": "never"}.get(name, "-")
+    # rounding of the integration: 1e-6 of any unit here is far below what matters
     if 0 < abs(value) < 1e-6:
         return printed_number(name, 0.0)
     return printed_number(name, value, 4) if name else significant(value, 4)
@@ -134,13 +135,13 @@ def _number(name: str, value: float) -> str:
 
 @dataclass(frozen=True)
 class BlastFlownThrough:
-    """What one blast did; null where it came before or after the flight.
+    """Effect of one blast; null if it arrives before or after the flight.
 
     Attributes:
-        of: Its name.
-        waypoint: Number of the item it came on the way to.
+        of: Name of the charge.
+        waypoint: Number of the next item at its arrival.
         rest: Path errors.
-        recovered: Whether the path error came back within the tolerance.
+        recovered: Whether the path error returned within the tolerance.
     """
 
     of: Disturbance = field(metadata=among("charge"))
@@ -155,11 +156,11 @@ class BlastFlownThrough:
 
 @dataclass(frozen=True)
 class WaypointFlown:
-    """One item as it was flown; one that is jumped back to is there again.
+    """One item of the flight; an item that is flown again has another entry.
 
     Attributes:
         index: Number of the item in its plan.
-        command: As MAVLink numbers it.
+        command: MAVLink number of the command.
         flown: Errors, and the time of arrival.
     """
 
@@ -174,35 +175,35 @@ class WaypointFlown:
 
 @dataclass(frozen=True)
 class MissionAnswer(Document):
-    """What was flown, what came, and what became of it.
+    """The answer of `jblast fly` for a mission: options, blasts and results.
 
     Attributes:
         scene: The scene's file.
         mission: The plan's file.
-        seed: Of the priors.
-        vehicle: What flew.
-        home: Latitude, longitude [degree] and height [m] of where it stood.
-        home_m: The same: east, north, up.
-        seconds: How long, from calibration until a second after it was disarmed.
-        step_s: Of the integrator, and of the controller.
-        integrator: Which.
-        backend: What calculated it.
-        tolerance_m: Within which a vehicle has recovered.
+        seed: Seed of the priors.
+        vehicle: Model of the vehicle.
+        home: Latitude, longitude [degree] and height [m] of the home position.
+        home_m: Home position: east, north, up.
+        seconds: Time from calibration until a second after it was disarmed [s].
+        step_s: Step of the integrator and of the controller.
+        integrator: Name of the integrator.
+        backend: Backend of the computation.
+        tolerance_m: Path error within which a vehicle has recovered.
         load: "laws", "custom profile" or the preset of a world.
-        drawn: What was drawn of priors.
-        completed: Whether it came to its end without a crash, each waypoint reached.
-        disarmed_s: When its rotors were stopped after it had landed; null: never.
+        drawn: Values sampled from priors.
+        completed: Whether it ended without a crash, with each waypoint reached.
+        disarmed_s: Time at which it was disarmed after landing; null if it was not.
         crashed: Whether it crashed.
-        crash: By what; "" if it did not.
-        waypoints: Each item as it was flown.
-        blasts: Each as it came.
-        disturbances: What each did.
-        estimator: "ekf", or "": it flew by the truth.
-        estimates: What each blast did to the estimate; none by the truth.
-        peak_overpressure_pa: Incident, of the strongest blast.
-        peak_acceleration_m_s2: By the blasts alone.
-        thresholds: Of these two, by exposure.
-        warnings: Limits of the numbers, a sentence each.
+        crash: Cause of the crash; "" without one.
+        waypoints: Result of each item.
+        blasts: Each blast at the vehicle.
+        disturbances: Effect of each blast.
+        estimator: "ekf", or "" for a flight with the true state.
+        estimates: Errors of the estimate at each blast; none with the true state.
+        peak_overpressure_pa: Incident peak overpressure of the strongest blast.
+        peak_acceleration_m_s2: Largest acceleration by the blasts alone.
+        thresholds: Thresholds of these two, by exposure.
+        warnings: Limitations, as sentences.
     """
 
     scene: str
@@ -237,9 +238,9 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
     """Return the answer on a mission.
 
     Args:
-        flight: What was flown.
+        flight: The flight.
         scene: The scene's file.
-        seed: Of what was drawn.
+        seed: Seed of the sampled parameters.
     """
     options, mission = flight.options, flight.mission
     limits = THRESHOLDS[flight.vehicle.model]
@@ -282,29 +283,30 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
 
 
 def mission_warnings(flight: MissionFlight) -> list[str]:
-    """Return sentences on the limits of the numbers."""
-    said = list(flight.notes)
+    """Return the limitations of a mission, as sentences."""
+    warnings = list(flight.notes)
     plan = flight.mission.plan
-    said += [
-        f"{plan.source} has {part}, which is not heeded" for part in plan.not_flown
+    warnings += [
+        f"{plan.source} has {part}, which is ignored" for part in plan.not_flown
     ]
     if flight.crash:
-        said.append(f"the vehicle {flight.crash}: what it did afterwards is no flight")
+        warnings.append(
+            f"the vehicle {flight.crash}; results after that are not meaningful"
+        )
     elif math.isnan(flight.disarmed_s):
-        said.append("it was cut off before it had landed")
+        warnings.append("the flight reached the time limit before landing")
     outside = ~np.asarray(flight.encounter.in_range)
     for one, away in zip(flight.disturbances, outside, strict=True):
         name = f"blast {one.charge}" if one.charge else "the blast"
         if one.waypoint < 0:
-            said.append(f"{name} comes before or after the flight")
+            warnings.append(f"{name} arrives before or after the flight")
         elif away:
-            known = "its laws hold" if flight.options.profile is None else "has cases"
-            said.append(
-                f"{name} comes from where no "
-                + ("laws hold" if known.startswith("its") else "profile has cases")
-                + ": its load is finite, no more"
+            by_law = flight.options.profile is None
+            limit = "range of the laws" if by_law else "cases of the profile"
+            warnings.append(
+                f"{name} lies outside the {limit}: its load is not reliable"
             )
-    return said
+    return warnings
 
 
 def _met(flight: MissionFlight, n: int, name: str) -> BlastMet:
@@ -320,7 +322,7 @@ def _met(flight: MissionFlight, n: int, name: str) -> BlastMet:
 
 
 def _estimates(flight: MissionFlight) -> tuple[EstimateThrown, ...]:
-    """Return what each blast did to the estimate; nothing by the truth."""
+    """Return the errors of the estimate at each blast; none with the true state."""
     if flight.thrown is None:
         return ()
     names = [one.charge for one in flight.disturbances]

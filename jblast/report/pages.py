@@ -7,11 +7,11 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 
 def page(template: str, **values: Any) -> str:
-    """Return a page that needs nothing beside it.
+    """Return a self-contained page.
 
     Args:
-        template: Its path in this package; it may include others.
-        **values: What the template names; what it does not find is an error.
+        template: Path of the template in this package; it may include others.
+        **values: Variables of the template; a missing one is an error.
     """
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, loader=FunctionLoader(_read)

@@ -41,20 +41,21 @@ from jblast.waves.pulse import Pulse, pulse_mean
 
 JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
 PICTURE = "records_{}.png"
-MOST_PICTURES = 10
-"""Pictures, of some records each: more is no page to look at."""
+MAX_PICTURES = 10
+"""Largest number of figures on a page, 240 records: nobody reads more of them."""
 MAX_RECORDS = 24
-"""Largest number of records in one figure."""
+"""Largest number of records in one figure: twelve rows are about three screens."""
 COLUMNS = 2
 CLIPPED_WITHIN = 1e-3
-"""A sample within this share of the full scale is clipped."""
+"""A sample within this share of the full scale is clipped: far above the rounding of a
+16-bit recorder, 3e-5, and below any error that the figure shows."""
 UNSCALED = Unit("sample", 1.0)
 BINS = 320
-"""What a picture of a record shows."""
+"""Largest number of points of a drawn record: about one a pixel of its panel."""
 BEFORE, AFTER = 0.6, 1.4
-"""Drawn before the front, in positive phases; and after it, in lengths of the wave."""
+"""Drawn part before the front [positive durations], and after it [wave durations]."""
 TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
-"""Of what stands in no table of quantities."""
+"""Column titles of values that are not quantities of a log."""
 
 
 def write_picks(
@@ -65,17 +66,17 @@ def write_picks(
     lines: Sequence[str],
     made: Provenance,
 ) -> list[str]:
-    """Write all there is, the answer first; return the names of the files.
+    """Write answer, log, figures and page, in this order; return the file names.
 
-    A picture that cannot be drawn costs nothing but itself: a warning names it.
+    A figure that cannot be drawn is left out, with a warning.
 
     Args:
-        directory: Where to; made if it is not there.
+        directory: Output directory; created if missing.
         found: Picks that keep their samples.
-        log: Their rows.
-        answer: What `picks_answer` made of them.
-        lines: Further remarks.
-        made: What they were made of.
+        log: Rows of the picks.
+        answer: The document of `picks_answer`.
+        lines: Further notes for the page.
+        made: Provenance.
 
     Raises:
         OSError: It cannot be written.
@@ -96,9 +97,9 @@ def write_picks(
 
 
 def _pictures(directory: Path, found: Gathered, written: list[str]) -> list[Figure]:
-    """Draw records, so many a picture, and write them."""
+    """Draw the records, `MAX_RECORDS` a figure, and write the figures."""
     names, pictures = found.named(), []
-    firsts = range(0, len(found.picks), MAX_RECORDS)[:MOST_PICTURES]
+    firsts = range(0, len(found.picks), MAX_RECORDS)[:MAX_PICTURES]
     for number, first in enumerate(firsts, start=1):
         part = slice(first, first + MAX_RECORDS)
         name = PICTURE.format(number)
@@ -111,17 +112,17 @@ def _pictures(directory: Path, found: Gathered, written: list[str]) -> list[Figu
 
 
 def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
-    """Draw picks, each record above its residual, two beside each other.
+    """Draw picks in two columns, each record above its residual.
 
     Args:
-        names: What to call each.
-        picks: They keep their samples; the first `MAX_RECORDS` are drawn.
+        names: Titles of the panels.
+        picks: Picks that keep their samples; the first `MAX_RECORDS` are drawn.
     """
     shown = picks[:MAX_RECORDS]
     rows = -(-len(shown) // COLUMNS)
     columns = min(COLUMNS, len(shown))
     width, height = 5.4 * columns, 0.5 + 2.9 * rows
-    # a grid that is known needs no constrained layout, which would take seconds
+    # the grid is computed here: constrained layout would take seconds
     figure = Figure(figsize=(width, height), dpi=DPI)
     outer = figure.add_gridspec(
         rows,
@@ -147,14 +148,14 @@ def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
 
 
 class Curve(NamedTuple):
-    """What is drawn of a pick, a value for each bin.
+    """Samples and pulse of a pick, one value for each bin.
 
     Attributes:
         time: Middle of each bin [s].
-        samples: Mean of the samples in it.
-        low: Least of them.
-        high: Largest of them.
-        fitted: Mean of the fitted pulse over it, above the baseline at the arrival.
+        samples: Mean of its samples.
+        low: Least sample.
+        high: Largest sample.
+        fitted: Mean of the fitted pulse, above the baseline at the arrival.
     """
 
     time: Float[np.ndarray, " bin"]
@@ -190,9 +191,8 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     if np.isfinite(clipped):
         level = (clipped - float(one.pick.baseline_pa)) / unit.size
         above.axhline(level, color=INK, linewidth=0.8, linestyle="--")
-        residual[high >= (1.0 - CLIPPED_WITHIN) * level] = (
-            np.nan
-        )  # only bounds the pressure
+        # a clipped sample is a lower bound, so that it has no residual
+        residual[high >= (1.0 - CLIPPED_WITHIN) * level] = np.nan
     below.plot(curve.time, residual, color=INK, linewidth=0.7)
     largest = float(np.abs(residual[np.isfinite(residual)]).max(initial=0.0))
     below.set_ylim(-1.15 * largest or -1.0, 1.15 * largest or 1.0)
@@ -206,13 +206,14 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
 
 
 def curves(picks: Sequence[RecordPick]) -> list[Curve]:
-    """Return what is drawn of picks that keep their samples."""
+    """Return the curves of picks that keep their samples."""
     edges = [_edges(one) for one in picks]
     padded = np.array([np.pad(e, (0, BINS + 1 - e.size), mode="edge") for e in edges])
     start = np.array([one.record.start_s for one in picks])[:, None]
     rate = np.array([one.record.rate_hz for one in picks])[:, None]
     arrival = np.array([float(one.pick.air_arrival_s) for one in picks])[:, None]
-    # a sample is a mean about its time; from the arrival, so that no digits are lost
+    # a sample is the mean over its interval, so edges lie half a sample earlier; times
+    # count from the arrival, as a time of day has too few digits left for the pulse
     since = (start - arrival) + (padded - 0.5) / rate
     pulses = _pulses([one.pick for one in picks])
     fitted = np.asarray(_means(pulses, jax.device_put(since)))
@@ -249,10 +250,11 @@ def _pulses(picks: Sequence[Pick]) -> Pulse:
 
 
 def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
-    """Return the samples that bins begin and end at: at most `BINS` bins of a size."""
+    """Return the first samples of bins of equal size, at most `BINS`, and the end."""
     pick, record = one.pick, one.record
     arrival, duration = float(pick.air_arrival_s), float(pick.positive_duration_s)
-    if np.isnan(duration):  # an onset alone: all of the record
+    # an onset without a pulse has no duration: the whole record is drawn
+    if np.isnan(duration):
         arrival, duration = record.start_s, record.seconds
     wave = duration + float(np.nan_to_num(pick.negative_duration_s))
     first = int((arrival - BEFORE * duration - record.start_s) * record.rate_hz) - 1
@@ -284,21 +286,21 @@ def _curve(
 def _through_high_pass(
     one: RecordPick, fitted: Float[np.ndarray, " bin"], samples: int
 ) -> Float[np.ndarray, " bin"]:
-    """Return the pulse as the recorder's first-order high-pass shows it, if it has one.
+    """Return the pulse after the recorder's first-order high-pass, if it has one.
 
     Args:
         one: The pick.
-        fitted: The pulse in bins, still at the first.
-        samples: Of a bin.
+        fitted: The pulse in bins, zero at the first.
+        samples: Samples per bin.
     """
     if not one.record.high_pass_hz:
         return fitted
     from scipy.signal import lfilter
 
     step = samples / one.record.rate_hz
-    kept = np.exp(-2.0 * np.pi * one.record.high_pass_hz * step)
-    gain = 0.5 * (1.0 + kept)
-    return np.asarray(lfilter([gain, -gain], [1.0, -kept], fitted))
+    pole = np.exp(-2.0 * np.pi * one.record.high_pass_hz * step)
+    gain = 0.5 * (1.0 + pole)  # unit gain at the Nyquist frequency of the bins
+    return np.asarray(lfilter([gain, -gain], [1.0, -pole], fitted))
 
 
 def picks_page(
@@ -312,15 +314,15 @@ def picks_page(
 
     Args:
         found: Picks.
-        pictures: Of their records.
-        lines: Further remarks, a sentence each.
-        made: What they were made of.
-        comments: Of the log.
+        pictures: Figures of their records.
+        lines: Further notes, as sentences.
+        made: Provenance.
+        comments: Comments of the log.
     """
     rows = [
         {
             "name": name,
-            "told": [estimate_words(one, quantity) for quantity in NAMES],
+            "numbers": [estimate_words(one, quantity) for quantity in NAMES],
             "quality": one.quality,
             "notes": "; ".join(note_words(one)),
         }

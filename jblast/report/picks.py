@@ -33,64 +33,66 @@ COLUMNS = {
     "positive_duration_s": "duration",
     "positive_impulse_pa_s": "impulse",
 }
-"""What the table shows, and its titles."""
-MOST_NAMES = 6
-"""Names in a sentence."""
+"""Quantities of the table, with the titles of their columns."""
+MAX_NAMES = 6
+"""Largest number of records named in a sentence; the rest is a count."""
 NOTES: dict[NoteKind, str] = {
     "nothing_found": "nothing found",
-    "onset_alone": "no blast pulse fits the samples: when they became loud is told",
+    "onset_alone": "no blast pulse fits the samples; the arrival is the onset of the "
+    "signal",
     "not_converged": "the fit of the pulse did not converge",
     "clipped": "clipped at {clipped_at}",
-    "misfit": "the samples are not of a blast pulse's form (misfit {misfit}, where "
-    "chance gives 1)",
-    "few_quiet_samples": "too few quiet samples before the front to know the noise by",
-    "under_sampled": "fewer than eight samples make the positive phase",
-    "sharp_front": "the front rises within a sample",
+    "misfit": "the samples do not have the form of a blast pulse (misfit {misfit}, "
+    "expected 1)",
+    "few_quiet_samples": "too few quiet samples before the front to estimate the noise",
+    "under_sampled": "fewer than eight samples in the positive phase",
+    "sharp_front": "the front rises within one sample",
     "cut_short": "the record ends before the positive phase does",
     "drifting": "the baseline drifts",
-    "curved_baseline": "the baseline bends: duration and impulse rest on its form",
+    "curved_baseline": "the baseline is curved: duration and impulse depend on its "
+    "form",
     "resonating": "the sensor rings at {rings}",
-    "high_passed": "what follows the pulse looks high-passed, and no corner was given; "
-    "a Friedlander pulse that runs on below zero looks the same",
+    "high_passed": "the record after the pulse looks high-passed, and no corner was "
+    "given; a Friedlander pulse that stays below zero looks the same",
     "later_arrival": "further fronts at {later}",
     "zero_shift": "the zero of the gauge shifts at the front: duration and impulse "
-    "depend on when it does",
-    "reversed_polarity": "the polarity is reversed: picked upside down",
-    "front_alone": "what follows the front is not of a blast pulse's form: arrival and "
-    "peak are those of the front alone",
-    "duration_unsure": "the duration is hardly told",
+    "depend on the time of the shift",
+    "reversed_polarity": "reversed polarity: the samples were negated",
+    "front_alone": "the record after the front does not have the form of a blast "
+    "pulse: arrival and peak are from the front only",
+    "duration_unsure": "the duration is poorly constrained",
     "faint": "the pulse is faint",
 }
-"""Of what a pick's notes say."""
+"""Text of each note on a pick."""
 REASONS: dict[Reason, str] = {
-    "poor": "a poor pick",
+    "poor": "quality is poor",
     "onset_alone": "no pulse fits the samples",
-    "uncalibrated": "nobody said how many pascals a sample stands for",
-    "high_passed": "a high-pass of unknown corner changes them",
-    "curved_baseline": "the baseline bends, and they rest on its form",
+    "uncalibrated": "the samples have no known scale in pascals",
+    "high_passed": "distorted by a high-pass of unknown corner",
+    "curved_baseline": "the baseline is curved",
     "cut_short": "the record ends too early",
     "zero_shift": "the zero of the gauge shifts at the front",
-    "front_alone": "what follows the front is no blast pulse",
-    "weaker": "weaker than another of the same bang there: an echo, perhaps",
+    "front_alone": "the record after the front is not a blast pulse",
+    "weaker": "weaker than another pick of the same bang: possibly an echo",
 }
-"""Why something stands in no row of the log."""
+"""Reason for quantities that the log does not contain."""
 RECORDS_ALT = "Records with their fitted pulses, and residuals."
 RECORDS_CAPTION = (
-    "Grey: samples, their range where several fall on one point. Blue: fitted pulse. "
-    "Red: its arrival and, dotted, the end of its positive phase; orange: further "
-    "fronts; dashed: where the record clips. Below each: samples less pulse, means of "
-    "what falls on one point. A recorder's high-pass is drawn where its corner was "
-    "given, what rings or comes later is not."
+    "Grey: samples, or their range if several fall on one point. Blue: fitted pulse. "
+    "Red: its arrival and, dotted, the end of its positive phase. Orange: further "
+    "fronts. Dashed: clipping level. Lower panels: samples minus pulse, averaged over "
+    "each point. A recorder's high-pass is included if its corner was given; ringing "
+    "and later fronts are not included."
 )
 
 
 def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) -> str:
-    """Return what was picked.
+    """Return the picks as a table with notes, for the terminal.
 
     Args:
         found: Picks.
-        log: Their rows.
-        left_out: Files of a folder that are no records.
+        log: Rows of the picks.
+        left_out: Files of a folder that are not records.
     """
     count, channels = len(found.picks), found.channels
     head = f"{count} {'pick' if count == 1 else 'picks'}" if count else "Nothing found"
@@ -105,18 +107,17 @@ def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) ->
         lines.append(f"nothing found in {_listed(found.silent)}")
     for name, quieter in found.quieter.items():
         lines.append(
-            f"{name}: {quieter} quieter {'onset' if quieter == 1 else 'onsets'} not "
-            "looked at"
+            f"{name}: {quieter} quieter {'onset' if quieter == 1 else 'onsets'} ignored"
         )
     read_as = understood_lines(log.observations.understood)
     lines += [f"table of stations: {line}" for line in read_as]
     if left_out:
-        lines.append(f"no records, left out: {_listed(left_out)}")
+        lines.append(f"ignored, not a record: {_listed(left_out)}")
     return "\n".join(lines).rstrip() + "\n"
 
 
 def utc(found: Gathered) -> str:
-    """Return the time of day that picks count from."""
+    """Return the time of day of time zero of the picks."""
     assert found.epoch is not None
     whole = found.epoch.replace(microsecond=0)
     rest = (found.epoch - whole) / timedelta(seconds=1)
@@ -124,15 +125,16 @@ def utc(found: Gathered) -> str:
 
 
 def estimate_words(one: RecordPick, quantity: str) -> str:
-    """Print a value and its standard deviation with its unit; "" where unknown.
+    """Return a value and its standard deviation with its unit; "" if unknown.
 
-    Where the samples are not of a blast pulse's form the error is not known.
+    If the samples do not have the form of a blast pulse, the error is unknown.
     """
     found = pick_estimate(one, quantity)
     if found is None:
         return ""
     value, sd = found
-    if quantity == "air_arrival_s":  # digits of the clock, not of a ladder of units
+    # an arrival is a clock reading: always in seconds, whatever its size
+    if quantity == "air_arrival_s":
         error = "" if "misfit" in one.notes else f" ± {rounded(sd, sd)}"
         return f"{rounded(value, sd)}{error} s"
     unit = unit_for(quantity, value)
@@ -153,7 +155,7 @@ def _table(found: Gathered) -> list[str]:
 
 
 def _notes(found: Gathered) -> list[str]:
-    """Say each note once, with the records that it is of."""
+    """Return each note once, with the names of its records."""
     notes: dict[str, list[str]] = {}
     for name, one in zip(found.named(), found.picks, strict=True):
         for note in (*note_words(one), *one.record.notes):
@@ -162,39 +164,31 @@ def _notes(found: Gathered) -> list[str]:
 
 
 def _of_log(log: PickLog) -> list[str]:
-    """Say what stands in no row."""
+    """Return sentences on quantities, covariances and shots of the log."""
     same: dict[tuple[tuple[str, ...], Reason], list[str]] = {}
     for left in log.left_out:
         same.setdefault((left.quantities, left.reason), []).append(left.record)
     lines = [
-        f"not in the log: {_left_out(quantities)} of {_listed(names)}: "
-        f"{REASONS[reason]}"
-        for (quantities, reason), names in same.items()
+        f"not in the log: "
+        f"{'all' if 'air_arrival_s' in of else joined(list(map(quantity_words, of)))} "
+        f"of {_listed(names)}: {REASONS[reason]}"
+        for (of, reason), names in same.items()
     ]
     if log.independent:
         lines.append(
-            f"errors of {_listed(log.independent)} are taken as independent: their "
+            f"errors of {_listed(log.independent)} are assumed independent: their "
             "covariance is singular"
         )
     if log.bangs > 1:
-        lines.append(f"{log.bangs} bangs, told apart in the log by the column shot")
+        lines.append(f"{log.bangs} bangs; the column shot of the log separates them")
     return lines
 
 
-def _left_out(quantities: tuple[str, ...]) -> str:
-    """Return which quantities were left out."""
-    if "air_arrival_s" in quantities:
-        return "all"
-    return joined([quantity_words(quantity) for quantity in quantities])
-
-
 def _listed(names: list[str] | tuple[str, ...]) -> str:
-    """Return names for a sentence, the rest of many as a count."""
-    if len(names) <= MOST_NAMES:
+    """Return names for a sentence; of many the rest is a count."""
+    if len(names) <= MAX_NAMES:
         return joined(list(names))
-    return (
-        f"{', '.join(names[: MOST_NAMES - 1])} and {len(names) - MOST_NAMES + 1} more"
-    )
+    return f"{', '.join(names[: MAX_NAMES - 1])} and {len(names) - MAX_NAMES + 1} more"
 
 
 @dataclass(frozen=True)
@@ -212,26 +206,26 @@ class PickedValue:
 
 @dataclass(frozen=True)
 class PickAnswer:
-    """A pick; a value is null where samples are no pascals and it is in them.
+    """A pick; values in pascals are null if the samples are not calibrated.
 
     Attributes:
-        record: Its name, name#bang where a channel has several.
+        record: Name of the record; name#bang if a channel has several.
         sensor: The channel.
-        file: Its file.
-        bang: Which of its channel it is, from 1.
-        shot: Which event of the log it belongs to; "" where there is one.
-        air_arrival_s: When the front came.
+        file: The file.
+        bang: Number of the pick in its channel, from 1.
+        shot: Event of the log to which it belongs; "" if there is only one.
+        air_arrival_s: Arrival of the front.
         peak_overpressure_pa: Peak overpressure.
-        positive_duration_s: How long the positive phase lasts.
-        positive_impulse_pa_s: Its impulse.
-        decay: Decay parameter of the modified Friedlander pulse.
-        rise_time_s: How long the front rises.
+        positive_duration_s: Duration of the positive phase.
+        positive_impulse_pa_s: Impulse of the positive phase.
+        decay: Decay coefficient of the modified Friedlander pulse.
+        rise_time_s: Rise time of the front.
         negative_pressure_pa: Peak of the negative phase.
-        negative_duration_s: How long that lasts.
+        negative_duration_s: Duration of the negative phase.
         lower_bound: Whether the peak is a lower bound, as the record is clipped.
-        later_arrivals_s: Further fronts.
-        quality: How far it may be trusted.
-        notes: Remarks, a sentence each.
+        later_arrivals_s: Arrivals of further fronts.
+        quality: Quality of the pick.
+        notes: Notes, as sentences.
     """
 
     record: str
@@ -255,18 +249,16 @@ class PickAnswer:
 
 @dataclass(frozen=True)
 class PicksAnswer(Document):
-    """What was picked from records of samples.
+    """Picks from records of samples.
 
     Attributes:
-        picks: By file, channel and time.
-        epoch_utc: What arrivals count from, ISO 8601; null where no file tells the time
-            of day.
+        picks: Picks, ordered by file, channel and time.
+        epoch_utc: Time zero of arrivals, ISO 8601; null if no file has a time of day.
         nothing_found: Channels without a pick.
-        quieter_onsets: How many onsets were not looked at, by channel: 20 dB below its
-            loudest.
-        not_in_log: What stands in no row of the log, and why.
-        bangs: How many bangs the rows of the log are of.
-        refused: Why files could not be read, a message each.
+        quieter_onsets: Number of ignored onsets by channel: 20 dB below its loudest.
+        not_in_log: Quantities that the log does not contain, with the reason.
+        bangs: Number of bangs in the log.
+        refused: Messages on files that could not be read.
     """
 
     picks: tuple[PickAnswer, ...]
@@ -279,11 +271,11 @@ class PicksAnswer(Document):
 
 
 def picks_answer(found: Gathered, log: PickLog) -> PicksAnswer:
-    """Return what was picked.
+    """Return the picks as a document.
 
     Args:
         found: Picks.
-        log: Their rows.
+        log: Rows of the picks.
     """
     rows = log.observations
     shots = dict(zip(rows.record, rows.shot, strict=False))
@@ -324,13 +316,13 @@ def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
 
 
 def _estimate(one: RecordPick, quantity: str) -> PickedValue | None:
-    """Return a value and its standard deviation; None where the pick has none."""
+    """Return a value and its standard deviation; None if the pick has none."""
     found = pick_estimate(one, quantity)
     return None if found is None else PickedValue(*found)
 
 
 def note_words(one: RecordPick) -> list[str]:
-    """Return the remarks on a pick."""
+    """Return the notes on a pick, as sentences."""
     later = [float(time) for time in one.pick.later_arrivals_s if time == time]
     scale = float(one.pick.clipped_at_pa)
     level = f"{scale:.3g} of full scale"

@@ -17,11 +17,11 @@ from jblast.observations.covariances import covariance_file
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A file that went into an answer.
+    """An input file of an answer.
 
     Attributes:
-        name: Its name, without its folder: others will read the report.
-        sha256: Of its bytes as they were read, in hexadecimal digits.
+        name: Its name without its folder, which a passed-on report should not show.
+        sha256: SHA-256 of its bytes as they were read, in hexadecimal digits.
     """
 
     name: str
@@ -30,16 +30,16 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What an answer was made of.
+    """Provenance of an answer.
 
     Attributes:
-        command: What was typed; "" where it was called from Python.
-        date: When it was begun, UTC, by ISO 8601.
-        versions: Of jblast, jax and python.
-        logs: The log with its covariances and files of samples, or the recordings that
-            it was made of; none where it was made in memory.
-        scene: The scene; null where none was read from a file.
-        scene_text: Content of the scene's file; "" where there is none.
+        command: The command; "" if it was called from Python.
+        date: Start of the computation, UTC, ISO 8601.
+        versions: Versions of jblast, jax and python.
+        logs: The log with its covariances and files of samples, or its recordings;
+            empty if it was made in memory.
+        scene: The scene; null if none was read from a file.
+        scene_text: Content of the scene's file; "" if there is none.
     """
 
     command: str
@@ -55,15 +55,17 @@ def provenance_of(
     scene: str | Path = "",
     command: Sequence[str] = (),
 ) -> Provenance:
-    """Return what an answer is made of; call it before a long fit, of files as read.
+    """Return the provenance of an answer.
+
+    Call it before a long computation, so that the hashes are those of the files read.
 
     Args:
-        logs: The log's file, or files, or the folder that holds them.
-        scene: The scene's file; "" where there is none.
-        command: The words that were typed, the program first.
+        logs: The log's file or files, or the folder that contains them.
+        scene: The scene's file; "" if there is none.
+        command: The words of the command, the program first.
     """
     scene_bytes = _bytes(scene)
-    # one that is named twice, or stands in a folder that is named, too, is told once
+    # by the resolved path: a file given twice, or with its folder, is listed once
     files = {
         file.resolve(): file for path in logs if path for file in _files(path)
     }.values()
@@ -84,19 +86,19 @@ def provenance_of(
     )
 
 
-def provenance_lines(made: Provenance, what: str = "Log") -> list[str]:
-    """Return it in words, but for the text of the scene.
+def provenance_lines(made: Provenance, kind: str = "Log") -> list[str]:
+    """Return the provenance as sentences, without the text of the scene.
 
     Args:
         made: The provenance.
-        what: What its files are.
+        kind: Kind of its files.
     """
     of = ", ".join(f"{name} {version}" for name, version in made.versions.items())
     lines = [f"Command: {made.command}"] if made.command else []
     lines.append(f"Made {made.date} by {of}.")
     if not made.logs:
         lines.append("The log was made in memory.")
-    lines += [f"{what}: {_words(file)}" for file in made.logs]
+    lines += [f"{kind}: {_words(file)}" for file in made.logs]
     return lines + ([f"Scene: {_words(made.scene)}"] if made.scene else [])
 
 
@@ -105,7 +107,7 @@ def _words(file: SourceFile) -> str:
 
 
 def _files(path: str | Path) -> list[Path]:
-    """Return a log and its covariances, or what a folder holds, by name."""
+    """Return a log and its covariances, or the files of a folder, sorted by name."""
     try:
         path = Path(path)
         if path.is_dir():
@@ -116,7 +118,7 @@ def _files(path: str | Path) -> list[Path]:
 
 
 def _bytes(path: str | Path) -> bytes | None:
-    """Return what a file holds; None of what is no file that can be read again."""
+    """Return the content of a file; None if it is not a regular, readable file."""
     try:
         return Path(path).read_bytes() if path and Path(path).is_file() else None
     except OSError:
@@ -135,7 +137,7 @@ def _source(path: Path) -> SourceFile | None:
 
 @functools.lru_cache
 def _sha256(path: Path, size: int, changed_ns: int) -> str:
-    """Return what a file is told by: read once, piece by piece, until it changes."""
+    """Return the SHA-256 of a file, computed again only if size or time changes."""
     del size, changed_ns
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -14,17 +14,16 @@ from jblast.results import Document
 from jblast.verification.stability.failure import FailureMode
 
 FailureModes = Mapping[str, Sequence[FailureMode]]
-"""By area."""
-COLUMNS = ("method", "what goes wrong", "at", "beyond it", "jblast")
+"""Failure modes by area."""
+COLUMNS = ("method", "failure", "at", "beyond it", "jblast")
 COLUMN = 10
-"""Width of the words before each entry."""
+"""Width of the labels of an entry [characters]: "beyond" and a gap."""
 HEAD = (
     "# Where each method breaks",
     "",
-    "Measured by `jblast stability`: each method was taken past its edge, and jblast",
-    "was watched there. It *marks* (the answer says that it is outside), *refuses*",
-    "(one message, no number), *falls back* (to another method), or *holds* (what",
-    "breaks is not what it uses).",
+    "Measured by `jblast stability`: each method was used past its limit. There jblast",
+    "*marks* the answer as extrapolated, *refuses* with a message, *falls back* to",
+    "another method, or *holds*, as it does not use the method that fails.",
     "",
     "![Where each method breaks](stability.png)",
 )
@@ -42,7 +41,7 @@ class StabilityAnswer(Document):
 
 
 def boundary_words(mode: FailureMode) -> str:
-    """Return where a failure begins, with its unit."""
+    """Return the limit at which a failure begins, with its unit."""
     number = (
         f"{mode.boundary:g}" if mode.cases else printed_number("", mode.boundary, 3)
     )

@@ -54,9 +54,10 @@ from jblast.verification.stability.waveforms import (
 )
 from jblast.waves import sedov_taylor_energy
 
-MOST_BARS = 14
+MAX_BARS = 14
+"""Largest number of bars of failing cases: more would not fit the figure."""
 MASS = 15.0
-"""Charge of the map [kg]; laws that scale are the same for every other."""
+"""Charge mass of the map [kg]; scaled laws have the same map for every mass."""
 Z = np.geomspace(0.02, 2e4, 1200)
 """Scaled distances drawn [m/kg^(1/3)]."""
 DRAWN = (
@@ -66,25 +67,26 @@ DRAWN = (
     "positive_duration_s",
     "shock_radius_m",
 )
-"""Quantities of the map; the others have the same ends as these."""
+"""Quantities of the map; the ranges of the remaining ones are equal to these."""
 UNITS = {"m/kg^(1/3)": 1.0, "m/kg^(1/2)": MASS ** (1.0 / 2.0 - 1.0 / 3.0)}
-"""What a boundary's unit is in scaled distances of `MASS`."""
+"""Units of boundaries, in scaled distances of `MASS`."""
 RESPONSE_COLOURS = {
     "marks": VERMILLION,
     "refuses": INK,
     "falls back": "#E69F00",
     "holds": "#009E73",
 }
-THICK = 0.56
+BAR_HEIGHT = 0.56
+"""Height of a bar of the map, in rows."""
 LABEL_FACTOR = 1.9
-"""Labels on one bar are at least this factor apart."""
+"""Least ratio of two labelled distances on a bar: closer labels would overlap."""
 
 
 def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
     """Draw the laws over scaled distance, and a panel for each other area.
 
     Args:
-        modes: Failure modes by area; what was not measured is not drawn.
+        modes: Failure modes by area; only measured areas are drawn.
     """
     beside = [area for area in PANELS if area in modes]
     every = [mode for found in modes.values() for mode in found]
@@ -117,12 +119,12 @@ def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
 
 def _key(axes) -> None:
     entries = [
-        Patch(color=BLUE, alpha=0.75, label="holds"),
-        Patch(color="#d8d8d8", label="goes on, marked"),
+        Patch(color=BLUE, alpha=0.75, label="valid"),
+        Patch(color="#d8d8d8", label="extrapolated, marked"),
     ]
     entries += [
         Line2D([], [], color=RESPONSE_COLOURS[response], linewidth=2.0, label=words)
-        for response, words in (("marks", "edge: marked"), ("holds", "edge avoided"))
+        for response, words in (("marks", "limit: marked"), ("holds", "limit avoided"))
     ]
     axes.legend(
         handles=entries,
@@ -139,12 +141,13 @@ def wave_forms(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of the pulse's impulse against its decay."""
     decay, bare, ours = impulse_errors()
     floor = np.finfo(np.float32).eps / 4.0
-    width = 25  # rounding errors jump: the largest of neighbours is what counts
+    # rounding errors fluctuate from point to point: the largest of 25 is drawn
+    width = 25
     highest = [part.max() for part in np.array_split(bare, len(bare) // width)]
     middle = [part.mean() for part in np.array_split(decay, len(decay) // width)]
-    kept = [part.max() for part in np.array_split(ours, len(ours) // width)]
+    lowest = [part.max() for part in np.array_split(ours, len(ours) // width)]
     axes.loglog(middle, np.maximum(highest, floor), color=VERMILLION, linewidth=1.8)
-    axes.loglog(middle, np.maximum(kept, floor), color=BLUE, linewidth=1.8)
+    axes.loglog(middle, np.maximum(lowest, floor), color=BLUE, linewidth=1.8)
     axes.text(6e-5, 3e2, "closed form", color=VERMILLION, fontsize=9)
     axes.text(2e-5, 4e-7, "jblast", color=BLUE, fontsize=9)
     _line(axes, modes[0].boundary, f"b = {modes[0].boundary:.2g}")
@@ -154,15 +157,15 @@ def wave_forms(axes: Axes, modes: Sequence[FailureMode]) -> None:
 
 
 def gradients(axes: Axes, modes: Sequence[FailureMode]) -> None:
-    """Draw how much of the misfit's slope is seen against the rise of the front."""
+    """Draw the share of the misfit's slope in the gradient against the rise time."""
     samples = range(MAX_RISE_SAMPLES // 2 + 1)
-    felt = [100.0 * slope_ratio(n) for n in samples]
+    share = [100.0 * slope_ratio(n) for n in samples]
     axes.axhline(100.0, color=MUTED, linewidth=1.0)
-    axes.plot(samples, felt, "o-", color=BLUE, markersize=4)
-    axes.plot(0, felt[0], "o", color=VERMILLION)
+    axes.plot(samples, share, "o-", color=BLUE, markersize=4)
+    axes.plot(0, share[0], "o", color=VERMILLION)
     axes.annotate(
-        f"sharp front: {felt[0]:.0f} %",
-        (0, felt[0]),
+        f"sharp front: {share[0]:.0f} %",
+        (0, share[0]),
         xytext=(8, 0),
         textcoords="offset points",
         color=VERMILLION,
@@ -170,7 +173,7 @@ def gradients(axes: Axes, modes: Sequence[FailureMode]) -> None:
         va="center",
     )
     axes.set(
-        xlabel="samples in the rise of the front", ylabel="seen by the gradient (%)"
+        xlabel="samples in the rise of the front", ylabel="share in the gradient (%)"
     )
     axes.set_ylim(0.0, 120.0)
     quiet(axes)
@@ -205,7 +208,7 @@ def clocks(axes: Axes, modes: Sequence[FailureMode]) -> None:
 
 
 def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
-    """Draw the error of the shock solver against the length of its steps."""
+    """Draw the error of the shock solver against its step."""
     fraction = np.concatenate(
         [np.linspace(SHORT_STEP, 1.0, 10), np.arange(1.02, 1.3, 0.02)]
     )
@@ -225,14 +228,12 @@ def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
         axes.text(*last, f" {name} ", color=colour, fontsize=9, ha=side, va="center")
     axes.axvspan(1.0, 1.6, color="#eeeeee", zorder=0)
     axes.text(1.58, 0.75, "refused", color=INK, fontsize=9, ha="right")
-    axes.set(
-        xlim=(0.0, 1.6), xlabel="step, of the stable one", ylabel="error, relative"
-    )
+    axes.set(xlim=(0.0, 1.6), xlabel="step / stable step", ylabel="relative error")
     axes.set_ylim(0.65, 30.0)
     axes.set_yticks([1.0, 2.0, 5.0, 10.0, 20.0], ["1", "2", "5", "10", "20"])
     axes.minorticks_off()
     quiet(axes)
-    titled(axes, "Shock solver", "crosses: lost beyond")
+    titled(axes, "Shock solver", "crosses: diverges beyond")
 
 
 def flights(axes: Axes, modes: Sequence[FailureMode]) -> None:
@@ -240,17 +241,17 @@ def flights(axes: Axes, modes: Sequence[FailureMode]) -> None:
     ratio, bare, ours = pulse_errors()
     axes.loglog(ratio, np.maximum(bare, 1e-9), color=VERMILLION, linewidth=1.8)
     axes.loglog(ratio, np.maximum(ours, 1e-9), color=BLUE, linewidth=1.8)
-    axes.text(3.0, 0.02 * bare.max(), "a force", color=VERMILLION, fontsize=9)
+    axes.text(3.0, 0.02 * bare.max(), "force per step", color=VERMILLION, fontsize=9)
     axes.text(3.0, 0.02 * ours.max(), "jblast", color=BLUE, fontsize=9)
     at = next(e.boundary for e in modes if e.unit.startswith("positive phases"))
     _line(axes, at, f"{at:.2g}")
-    axes.set(xlabel="step, of the positive phase", ylabel="error of the impulse")
+    axes.set(xlabel="step / positive duration", ylabel="error of the impulse")
     quiet(axes)
     titled(axes, "Blast on a vehicle")
 
 
 def detectors(axes: Axes, modes: Sequence[FailureMode]) -> None:
-    """Draw what beside wind and a rotor is missed against the loudness of a blast."""
+    """Draw the share of missed blasts in wind and rotor noise against their SNR."""
     plain, ours = rotor_misses()
     axes.plot(SNRS, plain, color=VERMILLION, linewidth=1.8)
     axes.plot(SNRS, ours, color=BLUE, linewidth=1.8)
@@ -260,11 +261,11 @@ def detectors(axes: Axes, modes: Sequence[FailureMode]) -> None:
     _line(axes, at, f"{at:.2g} dB")
     axes.set(xlabel="2E/N0 of the blast (dB)", ylabel="share missed")
     quiet(axes)
-    titled(axes, "Matched filters beside a rotor")
+    titled(axes, "Matched filters in rotor noise")
 
 
 def records(axes: Axes, modes: Sequence[FailureMode]) -> None:
-    """Draw what share of picks is far off against the noise of a record."""
+    """Draw the share of picks with large errors against the noise of a record."""
     for colour, hue, words in ((0.0, BLUE, "white"), (COLOUR, VERMILLION, "coloured")):
         found = noise_shares(colour)
         axes.semilogx(NOISES, found.failed, color=hue, linewidth=1.8, label=words)
@@ -273,16 +274,20 @@ def records(axes: Axes, modes: Sequence[FailureMode]) -> None:
         )
     at = max(mode.boundary for mode in modes if mode.unit.startswith("peak over"))
     _line(axes, at, f"{at:g}")
-    axes.text(60.0, 0.04, "dotted: called good", color=MUTED, fontsize=9)
+    axes.text(60.0, 0.04, "dotted: rated good", color=MUTED, fontsize=9)
     axes.legend(frameon=False, fontsize=9, labelcolor=MUTED, title="noise")
-    axes.set(xlabel="peak over noise", ylabel="share lost or far off", ylim=(-0.03, 1))
+    axes.set(
+        xlabel="peak / noise",
+        ylabel="share missed or with large error",
+        ylim=(-0.03, 1),
+    )
     quiet(axes)
     titled(axes, "Picks of pressure records")
 
 
 def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
-    """Draw what share of cases fails, a bar a failure mode whose unit counts cases."""
-    counted = [mode for mode in modes if mode.cases][:MOST_BARS]
+    """Draw the share of failing cases, a bar for each failure mode with cases."""
+    counted = [mode for mode in modes if mode.cases][:MAX_BARS]
     for row, mode in enumerate(counted):
         share = 100.0 * mode.boundary / mode.cases
         axes.barh(row, share, 0.36, color=RESPONSE_COLOURS[mode.response], alpha=0.8)
@@ -318,7 +323,7 @@ PANELS: dict[str, Callable[[Axes, Sequence[FailureMode]], None]] = {
     "detectors": detectors,
     "records": records,
 }
-"""By area; those that count cases share one panel."""
+"""Function that draws an area; failure modes with cases share one more panel."""
 
 
 def _line(axes: Axes, at: float, words: str) -> None:
@@ -334,11 +339,11 @@ def _line(axes: Axes, at: float, words: str) -> None:
 
 
 def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
-    """Draw a bar a law and quantity, and tick where it fails.
+    """Draw a bar for each law and quantity, with ticks at its failure modes.
 
     Args:
-        axes: Where.
-        modes: Of the area "laws"; those of scaled distances are drawn.
+        axes: Axes of the map.
+        modes: Failure modes of the area "laws"; those in scaled distance are drawn.
     """
     row, places, names = 0.0, [], []
     for quantity in DRAWN:
@@ -370,7 +375,7 @@ def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
     axes.grid(True, axis="x", color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.set_xlabel("scaled distance Z (m/kg$^{1/3}$)", fontsize=10, color=INK)
-    titled(axes, "Laws: where each holds")
+    titled(axes, "Range of validity of each law")
 
 
 @eqx.filter_jit
@@ -379,7 +384,7 @@ def _valid(law: Law, path) -> Bool[jax.Array, " point"]:
 
 
 def holds_at(law: Law) -> Bool[np.ndarray, " point"]:
-    """Return at which of `Z` a law holds for one of the bursts at least."""
+    """Return at which of `Z` a law is valid for at least one kind of burst."""
     bursts: tuple[Burst, ...] = ("surface", "free-air")
     return np.any([_holds(law, burst) for burst in bursts], axis=0)
 
@@ -388,7 +393,7 @@ def _holds(law: Law, burst: Burst) -> Bool[np.ndarray, " point"]:
     distance = jnp.asarray(Z * MASS ** (1.0 / 3.0))
     path = scene_path(Scene(charge=Charge(mass_kg=MASS, burst=burst)))
     path = with_rows(path, distance, jnp.full(distance.shape, MASS))
-    # when the strong shock of a point source is there
+    # laws of the shock radius need a time: that of the strong point-source shock
     energy = sedov_taylor_energy(distance, 1.0, path.air_density, path.sedov_gamma)
     time = jnp.sqrt(energy / (TNT_SPECIFIC_ENERGY * MASS))
     path = eqx.tree_at(lambda p: p.time_since_detonation, path, time)
@@ -401,7 +406,7 @@ def _bar(axes: Axes, row: float, holds: Bool[np.ndarray, " point"]) -> None:
         axes.barh(
             row,
             high - low,
-            THICK if good else 0.3 * THICK,
+            BAR_HEIGHT if good else 0.3 * BAR_HEIGHT,
             left=low,
             color=BLUE if good else "#d8d8d8",
             alpha=0.75 if good else 1.0,
@@ -415,7 +420,7 @@ def _ticks(
     modes: Sequence[FailureMode],
     holds: Bool[np.ndarray, " point"],
 ) -> None:
-    """Tick boundaries, each with its figure unless it would run into the one before."""
+    """Draw ticks at boundaries, with labels unless these would overlap."""
     named = 0.0
     here = [mode for mode in modes if mode.unit in UNITS]
     for mode in sorted(here, key=lambda mode: mode.boundary * UNITS[mode.unit]):
@@ -425,7 +430,8 @@ def _ticks(
         if z < LABEL_FACTOR * named:
             continue
         named = z
-        starts = not holds[z / LABEL_FACTOR > Z].any()  # room to the left
+        # left of the first valid distance the bar is empty, and a label has room
+        starts = not holds[z / LABEL_FACTOR > Z].any()
         axes.annotate(
             f"{z:.2g}",
             (z, row),

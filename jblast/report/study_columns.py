@@ -25,24 +25,24 @@ NAMES = ("q05", "q50", "q95")
 if TYPE_CHECKING:
     import xarray
 SCHEMA = 1
-"""Of a store that this version reads."""
-GO_ON = "--resume of jblast study goes on with it."
-INCOMPLETE = f"The study is not complete: this is what there is so far. {GO_ON}"
+"""Schema of the stores that this version reads."""
+RESUME = "jblast study --resume continues it."
+INCOMPLETE = f"The study is not complete; these are its samples so far. {RESUME}"
 
 
 def found_in(
     kind: str, state: Any, which: Any, quantiles: Sequence[float] = QUANTILES
 ) -> dict[str, Any]:
-    """Return what some cells of a lane amount to together.
+    """Return the statistics of some cells of a lane together.
 
     Args:
         kind: "number" or "yes_no".
-        state: Of each variant and cell.
+        state: Statistics of each variant and cell.
         which: Cells, as an index of an array.
-        quantiles: That are wanted.
+        quantiles: Requested quantiles.
 
     Returns:
-        As `statistics` finishes it, of a number with `q05`, `q50`, `q95`.
+        Results of `statistics`; for numbers with `q05`, `q50`, `q95`.
     """
     if kind == "yes_no":
         return YES_NO.finish(ShareState(*(np.sum(x[which], axis=0) for x in state)))
@@ -71,7 +71,7 @@ def found_in(
 def pooled(
     sketch: Any, low: float, high: float
 ) -> tuple[Float[np.ndarray, " value"], np.ndarray]:
-    """Return the middles of bins of several cells, in order, and what is in each."""
+    """Return the middles of the bins of several cells, sorted, and their counts."""
     edges = bin_edges()
     middle = 0.5 * (np.clip(edges[:-1], -1e300, None) + np.clip(edges[1:], None, 1e300))
     group, place = np.nonzero(sketch.counts)
@@ -82,16 +82,16 @@ def pooled(
 
 @dataclass(frozen=True)
 class Lane:
-    """An outcome, of one sensor where it has several.
+    """An outcome at one sensor, or without a sensor.
 
     Attributes:
-        name: As it was asked for.
-        sensor: Whose it is; "" of none.
-        units: Of its values; "1" of none.
+        name: Name of the outcome.
+        sensor: Name of the sensor; "" for none.
+        units: Unit of the values; "1" for none.
         kind: "number" or "yes_no".
-        long_name: In words.
-        values: Of each sample, NaN where it failed.
-        state: In place of values, statistics of each variant and cell.
+        long_name: Description.
+        values: Value of each sample, NaN for a failed one.
+        state: Statistics of each variant and cell, instead of values.
     """
 
     name: str
@@ -104,12 +104,12 @@ class Lane:
 
     @property
     def title(self) -> str:
-        """Its name, and its sensor's."""
+        """Name of outcome and sensor."""
         return f"{self.name}, {self.sensor}" if self.sensor else self.name
 
     @property
     def label(self) -> str:
-        """What it is, and its unit, for an axis of a figure."""
+        """Description and unit, for an axis of a figure."""
         unit = "" if self.units in ("", "1") else f" [{self.units}]"
         words = (self.long_name or self.name).partition(",")[0]
         return textwrap.fill(f"{words}{unit}", 34)
@@ -117,14 +117,14 @@ class Lane:
 
 @dataclass(frozen=True)
 class StudyAxis:
-    """What was varied.
+    """An axis of the study.
 
     Attributes:
-        name: A number of the scene, or a key of its file.
-        units: Of its values.
-        values: Its different values, from the least; codes where it has words.
-        words: What the codes stand for; () of numbers.
-        at: Which of them each sample has.
+        name: Parameter of the scene, or key of its file.
+        units: Unit of the values.
+        values: Distinct values in ascending order; codes if it has words.
+        words: Words of the codes; () for numbers.
+        at: Index of the value of each sample.
     """
 
     name: str
@@ -135,31 +135,31 @@ class StudyAxis:
 
     @property
     def label(self) -> str:
-        """Its name and unit, for an axis of a figure."""
+        """Name and unit, for an axis of a figure."""
         unit = "" if self.units in ("", "1") else f" [{self.units}]"
         return f"{self.name}{unit}"
 
-    def said(self, place: int) -> str:
-        """Return one of its values in words."""
-        return self.words[place] if self.words else f"{self.values[place]:.4g}"
+    def shown(self, index: int) -> str:
+        """Return one of its values as text."""
+        return self.words[index] if self.words else f"{self.values[index]:.4g}"
 
 
 @dataclass(frozen=True)
 class StudyColumns:
-    """All that was kept of a study's samples.
+    """The stored samples or statistics of a study.
 
     Attributes:
         lanes: The outcomes.
-        inputs: What was drawn, by name.
+        inputs: Sampled parameters, by name.
         input_units: Their units.
-        axes: What was varied, in the order of the store.
-        weights: Of the samples; None where they have none.
+        axes: Axes of the study, in the order of the store.
+        weights: Weights of the samples; None without weights.
         attributes: Attributes of the store.
-        samples: How many there are; of statistics alone how many variants and cells.
-        notes: Remarks, a sentence each.
-        counted: How many samples statistics are of, where they alone were kept.
-        course: What was known of each lane after so many samples, likewise.
-        rows: The samples that were kept beside statistics.
+        samples: Number of samples; number of variants and cells for statistics only.
+        notes: Notes, as sentences.
+        counted: Number of samples in the statistics, if only these were stored.
+        course: Statistics of each lane after some numbers of samples, likewise.
+        rows: Samples that were stored in addition to statistics.
     """
 
     lanes: tuple[Lane, ...]
@@ -176,36 +176,36 @@ class StudyColumns:
 
     @property
     def total(self) -> int:
-        """How many samples all this is of."""
+        """Number of samples."""
         return self.samples if self.counted is None else self.counted
 
     @property
     def numeric_axes(self) -> list[StudyAxis]:
-        """Axes whose values are numbers, of two or more."""
+        """Axes over numbers, with two or more values."""
         return [one for one in self.axes if not one.words and one.values.size > 1]
 
     @property
     def word_axes(self) -> list[StudyAxis]:
-        """Axes over words."""
+        """Axes over words, with two or more values."""
         return [one for one in self.axes if one.words and one.values.size > 1]
 
     def cells(self) -> Iterator[tuple[tuple[str, ...], Bool[np.ndarray, " sample"]]]:
-        """Yield each combination of the axes' values, in words, and its samples."""
+        """Yield each combination of the axes' values, as text, and its samples."""
         places = [range(axis.values.size) for axis in self.axes]
         for chosen in itertools.product(*places):
             mask = np.ones(self.samples, bool)
             for axis, place in zip(self.axes, chosen, strict=True):
                 mask &= axis.at == place
             if mask.any():
-                said = (axis.said(n) for axis, n in zip(self.axes, chosen, strict=True))
-                yield tuple(said), mask
+                values = zip(self.axes, chosen, strict=True)
+                yield tuple(axis.shown(n) for axis, n in values), mask
 
 
 def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns:
     """Return the columns of a data set in the layout of a study.
 
     Raises:
-        InputError: It is not, or of a newer schema, or keeps no samples.
+        InputError: It has another layout or schema, or no samples.
     """
     schema = dataset.attrs.get("jblast_study_schema")
     if schema is None:
@@ -215,13 +215,11 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
         )
     if int(schema) != SCHEMA:
         raise InputError(
-            f"{source}: expected schema {SCHEMA} of a study, got {schema}: this is "
-            "read by another version of jblast"
+            f"{source}: expected schema {SCHEMA} of a study, got {schema}: use the "
+            "version of jblast that wrote it"
         )
     if "sample" not in dataset.sizes:
-        raise InputError(
-            f"{source}: expected samples to report on, got a data set without any"
-        )
+        raise InputError(f"{source}: expected samples, got a data set without any")
     lanes: list[Lane] = []
     inputs, units, axes, weights = {}, {}, [], None
     sensors = (
@@ -251,27 +249,26 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
     )
     if not dataset.attrs.get("complete", False):
         found.notes.append(
-            "The study is not complete: what is not there yet counts as failed. "
-            f"{GO_ON}"
+            f"The study is not complete: missing samples count as failed. {RESUME}"
         )
     return found
 
 
 def _lanes(name: str, variable: Any, sensors: list[str]) -> list[Lane]:
-    """Return an outcome, once for each sensor it has."""
+    """Return the lanes of an outcome, one for each sensor."""
     kind = str(variable.attrs.get("kind", "number"))
     values = np.asarray(variable.values, float)
     if kind == "yes_no":
         values = np.where(values < 0, np.nan, values)
-    said = {
+    common = {
         "units": str(variable.attrs.get("units", "1")),
         "kind": kind,
         "long_name": str(variable.attrs.get("long_name", name)),
     }
     if values.ndim == 1:
-        return [Lane(name, "", values=values, **said)]
+        return [Lane(name, "", values=values, **common)]
     return [
-        Lane(name, sensor, values=values[:, n], **said)
+        Lane(name, sensor, values=values[:, n], **common)
         for n, sensor in enumerate(sensors)
     ]
 

@@ -50,26 +50,28 @@ RESPONSE = (
 EXCEEDANCE = "Share of samples above a value, with Wilson's 90 % interval."
 CONTOURS_SHOW = (
     "Solid: half of the samples. Between the dashed lines the 90 % interval of the "
-    "share holds a half. Between the values of the axes shares are interpolated."
+    "share contains a half. Between the values of the axes shares are interpolated."
 )
-CONVERGENCE = "Estimates as samples come in, in their order, with 90 % intervals."
+CONVERGENCE = "Estimates against the number of samples, with 90 % intervals."
 SHARES = "Sobol' indices with bootstrapped 90 % intervals."
 HOW_SHARES = (
-    "Alone: the share of the variance that a number explains by itself; with others: "
-    "all in which it takes part. Elasticity: per cent of the outcome for one per cent "
-    "of the number, by a plane through the samples nearest to the middle. Axes count "
-    "as drawn evenly from their values. What is not explained is noise that no number "
-    "makes, or an edge too sharp for polynomials."
+    "First order: share of the variance that a parameter explains alone. Total: share "
+    "with its interactions. Elasticity: change of the outcome in per cent for one per "
+    "cent of the parameter, by a plane through the samples nearest to the middle. Axes "
+    "count as sampled evenly from their values. The unexplained part is noise without "
+    "a parameter, or a step that polynomials do not represent."
 )
 EVEN = 0.5
-MOST_PANELS = 6
+MAX_PANELS = 6
+"""Largest number of panels of a figure: three rows of two fit a page."""
 LEVELS = np.linspace(0.0, 1.0, 11)
 LABEL_WIDTH = 36
-"""Letters of a line beside the bar of colours, which is as high as a panel."""
-MOST_CURVES = 6
+"""Characters of a line next to the colour bar, which is as high as a panel."""
+MAX_CURVES = 6
+"""Largest number of curves in a panel: as many as there are colours."""
 NORMAL_Q95 = 1.6448536269514722
 GEOMETRIC = 1.3
-"""Steps of an axis that grow by this factor, first to last, are logarithmic."""
+"""Ratio of the last to the first step from which an axis is drawn logarithmically."""
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,11 @@ class Section:
 
 @dataclass(frozen=True)
 class StudyReport:
-    """A report: what was found, as numbers, figures, a page.
+    """A report on a study: numbers, figures and a page.
 
     Attributes:
-        columns: The samples.
-        name: Of the store.
+        columns: Samples or statistics of the study.
+        name: Name of the store.
     """
 
     columns: StudyColumns
@@ -106,12 +108,12 @@ class StudyReport:
 
     @cached_property
     def shares(self):
-        """What the scatter of the outcomes comes from."""
+        """Sources of the scatter of the outcomes."""
         return shares_of(self.columns)
 
     @cached_property
     def pictures(self) -> dict[str, Picture]:
-        """The figures that there is something to draw in, by name."""
+        """The figures by name; empty ones are left out."""
         drawn: dict[str, Callable[[], Figure | None]] = {
             "response": lambda: response_figure(self.columns),
             "contours": lambda: contour_figure(self.columns),
@@ -123,11 +125,11 @@ class StudyReport:
         return {name: picture_of(of) for name, of in made if of is not None}
 
     def answer(self) -> StudyReportAnswer:
-        """Return it for a program."""
+        """Return the document."""
         return study_report_answer(self.columns, self.overall, self.cells, self.shares)
 
     def text(self) -> str:
-        """Return it for a terminal."""
+        """Return the text for the terminal."""
         return "\n".join(text_lines(self.columns, self.overall)) + "\n"
 
     def page(self, made: list[str] | None = None) -> str:
@@ -136,26 +138,26 @@ class StudyReport:
         Args:
             made: Further provenance.
         """
-        said = self.columns.attributes
+        attributes = self.columns.attributes
         return page(
             "templates/study.html",
             title=f"Study {self.name}".strip(),
-            subtitle=f"{self.columns.total:,} samples, seed {said.get('seed')}, "
-            f"design {said.get('design')}",
+            subtitle=f"{self.columns.total:,} samples, seed {attributes.get('seed')}, "
+            f"design {attributes.get('design')}",
             notes=self.columns.notes,
             sections=[one for one in self._sections() if one.tables or one.pictures],
             texts=[
                 (name, text)
                 for name, text in (
-                    ("The study", said.get("study")),
-                    ("Its scene", said.get("scene")),
+                    ("The study", attributes.get("study")),
+                    ("Its scene", attributes.get("scene")),
                 )
                 if text
             ],
             made=[
-                f"Study: SHA-256 {said.get('study_sha256')}; scene: SHA-256 "
-                f"{said.get('scene_sha256')}",
-                f"Run by jblast {said.get('jblast')}.",
+                f"Study: SHA-256 {attributes.get('study_sha256')}; scene: SHA-256 "
+                f"{attributes.get('scene_sha256')}",
+                f"Run by jblast {attributes.get('jblast')}.",
                 *(made or []),
             ],
         )
@@ -174,12 +176,12 @@ class StudyReport:
                 + self._shown("contours", "Shares over two axes.", CONTOURS_SHOW),
             ),
             Section(
-                "How often above",
+                "Exceedance",
                 [],
                 self._shown("exceedance", "Exceedance curves.", EXCEEDANCE),
             ),
             Section(
-                "What the scatter comes from",
+                "Sensitivity",
                 _some(sensitivity_table(self.shares)),
                 self._shown("sensitivity", "Bars of Sobol' indices.", SHARES),
                 [HOW_SHARES],
@@ -227,13 +229,13 @@ def _some(*tables: Table | None) -> list[Table]:
 
 
 def study_report(columns: StudyColumns, name: str = "") -> StudyReport:
-    """Return the report on a study's samples; its parts are made when asked for."""
+    """Return the report on a study; its parts are computed on first use."""
     return StudyReport(columns, name)
 
 
 def share_figure(shares: Sequence[LaneShares]) -> Figure | None:
-    """Draw first and total index of each number, a panel for each outcome."""
-    shown = list(shares)[:MOST_PANELS]
+    """Draw first-order and total index of each parameter, a panel for each outcome."""
+    shown = list(shares)[:MAX_PANELS]
     if not shown:
         return None
     figure, grid = grid_of(len(shown))
@@ -243,8 +245,8 @@ def share_figure(shares: Sequence[LaneShares]) -> Figure | None:
         place = np.arange(len(one.indices.names))
         of = one.indices
         for away, words, value, ends, colour in (
-            (-0.18, "alone", of.first, of.first_interval, BLUE),
-            (0.18, "with others", of.total, of.total_interval, VERMILLION),
+            (-0.18, "first order", of.first, of.first_interval, BLUE),
+            (0.18, "total", of.total, of.total_interval, VERMILLION),
         ):
             axes.barh(place + away, value, 0.34, color=colour, alpha=0.85, label=words)
             axes.hlines(place + away, *ends, color=INK, linewidth=1.2)
@@ -260,14 +262,14 @@ def share_figure(shares: Sequence[LaneShares]) -> Figure | None:
 def contour_figure(columns: StudyColumns) -> Figure | None:
     """Draw each yes-or-no over the first two numeric axes, a panel for each word.
 
-    The solid line is where the share is a half; between the dashed ones the 90 %
-    interval of the share holds a half.
+    The share is a half on the solid line. Between the dashed lines its 90 % interval
+    contains a half.
     """
     lanes = [lane for lane in columns.lanes if lane.kind == "yes_no"]
     if len(columns.numeric_axes) < 2 or not lanes:
         return None
     across, up = columns.numeric_axes[:2]
-    panels = _panels(columns, lanes)[:MOST_PANELS]
+    panels = _panels(columns, lanes)[:MAX_PANELS]
     side = min(3, len(panels))
     rows = -(-len(panels) // side)
     figure = new_figure(max(7.0, 4.3 * side), 4.0 * rows + 0.4)
@@ -309,7 +311,7 @@ def _panels(
         (
             lane,
             axis.at == n,
-            f"{axis.said(n)}, {lane.title}" if several else axis.said(n),
+            f"{axis.shown(n)}, {lane.title}" if several else axis.shown(n),
         )
         for lane in lanes
         for n in range(axis.values.size)
@@ -323,7 +325,7 @@ def shares_on_grid(
     across: StudyAxis,
     up: StudyAxis,
 ) -> np.ndarray:
-    """Return share, low and high of each cell: by name, by `up`, by `across`."""
+    """Return share and bounds of each cell, shape (3, `up` values, `across` values)."""
     found = np.full((3, up.values.size, across.values.size), np.nan)
     for i in range(across.values.size):
         for j in range(up.values.size):
@@ -367,15 +369,15 @@ def _panel(
 
 
 def panels_of(lanes: Sequence[Lane]) -> list[list[Lane]]:
-    """Return the lanes of each panel: sensors of one outcome stand together."""
+    """Return the lanes of each panel: all sensors of one outcome."""
     parts: dict[str, list[Lane]] = {}
     for lane in lanes:
         parts.setdefault(lane.name, []).append(lane)
-    return list(parts.values())[:MOST_PANELS]
+    return list(parts.values())[:MAX_PANELS]
 
 
 def grid_of(count: int) -> tuple[Figure, list[Axes]]:
-    """Return a figure of so many panels, two in a row."""
+    """Return a figure with `count` panels, two in a row."""
     columns = min(2, count)
     rows = -(-count // columns)
     figure = new_figure(5.2 * columns if columns > 1 else 7.0, 3.3 * rows)
@@ -386,7 +388,7 @@ def grid_of(count: int) -> tuple[Figure, list[Axes]]:
 
 
 def scaled(axes: Axes, axis: StudyAxis, along: str = "x") -> None:
-    """Name an axis of the study, and make it logarithmic where its values grow so."""
+    """Label an axis of the study; make it logarithmic if its values are geometric."""
     target = axes.xaxis if along == "x" else axes.yaxis
     target.set_label_text(axis.label)
     if is_geometric(axis.values):
@@ -395,7 +397,7 @@ def scaled(axes: Axes, axis: StudyAxis, along: str = "x") -> None:
 
 
 def is_geometric(values: np.ndarray) -> bool:
-    """Return whether positive values have steps that grow."""
+    """Return whether values are positive with growing steps."""
     steps = np.diff(values)
     return bool(values[0] > 0 and len(steps) > 1 and steps[-1] > GEOMETRIC * steps[0])
 
@@ -436,10 +438,10 @@ def _curves(
 ) -> list[tuple[Lane, int | None, str]]:
     """Return lanes and values of another axis that have a curve each."""
     if len(lanes) > 1 or other is None:
-        return [(lane, None, lane.sensor or lane.name) for lane in lanes[:MOST_CURVES]]
+        return [(lane, None, lane.sensor or lane.name) for lane in lanes[:MAX_CURVES]]
     count = other.values.size
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_CURVES)).astype(int))
-    return [(lanes[0], int(n), other.said(int(n))) for n in chosen]
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MAX_CURVES)).astype(int))
+    return [(lanes[0], int(n), other.shown(int(n))) for n in chosen]
 
 
 def _response(axes, columns, lane, across, other, place, words, n) -> None:
@@ -468,7 +470,7 @@ def _response(axes, columns, lane, across, other, place, words, n) -> None:
 
 
 def exceedance_figure(columns: StudyColumns) -> Figure | None:
-    """Draw how often each number is above a value, with Wilson's 90 % interval."""
+    """Draw the share of samples above each value, with Wilson's 90 % interval."""
     parts = panels_of([lane for lane in columns.lanes if lane.kind == "number"])
     parts = [p for p in parts if any(np.isfinite(above_of(one)[0]).any() for one in p)]
     if not parts or columns.weights is not None:
@@ -478,7 +480,7 @@ def exceedance_figure(columns: StudyColumns) -> Figure | None:
         quiet(axes)
         titled(axes, lanes[0].name, "90 % intervals")
         positive = True
-        for n, lane in enumerate(lanes[:MOST_CURVES]):
+        for n, lane in enumerate(lanes[:MAX_CURVES]):
             at, above, count = above_of(lane)
             if not at.size:
                 continue
@@ -512,7 +514,7 @@ def exceedance_figure(columns: StudyColumns) -> Figure | None:
 
 
 def above_of(lane: Lane) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return values, the share of samples above each, and of how many that is."""
+    """Return values, the share of samples above each, and the number of samples."""
     if lane.state is not None:
         found = found_in("number", lane.state, slice(None), quantiles=())
         ends = float(found["minimum"]), float(found["maximum"])
@@ -532,7 +534,7 @@ def above_of(lane: Lane) -> tuple[np.ndarray, np.ndarray, int]:
 
 
 def convergence_figure(columns: StudyColumns) -> Figure | None:
-    """Draw the estimate of each outcome as samples come in, in their order."""
+    """Draw the estimate of each outcome against the number of samples."""
     lanes = [part[0] for part in panels_of(columns.lanes)]
     if columns.counted is None:
         lanes = [lane for lane in lanes if np.isfinite(lane.values).sum() > 1]

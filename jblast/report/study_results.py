@@ -18,19 +18,19 @@ from jblast.study.sensitivity import (
 )
 from jblast.study.statistics import NUMBER, YES_NO
 
-MOST_ROWS = 200
-"""Rows of a table on the page; the document has all."""
+MAX_ROWS = 200
+"""Largest number of rows of a table on the page; the JSON has all of them."""
 REASONS = {
     "interaction": "acts together with others",
-    "range": "does more over its whole range than its slope at the middle says",
+    "range": "has a larger effect over its whole range than its slope at the middle",
     "nonlinearity": "is steep at the middle, and levels off",
 }
-MOST_LANES = 12
-"""Lanes whose scatter is looked into."""
+MAX_LANES = 12
+"""Largest number of lanes with a sensitivity analysis, which takes seconds for each."""
 
 
 def numbers(found: dict[str, Any]) -> dict[str, Any]:
-    """Return arrays of one element as numbers; counts as whole ones."""
+    """Return arrays of one element as numbers; counts as integers."""
     return {
         name: int(value) if np.asarray(value).dtype.kind == "i" else float(value)
         for name, value in found.items()
@@ -44,7 +44,7 @@ class Table:
     Attributes:
         head: Titles of the columns.
         rows: Cells.
-        numbers: Columns that end below one another.
+        numbers: Columns that are aligned right.
     """
 
     head: Sequence[str]
@@ -53,26 +53,27 @@ class Table:
 
 
 def printed(value: float, digits: int = 4) -> str:
-    """Return a number, a dash where there is none."""
+    """Return a number as text, a dash for NaN."""
     return "-" if math.isnan(value) else f"{value:.{digits}g}"
 
 
 def printed_share(share: float, digits: int = 3) -> str:
-    """Print a share; one that is nearly one by the digits of what it lacks."""
-    lacks = 1.0 - float(share)
-    if 0.0 < lacks < 0.01:
-        digits = max(digits, 2 + math.ceil(-math.log10(lacks)))
+    """Return a share as text; near one with two digits of its difference from one."""
+    # 0.99987 and 0.9991 differ by a factor of seven in what a reader looks for
+    difference = 1.0 - float(share)
+    if 0.0 < difference < 0.01:
+        digits = max(digits, 2 + math.ceil(-math.log10(difference)))
     return printed(share, digits)
 
 
 @dataclass(frozen=True)
 class LaneSummary:
-    """A lane, of some samples.
+    """Statistics of some samples of a lane.
 
     Attributes:
-        lane: Which.
-        cell: Values of the axes in words; () of all samples.
-        found: As `statistics` finishes it; of a number with `q05`, `q50`, `q95`.
+        lane: The lane.
+        cell: Values of the axes, as text; () for all samples.
+        found: Results of `statistics`; for numbers with `q05`, `q50`, `q95`.
     """
 
     lane: Lane
@@ -83,7 +84,7 @@ class LaneSummary:
 def number_table(
     summaries: Sequence[LaneSummary], axes: Sequence[str] = ()
 ) -> Table | None:
-    """Return the table of numbers; None where there are none."""
+    """Return the table of numbers; None without any."""
     head = (
         *("Outcome", *axes, "Unit", "Mean", "± s.e.", "5 %", "Median", "95 %"),
         *("Samples", "Infinite", "Failed"),
@@ -103,13 +104,13 @@ def number_table(
         if one.lane.kind == "number"
     ]
     first = 2 + len(axes)
-    return Table(head, rows[:MOST_ROWS], range(first, len(head))) if rows else None
+    return Table(head, rows[:MAX_ROWS], range(first, len(head))) if rows else None
 
 
 def share_table(
     summaries: Sequence[LaneSummary], axes: Sequence[str] = ()
 ) -> Table | None:
-    """Return the table of shares; None where there are none."""
+    """Return the table of shares; None without any."""
     head = ("Outcome", *axes, "Share", "90 % interval", "Yes", "Samples", "Failed")
     rows = [
         (
@@ -123,18 +124,18 @@ def share_table(
         if one.lane.kind == "yes_no"
     ]
     first = 1 + len(axes)
-    return Table(head, rows[:MOST_ROWS], range(first, len(head))) if rows else None
+    return Table(head, rows[:MAX_ROWS], range(first, len(head))) if rows else None
 
 
 @dataclass(frozen=True)
 class LaneShares:
-    """Of one lane.
+    """Sensitivity of one lane.
 
     Attributes:
-        lane: Which.
-        indices: Sobol's.
-        elasticity: By name, of the plane through the samples at the middle.
-        reasons: By name why slope and index differ, in words.
+        lane: The lane.
+        indices: Sobol' indices.
+        elasticity: Elasticity by parameter, from a plane through the middle samples.
+        reasons: Reason by parameter for a difference of slope and index, as text.
     """
 
     lane: Lane
@@ -144,7 +145,7 @@ class LaneShares:
 
 
 def sensitivity_table(shares: Sequence[LaneShares]) -> Table | None:
-    """Return indices and elasticities side by side; None where there are none."""
+    """Return the table of indices and elasticities; None without any."""
     rows = []
     for one in shares:
         of = one.indices
@@ -162,51 +163,51 @@ def sensitivity_table(shares: Sequence[LaneShares]) -> Table | None:
             )
     head = (
         "Outcome",
-        "Number",
-        "Alone",
-        "With others",
+        "Parameter",
+        "First order",
+        "Total",
         "Elasticity",
-        "They differ as it",
+        "Remark: the parameter",
     )
-    return Table(head, rows[:MOST_ROWS], (2, 3, 4)) if rows else None
+    return Table(head, rows[:MAX_ROWS], (2, 3, 4)) if rows else None
 
 
 def text_lines(columns: StudyColumns, overall: Sequence[LaneSummary]) -> list[str]:
-    """Return the text for a terminal: a line for each outcome."""
+    """Return one line for each outcome, then the notes, for the terminal."""
     width = max((len(one.lane.title) for one in overall), default=0)
-    said = []
+    lines = []
     for one in overall:
         found, name = one.found, one.lane.title.ljust(width)
         if one.lane.kind == "yes_no":
-            said.append(
+            lines.append(
                 f"{name}  {printed_share(found['share'], 4)}, 90 % interval "
                 f"{printed_share(found['low'])} to {printed_share(found['high'])}"
             )
         else:
             unit = "" if one.lane.units == "1" else f" {one.lane.units}"
-            said.append(
+            lines.append(
                 f"{name}  mean {printed(found['mean'])} ± "
                 f"{printed(found['standard_error'], 2)}{unit}, 90 % of samples "
                 f"{printed(found['q05'])} to {printed(found['q95'])}"
             )
         if found["lost"]:
-            said[-1] += f"; {found['lost']:,} failed"
-    return [*columns.notes, *said]
+            lines[-1] += f"; {found['lost']:,} failed"
+    return [*lines, *columns.notes]
 
 
 @dataclass(frozen=True)
 class OutcomeAnswer:
-    """What an outcome amounts to.
+    """Statistics of an outcome.
 
     Attributes:
-        outcome: Its name.
-        sensor: Whose it is; null where it is no sensor's.
-        axes: Value of each axis in words; empty of all samples.
-        units: Of a number; "1" of none.
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; null for none.
+        axes: Value of each axis, as text; empty for all samples.
+        units: Unit of a number; "1" for none.
         kind: "number" or "yes_no".
-        found: Of a number `count`, `infinite`, `lost`, `effective_size`, `mean`,
+        found: For a number `count`, `infinite`, `lost`, `effective_size`, `mean`,
             `standard_error`, `variance`, `sd`, `minimum`, `maximum`, `q05`, `q50`,
-            `q95`; of yes or no `count`, `yes`, `lost`, `effective_size`,
+            `q95`; for yes or no `count`, `yes`, `lost`, `effective_size`,
             `equivalent_size`, `share`, `standard_error`, `low`, `high` (Wilson, 90 %).
     """
 
@@ -220,17 +221,17 @@ class OutcomeAnswer:
 
 @dataclass(frozen=True)
 class InputShare:
-    """What a number has to do with an outcome's scatter.
+    """Contribution of a parameter to the scatter of an outcome.
 
     Attributes:
-        name: Of the number.
-        first: Sobol' index: share of the variance that it explains alone.
+        name: Name of the parameter.
+        first: First-order Sobol' index: share of the variance that it explains alone.
         first_interval: 90 % interval of it.
-        total: Share of all in which it takes part.
+        total: Total Sobol' index: share of the variance with its interactions.
         total_interval: 90 % interval of it.
-        elasticity: Per cent of the outcome for one per cent of the number, about the
-            middle of the samples.
-        differs: Why slope and index disagree; null where they agree.
+        elasticity: Change of the outcome in per cent for one per cent of the parameter,
+            at the middle of the samples.
+        differs: Reason for a disagreement of slope and index; null if they agree.
     """
 
     name: str
@@ -244,15 +245,15 @@ class InputShare:
 
 @dataclass(frozen=True)
 class SharesAnswer:
-    """What an outcome's scatter comes from.
+    """Sources of the scatter of an outcome.
 
     Attributes:
-        outcome: Its name.
-        sensor: Whose it is; null where it is no sensor's.
-        explained: Share of the variance that the method accounts for.
-        method: In words.
-        rows: Samples that it was found from.
-        numbers: Each number that varies.
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; null for none.
+        explained: Share of the variance that the method explains.
+        method: Description of the method.
+        rows: Number of samples of the analysis.
+        numbers: Contribution of each sampled parameter.
     """
 
     outcome: str
@@ -268,17 +269,17 @@ class StudyReportAnswer(Document):
     """A report on a study.
 
     Attributes:
-        samples: In the store.
-        complete: Whether it has all.
-        seed: Of the study.
-        design: How its draws fill what the priors allow.
-        study_sha256: Of the study's file.
-        scene_sha256: Of the scene's.
-        axes: Values of each axis, in words.
-        outcomes: Each over all samples.
-        cells: Each in each combination of the values of the axes.
-        sensitivity: Contributions to the scatter of each, where samples identify them.
-        notes: Remarks, a sentence each.
+        samples: Number of samples in the store.
+        complete: Whether the study is complete.
+        seed: Seed of the study.
+        design: Design of the sampling.
+        study_sha256: SHA-256 of the study's file.
+        scene_sha256: SHA-256 of the scene's file.
+        axes: Values of each axis, as text.
+        outcomes: Statistics of each outcome over all samples.
+        cells: Statistics of each outcome in each combination of the axes' values.
+        sensitivity: Sources of the scatter of each outcome, if samples identify them.
+        notes: Notes, as sentences.
     """
 
     samples: int
@@ -300,21 +301,21 @@ def study_report_answer(
     cells: list[LaneSummary],
     shares: list[LaneShares],
 ) -> StudyReportAnswer:
-    """Return the document; what is not known, or infinite, is null."""
-    said, names = columns.attributes, [axis.name for axis in columns.axes]
+    """Return the document; unknown or infinite numbers are null."""
+    attributes, names = columns.attributes, [axis.name for axis in columns.axes]
 
     def word(name: str) -> str | None:
-        return None if said.get(name) is None else str(said[name])
+        return None if attributes.get(name) is None else str(attributes[name])
 
     return StudyReportAnswer(
         columns.total,
-        bool(said.get("complete", False)),
-        None if said.get("seed") is None else int(said["seed"]),
+        bool(attributes.get("complete", False)),
+        None if attributes.get("seed") is None else int(attributes["seed"]),
         word("design"),
         word("study_sha256"),
         word("scene_sha256"),
         {
-            axis.name: tuple(axis.said(n) for n in range(axis.values.size))
+            axis.name: tuple(axis.shown(n) for n in range(axis.values.size))
             for axis in columns.axes
         },
         tuple(_outcome(one, names) for one in overall),
@@ -358,9 +359,9 @@ def summary_of(
     mask: Bool[np.ndarray, " sample"] | None = None,
     cell: tuple[str, ...] = (),
 ) -> LaneSummary:
-    """Return what some samples of a lane amount to.
+    """Return the statistics of some samples of a lane.
 
-    Quantiles are those of the samples themselves where they have no weights.
+    Without weights the quantiles are those of the samples, not of the sketch.
     """
     if lane.state is not None:
         which = slice(None) if mask is None else np.flatnonzero(mask)
@@ -389,7 +390,7 @@ def summaries_of(columns: StudyColumns) -> list[LaneSummary]:
 
 
 def cell_summaries(columns: StudyColumns) -> list[LaneSummary]:
-    """Return each lane in each cell of the axes; none where there are no axes."""
+    """Return each lane in each cell of the axes; none without axes."""
     if not columns.axes:
         return []
     return [
@@ -400,16 +401,16 @@ def cell_summaries(columns: StudyColumns) -> list[LaneSummary]:
 
 
 def shares_of(columns: StudyColumns) -> list[LaneShares]:
-    """Return the shares of the first lanes that vary, and of which samples tell some.
+    """Return the sensitivity of the first lanes, if their samples identify it.
 
-    Axes over numbers count as drawn evenly from their values.
+    Axes over numbers count as sampled evenly from their values.
     """
     inputs: dict[str, Float[np.ndarray, " sample"]] = dict(columns.inputs)
     inputs |= {axis.name: axis.values[axis.at] for axis in columns.numeric_axes}
     found = []
     if columns.counted is not None:
         return [] if columns.rows is None else shares_of(columns.rows)
-    for lane in columns.lanes[:MOST_LANES]:
+    for lane in columns.lanes[:MAX_LANES]:
         indices = indices_from_samples(inputs, lane.values)
         if indices is None:
             continue

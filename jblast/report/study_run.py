@@ -13,24 +13,24 @@ from jblast.study.engine.tiles import Moments
 from jblast.study.outcome.family import Outcome
 from jblast.study.sampling.run import Ran
 
-MOST_LINES = 40
-"""Of the table; a study of more sensors and outcomes is for its report."""
+MAX_LINES = 30
+"""Largest number of rows of the table: with its heading it fits one screen."""
 
 
 @dataclass(frozen=True)
 class OutcomeKnown:
-    """What is known of an outcome over all samples, at one sensor if it has any.
+    """Statistics of an outcome over all samples, at one sensor if it has any.
 
     Attributes:
-        outcome: Its name.
-        sensor: Of which sensor; "" of none.
-        units: Of mean and sd.
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; "" for none.
+        units: Unit of mean and sd.
         kind: "number", or "yes_no", whose mean is a share.
-        mean: Over the samples that have an answer.
-        sd: Their standard deviation; null of fewer than two.
-        standard_error: Of the mean; null of fewer than two.
-        samples: That have an answer.
-        failed: That have none.
+        mean: Mean of the successful samples.
+        sd: Their standard deviation; null for fewer than two.
+        standard_error: Standard error of the mean; null for fewer than two.
+        samples: Number of successful samples.
+        failed: Number of failed samples.
     """
 
     outcome: str
@@ -46,17 +46,17 @@ class OutcomeKnown:
 
 @dataclass(frozen=True)
 class StudyAnswer(Document):
-    """A study, or what there is of it.
+    """The answer of `jblast study`: a complete or partial study.
 
     Attributes:
-        store: Its folder.
-        complete: Whether all samples are there.
-        reached: Whether it ended because the standard errors asked for were reached.
-        samples: How many there are now.
-        calculated: How many this run calculated.
-        seconds: How long that took.
-        outcomes: What is known of each, over all cells of the axes together.
-        notes: Remarks on the calculation.
+        store: Folder of the store.
+        complete: Whether all samples are stored.
+        reached: Whether it ended at the requested standard errors.
+        samples: Number of stored samples.
+        calculated: Number of samples computed in this run.
+        seconds: Time of this run.
+        outcomes: Statistics of each outcome, over all cells of the axes together.
+        notes: Notes on the computation.
     """
 
     store: str
@@ -70,33 +70,33 @@ class StudyAnswer(Document):
 
 
 def run_text(answer: StudyAnswer) -> str:
-    """Return what there is of a study: how much, and each outcome's mean and error."""
+    """Return number of samples and mean of each outcome, for the terminal."""
     lines = [_state(answer)]
     rows = [("outcome", "sensor", "mean", "error", "sd", "samples", "failed")]
-    rows += [_row(known) for known in answer.outcomes[:MOST_LINES]]
+    rows += [_row(known) for known in answer.outcomes[:MAX_LINES]]
     if not any(row[1] for row in rows[1:]):
         rows = [(row[0], *row[2:]) for row in rows]
     numbers = range(len(rows[0]) - 5, len(rows[0]))
     lines += ["", *aligned(rows, right=tuple(numbers))]
-    if len(answer.outcomes) > MOST_LINES:
-        lines.append(f"and {len(answer.outcomes) - MOST_LINES} more")
+    if len(answer.outcomes) > MAX_LINES:
+        lines.append(f"and {len(answer.outcomes) - MAX_LINES} more")
     if answer.notes:
         lines += ["", *answer.notes]
     return "\n".join(lines) + "\n"
 
 
 def _state(answer: StudyAnswer) -> str:
-    how = ""
+    added = ""
     if answer.calculated:
         rate = answer.calculated / answer.seconds if answer.seconds > 0 else math.inf
-        how = (
-            f", {answer.calculated:,} of them now, in {answer.seconds:.3g} s: "
-            f"{rate:.3g} a second"
+        added = (
+            f", {answer.calculated:,} of them new, in {answer.seconds:.3g} s "
+            f"({rate:.3g} a second)"
         )
-    state = "complete" if answer.complete else "not complete: --resume goes on with it"
+    state = "complete" if answer.complete else "not complete: --resume continues it"
     if answer.reached:
-        state = "complete, as the standard errors asked for are reached"
-    return f"{answer.store}: {answer.samples:,} samples{how}; {state}"
+        state = "complete: the requested standard errors are reached"
+    return f"{answer.store}: {answer.samples:,} samples{added}; {state}"
 
 
 def _row(known: OutcomeKnown) -> tuple[str, ...]:
@@ -113,8 +113,8 @@ def _row(known: OutcomeKnown) -> tuple[str, ...]:
 
 
 def outcomes_text(outcomes: Iterable[Outcome]) -> str:
-    """Return the outcomes that there are, with units, and what each needs."""
-    rows = [("outcome", "unit", "what it is", "needs")]
+    """Return a table of all outcomes with units and requirements."""
+    rows = [("outcome", "unit", "description", "needs")]
     rows += [
         (o.name, "yes or no" if o.kind == "yes_no" else o.units, o.long_name, o.needs)
         for o in outcomes
@@ -123,7 +123,7 @@ def outcomes_text(outcomes: Iterable[Outcome]) -> str:
 
 
 def study_answer(ran: Ran) -> StudyAnswer:
-    """Return what a run came to."""
+    """Return the answer of a run."""
     outcomes = [v for v in ran.store.variables if v.role == "outcome"]
     return StudyAnswer(
         store=str(ran.store.path),

@@ -1,4 +1,4 @@
-"""A study's columns read from its store, whole samples or summaries."""
+"""Columns of a study, read from its store: samples or statistics."""
 
 import warnings
 from dataclasses import replace
@@ -21,11 +21,11 @@ from jblast.study.engine.summary import State, merged_states, outcomes_of
 from jblast.study.file import study_from_text
 from jblast.study.sampling.run import scenes_of
 
-MOST_POINTS = 40
-"""Of a curve of convergence."""
+MAX_POINTS = 40
+"""Largest number of points of a convergence curve: each one merges all statistics."""
 NOTE = (
-    "Statistics alone were kept of the samples: quantiles are within 0.8 % of their "
-    "distance from where the samples of their cell begin to be counted."
+    "Only statistics of the samples were stored: the error of a quantile is below "
+    "0.8 % of its distance from the origin of its cell's sketch."
 )
 
 
@@ -33,13 +33,13 @@ def read_columns(path: str) -> StudyColumns:
     """Read a store.
 
     Raises:
-        InputError: There is none, or it is of another kind or of a newer schema.
+        InputError: There is no store, or it has another layout or schema.
     """
     import xarray
 
     try:
         with warnings.catch_warnings():
-            # a store has a lock, and statistics, beside its columns
+            # zarr warns of our files in the store that are not arrays: lock, statistics
             warnings.filterwarnings("ignore", message=".*not recognized as a component")
             dataset = xarray.open_zarr(path, consolidated=False)
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -62,16 +62,16 @@ def summary_columns(
 
     Args:
         store: The store.
-        rows: The samples that it keeps, if any: what scatter comes from is theirs.
-        incomplete: Remark on a store that is not complete.
+        rows: The samples that it contains, if any, for the sensitivity analysis.
+        incomplete: Note on a store that is not complete.
 
     Raises:
-        InputError: None were begun.
+        InputError: There are no statistics.
     """
-    summary, said = summary_of(store), store.attributes
+    summary, attributes = summary_of(store), store.attributes
     anchors, done = summary.anchors(), summary.done()
     states: dict[str, State] | None = None
-    ends = np.unique(np.geomspace(1, max(1, len(done)), MOST_POINTS).astype(int))
+    ends = np.unique(np.geomspace(1, max(1, len(done)), MAX_POINTS).astype(int))
     course: list[tuple[int, dict[str, dict[str, Any]]]] = []
     number = 0
     while number in done:
@@ -83,14 +83,14 @@ def summary_columns(
             course.append((_counted(lanes), _course(lanes)))
     axes = _axes(store, summary.groups)
     lanes = () if states is None else _lanes(store, states)
-    notes = [NOTE] if said["complete"] else [NOTE, incomplete]
+    notes = [NOTE] if attributes["complete"] else [NOTE, incomplete]
     return StudyColumns(
         lanes,
         {},
         {},
         axes,
         None,
-        dict(said),
+        dict(attributes),
         summary.groups,
         notes,
         counted=_counted(lanes),
@@ -100,7 +100,7 @@ def summary_columns(
 
 
 def _counted(lanes: tuple[Lane, ...]) -> int:
-    """Return how many samples statistics are of."""
+    """Return the number of samples in the statistics."""
     if not lanes:
         return 0
     kinds = {"yes_no": lambda x: (x.known, x.lost)}
@@ -109,7 +109,7 @@ def _counted(lanes: tuple[Lane, ...]) -> int:
 
 
 def _course(lanes: tuple[Lane, ...]) -> dict[str, dict[str, Any]]:
-    """Return what is known of each lane, of all cells together."""
+    """Return the statistics of each lane over all cells together."""
     return {
         lane.title: found_in(lane.kind, lane.state, slice(None), quantiles=())
         for lane in lanes
@@ -128,7 +128,7 @@ def _lanes(store: Store, states: dict[str, State]) -> tuple[Lane, ...]:
 
 
 def _lane_of(state: State, sensor: int) -> State:
-    """Return a sensor's part of a state."""
+    """Return the part of a state that belongs to a sensor."""
     if hasattr(state, "_fields"):
         return type(state)(*(_lane_of(part, sensor) for part in state))
     return np.asarray(state)[:, sensor]
@@ -142,9 +142,9 @@ def _first(state: State) -> np.ndarray:
 
 def _axes(store: Store, groups: int) -> tuple[StudyAxis, ...]:
     """Return the axes, with the value of each variant and cell."""
-    said = store.attributes
+    kept = store.attributes
     study = study_from_text(
-        said["study"], scenes_of(said), allow_code=said["allow_code"]
+        kept["study"], scenes_of(kept), allow_code=kept["allow_code"]
     )
     variant, cell = np.divmod(np.arange(groups), len(study.cells))
     found: list[StudyAxis] = []

@@ -19,22 +19,23 @@ from jblast.report.words import aligned, hanging, joined, parameter_words, round
 from jblast.results import AMONG, Document, among
 from jblast.scene import parameter_named
 
-NOT_TOLD = "not told"
+NOT_IDENTIFIED = "not identified"
 TESTS = {
-    "spectrum": "the noise in bands of frequency",
-    "whiteness": "likeness of neighbours in what is left",
-    "blast": "what is left while the blast goes by",
-    "error": "size of what is left",
+    "spectrum": "noise in frequency bands",
+    "whiteness": "serial correlation of the residuals",
+    "blast": "residuals during the blast",
+    "error": "size of the residuals",
 }
-"""What was looked at, in words."""
+"""Names of the tests of the residuals."""
 
 
 @dataclass(frozen=True)
-class NotTold:
-    """A change of several numbers that leaves the record as it is.
+class NotIdentified:
+    """A change of several parameters that does not change the record.
 
     Attributes:
-        parameters: By name, how much each takes part in it, in large changes of each.
+        parameters: Component of each parameter in it, by name, in units of a large
+            change of each.
     """
 
     parameters: Mapping[str, float]
@@ -42,13 +43,13 @@ class NotTold:
 
 @dataclass(frozen=True)
 class TunedEstimate:
-    """A number that was looked for.
+    """A tuned parameter.
 
     Attributes:
         found: Its value with an interval, and its values before the search and in the
             tuned scene.
-        unit: Of all its numbers.
-        key: Where it stands in a scene file.
+        unit: Unit of these numbers.
+        key: Its key in a scene file.
     """
 
     found: TunedNumber = field(
@@ -64,20 +65,20 @@ class TuneAnswer(Document):
 
     Attributes:
         scene: The scene's file.
-        recorded: What was recorded: the file or the folder.
-        kind: What it holds.
-        sensor: Name of who recorded; null of the camera.
-        estimates: What was looked for, by name.
-        free: Their names.
-        fixed: Numbers that such a record could tell and that were taken as the scene
-            has them, by name; null where it has none.
-        identifiable: Whether the record identifies all searched parameters.
+        recorded: The record: a file or a folder.
+        kind: Kind of the record.
+        sensor: Name of the sensor; null for the camera.
+        estimates: Tuned parameters, by name.
+        free: Names of the tuned parameters.
+        fixed: Other parameters that such a record can constrain, which were fixed at
+            the scene's values, by name; null if the scene has none.
+        identifiable: Whether the record identifies all tuned parameters.
         null_directions: Combinations that it does not constrain.
-        explained: How well the record is explained; poorly if one of `tests` is below
+        explained: Tests of the residuals; the fit is poor if one of `tests` is below
             0.001.
-        converged: Whether the search ended of itself.
-        warnings: Warnings, a sentence each.
-        files: What was written.
+        converged: Whether the search converged.
+        warnings: Warnings, as sentences.
+        files: Files that were written.
     """
 
     scene: str
@@ -88,7 +89,7 @@ class TuneAnswer(Document):
     free: tuple[str, ...]
     fixed: Mapping[str, float | None]
     identifiable: bool
-    null_directions: tuple[NotTold, ...]
+    null_directions: tuple[NotIdentified, ...]
     explained: Explained = field(metadata=AMONG)
     converged: bool
     warnings: tuple[str, ...]
@@ -96,10 +97,10 @@ class TuneAnswer(Document):
 
 
 def tune_text(answer: TuneAnswer) -> str:
-    """Return numbers with intervals, how well the record is explained, and doubts."""
+    """Return parameters with intervals, tests of the residuals and warnings."""
     rows = [["", "value", "90 % interval", "unit", "before", ""]]
     for name, one in answer.estimates.items():
-        value, interval, found = NOT_TOLD, "", one.found
+        value, interval, found = NOT_IDENTIFIED, "", one.found
         if found.value is not None and found.sd is not None:
             sd = max(found.sd, 1e-12 * abs(found.value))
             value = rounded(found.value, sd)
@@ -114,28 +115,30 @@ def tune_text(answer: TuneAnswer) -> str:
     left = answer.explained
     worst = min(left.tests.items(), key=lambda item: item[1], default=None)
     if left.error is not None and left.error_allowed is not None:
-        what = "steps of 8 bits" if answer.kind == "frames" else "thresholds"
+        unit = "steps of 8 bits" if answer.kind == "frames" else "thresholds"
         lines.append(
-            f"what is left: {left.error:.2g} {what}; up to "
-            f"{left.error_allowed:.2g} it is well explained"
+            f"residuals: {left.error:.2g} {unit} (good fit: up to "
+            f"{left.error_allowed:.2g})"
         )
-    explained = f"chi2 {left.chi2:.6g} of {left.dof:,} expected"
+    explained = f"chi2 {left.chi2:.6g}, expected {left.dof:,}"
     if worst is not None:
-        explained += f"; least likely: {TESTS[worst[0]]}, p = {worst[1]:.2g}"
+        explained += f"; smallest p = {worst[1]:.2g} ({TESTS[worst[0]]})"
     lines.append(explained)
     for warning in answer.warnings:
-        lines += hanging(f"Note: {warning}")
+        lines += hanging(f"Warning: {warning}")
     return "\n".join(line for line in lines if line) + "\n"
 
 
 def list_text() -> str:
-    """Return every name that can be tuned, with unit, default, and where it stands."""
-    rows = [["name", "unit", "default", "told by", "in the scene file"]]
+    """Return every tunable parameter, with unit, default and key in a scene file."""
+    rows = [["name", "unit", "default", "identified by", "in the scene file"]]
     for name, row in TUNABLES.items():
-        default = "by the record" if math.isnan(row.start) else f"{row.start:g}"
-        rows.append([name, row.unit, default, ", ".join(row.identified_by), _place(row.key)])
+        default = "from the record" if math.isnan(row.start) else f"{row.start:g}"
+        rows.append(
+            [name, row.unit, default, ", ".join(row.identified_by), _place(row.key)]
+        )
     for name, one in {**PARAMETERS, f"{CLOCK.name}.NAME": CLOCK}.items():
-        rows.append([name, one.unit, f"{one.default:g}", "beside", _place(one.key)])
+        rows.append([name, one.unit, f"{one.default:g}", "priors", _place(one.key)])
     return "\n".join(aligned(rows)) + "\n"
 
 
@@ -151,7 +154,7 @@ def _who(answer: TuneAnswer) -> str:
 
 
 def _decibels(answer: TuneAnswer) -> str:
-    """Return levels of sound as they are mostly told."""
+    """Return sound levels in decibels, as they are usually given."""
     levels = []
     for name in ("ambient_level_pa", "noise_pa"):
         one = answer.estimates.get(name)
@@ -163,24 +166,24 @@ def _decibels(answer: TuneAnswer) -> str:
 
 
 def _fixed(answer: TuneAnswer) -> str:
-    said = [
+    fixed = [
         f"{name} {value:.4g}"
         for name, value in answer.fixed.items()
         if value is not None
     ]
-    return f"taken as the scene has it: {', '.join(said)}" if said else ""
+    return f"fixed by the scene: {', '.join(fixed)}" if fixed else ""
 
 
 def tune_answer(
     tuned: Tuned, scene: str, recorded: str, files: tuple[str, ...] = ()
 ) -> TuneAnswer:
-    """Return an answer as it is printed.
+    """Return the answer on tuned parameters.
 
     Args:
-        tuned: What was found.
+        tuned: The tuned parameters.
         scene: The scene's file.
         recorded: The record.
-        files: What was written.
+        files: Files that were written.
     """
     index = tuned.problem.evidence.index
     sensor = tuned.scene.sensors[index].name if index >= 0 else None
@@ -191,8 +194,8 @@ def tune_answer(
     fixed = {}
     for name in names_known(tuned.scene, tuned.kind):
         if name in TUNABLES and name not in tuned.numbers:
-            held = tuned_value(tuned.before, index, name)
-            fixed[name] = None if held is None else float(held)
+            value = tuned_value(tuned.before, index, name)
+            fixed[name] = None if value is None else float(value)
     return TuneAnswer(
         scene=scene,
         recorded=Path(recorded).name,
@@ -202,7 +205,9 @@ def tune_answer(
         free=tuple(tuned.numbers),
         fixed=fixed,
         identifiable=tuned.is_identifiable,
-        null_directions=tuple(NotTold(one.parameters) for one in tuned.null_directions),
+        null_directions=tuple(
+            NotIdentified(one.parameters) for one in tuned.null_directions
+        ),
         explained=tuned.explained,
         converged=tuned.converged,
         warnings=tuple(warnings_of(tuned)),
@@ -211,22 +216,22 @@ def tune_answer(
 
 
 def words_of(name: str) -> str:
-    """Return what a sentence calls a number."""
+    """Return the name of a parameter in a sentence."""
     return TUNABLES[name].words if name in TUNABLES else parameter_words(name)
 
 
 def unit_of(name: str) -> str:
-    """Return the unit of a number; "1" if it has none."""
+    """Return the unit of a parameter; "1" if it has none."""
     return TUNABLES[name].unit if name in TUNABLES else parameter_named(name).unit
 
 
 def key_of(name: str) -> Key:
-    """Return where a number stands in a scene file."""
+    """Return the key of a parameter in a scene file."""
     return TUNABLES[name].key if name in TUNABLES else parameter_named(name).key
 
 
 def key_words(name: str, sensor: str | None) -> str:
-    """Return where a number stands in a scene file, as a sentence has it."""
+    """Return the key of a parameter in a scene file, as text."""
     key, label = key_of(name), name.partition(".")[2]
     index = "" if key.index is None else f"[{key.index}]"
     if key.table == "sensor" and not label:
@@ -239,35 +244,35 @@ def key_words(name: str, sensor: str | None) -> str:
 
 
 def warnings_of(tuned: Tuned) -> list[str]:
-    """Return warnings on the use of the numbers."""
+    """Return warnings on tuned parameters, as sentences."""
     found = [_note(note) for note in tuned.notes]
     for direction in tuned.null_directions:
         names = list(direction.parameters)
         if len(names) == 1:
-            found.append(f"the record says nothing about {names[0]}")
+            found.append(f"the record does not constrain {names[0]}")
             continue
         found.append(
-            f"the record does not tell {joined(names)} apart: together they change "
-            "and leave it as it is; give one of them a value"
+            f"the record does not separate {joined(names)}: a joint change leaves it "
+            "unchanged; fix one of them"
         )
     for name, one in tuned.numbers.items():
         if one.prior_decides:
-            found.append(f"{name}: the record adds next to nothing to its prior")
+            found.append(f"{name}: its interval is nearly that of the prior")
         if one.at_bound:
             found.append(
-                f"{name} ended at its bound, {one.fitted:.4g} {unit_of(name)}: the "
-                "record asks for more than it may be"
+                f"{name} is at its bound, {one.fitted:.4g} {unit_of(name)}: the best "
+                "value lies outside the permitted range"
             )
     poor = [TESTS[name] for name, p in tuned.explained.tests.items() if p < POOR]
     if tuned.explained.is_poor and not poor:
         poor = [TESTS["error"]]
     if poor:
         found.append(
-            f"the record is poorly explained ({'; '.join(poor)}): the intervals count "
-            "noise, not what the model lacks, and are too narrow"
+            f"poor fit ({'; '.join(poor)}): the intervals include noise, but no model "
+            "error, and are too narrow"
         )
     if not tuned.converged:
-        found.append("the search did not settle")
+        found.append("the search did not converge")
     return found
 
 
@@ -277,21 +282,19 @@ def _note(note: Note) -> str:
         case "reading":
             return str(about["text"])
         case "noise_added":
-            return (
-                "the scene has no noise: noise_pa is looked for beside what was named"
-            )
+            return "the scene has no noise: noise_pa is tuned as well"
         case "blast_outside":
             return (
-                f"no blast is in the record of {about['seconds']:g} s: it tells of "
-                "noise alone"
+                f"the record of {about['seconds']:g} s contains no blast: it "
+                "constrains the noise only"
             )
         case "law_invalid":
             return (
-                f"{joined(about['quantities'])} come from laws that were not made for "
-                "where the sensor stands"
+                f"{joined(about['quantities'])} are extrapolated: the sensor lies "
+                "outside the range of their laws"
             )
         case "thinned":
             return (
-                f"{about['used']:,} of {about['count']:,} {about['what']} were looked "
-                "at, evenly chosen"
+                f"{about['used']:,} of {about['count']:,} {about['what']} were used, "
+                "evenly spaced"
             )

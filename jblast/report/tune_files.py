@@ -1,4 +1,4 @@
-"""Files of `jblast tune --out`: the tuned scene, and figures of it and the record."""
+"""Files of `jblast tune --out`: the tuned scene, the answer and a figure."""
 
 import copy
 import os
@@ -34,16 +34,17 @@ from jblast.scene.reader.tables import LISTS
 
 GREY = "#b0b0b0"
 SHOWN = 4
-"""Frames in the picture."""
+"""Number of frames in the figure."""
 BEFORE_PART, AFTER_PART = 0.5, 3.0
-"""What is drawn about the blast: of the time in which half of its energy comes."""
+"""Drawn interval before and after the blast's first energy, in units of the time in
+which 98 % of its energy arrives."""
 SCENE, JSON, FIGURE = "scene.toml", "tune.json", "tune.png"
 NEUTRAL = {"filter_hz": "none", "threshold": 0.2}
-"""What stands in a list beside a number that is written alone."""
+"""Other entries of a list in the scene file, if only one of them is tuned."""
 
 
 def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
-    """Draw some frames, what is left of them before and after, and their means."""
+    """Draw some frames, their residuals before and after tuning, and means."""
     camera = camera_of(tuned.scene)
     size = camera.height, camera.width
     seen = np.asarray(evidence.values)
@@ -53,19 +54,19 @@ def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
     figure = new_figure(11.0, 6.8)
     grid = figure.subplots(3, len(chosen) + 1, squeeze=False)
     rows = (
-        ("seen", seen, "gray"),
-        ("left before", seen - expected[0], "RdBu"),
-        ("left after", seen - expected[1], "RdBu"),
+        ("recorded", seen, "gray"),
+        ("residual before", seen - expected[0], "RdBu"),
+        ("residual after", seen - expected[1], "RdBu"),
     )
     for axes_row, (name, values, colours) in zip(grid, rows, strict=True):
         low, high, scale = 0.0, 255.0, ""
-        if name != "seen":
+        if name != "recorded":
             high = max(float(np.abs(values[chosen]).max()), 1.0)
             low, scale = -high, f"colours to ±{high:.2g}"
         for axes, number in zip(axes_row, chosen, strict=False):
             image = np.full(size, np.nan).ravel()
             image[np.asarray(evidence.pixels)] = values[number]
-            # behind what is not looked at, as it stays as it was, is no grey of a film
+            # unused pixels are NaN, and show this colour, which no grey frame contains
             axes.imshow(np.ones(size), cmap="Pastel1", vmin=0.0, vmax=8.0)
             axes.imshow(image.reshape(size), cmap=colours, vmin=low, vmax=high)
             axes.set_axis_off()
@@ -88,7 +89,7 @@ def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
         rms = np.sqrt(np.square(seen - values).mean(axis=1))
         axes.plot(times, rms, color=colour, linewidth=1.2)
         axes.set_ylim(0.0)
-        titled(axes, "rms of what is left")
+        titled(axes, "rms of the residual")
     for axes in grid[:, -1]:
         quiet(axes)
         axes.set_xlabel("time [ms]")
@@ -96,7 +97,7 @@ def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
 
 
 def events_figure(tuned: Tuned, evidence: EventsEvidence) -> Figure:
-    """Draw the change of light from event to event, and what no threshold explains."""
+    """Draw the change of light between events, and the residuals of the thresholds."""
     sign = np.asarray(evidence.events.sign)
     time = 1e3 * np.asarray(evidence.events.time)
     figure = new_figure(11.0, 6.4)
@@ -116,7 +117,7 @@ def events_figure(tuned: Tuned, evidence: EventsEvidence) -> Figure:
         right.set_ylim(-1.05, 1.05)
         right.set_xlabel("time [ms]")
         right.set_ylabel("thresholds, at most 1")
-        titled(right, f"What is left, {name}", f"{sign.size:,} events")
+        titled(right, f"Residuals, {name}", f"{sign.size:,} events")
     for axes in grid.ravel():
         quiet(axes)
     return figure
@@ -127,7 +128,7 @@ def _clipped(values: Any) -> Float[np.ndarray, " event"]:
 
 
 def tune_figure(tuned: Tuned) -> Figure:
-    """Draw a record, its prediction before and after, and what is left."""
+    """Draw a record, its prediction before and after tuning, and the residuals."""
     evidence = tuned.problem.evidence
     if isinstance(evidence, SoundEvidence):
         return sound_figure(tuned, evidence)
@@ -137,7 +138,7 @@ def tune_figure(tuned: Tuned) -> Figure:
 
 
 def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
-    """Draw the wave form about the blast, the spectrum, and what is left over time."""
+    """Draw the waveform around the blast, the spectrum, and residuals over time."""
     before, after = tuned.before, tuned.scene
     unit = float(evidence.unit(after))
     record = unit * np.asarray(evidence.samples)
@@ -165,7 +166,7 @@ def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
         left.plot(
             time[near], scale * (record - samples)[near], color=colour, linewidth=0.9
         )
-    titled(left, "What is left", "record less expected")
+    titled(left, "Residual", "record minus expected")
     for axes in (wave, left):
         axes.set_ylabel(f"overpressure [{symbol}]")
         axes.set_xlabel("time by the sensor's clock [s]")
@@ -173,7 +174,7 @@ def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
     _spectra(spectrum, evidence, tuned, rate)
     white = np.asarray(evidence.time_residuals(after))
     _envelope(rest, time, white)
-    titled(rest, "What is left of the whole record", "over the noise, in its sd")
+    titled(rest, "Residual of the whole record", "in standard deviations of the noise")
     rest.set_xlabel("time by the sensor's clock [s]")
     for axes in (wave, spectrum, left, rest):
         quiet(axes)
@@ -182,7 +183,7 @@ def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
 
 
 def _near(expected: Float[np.ndarray, " sample"], count: int) -> slice:
-    """Return where most of what is expected comes; all of it where nothing is."""
+    """Return the samples around the expected blast; all samples without one."""
     energy = np.cumsum(np.square(expected))
     if not energy[-1] > 0:
         return slice(0, count)
@@ -193,7 +194,7 @@ def _near(expected: Float[np.ndarray, " sample"], count: int) -> slice:
 
 
 def _spectra(axes: Axes, evidence: SoundEvidence, tuned: Tuned, rate: float) -> None:
-    """Draw the powers of what is left, and the noise before and after."""
+    """Draw the power of the residuals, and the noise before and after tuning."""
     bands, scale = np.asarray(evidence.bands), np.asarray(evidence.counts)
     frequency = np.linspace(0.0, 0.5 * rate, bands.size)
     middle = np.array(
@@ -219,7 +220,7 @@ def _spectra(axes: Axes, evidence: SoundEvidence, tuned: Tuned, rate: float) -> 
     log_ticks(axes.xaxis, axes.get_xlim())
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("dB re (20 µPa)²/Hz")
-    titled(axes, "Noise", "powers of what is left, expected before and after")
+    titled(axes, "Noise", "power of the residual, expected before and after")
 
 
 def _envelope(
@@ -227,7 +228,7 @@ def _envelope(
     time: Float[np.ndarray, " sample"],
     white: Float[np.ndarray, " sample"],
 ) -> None:
-    """Draw the smallest and largest of many samples."""
+    """Draw the smallest and largest sample of each column."""
     columns = min(white.size, 800)
     edges = np.linspace(0, white.size, columns + 1).astype(int)[:-1]
     low, high = np.minimum.reduceat(white, edges), np.maximum.reduceat(white, edges)
@@ -254,14 +255,14 @@ def _legend(figure: Figure) -> None:
 def write_tuned(
     tuned: Tuned, directory: Path, scene: str, recorded: str
 ) -> tuple[str, ...]:
-    """Write what was tuned into a directory; return the names of the files.
+    """Write the tuned scene, the answer and a figure; return the file names.
 
-    A figure that cannot be drawn costs nothing but itself: a warning names it.
+    A figure that cannot be drawn is left out, with a warning.
 
     Args:
-        tuned: What was found.
-        directory: Where to; made if it is not there.
-        scene: The file of the scene, which is read again.
+        tuned: The tuned parameters.
+        directory: Output directory; created if missing.
+        scene: File of the scene, which is read again.
         recorded: The record.
 
     Raises:
@@ -272,13 +273,13 @@ def write_tuned(
     index = tuned.problem.evidence.index
     sensor = tuned.scene.sensors[index].name if index >= 0 else None
     values = {name: one.fitted for name, one in tuned.numbers.items()}
-    untold = [name for name, one in tuned.numbers.items() if one.value is None]
+    unknown = [name for name, one in tuned.numbers.items() if one.value is None]
     comments = [
         f"tuned by jblast {jblast.__version__}: {', '.join(values)} of "
         f"{Path(scene).name} to {Path(recorded).name}",
     ]
-    if untold:
-        comments.append(f"not told by the record: {', '.join(untold)}")
+    if unknown:
+        comments.append(f"not identified by the record: {', '.join(unknown)}")
     text = scene_text(tuned_document(document, values, sensor), comments)
     for name in (SCENE, JSON, FIGURE):
         (directory / name).unlink(missing_ok=True)
@@ -294,12 +295,12 @@ def write_tuned(
 def tuned_document(
     document: Mapping[str, Any], values: Mapping[str, float], sensor: str | None
 ) -> dict[str, Any]:
-    """Return a scene's tables with some numbers replaced.
+    """Return the tables of a scene with some numbers replaced.
 
     Args:
         document: The tables.
-        values: By name, as after `--free`.
-        sensor: Name of the sensor that recorded.
+        values: New values, by names as in `--free`.
+        sensor: Name of the recording sensor.
     """
     tuned = copy.deepcopy(dict(document))
     for name, value in values.items():
@@ -319,15 +320,15 @@ def tuned_document(
             entry[written] = value
             continue
         count = LISTS[written].count(",") + 1
-        held = entry.get(written, NEUTRAL.get(written, 0.0))
-        held = list(held) if isinstance(held, list) else [held] * count
-        held[key.index] = value
-        entry[written] = held
+        old = entry.get(written, NEUTRAL.get(written, 0.0))
+        parts = list(old) if isinstance(old, list) else [old] * count
+        parts[key.index] = value
+        entry[written] = parts
     return tuned
 
 
 def scene_text(document: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
-    """Return a scene's tables as TOML."""
+    """Return the tables of a scene as TOML."""
     lines = [f"# {line}" for line in comments]
     tables, arrays = [], []
     for key, value in document.items():
@@ -346,7 +347,7 @@ def scene_text(document: Mapping[str, Any], comments: Sequence[str] = ()) -> str
 
 
 def moved(document: Mapping[str, Any], source: str, directory: Path) -> dict[str, Any]:
-    """Return a scene's tables, files in them named as from another folder."""
+    """Return the tables of a scene with file names relative to another folder."""
     tuned = copy.deepcopy(dict(document))
     ambient = tuned.get("ambient", {})
     if "file" in ambient:
@@ -383,7 +384,7 @@ def _word(key: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """Return a value as TOML has it."""
+    """Return a value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""The interpretation of a log, in words."""
+"""The interpretation of a log, as sentences."""
 
 from collections.abc import Sequence
 from functools import singledispatch
@@ -11,31 +11,32 @@ from jblast.report.words import joined
 
 MAX_NAMED = 5
 """Largest number of lines, or names, that a sentence lists."""
-WAYS = {"CSV": "text"}
+FORMAT_NAMES = {"CSV": "text"}
+"""Names of formats in a sentence; the others have their own names."""
 
 
 def conversion_comments(log: Observations) -> list[str]:
-    """Return provenance: where a log comes from, and what was understood of it."""
+    """Return the provenance of a converted log: its source, and the conversions."""
     lines = [f"converted from {Path(log.source).name} by jblast {jblast.__version__}"]
     lines += understood_lines(log.understood)
     return [" ".join(line.split()) for line in lines]
 
 
 def conversion_text(log: Observations, out: str) -> str:
-    """Return what was written where, and what was done, for the terminal."""
+    """Return the output file and the conversions, for the terminal."""
     rows = "1 measurement" if len(log) == 1 else f"{len(log):,} measurements"
-    done = understood_lines(log.understood) or ["nothing had to be converted"]
+    done = understood_lines(log.understood) or ["no conversion was necessary"]
     return "".join(f"{line}\n" for line in (f"wrote {out}: {rows}", *done))
 
 
 def understood_lines(understood: Sequence[Understood]) -> list[str]:
-    """Return a sentence for each thing that was not as we write it."""
+    """Return a sentence for each conversion of a log."""
     return [understood_words(found) for found in understood]
 
 
 @singledispatch
 def understood_words(found: Understood) -> str:
-    """Say what was converted, skipped or supplied."""
+    """Return a sentence on a conversion, an omission or a default."""
     raise NotImplementedError(type(found).__name__)
 
 
@@ -48,18 +49,18 @@ def _(found: table.Dialect) -> str:
         parts.append(found.encoding)
     if found.sheet:
         parts.append(f"sheet {found.sheet!r}")
-    named = WAYS.get(found.format, found.format)
+    named = FORMAT_NAMES.get(found.format, found.format)
     return f"read as {named}" + (f": {', '.join(parts)}" if parts else "")
 
 
 @understood_words.register
 def _(found: table.DecimalComma) -> str:
-    return f"numbers have a decimal comma, as {found.text} in line {found.line} shows"
+    return f"decimal commas, as in {found.text} (line {found.line})"
 
 
 @understood_words.register
 def _(found: table.Renamed) -> str:
-    return f"{found.theirs} was taken for {found.ours}"
+    return f"{found.theirs} was read as {found.ours}"
 
 
 @understood_words.register
@@ -82,7 +83,7 @@ def _(found: table.LevelConverted) -> str:
         )
     return (
         f"{found.theirs} was converted to peak_overpressure_pa: 20 uPa times "
-        f"10^(dB/20), its sigma of 1 dB is ln(10)/20 = 11.5 % ({_rows(found.rows)})"
+        f"10^(dB/20); a sigma of 1 dB is ln(10)/20 = 11.5 % ({_rows(found.rows)})"
     )
 
 
@@ -90,15 +91,13 @@ def _(found: table.LevelConverted) -> str:
 def _(found: table.ClockTimesTaken) -> str:
     parts = []
     if found.undated:
-        parts.append(
-            f"times of day taken to be of {found.date} ({_rows(found.undated)})"
-        )
+        parts.append(f"times of day read as of {found.date} ({_rows(found.undated)})")
     if found.unzoned:
         parts.append(
-            f"times without a zone taken in {found.zone} ({_rows(found.unzoned)})"
+            f"times without a zone read as {found.zone} ({_rows(found.unzoned)})"
         )
     if found.moved:
-        parts.append(f"times with an offset turned into UTC ({_rows(found.moved)})")
+        parts.append(f"times with an offset converted to UTC ({_rows(found.moved)})")
     return f"value_utc: {'; '.join(parts)}"
 
 
@@ -113,13 +112,13 @@ def _(found: table.EmptySkipped) -> str:
 
 @understood_words.register
 def _(_: table.HeightTaken) -> str:
-    return "no column up_m: sensors taken to stand at up = 0"
+    return "no column up_m: sensors assumed at up = 0"
 
 
 @understood_words.register
 def _(found: table.ColumnsIgnored) -> str:
     columns = "column" if len(found.names) == 1 else "columns"
-    return f"{columns} {joined(list(found.names))} left aside as notes"
+    return f"{columns} {joined(list(found.names))} ignored"
 
 
 @understood_words.register
@@ -131,11 +130,11 @@ def _(found: table.UnitsRow) -> str:
 def _(found: table.MadeLong) -> str:
     text = f"a wide table, a column for each of {joined(list(found.quantities))}"
     if found.shares:
-        text += f"; errors of {joined(list(found.shares))} per cent of each value"
+        text += f"; errors of {joined(list(found.shares))} are per cent of each value"
     if found.without_sigma:
         text += (
-            f"; without a column of errors for {joined(list(found.without_sigma))}: "
-            "the law's scatter alone"
+            f"; no column of errors for {joined(list(found.without_sigma))}: only the "
+            "law's scatter is used"
         )
     return text
 

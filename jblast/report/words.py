@@ -17,7 +17,7 @@ GAP = 2
 """Spaces between two columns on a terminal."""
 Rows = Sequence[Sequence[str]]
 System = Literal["si", "us"]
-"""Which units a reader wants: ours, or feet, pounds and pounds per square inch."""
+"""System of printed units: SI, or feet, pounds and pounds per square inch."""
 CUSTOMARY = {
     "_kg": ((0.0, "lb"),),
     "_m": ((0.0, "in"), (0.1, "ft")),
@@ -25,9 +25,10 @@ CUSTOMARY = {
     "_pa": ((0.0, "psi"),),
     "_pa_s": ((0.0, "psi_ms"),),
 }
-"""The same of what Americans have units of their own for, by the endings of names."""
+"""As `LADDERS`, for US customary units. Other units are the same in both systems."""
 SYMBOLS: dict[str, str] = {"in_s": "in/s", "ft_s": "ft/s", "psi_ms": "psi ms"}
 WIDTH = 96
+"""Width of printed text [characters]: the range of validity of most laws fits."""
 LAW_WORDS = {
     "wu_hao": "Wu-Hao",
     "kingery_bulmash": "Kingery-Bulmash",
@@ -51,9 +52,9 @@ def aligned(
     """Return the lines of a table whose columns are as wide as their widest cell.
 
     Args:
-        rows: Cells, as many in each.
-        right: Columns, counted from 0, that end below one another.
-        least: Widths of the first columns, where no cell is wider.
+        rows: Cells; every row has the same number.
+        right: Columns, counted from 0, that are aligned right.
+        least: Least widths of the first columns [characters].
     """
     if not rows:
         return []
@@ -70,25 +71,24 @@ def aligned(
 
 
 def markdown(head: Sequence[str], rows: Rows, *, right: Collection[int] = ()) -> str:
-    """Return a table of Markdown, without the line end of its last row.
+    """Return a Markdown table, without the line end of its last row.
 
     Args:
         head: Titles of the columns.
-        rows: Cells, as many in each; a bar in one is written so that it stays one.
-        right: Columns, counted from 0, that end below one another.
+        rows: Cells; every row has the same number. Bars in cells are escaped.
+        right: Columns, counted from 0, that are aligned right.
     """
     rules = ["---:" if number in right else "---" for number in range(len(head))]
     titles = "|".join(f" {title} " if title else " " for title in head)
     lines = [f"|{titles}|", f"|{'|'.join(rules)}|"]
-    return "\n".join(lines + [_bars(row) for row in rows])
-
-
-def _bars(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
+    for row in rows:
+        cells = (cell.replace("|", r"\|") for cell in row)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def commented(comments: Iterable[str]) -> str:
-    """Return lines of comment above a table of CSV, each on one line."""
+    """Return comments as lines that precede a CSV table."""
     return "".join(f"# {' '.join(line.split())}\n" for line in comments)
 
 
@@ -101,7 +101,7 @@ def comma_separated(rows: Iterable[Iterable[Any]]) -> str:
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as printed, and what one of it is in SI."""
+    """A unit: printed symbol, and its size in SI."""
 
     symbol: str
     size: float
@@ -138,7 +138,7 @@ LADDERS = {
     "_k": ((0.0, Unit("K", 1.0)),),
     "": ((0.0, Unit("", 1.0)),),
 }
-"""Units of each suffix, each with the SI value from which a reader wants it."""
+"""Units of each suffix, each with the least value in SI that is printed in it."""
 
 
 def finite(number: Any) -> float | None:
@@ -147,7 +147,7 @@ def finite(number: Any) -> float | None:
 
 
 def unit_for(name: str, *numbers: float | None, system: System = "si") -> Unit:
-    """Choose the unit for numbers of one parameter or quantity, by the largest."""
+    """Return the unit for numbers of one parameter or quantity, by the largest."""
     ladder = _ladder(split_name(name)[1], system)
     largest = max((abs(n) for n in numbers if n is not None), default=0.0)
     if largest == 0.0:
@@ -165,8 +165,9 @@ def _ladder(suffix: str, system: System) -> tuple[tuple[float, Unit], ...]:
 
 
 def rounded(number: float, sd: float) -> str:
-    """Print a number to two digits of its standard deviation."""
-    two_digits = float(f"{sd:.1e}")  # 0.0996 is 0.10, so it decides as 0.10 does
+    """Return a number rounded to two digits of its standard deviation."""
+    # rounded first, as 0.0996 is printed as 0.10 and so needs one decimal fewer
+    two_digits = float(f"{sd:.1e}")
     decimals = 1 - math.floor(math.log10(two_digits)) if sd > 0.0 else 12
     decimals = min(decimals, 12)
     if decimals < 0 and abs(number) >= 1e7:
@@ -177,7 +178,7 @@ def rounded(number: float, sd: float) -> str:
 
 
 def significant(number: float, digits: int = 2) -> str:
-    """Print a number to so many significant digits."""
+    """Return a number with some significant digits."""
     if number == 0.0:
         return "0"
     exponent = math.floor(math.log10(abs(number)))
@@ -188,7 +189,7 @@ def significant(number: float, digits: int = 2) -> str:
 
 
 def scientific(number: float, decimals: int) -> str:
-    """Print 2.1e7 rather than 2.1e+07."""
+    """Return a number as 2.1e7 rather than 2.1e+07."""
     mantissa, _, exponent = f"{number:.{decimals}e}".partition("e")
     return f"{mantissa}e{int(exponent)}"
 
@@ -196,7 +197,7 @@ def scientific(number: float, decimals: int) -> str:
 def printed_number(
     name: str, value: float | int, digits: int = 4, system: System = "si"
 ) -> str:
-    """Print a number with its unit where no uncertainty is known."""
+    """Return a number of unknown uncertainty with its unit."""
     value = float(value)
     unit = unit_for(name, value, system=system)
     text = significant(value / unit.size, digits)
@@ -206,7 +207,7 @@ def printed_number(
 
 
 def hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
-    """Break a text into lines, all but the first further in by `column`."""
+    """Break a text into lines; all but the first are indented by `column` more."""
     return textwrap.wrap(
         text,
         WIDTH,
@@ -217,8 +218,8 @@ def hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
 
 
 def behind(start: str, text: str) -> list[str]:
-    """Break a text behind a start into lines, later ones below its beginning."""
-    # a number keeps its unit beside it
+    """Break a text after a start into lines; later lines are aligned with the first."""
+    # a no-break space keeps a number and its unit on one line
     for unit in (" m/kg", " ft/lb", " %", " kg", " m "):
         text = text.replace(unit, "\xa0" + unit[1:])
     lines = textwrap.wrap(
@@ -241,20 +242,20 @@ def split_name(name: str) -> tuple[str, str, str]:
 
 
 def parameter_words(name: str) -> str:
-    """Return a parameter's name in words; an unknown one loses unit and underscores."""
+    """Return a parameter's name as words; an unknown one loses unit and underscores."""
     known, (stem, _, label) = described(name), split_name(name)
     words = known.words if known else stem.replace("_", " ")
     return f"{words} of {label}" if label else words
 
 
 def quantity_words(quantity: str) -> str:
-    """Return a quantity's name in words."""
+    """Return a quantity's name as words."""
     known = quantity_named(quantity)
     return known.words if known else split_name(quantity)[0].replace("_", " ")
 
 
 def law_words(law: str) -> str:
-    """Return a law's name as its authors are named in a sentence."""
+    """Return a law's name for a sentence."""
     return LAW_WORDS.get(law, law.replace("_", " "))
 
 

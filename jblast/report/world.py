@@ -17,21 +17,22 @@ from jblast.study.flight_results import Flights
 from jblast.world import DrawnWorld, Perceived, Preset
 from jblast.world.remote.serving import Options, Serving
 
-MOST_BLASTS, MOST_ENTITIES = 20, 12
-"""Blasts and senses printed one by one; the tables have all of them."""
+MAX_BLASTS, MAX_ENTITIES = 12, 12
+"""Largest numbers of printed blasts and senses: both tables fit one screen, and the
+files have all rows."""
 BLASTS = ("shot", "time_s", "east_m", "north_m", "up_m", "mass_kg")
 PERCEIVED = ("shot", "entity", "sense", "time_s")
-MARK = "as the thesis computes it, not as blasts are"
+MARK = "as computed in the thesis, not as real blasts"
 
 
 @dataclass(frozen=True)
 class DroppedClient:
-    """A client that was dropped.
+    """A disconnected client.
 
     Attributes:
-        entity: Name it had registered; "" if it had not.
-        peer: Where it spoke from.
-        why: What it did.
+        entity: Its registered name; "" if it had none.
+        peer: Its address.
+        why: Reason for the disconnection.
     """
 
     entity: str
@@ -41,17 +42,17 @@ class DroppedClient:
 
 @dataclass(frozen=True)
 class ServedAnswer(Document):
-    """What came of a server, when it was stopped.
+    """The answer of `jblast serve` after the server was stopped.
 
     Attributes:
         scene: The scene's file.
-        seed: Of all that is drawn.
-        address: HOST:PORT that it listened on.
-        blasts: Of the world, with those that clients announced.
-        packets: That were sent.
-        late: Packets in real time that were made after their time was over.
-        dropped: Clients that were dropped, the latest 1,000.
-        dropped_count: How many were dropped.
+        seed: Seed of all random draws.
+        address: HOST:PORT of the server.
+        blasts: Number of blasts, including those announced by clients.
+        packets: Number of packets sent.
+        late: Number of packets in real time that were computed too late.
+        dropped: Disconnected clients, the latest 1,000.
+        dropped_count: Number of disconnected clients.
     """
 
     scene: str
@@ -65,7 +66,7 @@ class ServedAnswer(Document):
 
 
 def served_answer(server: Serving) -> ServedAnswer:
-    """Return what came of a server."""
+    """Return the answer on a server."""
     table = server.table
     return ServedAnswer(
         scene=table.world.drawn.source,
@@ -92,21 +93,23 @@ def serving_line(world: DrawnWorld, address: str, options: Options) -> str:
 
 
 def served_text(answer: ServedAnswer) -> str:
-    """Return the same for a terminal."""
+    """Return the answer on a server, for the terminal."""
     lines = [f"{answer.packets:,} packets sent, {answer.late:,} of them late"]
-    lines += [f"dropped {one.entity or one.peer}: {one.why}" for one in answer.dropped]
+    lines += [
+        f"disconnected {one.entity or one.peer}: {one.why}" for one in answer.dropped
+    ]
     return "\n".join(lines) + "\n"
 
 
 @dataclass(frozen=True)
 class BlastDrawn:
-    """A blast that happens.
+    """A blast of the world.
 
     Attributes:
-        shot: Its name: of a random one the number that it was drawn by.
-        time_s: When, on the common clock.
+        shot: Name of the charge; for a random one the number of its draw.
+        time_s: Time of detonation on the common clock.
         position_m: East, north, up.
-        mass_kg: Of the charge.
+        mass_kg: Mass of the charge.
     """
 
     shot: str
@@ -117,13 +120,13 @@ class BlastDrawn:
 
 @dataclass(frozen=True)
 class ImuWritten:
-    """What an inertial measurement unit wrote.
+    """Record of an inertial measurement unit.
 
     Attributes:
         file: Its table, in the folder of the run.
-        rate_hz: Samples a second.
-        samples: How many.
-        clipped: Whether one stands at the end of its range.
+        rate_hz: Sampling rate [1/s].
+        samples: Number of samples.
+        clipped: Whether a sample is clipped.
     """
 
     file: str
@@ -134,15 +137,15 @@ class ImuWritten:
 
 @dataclass(frozen=True)
 class FilmMade:
-    """What a world's camera wrote.
+    """Film of a world's camera.
 
     Attributes:
-        frames: How many.
-        width: Of each [px].
-        height: Of each [px].
+        frames: Number of frames.
+        width: Width of a frame [px].
+        height: Height of a frame [px].
         written: Numbers of events.
-        stamps: How their times were found.
-        stamp_error_s: Bound of the times' error; of 99 in 100 where interpolated.
+        stamps: Computation of the events' times.
+        stamp_error_s: Bound of the times' error; if interpolated, of 99 % of them.
     """
 
     frames: int
@@ -155,12 +158,12 @@ class FilmMade:
 
 @dataclass(frozen=True)
 class PresetTaken:
-    """By which preset blasts act other than they do.
+    """Preset that replaces the laws of the blasts.
 
     Attributes:
-        name: As it was asked for.
-        mark: What such a run is.
-        source: Where the preset comes from.
+        name: Name of the preset.
+        mark: Mark of such a run.
+        source: Source of the preset.
     """
 
     name: str
@@ -170,27 +173,27 @@ class PresetTaken:
 
 @dataclass(frozen=True)
 class WorldAnswer(Document):
-    """What was drawn, and what was perceived of it.
+    """The answer of `jblast world`: blasts and perceptions.
 
     Attributes:
         scene: The scene's file.
-        seed: Of all that is drawn.
-        seconds: When the world ended.
-        command: What was typed.
-        date: When it ran.
-        versions: Of jblast, jax and python.
-        scene_sha256: Of the scene's file.
-        preset: By which blasts act other than they do; null: none.
-        laws: By which law every quantity is made, for all senses alike.
-        blasts: Those that happen, in order of time.
+        seed: Seed of all random draws.
+        seconds: Duration of the world.
+        command: The command.
+        date: Date of the run.
+        versions: Versions of jblast, jax and python.
+        scene_sha256: SHA-256 of the scene's file.
+        preset: Preset that replaces the laws of the blasts; null for none.
+        laws: Law of each quantity, for all senses.
+        blasts: Blasts in order of time.
         perceived: Each first perception, in order of time.
-        not_perceived: How many come after the end.
-        readings: Rows of observations.csv.
-        flight: As of `jblast fly`; null where nothing flies.
-        sound: As of `jblast listen`; null where no sensor samples.
-        imu: By name, what each inertial measurement unit wrote; null where none flies.
-        camera: What it wrote; null where there is none.
-        warnings: Warnings, a sentence each.
+        not_perceived: Number of arrivals after the end.
+        readings: Number of rows of observations.csv.
+        flight: Answer of `jblast fly`; null without a vehicle.
+        sound: Answer of `jblast listen`; null without sampling sensors.
+        imu: Record of each inertial measurement unit, by name; null without one.
+        camera: Film of the camera; null without one.
+        warnings: Warnings, as sentences.
     """
 
     scene: str
@@ -215,21 +218,21 @@ class WorldAnswer(Document):
 
 @dataclass
 class WorldRun:
-    """A world that ran.
+    """Results of a world's run.
 
     Attributes:
-        world: What was drawn.
-        seconds: When it ended.
-        perceived: Who perceived what and when, in order of time.
-        late: What came after the end, and was not perceived.
-        readings: What sensors wrote down; None: nothing.
-        late_readings: Waves that came after the end, and were not written down.
-        flights: Of the vehicle; None where nothing flew.
-        made: What it is made of.
-        flight: The answer on the flights; None where nothing flew.
-        sound: The document of the records of samples; None where there are none.
-        imu: What each inertial measurement unit wrote; None where there is none.
-        film: What the camera wrote; None where there is none.
+        world: The sampled world.
+        seconds: Duration of the world.
+        perceived: Perceptions in order of time.
+        late: Number of arrivals after the end.
+        readings: Readings of the sensors; None without any.
+        late_readings: Number of waves at sensors after the end.
+        flights: Flights of the vehicle; None without one.
+        made: Provenance.
+        flight: The answer on the flights; None without a vehicle.
+        sound: The document of the records of samples; None without any.
+        imu: Record of each inertial measurement unit; None without one.
+        film: Film of the camera; None without one.
         warnings: Further warnings.
     """
 
@@ -249,7 +252,7 @@ class WorldRun:
 
 
 def world_text(run: WorldRun) -> str:
-    """Return the blasts, and a table of senses by blast: when each began."""
+    """Return the blasts, and a table of perception times by sense and blast."""
     charges = run.world.charges
     count = len(charges)
     lines = [f"{count} blast{'' if count == 1 else 's'} in {run.seconds:g} s", ""]
@@ -257,7 +260,7 @@ def world_text(run: WorldRun) -> str:
         lines[:0] = [preset_words(run.world.preset), ""]
     if charges:
         lines += [*aligned(_blasts(run), right=range(1, 6)), ""]
-        lines += aligned(_senses(run), right=range(2, 2 + MOST_BLASTS))
+        lines += aligned(_senses(run), right=range(2, 2 + MAX_BLASTS))
         lines += ["times on the common clock, in s", ""]
     lines += [f"Note: {warning}" for warning in warnings_of(run)]
     return "\n".join(lines) + "\n"
@@ -266,23 +269,23 @@ def world_text(run: WorldRun) -> str:
 def _blasts(run: WorldRun) -> list[list[str]]:
     rows = [["blast", "time s", "east m", "north m", "up m", "mass kg"]]
     charges = run.world.charges
-    for charge in charges[:MOST_BLASTS]:
+    for charge in charges[:MAX_BLASTS]:
         time, *others = blast_numbers(charge)
         rows.append([charge.name, f"{time:.4f}", *(f"{x:.4g}" for x in others)])
-    return [*rows, *_more(len(charges), MOST_BLASTS, 6)]
+    return [*rows, *_more(len(charges), MAX_BLASTS, 6)]
 
 
 def _senses(run: WorldRun) -> list[list[str]]:
-    """Return a row for each sense of everyone, a column for each blast."""
-    shots = run.world.shots[:MOST_BLASTS]
+    """Return a row for each sense of each entity, a column for each blast."""
+    shots = run.world.shots[:MAX_BLASTS]
     began = {(p.entity, p.sense, p.shot): p.time_s for p in run.perceived}
     senses = list(dict.fromkeys((p.entity, p.sense) for p in run.perceived))
     senses.sort(key=lambda one: one[0])
-    rows = [["who", "perceived", *(f"blast {shot}" for shot in shots)]]
-    for who, sense in senses[:MOST_ENTITIES]:
+    rows = [["entity", "sense", *(f"blast {shot}" for shot in shots)]]
+    for who, sense in senses[:MAX_ENTITIES]:
         times = [began.get((who, sense, shot)) for shot in shots]
         rows.append([who, sense, *("-" if t is None else f"{t:.4f}" for t in times)])
-    return [*rows, *_more(len(senses), MOST_ENTITIES, len(rows[0]))]
+    return [*rows, *_more(len(senses), MAX_ENTITIES, len(rows[0]))]
 
 
 def _more(count: int, printed: int, columns: int) -> Sequence[list[str]]:
@@ -292,7 +295,7 @@ def _more(count: int, printed: int, columns: int) -> Sequence[list[str]]:
 
 
 def world_answer(run: WorldRun) -> WorldAnswer:
-    """Return the answer on a world; what nobody has is null."""
+    """Return the answer on a world; null for what the scene does not contain."""
     made, preset = run.made, run.world.preset
     return WorldAnswer(
         scene=run.world.source,
@@ -324,23 +327,21 @@ def world_answer(run: WorldRun) -> WorldAnswer:
 
 def warnings_of(run: WorldRun) -> list[str]:
     """Return warnings on the use of the run."""
-    said = [] if run.world.preset is None else preset_notes(run.world.preset)
-    said += run.warnings
+    warnings = [] if run.world.preset is None else preset_notes(run.world.preset)
+    warnings += run.warnings
     if not run.world.shots:
-        said.append("no blast was drawn: nobody perceives one, and nothing flew")
+        warnings.append("no blast was sampled: no perceptions and no flight")
     if run.late:
-        said.append(
-            f"{run.late} times a blast comes to somebody after the end, at "
-            f"{run.seconds:g} s: it is not among what was perceived"
+        warnings.append(
+            f"{run.late} perceptions after the end, {run.seconds:g} s, are not included"
         )
     if run.late_readings:
-        said.append(
-            f"{run.late_readings} waves come to sensors after the end: no reading "
-            "of them was written"
+        warnings.append(
+            f"{run.late_readings} waves at sensors after the end have no readings"
         )
     if run.readings is None and run.world.shots:
-        said.append("no sensor says what it records, so there is no observations.csv")
-    return said
+        warnings.append("no sensor has records, so there is no observations.csv")
+    return warnings
 
 
 def blast_numbers(charge: Charge) -> list[float]:
@@ -366,19 +367,19 @@ def perceived_csv(perceived: Sequence[Perceived], comments: Sequence[str]) -> st
 
 
 def preset_words(preset: Preset) -> str:
-    """Return the mark of a run by a preset: on all that it prints and writes."""
+    """Return the mark of a run with a preset, for all that it prints and writes."""
     return f"preset {preset.name}: {MARK}"
 
 
 def preset_notes(preset: Preset) -> list[str]:
     """Return warnings on the use of a run with a preset."""
     notes = [
-        f"{preset_words(preset)} ({preset.source}); the scene's own laws, by which "
-        "jblast fit goes, are others"
+        f"{preset_words(preset)} ({preset.source}); jblast fit uses the scene's laws, "
+        "which differ"
     ]
     if preset.pressure_speed_m_s is not None:
         notes.append(
             f"pressure and force travel at {preset.pressure_speed_m_s:g} m/s, the "
-            "sound by eq. 3.4: one blast comes at two times, as it does there"
+            "sound by eq. 3.4: one blast arrives at two times, as in the thesis"
         )
     return notes

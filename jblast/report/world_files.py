@@ -68,16 +68,18 @@ from jblast.world.picked_records import joined, picked_readings, sampled_sensors
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
 FLIGHT, RUN, SOUND, CAMERA = "flight.csv", "run.json", "sound", "camera"
 AFTER_S, AFTER_FLIGHT_S = 0.5, 5.0
-"""What lasts a world after its last wave, and one that is flown through."""
+"""Duration after the last wave [s] without and with a vehicle, which needs time to
+recover."""
 BEFORE = 2
-"""Frames that are kept before each flash."""
+"""Frames stored before each flash: the detector takes a difference of two."""
 COLUMNS = (
     "time_s",
     *(f"a{axis}_m_s2" for axis in "xyz"),
     *(f"g{axis}_rad_s" for axis in "xyz"),
 )
-STRAIGHT = (
-    "between the rows of the flight, {row:g} s apart, its samples are straight lines"
+INTERPOLATED = (
+    "its samples are interpolated linearly between the rows of the flight, {row:g} s "
+    "apart"
 )
 
 
@@ -96,17 +98,17 @@ def run_world(
 
     Args:
         scene: File of the scene, with [world].
-        out: Directory to write to.
+        out: Output directory.
         seconds: Duration; default: until 5 s after the last wave, without a vehicle
             0.5 s.
-        seed: Of all draws.
-        preset: Name of `world.PRESETS` by which blasts act; default: by the laws.
+        seed: Seed of all draws.
+        preset: Name in `world.PRESETS`; default: the laws.
         force: Whether an earlier run in the directory may be overwritten.
         command: Words for the provenance.
         begin: Called with the name of each stage; default: progress is reported.
 
     Returns:
-        What was drawn, perceived and written; files that were written stay.
+        The world with perceptions and readings; on an error written files stay.
 
     Raises:
         InputError: The scene, an argument or the directory cannot be used.
@@ -131,7 +133,8 @@ def run_world(
     head += [] if by is None else [preset_words(by)]
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        for name in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN):  # would mislead
+        # tables of an earlier run next to new ones would mislead
+        for name in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN):
             (directory / name).unlink(missing_ok=True)
         clear_imus(directory)
     save_text(blasts_csv(world, head), directory / BLASTS)
@@ -168,14 +171,14 @@ def run_world(
         missed += found.missed
     notes += [*straight, *_missed_words(missed)]
     notes += [
-        f"{sensor.name}: its kind is not said, so it writes no samples"
+        f"{sensor.name}: no kind is specified, so it writes no samples"
         for sensor in world.scene.sensors
         if sensor.instrument is not None and not sensor.kind
     ]
     if unseen:
         notes.append(
             f"{len(unseen)} of {len(world.shots)} blasts are outside the camera's "
-            "picture as they go off: it does not perceive them"
+            "image: it does not perceive them"
         )
     if readings is not None:
         with writing(directory):
@@ -203,9 +206,9 @@ def run_world(
 
 
 def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
-    """Return how long a world lasts: until after its last wave, in tenths.
+    """Return the duration of a world: until after its last wave, in tenths of seconds.
 
-    With a flight in whole seconds, as each other duration is another program.
+    With a flight it is whole seconds, as each duration compiles another program.
     """
     last = arrivals.last_s()
     if world.scene.vehicle is None:
@@ -230,16 +233,15 @@ def _missed_words(missed: int) -> list[str]:
     if not missed:
         return []
     return [
-        f"air shocks at sensors that sample, {missed} of them, were not picked, or "
-        "poorly: no reading of them was written"
+        f"{missed} air shocks at sampling sensors have no readings: no pick, or a poor "
+        "one"
         if missed > 1
-        else "an air shock at a sensor that samples was not picked, or poorly: no "
-        "reading of it was written"
+        else "one air shock at a sampling sensor has no reading: no pick, or a poor one"
     ]
 
 
 def flown(world: DrawnWorld, seconds: float) -> Flights | None:
-    """Fly the vehicle of a world through its blasts; None where nothing flies."""
+    """Fly the vehicle of a world through its blasts; None without vehicle or blast."""
     if world.scene.vehicle is None or not world.shots:
         return None
     padded = UncertainScene(with_nevers(world.scene), source=world.source)
@@ -249,7 +251,7 @@ def flown(world: DrawnWorld, seconds: float) -> Flights | None:
 
 
 def _of_first(flights: Flights, count: int) -> Flights:
-    """Return flights without the charges after the first ones, which never happen."""
+    """Return flights with the first charges only; the remaining ones are padding."""
     holds = {
         name: replace(
             hold, encounter=Encounter(*(x[..., :count] for x in hold.encounter))
@@ -261,7 +263,7 @@ def _of_first(flights: Flights, count: int) -> Flights:
 
 
 def flight_of(flights: Flights) -> Trajectory:
-    """Return the flight by the scene's own hold, or that with integral action."""
+    """Return the flight with the scene's controller, or with integral action."""
     return trajectory_of(flights, next(iter(flights.holds)))
 
 
@@ -271,7 +273,7 @@ def listened(
     tracks: Mapping[str, Track],
     directory: Path,
 ) -> dict[str, Any] | None:
-    """Write what every sensor that samples hears and feels; None where none does."""
+    """Write the record of every sampling sensor; None without such a sensor."""
     kinds = {sensor.kind for sensor in world.scene.sensors}
     if not kinds & set(sampling_kinds()):
         return None
@@ -286,10 +288,10 @@ def listened(
 def filmed(
     world: DrawnWorld, seconds: float, flight: Trajectory | None, directory: Path
 ) -> FilmMade | None:
-    """Write what the camera of a world sees: frames, and events.
+    """Write frames and events of the camera of a world.
 
-    Frame 0 and the events begin at 0 on the common clock. Of all other frames those are
-    kept that show a fireball, or come just before one.
+    Frame 0 and the events begin at 0 on the common clock. Of the other frames only
+    those with a fireball, and the two before, are stored.
     """
     scene, camera = world.scene, world.scene.camera
     if camera is None or not world.shots:
@@ -322,7 +324,7 @@ def filmed(
 
 
 def _frames(world: DrawnWorld, seconds: float, hz: float) -> np.ndarray:
-    """Return which frames are kept, counted from 0 at 0 s."""
+    """Return the numbers of the stored frames, counted from 0 at 0 s."""
     kept = {0, 1}
     for charge in world.scene.charges:
         begin = float(charge.time_s)
@@ -335,11 +337,11 @@ def _frames(world: DrawnWorld, seconds: float, hz: float) -> np.ndarray:
 def write_imus(
     records: Sequence[ImuRecord], directory: Path, head: Sequence[str]
 ) -> tuple[dict[str, ImuWritten] | None, list[str]]:
-    """Write the samples of every unit, and return what JSON tells, and warnings.
+    """Write the samples of every unit; return their entries and warnings.
 
     Args:
-        records: What they wrote.
-        directory: Of the world.
+        records: Records of the units.
+        directory: Folder of the run.
         head: Comments above each table.
     """
     entries: dict[str, ImuWritten] = {}
@@ -352,18 +354,18 @@ def write_imus(
         )
         comments = [
             *head,
-            f"{name}: {rate:g} Hz, each row the mean from its stamp on, by its own "
-            "clock; specific force and body rates along its own axes",
+            f"{name}: {rate:g} Hz, each row the mean from its time stamp on, on its "
+            "own clock; specific force and body rates along its own axes",
         ]
         text = [COLUMNS, *([f"{x:.9g}" for x in row] for row in rows.tolist())]
         save_text(commented(comments) + comma_separated(text), directory / file)
         entries[name] = ImuWritten(file, rate, len(rows), record.clipped)
         if record.row_s > 1.5 / rate:
-            notes.append(f"{name}: {STRAIGHT.format(row=record.row_s)}")
+            notes.append(f"{name}: {INTERPOLATED.format(row=record.row_s)}")
     return entries or None, notes
 
 
 def clear_imus(directory: Path) -> None:
-    """Remove what an earlier run wrote, which would mislead."""
+    """Remove the tables of inertial measurement units of an earlier run."""
     for file in directory.glob("imu*.csv"):
         file.unlink()

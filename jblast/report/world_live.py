@@ -18,39 +18,43 @@ from jblast.report.world_page import RunFolder
 from jblast.sensors.samples import Ring
 
 PAUSE_S = 0.03
-"""Between two drawings, at least: a screen is as fast."""
+"""Least time between two drawings [s]: about the frame rate of a video."""
 PAGES = {"webagg", "nbagg"}
-"""Backends of matplotlib that serve a page: who shows one waits until it is ended."""
+"""Backends of matplotlib that serve a page: their `show` does not return while it is
+open."""
 WINDOW_S = 5.0
-"""How much of the past is shown."""
+"""Length of the time axis [s]: a vehicle recovers within it."""
 COLUMN_S = 0.005
-"""What is drawn as one column: its least and its greatest value."""
+"""Time in one drawn column, of its least and largest value [s]: 1,000 columns are about
+one a pixel."""
 CAPACITY = round(WINDOW_S / COLUMN_S)
-"""Columns that a lane keeps."""
-MOST_SAMPLED = 4
+"""Number of columns that a lane stores."""
+MAX_SAMPLED = 4
+"""Largest number of sampling sensors that are drawn: more make plots too low."""
 EVENT_BIN_S = 0.02
+"""Width of a bin of the event rate [s]."""
 Columns = tuple[
     Float[np.ndarray, " column"],
     Float[np.ndarray, " column"],
     Float[np.ndarray, " column"],
 ]
-"""Time, least and greatest."""
+"""Time, least and largest value."""
 
 
 class LiveFigure:
     """A figure of the last seconds, drawn again at each instant.
 
     Attributes:
-        figure: What is drawn on.
-        lanes: A sense each.
+        figure: The figure.
+        lanes: Lanes, one a sense.
     """
 
     def __init__(self, run: RunFolder, figure: Figure):
-        """Lay the plots out.
+        """Create the plots.
 
         Args:
             run: The world.
-            figure: An empty one.
+            figure: An empty figure.
         """
         self.run, self.figure = run, figure
         self.lanes = lanes_of(run)
@@ -75,8 +79,8 @@ class LiveFigure:
         self._picture = picture
 
     def show(self, now: float) -> None:
-        """Draw the world at an instant of its clock [s]; time does not run back."""
-        lines = announced(self.run, now) or ["nothing more to come"]
+        """Draw the world at a time of its clock [s], not before the last call's."""
+        lines = announced(self.run, now) or ["no further events"]
         self._text.set_text("\n".join([f"{now:.2f} s", "", *lines]))
         for number, (axes, lane) in enumerate(
             zip(self._plots, self.lanes, strict=False)
@@ -91,25 +95,25 @@ class LiveFigure:
         self._show_frame(now)
 
     def _show_frame(self, now: float) -> None:
-        """Draw the last frame that was taken."""
-        times = np.array([taken for taken, _ in self.run.frames])
+        """Draw the latest frame."""
+        times = np.array([time for time, _ in self.run.frames])
         number = int(np.searchsorted(times, now, side="right")) - 1
         if number < 0 or self.run.frames[number][1] == self._last:
             return
         from matplotlib.image import imread
 
-        taken, self._last = self.run.frames[number]
+        exposed, self._last = self.run.frames[number]
         self._picture.clear()
         self._picture.set_axis_off()
         self._picture.imshow(imread(self._last), cmap="gray")
-        self._picture.set_title(f"{taken:.3f} s", fontsize=9, color=MUTED)
+        self._picture.set_title(f"{exposed:.3f} s", fontsize=9, color=MUTED)
 
 
 def check_display() -> None:
-    """Refuse to go on where no window can be opened.
+    """Check that a window can be opened.
 
     Raises:
-        InputError: There is no display, or MPLBACKEND names what draws into files.
+        InputError: There is no display, or MPLBACKEND is a backend without windows.
     """
     import matplotlib.pyplot as plt
     from matplotlib.backends.registry import BackendFilter, backend_registry
@@ -119,17 +123,17 @@ def check_display() -> None:
     if backend not in {name.lower() for name in windows} - PAGES:
         raise InputError(
             "--live: expected a display to open a window on (DISPLAY, and Python's "
-            f"tkinter or Qt), got matplotlib's {backend!r}; `jblast report RUN` shows "
-            "the same on a page"
+            f"tkinter or Qt), got matplotlib's {backend!r}; `jblast report RUN` writes "
+            "a page instead"
         )
 
 
 def play(run: RunFolder, speed: float = 1.0) -> None:
-    """Show a run in a window until its end; it stays until it is closed.
+    """Show a run in a window, which stays open after its end.
 
     Args:
         run: The world.
-        speed: Seconds of the world a second.
+        speed: Speed relative to real time.
 
     Raises:
         InputError: As in `check_display`.
@@ -141,7 +145,8 @@ def play(run: RunFolder, speed: float = 1.0) -> None:
     live = LiveFigure(run, figure)
     live.show(0.0)
     figure.canvas.draw()
-    figure.set_layout_engine("none")  # places stay as they are
+    # the layout is computed once: later it would take longer than a frame, and jump
+    figure.set_layout_engine("none")
     began, now, seconds = time.monotonic(), 0.0, run.document["seconds"]
     while now < seconds and plt.fignum_exists(figure.number):
         now = min(speed * (time.monotonic() - began), seconds)
@@ -152,17 +157,17 @@ def play(run: RunFolder, speed: float = 1.0) -> None:
 
 
 class Rolling:
-    """Columns of a plot that moves on: when a new one does not fit, the oldest goes.
+    """Buffer of the latest columns of a plot; the oldest ones are overwritten.
 
     Attributes:
-        capacity: How many columns are kept.
+        capacity: Number of columns.
     """
 
     def __init__(self, capacity: int):
-        """Make an empty one.
+        """Create an empty buffer.
 
         Raises:
-            ValueError: It would keep nothing.
+            ValueError: The capacity is not positive.
         """
         self._rows = tuple(Ring(capacity) for _ in range(3))
         self.capacity = capacity
@@ -173,29 +178,29 @@ class Rolling:
         least: Float[np.ndarray, " column"],
         greatest: Float[np.ndarray, " column"],
     ) -> None:
-        """Append columns: when, the smallest value of each and the largest."""
+        """Append columns: time, least and largest value of each."""
         count = min(time_s.size, self.capacity)
         for ring, values in zip(self._rows, (time_s, least, greatest), strict=True):
             ring.read(max(ring.waiting + count - self.capacity, 0))
             ring.write(values[values.size - count :])
 
     def shown(self) -> tuple[Float[np.ndarray, " column"], ...]:
-        """Return time, least and greatest of the columns that are kept."""
+        """Return time, least and largest value of the stored columns."""
         return tuple(ring.peek(ring.waiting) for ring in self._rows)
 
 
 @dataclass
 class Lane:
-    """One sense: all that came of it, and what of that has come in by now.
+    """One sense: all of its columns, and those up to the current time.
 
     Attributes:
-        title: Whose it is, and what.
-        unit: In brackets.
-        time_s: Of all columns, increasing.
-        least: Smallest value of each.
-        greatest: Largest value of each.
-        kept: The last of those that came in.
-        limits: Of the axis, over the whole run.
+        title: Sensor and quantity.
+        unit: Unit in brackets.
+        time_s: Times of all columns, increasing.
+        least: Smallest value of each column.
+        greatest: Largest value of each column.
+        kept: The latest columns up to the current time.
+        limits: Limits of the axis, over the whole run.
     """
 
     title: str
@@ -208,7 +213,7 @@ class Lane:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Range of the axis: of the whole run, so that it stands still."""
+        """Limits of the axis over the whole run, so that it does not move."""
         if not self.least.size:
             return 0.0, 1.0
         low, high = float(self.least.min()), float(self.greatest.max())
@@ -216,7 +221,7 @@ class Lane:
         return low - room, high + room
 
     def advance(self, now: float) -> None:
-        """Let in what came up to now [s]; time does not run backwards."""
+        """Add the columns up to a time [s], not before the last call's."""
         end = max(int(np.searchsorted(self.time_s, now, side="right")), self._next)
         new = slice(self._next, end)
         self.kept.write(self.time_s[new], self.least[new], self.greatest[new])
@@ -224,7 +229,7 @@ class Lane:
 
 
 def lanes_of(run: RunFolder) -> list[Lane]:
-    """Return the lanes of a run: flight, what sensors sampled, events."""
+    """Return the lanes of a run: flight, sampling sensors, camera events."""
     lanes = []
     if run.flight is not None:
         time = run.flight["time_s"].to_numpy(float)
@@ -233,7 +238,7 @@ def lanes_of(run: RunFolder) -> list[Lane]:
         force = np.linalg.norm(force.to_numpy(float), axis=1)
         lanes.append(Lane("path error", "[m]", *_columns(time, error, error)))
         lanes.append(Lane("force", "[N]", *_columns(time, force, force)))
-    for wave in run.waveforms[:MOST_SAMPLED]:
+    for wave in run.waveforms[:MAX_SAMPLED]:
         columns = _columns(wave.time_s, wave.least, wave.greatest)
         lanes.append(Lane(wave.title, wave.unit, *columns))
     if run.events_s.size:
@@ -248,7 +253,7 @@ def _columns(
     least: Float[np.ndarray, " row"],
     greatest: Float[np.ndarray, " row"],
 ) -> Columns:
-    """Return the last instant of each column, and its least and greatest value."""
+    """Return the last time of each column, and its least and largest value."""
     first = np.flatnonzero(np.diff(np.floor(time_s / COLUMN_S), prepend=-np.inf))
     if not first.size:
         return time_s, least, greatest
@@ -260,7 +265,7 @@ def _columns(
 
 
 def announced(run: RunFolder, now: float, most: int = 3) -> list[str]:
-    """Return what comes next, as it was announced: a line each, soonest first."""
+    """Return the next blasts and perceptions, one a line, the soonest first."""
     blasts = [
         (blast["time_s"], f"blast {blast['shot']}") for blast in run.document["blasts"]
     ]

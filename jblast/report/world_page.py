@@ -47,18 +47,20 @@ from jblast.world import scene_to_fit
 
 ALT_MAP = "Map of blasts, sensors and the vehicle's path."
 ALT_TIMELINE = "Flight, samples and events against time on one axis."
-MOST_WAVEFORMS, FRAMES = 6, 8
-"""Sensors and frames drawn; the others stand in their files."""
+MAX_WAVEFORMS, FRAMES = 6, 8
+"""Numbers of drawn sensors and frames; their files have all of them."""
 BINS = 400
-"""Of the rate of events."""
-CUT = 99.5
+"""Bins of the event rate over the whole run: about two pixels each."""
+LOAD_PERCENTILE = 99.5
 """Percentile of loads that fills half of their plot: blasts would hide all else."""
 Row = tuple[str, str, Callable[[Axes], None]]
 COLUMNS_DRAWN = 2000
-"""Of a waveform: of each column its least and greatest sample are kept."""
+"""Columns of a waveform, of which the least and largest sample are drawn: about two a
+pixel."""
 KEY = "perceived"
+"""Key by which run.json is recognised."""
 UNITS = {"_m_s": "m/s", "_pa": "Pa"}
-"""Of what sensors sample, by how the name of the column ends."""
+"""Units of samples, by the suffix of the column."""
 TRUTH = {
     "charge_mass_kg": lambda blast: blast["mass_kg"],
     "charge_east_m": lambda blast: blast["position_m"][0],
@@ -66,7 +68,7 @@ TRUTH = {
     "charge_up_m": lambda blast: blast["position_m"][2],
     "origin_time_s": lambda blast: blast["time_s"],
 }
-"""What a fit may be asked, by what run.json says of a blast."""
+"""True value of each fitted parameter, from the entry of a blast in run.json."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +76,12 @@ class Table:
     """A table of the page.
 
     Attributes:
-        title: Above it.
+        title: Title.
         head: Titles of the columns.
         rows: Cells.
-        numbers: Columns that end below one another.
-        marked: Rows that are to be looked at.
-        lines: Text below.
+        numbers: Columns that are aligned right.
+        marked: Highlighted rows.
+        lines: Text below the table.
     """
 
     title: str
@@ -92,14 +94,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Waveform:
-    """What one sensor sampled, as far as a picture shows it.
+    """Samples of one sensor, reduced to the columns of a figure.
 
     Attributes:
-        sensor: Its name.
-        column: What was sampled, with the unit.
-        time_s: Middle of each column.
-        least: Smallest sample of each.
-        greatest: Largest sample of each.
+        sensor: Name of the sensor.
+        column: Sampled quantity, with the unit.
+        time_s: Time of each column.
+        least: Smallest sample of each column.
+        greatest: Largest sample of each column.
     """
 
     sensor: str
@@ -110,12 +112,12 @@ class Waveform:
 
     @property
     def title(self) -> str:
-        """Whose it is, and what."""
+        """Sensor and quantity."""
         return f"{self.sensor}: {self._parts[0].replace('_', ' ')}"
 
     @property
     def unit(self) -> str:
-        """In brackets."""
+        """Unit in brackets."""
         return f"[{self._parts[1]}]"
 
     @property
@@ -131,12 +133,12 @@ class RunFolder:
     """A world's folder.
 
     Attributes:
-        path: Where it is.
+        path: Path of the folder.
         document: Contents of run.json.
-        flight: Rows of flight.csv; None where nothing flew.
-        waveforms: By sensor that samples.
-        frames: Time of each frame that was kept [s] and its file.
-        events_s: When each event was [s]; none where there is no camera.
+        flight: Rows of flight.csv; None without a vehicle.
+        waveforms: Waveforms of the sampling sensors.
+        frames: Time of each stored frame [s] and its file.
+        events_s: Times of the camera events [s]; empty without a camera.
     """
 
     path: Path
@@ -152,18 +154,17 @@ class ShotAnswer:
     """The answer from the readings of one blast.
 
     Attributes:
-        shot: Its name.
-        rows: Parameter, truth, answer and 90 % interval in words, and whether the
-            truth lies inside.
-        ellipse: Where it stood, 90 %; None where that was not told.
-        said: Why there is no answer, or that it is doubtful; "" where there is nothing
-            to say.
+        shot: Name of the blast.
+        rows: Parameter, truth, answer and 90 % interval as text, and whether the
+            interval contains the truth.
+        ellipse: 90 % ellipse of the position; None if it was not identified.
+        note: Reason for having no answer, or a warning; "" for a good answer.
     """
 
     shot: str
     rows: tuple[tuple[str, str, str, str, bool], ...]
     ellipse: ConfidenceEllipse | None
-    said: str = ""
+    note: str = ""
 
 
 def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ()) -> str:
@@ -171,8 +172,8 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
 
     Args:
         run: The world.
-        scene: Where its sensors stand.
-        answers: What its readings tell of each blast, if that was asked.
+        scene: The scene with its sensors.
+        answers: Fits of the readings of each blast, if requested.
     """
     document = run.document
     count = len(document["blasts"])
@@ -201,7 +202,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
 
 
 def _mark(preset: dict[str, Any] | None) -> str:
-    """Return what a run by a preset is; a run of an older jblast has none."""
+    """Return the mark of a run with a preset, or ""."""
     return f"Preset {preset['name']}: {preset['mark']}." if preset else ""
 
 
@@ -220,18 +221,18 @@ def _blasts(document: dict[str, Any]) -> Table:
 
 
 def _perceived(document: dict[str, Any]) -> Table:
-    """Return a row for each sense of everyone, a column for each blast."""
+    """Return a row for each sense of each entity, a column for each blast."""
     shots = [blast["shot"] for blast in document["blasts"]]
     times: dict[tuple[str, str], dict[str, float]] = {}
     for one in document["perceived"]:
-        who = times.setdefault((one["entity"], one["sense"]), {})
-        who[one["shot"]] = one["time_s"]
+        sense = times.setdefault((one["entity"], one["sense"]), {})
+        sense[one["shot"]] = one["time_s"]
     rows = [
-        [*who, *(f"{of[shot]:.4f}" if shot in of else "-" for shot in shots)]
-        for who, of in sorted(times.items())
+        [*sense, *(f"{of[shot]:.4f}" if shot in of else "-" for shot in shots)]
+        for sense, of in sorted(times.items())
     ]
-    head = ["Who", "Perceived", *(f"Blast {shot} [s]" for shot in shots)]
-    return Table("Who perceived what, and when", head, rows, range(2, len(head)))
+    head = ["Entity", "Sense", *(f"Blast {shot} [s]" for shot in shots)]
+    return Table("Perceptions", head, rows, range(2, len(head)))
 
 
 def _answers(answers: Sequence[ShotAnswer]) -> Table:
@@ -240,14 +241,15 @@ def _answers(answers: Sequence[ShotAnswer]) -> Table:
         for of in answers
         for name, truth, value, interval, _ in of.rows
     ]
-    held = [row[-1] for of in answers for row in of.rows]
-    said = [f"Blast {of.shot}: {of.said}" for of in answers if of.said]
-    said.append(
-        f"{sum(held)} of {len(held)} 90 % intervals hold the truth; others are marked."
+    inside = [row[-1] for of in answers for row in of.rows]
+    notes = [f"Blast {of.shot}: {of.note}" for of in answers if of.note]
+    notes.append(
+        f"{sum(inside)} of {len(inside)} 90 % intervals contain the truth; the "
+        "remaining ones are marked."
     )
     head = ["Blast", "Parameter", "Truth", "Answer", "90 % interval"]
-    missed = [n for n, inside in enumerate(held) if not inside]
-    return Table("What the readings tell", head, rows, (2, 3, 4), missed, said)
+    missed = [n for n, contains in enumerate(inside) if not contains]
+    return Table("Fits of the readings", head, rows, (2, 3, 4), missed, notes)
 
 
 def _recovery(flight: dict[str, Any]) -> Table:
@@ -268,12 +270,12 @@ def _recovery(flight: dict[str, Any]) -> Table:
         ]
         for name, of in flight["holds"].items()
     ]
-    head = ["Hold", "Peak deviation", "after", "Recovery after", "Peak overpressure"]
-    head.append("Flies on")
+    head = ["Controller", "Peak deviation", "Time of it", "Recovery time"]
+    head += ["Peak overpressure", "Flies on"]
+    tolerance = printed_number("tolerance_m", flight["tolerance_m"])
     lines = [
-        "Times count from the first arrival at the vehicle; a dash: not within the "
-        f"tolerance of {printed_number('tolerance_m', flight['tolerance_m'])} "
-        "when it ended."
+        "Times are measured from the first arrival at the vehicle. A dash: outside the "
+        f"tolerance of {tolerance} at the end."
     ]
     title = f"The {flight['vehicle'].capitalize()}"
     return Table(title, head, rows, (1, 2, 3, 4), lines=lines)
@@ -290,8 +292,8 @@ def _picture(figure: Figure, alt: str, caption: str) -> dict[str, Any]:
 
 
 def timeline_figure(run: RunFolder) -> Figure | None:
-    """Draw all senses, one below the other; None where nothing flew, or was sampled."""
-    rows = [*_flight_rows(run), *map(_sampled, run.waveforms[:MOST_WAVEFORMS])]
+    """Draw all senses on one time axis; None without flight, samples and events."""
+    rows = [*_flight_rows(run), *map(_sampled, run.waveforms[:MAX_WAVEFORMS])]
     if len(run.events_s):
         rows.append(("Events", "per second", lambda axes: _events(axes, run)))
     if not rows:
@@ -342,7 +344,7 @@ def _flight_rows(run: RunFolder) -> list[Row]:
             values = table[columns].to_numpy()
             for part, name, colour in zip(values.T, names, COLOURS, strict=False):
                 axes.plot(time, part, color=colour, linewidth=1.0, label=name)
-            most = 2.0 * float(np.percentile(np.abs(values), CUT)) or 1.0
+            most = 2.0 * float(np.percentile(np.abs(values), LOAD_PERCENTILE)) or 1.0
             axes.set_ylim(-most, most)
             _key(axes)
 
@@ -351,7 +353,7 @@ def _flight_rows(run: RunFolder) -> list[Row]:
     forces = [f"force_{axis}_n" for axis in world]
     moments = [f"moment_{axis}_n_m" for axis in body]
     return [
-        ("Path, from the place that is held", f"[{unit.symbol}]", path),
+        ("Path relative to the target", f"[{unit.symbol}]", path),
         ("Path error", f"[{unit.symbol}]", distance),
         ("All forces; blasts are cut off", "[N]", loads(forces, world)),
         ("All moments, body axes; blasts are cut off", "[N m]", loads(moments, body)),
@@ -402,12 +404,12 @@ def _key(axes: Axes) -> None:
 
 
 def map_figure(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer]) -> Figure:
-    """Draw where everything was; a blast's mark is as large as its mass.
+    """Draw all positions; the diameter of a blast's marker grows with its mass.
 
     Args:
         run: The world.
-        scene: Where its sensors stand.
-        answers: Whose ellipses are drawn.
+        scene: The scene with its sensors.
+        answers: Fits whose ellipses are drawn.
     """
     figure = new_figure(7.2, 6.4)
     axes = figure.subplots()
@@ -434,9 +436,9 @@ def map_figure(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer]) -> F
             alpha=0.75, linestyle="", label=label,
         )  # fmt: skip
         label = None
-        said = f"{blast['shot']}: {blast['mass_kg']:.3g} kg, {blast['time_s']:.2f} s"
-        _named(axes, said, east, north, VERMILLION)
-    label = "90 % of the answer"
+        label_ = f"{blast['shot']}: {blast['mass_kg']:.3g} kg, {blast['time_s']:.2f} s"
+        _named(axes, label_, east, north, VERMILLION)
+    label = "90 % ellipse of the fit"
     for answer in answers:
         if answer.ellipse is not None:
             rim = answer.ellipse.outline()
@@ -446,7 +448,7 @@ def map_figure(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer]) -> F
     axes.set_aspect("equal", adjustable="box")
     axes.margins(0.12)
     axes.set(xlabel="east [m]", ylabel="north [m]")
-    titled(axes, "Where it was", "triangles: sensors")
+    titled(axes, "Map", "triangles: sensors")
     axes.legend(frameon=False, fontsize=9, labelcolor=MUTED, loc="best")
     return figure
 
@@ -461,10 +463,10 @@ def _named(
 
 
 def read_run(path: str | Path) -> RunFolder:
-    """Read a folder that `jblast world` wrote.
+    """Read the output folder of `jblast world`.
 
     Raises:
-        InputError: It is none, or something that it names is missing or broken.
+        InputError: It is another folder, or a file is missing or broken.
     """
     path = Path(path)
     document = _document(path / "run.json")
@@ -483,22 +485,24 @@ def read_run(path: str | Path) -> RunFolder:
 def _document(file: Path) -> dict[str, Any]:
     if not file.exists():
         raise InputError(
-            f"{file}: no such file; expected a folder that `jblast world --out` wrote"
+            f"{file}: no such file; expected the output folder of `jblast world --out`"
         )
     try:
         document = json.loads(file.read_text("utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{file}: expected the answer of a world ({error}); expected a folder that "
-            "`jblast world --out` wrote"
+            f"{file}: expected the JSON of `jblast world --out`, got a file that "
+            f"cannot be read ({error})"
         ) from None
     if not isinstance(document, dict) or KEY not in document:
-        raise InputError(f"{file}: expected the answer of a world, got another")
+        raise InputError(
+            f"{file}: expected the JSON of `jblast world --out`, got one without {KEY}"
+        )
     return document
 
 
 def _table(file: Path) -> pd.DataFrame:
-    """Return a table of CSV below its lines of comment."""
+    """Return a CSV table without its leading comments."""
     try:
         with file.open(encoding="utf-8") as lines:
             comments = next(n for n, line in enumerate(lines) if line[:1] != "#")
@@ -554,12 +558,12 @@ def _film(
 def answers_of(
     directory: Path, document: dict[str, Any], scene: str | Path
 ) -> tuple[ShotAnswer, ...]:
-    """Fit the readings of each blast of a world by itself.
+    """Fit the readings of each blast of a world separately.
 
     Args:
-        directory: The world's folder.
+        directory: Folder of the world.
         document: Contents of its run.json.
-        scene: The scene that it was drawn from; [world] becomes the prior.
+        scene: Scene of the world; [world] becomes the prior.
 
     Raises:
         InputError: The scene or the readings cannot be used.
@@ -581,8 +585,8 @@ def _answer(shot: str, found: Any, blast: dict[str, Any]) -> ShotAnswer:
         for name in found.summary.free
         if name in TRUTH
     ]
-    said = "" if found.exit_code == 0 else "doubtful: see what `jblast fit` says"
-    return ShotAnswer(shot, tuple(rows), charge_ellipse(found), said)
+    note = "" if found.exit_code == 0 else "not reliable: see `jblast fit`"
+    return ShotAnswer(shot, tuple(rows), charge_ellipse(found), note)
 
 
 def _row(
@@ -590,6 +594,6 @@ def _row(
 ) -> tuple[str, str, str, str, bool]:
     printed = printed_estimate(name, estimate)
     low, high = estimate.q05, estimate.q95
-    held = low is not None and high is not None and low <= truth <= high
+    contains = low is not None and high is not None and low <= truth <= high
     words = capitalised(parameter_words(name))
-    return words, f"{truth:.6g}", printed.value_and_beside, printed.interval, held
+    return words, f"{truth:.6g}", printed.value_and_beside, printed.interval, contains

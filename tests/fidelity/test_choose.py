@@ -173,7 +173,7 @@ def test_a_charge_high_up_is_chosen_for_by_the_free_air_curves():
         charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, 12.0)), sensors=(sensor,)
     )
     choice = choose(high, "peak_overpressure_pa", 0.2)
-    assert "the height leaves the free-air curves" in reason_for(choice)
+    assert "free-air curves, by the height of burst" in reason_for(choice)
     candidates = {c.method: c.valid for c in choice.candidates}
     assert candidates["kinney_graham"]  # of free air alone
     assert not candidates["swisdak"]  # of the ground alone
@@ -185,7 +185,7 @@ def test_a_charge_on_the_ground_does_not_blur_what_is_said_of_one_high_up():
     ground = Charge(mass_kg=1.0, position_m=(40.0, 0.0, 0.0), name="ground")
     both = Scene(charge=ground, others=(high,), sensors=(sensor,))
     reason = reason_for(choose(both, "peak_overpressure_pa", 0.2))
-    assert "the height leaves the free-air curves" in reason
+    assert "free-air curves, by the height of burst" in reason
     assert "neither set holds" not in reason
 
 

@@ -12,8 +12,8 @@ SAID = [
         table.Dialect(separator="tab", encoding="UTF-16 (big-endian)"),
         "read as text: fields separated by tabs, UTF-16 (big-endian)",
     ),
-    (table.DecimalComma(3, "0,5"), "decimal comma, as 0,5 in line 3 shows"),
-    (table.Renamed("toa_s", "air_arrival_s"), "toa_s was taken for air_arrival_s"),
+    (table.DecimalComma(3, "0,5"), "decimal commas, as in 0,5 (line 3)"),
+    (table.Renamed("toa_s", "air_arrival_s"), "toa_s was read as air_arrival_s"),
     (
         table.Converted("range_ft", "range_m", "ft", 0.3048, 2),
         "range_ft was converted to range_m: times 0.3048 (2 rows)",
@@ -28,14 +28,14 @@ SAID = [
     (table.EmptySkipped(tuple(range(9))), "lines 0, 1, 2, 3, 4 and 4 more"),
     (
         table.ClockTimesTaken("2020-08-04", 2, "Asia/Beirut", 3, 1),
-        "value_utc: times of day taken to be of 2020-08-04 (2 rows); times without a "
-        "zone taken in Asia/Beirut (3 rows); times with an offset turned into UTC "
+        "value_utc: times of day read as of 2020-08-04 (2 rows); times without a "
+        "zone read as Asia/Beirut (3 rows); times with an offset converted to UTC "
         "(1 row)",
     ),
-    (table.HeightTaken(), "sensors taken to stand at up = 0"),
-    (table.ColumnsIgnored(("Note",)), "column Note left aside"),
+    (table.HeightTaken(), "sensors assumed at up = 0"),
+    (table.ColumnsIgnored(("Note",)), "column Note ignored"),
     (table.UnitsRow(2), "line 2 was read as the units"),
-    (table.MadeLong(("a", "b"), ("b",)), "for b: the law's scatter alone"),
+    (table.MadeLong(("a", "b"), ("b",)), "for b: only the law's scatter"),
 ]
 
 

@@ -152,7 +152,10 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
             None if spec.mission is None else check_flown(uncertain),
             home_of(spec, place),
             lambda plan: check_flown(uncertain, plan),
-            lambda text: [serve_line(text), *(one.report_text(text) for one in stations)],
+            lambda text: [
+                serve_line(text),
+                *(one.report_text(text) for one in stations),
+            ],
         )
         station = GroundStation(
             link,

@@ -52,6 +52,11 @@ def add_arguments(verb: VerbParser) -> None:
         help="map of the standard deviations of mass and of position with one more "
         "sensor, over the position of that sensor (.png, .svg or .pdf)",
     )
+    verb.outputs.add_argument(
+        "--verbose",
+        action="store_true",
+        help="reason for each law and its scatter, in the printed text",
+    )
     add_json(verb)
     add_force(verb, "an existing --map")
 
@@ -88,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(BoundAnswer(found.summary).to_json())
     else:
-        sys.stdout.write(bound_text(found, plot=options.map))
+        sys.stdout.write(bound_text(found, plot=options.map, verbose=options.verbose))
     return found.exit_code
 
 

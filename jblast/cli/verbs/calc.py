@@ -148,7 +148,9 @@ def add_arguments(verb: VerbParser) -> None:
         kind = measured(of, f"1{EXAMPLES[of]}") if of else number
         group.add_argument(f"--{name}", type=kind, metavar=unit, help=words)
     verb.outputs.add_argument(
+        "--all-laws",
         "--table",
+        dest="table",
         action="store_true",
         help="table of all laws with their validity ranges, also for one question",
     )
@@ -222,6 +224,7 @@ def _forward(
     from jblast.report.calculator.terminal import (
         calculation_csv,
         calculation_text,
+        recommended_text,
         value_line,
     )
     from jblast.sensors.calculator import (
@@ -248,6 +251,8 @@ def _forward(
     if options.json:
         whole = calculator_answer(question, answer, other, apart, recommended)
         return whole.to_json(), recommended
+    if len(rows[0]) == 1 and not options.table:
+        return recommended_text(question, answer, apart), recommended
     return calculation_text(question, answer, other, apart), recommended
 
 

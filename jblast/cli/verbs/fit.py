@@ -88,6 +88,12 @@ def add_arguments(verb: VerbParser) -> None:
         help="folder for fit.json, figures and report.html; for several logs fits.json "
         "and answers.csv. An interrupted MCMC run in it is continued",
     )
+    verb.outputs.add_argument(
+        "--verbose",
+        action="store_true",
+        help="reason for each law, method of the intervals and all conversions of the "
+        "log, in the printed text",
+    )
     add_json(verb)
     add_force(verb)
 
@@ -181,7 +187,7 @@ def run(options: argparse.Namespace) -> int:
     if recorded and not options.json:
         sys.stdout.write(recorded.text + "\n")
     if not options.json:
-        sys.stdout.write(summary(answer, out=out) + "\n")
+        sys.stdout.write(summary(answer, out=out, verbose=options.verbose) + "\n")
     return answer.exit_code
 
 

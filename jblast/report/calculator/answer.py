@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def header(question: Question) -> list[tuple[str, str]]:
-    """Return the inputs as labels and words, for a terminal."""
+    """Return the inputs as pairs of label and text, for the terminal."""
     given = inputs(question)
     charge, defaults = question.scene.charge, question.defaults
     system = question.units
@@ -56,15 +56,17 @@ def header(question: Question) -> list[tuple[str, str]]:
         lines.append(("charge radius", text))
         if charge.burst == "surface":
             factor = np.atleast_1d(given.scaled.ground_factor)
-            text = f"{_span(factor)} times the mass makes the same in free air"
+            text = (
+                f"{_span(factor)} times this mass in free air gives the same pressure"
+            )
             lines.append(("ground factor", text))
     height = given.height_m
-    place = (
-        "" if not height else f", {printed_number('_m', abs(height), system=system)} "
-    )
-    place += "" if not height else "above ground" if height > 0 else "deep"
-    burst = charge.burst or "each range by its height"
-    lines.append(("burst", f"{burst}{_default('burst', defaults)}{place}"))
+    at_height = ""
+    if height:
+        at_height = f", {printed_number('_m', abs(height), system=system)} "
+        at_height += "above ground" if height > 0 else "deep"
+    burst = charge.burst or "by the height of burst, for each range"
+    lines.append(("burst", f"{burst}{_default('burst', defaults)}{at_height}"))
     lines.append(
         ("air", _air(given, system) + _default("air", defaults, "at sea level"))
     )
@@ -74,7 +76,7 @@ def header(question: Question) -> list[tuple[str, str]]:
 
 
 def title(question: Question) -> str:
-    """Return the question in words."""
+    """Return the question as a title."""
     ranges, masses = (
         _values(name, x, question.units)
         for name, x in (("_m", question.slant_range), ("_kg", question.charge_mass))
@@ -84,20 +86,20 @@ def title(question: Question) -> str:
         return f"{masses} of {explosive} at {ranges}"
     target = printed_number(question.quantity, question.target, system=question.units)
     words = quantity_words(question.quantity)
-    what = f"{'an' if words[0] in 'aeiou' else 'a'} {words} of {target}"
+    effect = f"{'an' if words[0] in 'aeiou' else 'a'} {words} of {target}"
     if masses:
-        return f"Range at which {masses} of {explosive} makes {what}"
-    return f"Mass of {explosive} that makes {what} at {ranges}"
+        return f"Range at which {masses} of {explosive} produces {effect}"
+    return f"Mass of {explosive} that produces {effect} at {ranges}"
 
 
 @dataclass(frozen=True)
 class Scaled:
-    """What ranges and masses come to, by row.
+    """Scaled distances, charge radii and ground factors, by row.
 
     Attributes:
-        scaled_distance_m_kg13: By Sachs, for pressures.
-        charge_radius_m: Of a sphere of TNT.
-        ground_factor: How many times the mass makes the same pressure in free air.
+        scaled_distance_m_kg13: Sachs-scaled distance, for pressures.
+        charge_radius_m: Radius of the charge as a sphere of TNT.
+        ground_factor: Mass in free air over mass on the ground, for the same pressure.
     """
 
     scaled_distance_m_kg13: Numbers
@@ -107,23 +109,23 @@ class Scaled:
 
 @dataclass(frozen=True)
 class TntFactor:
-    """TNT mass of an explosive over its mass.
+    """TNT-equivalent mass of an explosive over its mass.
 
     Attributes:
-        pressure: For pressures and times.
-        impulse: For impulses and durations.
+        pressure: Factor for pressures and times.
+        impulse: Factor for impulses and durations.
     """
 
     pressure: float
     impulse: float
 
 
-def notes(question: Question, *, beside: bool = True) -> list[str]:
-    """Return, in sentences, what no number of the answer says by itself.
+def notes(question: Question, *, has_other_set: bool = True) -> list[str]:
+    """Return limitations of the answer that its numbers do not show, as sentences.
 
     Args:
-        question: What was asked.
-        beside: Whether the answer has room for what the other curve set gives.
+        question: The question.
+        has_other_set: Whether the answer prints values by the other curve set.
     """
     charge = question.scene.charge
     low, high = _scaled_heights(question)
@@ -135,45 +137,52 @@ def notes(question: Question, *, beside: bool = True) -> list[str]:
     if high > 0.0 and question.quantity:
         return [
             f"the {charge.burst} curves were used; a burst above the ground lies "
-            "between surface and free-air until its reflection comes after the "
-            "positive phase: compare with the other --burst"
+            "between surface and free-air until its reflection arrives after the "
+            "positive phase; compare with the other --burst"
         ]
     if not high > 0.0:
         return []
-    said = burst_notes(charge, (low, high), free_air_rows(question), "range")
-    said[-1] += "; sensors were taken to stand as low as the range allows"
+    found = burst_notes(charge, (low, high), free_air_rows(question), "range")
+    found[-1] += "; sensors are assumed as low as the range allows"
     if between_limits(question):
-        said[-1] += f"; {_other_set(question, beside)}"
-    return said
+        found[-1] += (
+            "; compare with the other --burst"
+            if not has_other_set or len(question.rows()[0]) > 1
+            else "; values by the other curve set are printed below the laws that have "
+            "two"
+        )
+    return found
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What was given and what was taken for granted.
+    """Inputs and defaults of a calculation.
 
     Attributes:
-        mass_kg: Of the explosive, by row; absent where it is asked for.
-        range_m: Slant range, by row; absent where it is asked for.
-        asked: Which of the two is asked for; absent where none is.
-        scaled: What the two come to; None where one is asked for.
-        measured: What was measured in place of the one asked for, by quantity.
-        explosive: Of what the charge is.
-        tnt_factor: Its TNT mass over its mass.
-        burst: The curve set, or "by height" where each row has its own.
-        height_m: Of burst; negative is buried.
-        temperature_k: Of the air at the charge.
-        pressure_pa: Of the air at the charge.
-        relative_humidity: Of the air, 0 to 1.
-        altitude_m: Of the standard atmosphere; null where none was asked for.
-        sound_speed_m_s: In the air at the charge.
-        p_speed_m_s: Of the ground.
-        defaults: What was not said: air, burst, explosive, ground.
-        notes: What no number says by itself, a sentence each.
+        mass_kg: Mass of the explosive, by row; absent if it is the unknown.
+        range_m: Slant range, by row; absent if it is the unknown.
+        unknown: The unknown, range or mass; absent if there is none.
+        scaled: Scaled distances; None if range or mass is the unknown.
+        measured: The measured value, by quantity.
+        explosive: Name of the explosive.
+        tnt_factor: TNT-equivalent mass over the mass.
+        burst: The curve set, or "by height" if it differs between rows.
+        height_m: Height of burst; negative is buried.
+        temperature_k: Temperature of the air at the charge.
+        pressure_pa: Pressure of the air at the charge.
+        relative_humidity: Relative humidity of the air, 0 to 1.
+        altitude_m: Altitude of the standard atmosphere; null if none was requested.
+        sound_speed_m_s: Sound speed in the air at the charge.
+        p_speed_m_s: P-wave speed of the ground.
+        defaults: Inputs left at their defaults: air, burst, explosive, ground.
+        notes: Limitations that the numbers do not show, as sentences.
     """
 
     mass_kg: Numbers | None = field(metadata=ABSENT)
     range_m: Numbers | None = field(metadata=ABSENT)
-    asked: Literal["range_m", "charge_mass_kg"] | None = field(metadata=ABSENT)
+    unknown: Literal["range_m", "charge_mass_kg"] | None = field(
+        metadata={"key": "asked"} | ABSENT
+    )
     scaled: Scaled | None = field(metadata=AMONG)
     measured: Mapping[str, float] = field(metadata=AMONG)
     explosive: str
@@ -239,11 +248,11 @@ def _default(field: str, defaults: frozenset[str], what: str = "") -> str:
 
 @dataclass(frozen=True)
 class LawValue:
-    """What a law says; a list by row where there are several rows.
+    """Value of a law; a list by row if there are several rows.
 
     Attributes:
-        value: In the unit of the quantity.
-        valid: Whether the law holds there.
+        value: Value in the unit of the quantity.
+        valid: Whether the law is valid there.
     """
 
     value: Numbers
@@ -255,10 +264,10 @@ class LawEntry:
     """The value of one quantity by one law.
 
     Attributes:
-        value: In the unit of the quantity, by row.
-        valid: Whether the law holds there, by row.
-        range: Where it holds, in words.
-        other_burst: What it says by the other curve set; absent where of no use.
+        value: Value in the unit of the quantity, by row.
+        valid: Whether the law is valid there, by row.
+        range: Range of validity, as text.
+        other_burst: Value by the other curve set; absent if not relevant.
     """
 
     value: Numbers
@@ -272,8 +281,8 @@ class Root:
     """A range or a mass at which a law takes the value.
 
     Attributes:
-        value: In SI.
-        valid: Whether the law holds there, outside the charge.
+        value: Range or mass in SI units.
+        valid: Whether the law is valid there, outside the charge.
     """
 
     value: float
@@ -282,13 +291,13 @@ class Root:
 
 @dataclass(frozen=True)
 class RootEntry:
-    """Where a law takes the value.
+    """Ranges or masses at which a law takes the value.
 
     Attributes:
-        value: The first range or mass at which it holds, else the first; null if none.
-        valid: Whether it holds there.
-        roots: All of them, ascending.
-        range: Where the law holds, in words.
+        value: The first root at which the law is valid, else the first; null if none.
+        valid: Whether the law is valid there.
+        roots: All roots, ascending.
+        range: Range of validity, as text.
     """
 
     value: float | None
@@ -299,11 +308,11 @@ class RootEntry:
 
 @dataclass(frozen=True)
 class RecommendedEntry:
-    """The answer to one question.
+    """The recommended answer to one question.
 
     Attributes:
-        recommended: What it is.
-        reason: Why this law; "" where there is no other.
+        recommended: Value and law.
+        reason: Reason for this law; "" if there is no other.
     """
 
     recommended: Recommended = field(metadata=AMONG)
@@ -312,12 +321,12 @@ class RecommendedEntry:
 
 @dataclass(frozen=True)
 class DisagreementEntry:
-    """Two laws of one quantity that hold at a place and contradict each other there.
+    """Two laws of one quantity that are both valid at a range and disagree there.
 
     Attributes:
-        found: Which, and by how much.
-        taken: The law that we would take there; "" if nothing tells.
-        reason: Why.
+        found: The two laws and the size of the disagreement.
+        taken: The recommended law; "" if none can be recommended.
+        reason: Reason for the recommendation.
     """
 
     found: Disagreement = field(metadata=AMONG)
@@ -326,17 +335,17 @@ class DisagreementEntry:
 
 
 def inputs(question: Question) -> Inputs:
-    """Return what was given and what was taken for granted, by name, in SI units."""
+    """Return inputs and defaults by name, in SI units."""
     scene = question.scene
     charge, air = scene.charge, scene.air
     path = scene_path(scene)
     temperature, _ = ambient(air)
     pressure_factor = float(charge.tnt_factor_for("peak_overpressure_pa"))
-    mass = distance = asked = scaled = None
+    mass = distance = unknown = scaled = None
     if question.quantity and question.charge_mass:
-        mass, asked = question.charge_mass[0], "range_m"
+        mass, unknown = question.charge_mass[0], "range_m"
     elif question.quantity:
-        distance, asked = question.slant_range[0], "charge_mass_kg"
+        distance, unknown = question.slant_range[0], "charge_mass_kg"
     else:
         ranges, masses = question.rows()
         mass, distance = _one_or_all(masses), _one_or_all(ranges)
@@ -351,7 +360,7 @@ def inputs(question: Question) -> Inputs:
     return Inputs(
         mass_kg=mass,
         range_m=distance,
-        asked=asked,
+        unknown=unknown,
         scaled=scaled,
         measured={question.quantity: question.target} if question.quantity else {},
         explosive=charge.explosive,
@@ -374,13 +383,13 @@ def inputs(question: Question) -> Inputs:
 
 @dataclass(frozen=True)
 class CalculatorAnswer(Answer):
-    """Every quantity that was asked for, by every law.
+    """Every requested quantity by every law.
 
     Attributes:
-        inputs: What was given and what was taken for granted.
-        quantities: By quantity and law.
-        recommended: The answer, where one question was asked; else absent.
-        disagreements: Where laws that hold disagree.
+        inputs: Inputs and defaults.
+        quantities: Values by quantity and law.
+        recommended: The recommended answer for one quantity at one range; else absent.
+        disagreements: Quantities whose valid laws disagree.
     """
 
     inputs: Inputs
@@ -394,9 +403,9 @@ class InverseAnswer(Answer):
     """The range or the mass at which a quantity takes a value.
 
     Attributes:
-        inputs: What was given and what was taken for granted.
-        recommended: The answer.
-        quantities: What was asked for, a range or a mass, by law.
+        inputs: Inputs and defaults.
+        recommended: The recommended answer.
+        quantities: The unknown, a range or a mass, by law.
     """
 
     inputs: Inputs
@@ -414,11 +423,11 @@ def calculator_answer(
     """Combine the values of laws for some rows.
 
     Args:
-        question: What was asked.
+        question: The question.
         answer: Values of the laws.
-        other: Values by the other curve set, for laws with two, if that is of use.
-        apart: Where laws that hold disagree.
-        recommended: The answer, where one question was asked.
+        other: Values by the other curve set, for laws with two sets, if relevant.
+        apart: Quantities whose valid laws disagree.
+        recommended: The recommended answer for one quantity at one range.
     """
 
     def entry(quantity: str, name: str, of_law: Calculated) -> LawEntry:
@@ -442,10 +451,12 @@ def calculator_answer(
 def inverse_answer(
     question: Question, answer: Mapping[str, Roots], recommended: Recommended
 ) -> InverseAnswer:
-    """Put together where laws take a value."""
-    asked = inputs(question)
+    """Combine the ranges or masses at which laws take a value."""
+    given = inputs(question)
     by_law = {name: _root_entry(found) for name, found in answer.items()}
-    return InverseAnswer(asked, _recommended(recommended), {asked.asked or "": by_law})
+    return InverseAnswer(
+        given, _recommended(recommended), {given.unknown or "": by_law}
+    )
 
 
 def _recommended(recommended: Recommended) -> RecommendedEntry:
@@ -478,9 +489,10 @@ def _scaled(
     charge_mass: Float[ArrayLike, " row"],
     ambient_pressure: Float[ArrayLike, ""],
 ) -> tuple[Float[Array, " row"], Float[Array, " row"]]:
-    """Return scaled distances, and how much more a charge in free air weighs there.
+    """Return scaled distances and ground factors.
 
-    It makes the same pressure there as the charge on the ground.
+    The ground factor is the mass in free air that gives the same pressure, over the
+    mass on the ground.
     """
     distance = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return distance, ground_factor(distance, 1.0)
@@ -491,38 +503,34 @@ def _one_or_all(values: np.ndarray) -> Numbers:
 
 
 def between_limits(question: Question) -> bool:
-    """Return whether some charge bursts neither on the ground nor as in free air."""
+    """Return whether some row is neither a surface burst nor a free-air burst."""
     _, high = _scaled_heights(question)
-    asked = question.quantity  # no rows yet: what is asked for may lie on either side
-    return not asked and high > 0.0 and not free_air_rows(question).all()
+    # an inverse question has no rows: its root may lie on either side of the limit
+    is_inverse = question.quantity
+    return not is_inverse and high > 0.0 and not free_air_rows(question).all()
 
 
 def disagreement_words(found: Disagreement, question: Question) -> str:
-    """Say that laws of a quantity that hold disagree, and which one we would take."""
+    """Return a sentence on valid laws that disagree, with the recommended one."""
     where, rows = "", len(question.rows()[0])
     if rows > 1:
         place = printed_number("_m", found.range_m, system=question.units)
         where = f" at {found.rows} of {rows} rows, most at {place}"
     taken = why_taken(found)
     if found.choice:
-        taken = f"we would take {found.choice.method}: {taken}"
+        taken = f"recommended: {found.choice.method}: {taken}"
     return (
-        f"laws that hold disagree{where}: {found.high} is {found.ratio:.2f} times "
-        f"{found.low}, where their scatter leaves {found.expected:.2f}; "
+        f"valid laws disagree{where}: {found.high} is {found.ratio:.2f} times "
+        f"{found.low}; their scatter explains a factor of {found.expected:.2f}; "
         f"{taken}"
     )
 
 
-def _other_set(question: Question, beside: bool) -> str:
-    if not beside or len(question.rows()[0]) > 1:
-        return "compare with the other --burst"
-    return "beside a law of two curve sets stands what the other set gives"
-
-
 def _scaled_heights(question: Question) -> tuple[float, float]:
-    """Return the least and the largest height of burst [m/kg^(1/3)]."""
+    """Return the smallest and the largest scaled height of burst [m/kg^(1/3)]."""
     height = question.scene.charge.up.item()
-    if not (height and question.charge_mass):  # of an unknown mass only the sign counts
+    # without a mass there is no scaling, and callers use the sign alone
+    if not (height and question.charge_mass):
         return height, height
     factor = float(question.scene.charge.tnt_factor_for("peak_overpressure_pa"))
     pressure = scene_path(question.scene).ambient_pressure.item()
@@ -532,20 +540,21 @@ def _scaled_heights(question: Question) -> tuple[float, float]:
 
 
 def why_recommended(recommended: Recommended) -> str:
-    """Return why an answer is by its law; "" where there is no other."""
+    """Return the reason for the law of an answer; "" if there is no other."""
     if recommended.is_nearest:
-        return "the nearest to the others of those that give it where they hold"
+        return "nearest to the median of the laws that give this value and are valid"
     return _of_choice(recommended.choice) if recommended.choice else ""
 
 
 def why_taken(found: Disagreement) -> str:
-    """Return why we would take one of two laws that disagree, or why neither."""
+    """Return the reason for one of two laws that disagree, or for neither."""
     if found.choice is None:
-        return "nothing here tells which of them is nearer to nature"
+        return "no measurement shows which of them is nearer to real blasts"
     return _of_choice(found.choice)
 
 
 def _of_choice(choice: "Choice") -> str:
-    from jblast.report.choice import choice_reason  # read with what it words
+    # imported here: it loads jblast.fidelity, which most answers do without
+    from jblast.report.choice import choice_reason
 
     return choice_reason(choice)

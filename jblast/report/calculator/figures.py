@@ -1,4 +1,4 @@
-"""The curves of laws about the answer of `jblast calc`."""
+"""Figures of `jblast calc`: curves of the laws around the answer."""
 
 import textwrap
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -39,55 +39,57 @@ from jblast.sensors.calculator import (
 )
 
 POINTS = 512
+"""Points of a curve: about one a pixel of a panel."""
 AROUND = 5.0
-"""How far a panel reaches past an answer, as a factor of the range."""
+"""Extent of a panel on either side of an answer, as a factor of the range."""
 STYLES = ("-", (0, (6, 2.5)), (0, (2.5, 1.5)), (0, (8, 2, 2, 2)))
-"""Of colours in turn, so that one that lies on another shows what is below it."""
+"""Line styles in turn: a curve below another one shows through its gaps."""
 WIDTHS = (3.4, 2.0, 1.2)
-"""Of the groups of a panel."""
+"""Line widths of the groups of a panel [point], each thinner than the one below."""
 COINCIDE = 0.02
-"""Relative difference up to which laws, wherever both hold, are one line to the eye."""
+"""Relative difference below which laws are drawn as one line, if it holds wherever both
+are valid: 2 % of a decade-wide panel is a line's width."""
 FIRST = "kingery_bulmash"
-"""Leads its group, as it does the choice of laws where it holds."""
-LETTERS = 40
-"""Of a line of a key."""
+"""First law of its group, as it is the reference of the choice of laws."""
+KEY_WIDTH = 40
+"""Characters of a line of the key."""
 Curves = Mapping[str, Calculated]
 NOT_DRAWN = ("flash_time_s", *FIREBALL_RADII, *DIRECTIONS, *BY_VEHICLE)
-"""No waves of the air or the ground."""
+"""Quantities that are not of waves in the air or the ground."""
 LAW_COLOURS = (
     *(*COLOURS, INK, "#882255", "#E8308A", "#332288", "#999933", "#AA4499"),
     *("#8C510A", "#44AA99", "#661100", "#888888", "#117733", "#B8860B"),
     *("#3B6FB6", "#5E8C31"),
 )
-"""One a law, as long as they last: Okabe and Ito's, then mostly Tol's muted ones."""
+"""Colours of laws: those of Okabe and Ito, then mostly Tol's muted ones."""
 LABEL_GAP = 0.062
-"""Between two labels, as a fraction of a panel's height."""
+"""Least distance of two labels, as a fraction of a panel's height: one line of text."""
 
 
 def question_figure(
     question: Question, quantity: str, recommended: Recommended | None, law: str = ""
 ) -> Figure:
-    """Draw one quantity against range, or against mass where that is asked for.
+    """Draw one quantity against range, or against mass if that is the unknown.
 
-    Laws that hold in sight have a colour each, those that coincide one between them;
-    the others are grey, and named in the key.
+    Valid laws have one colour each, and laws that coincide share one. Laws that are
+    valid nowhere in the panel are grey.
 
     Args:
-        question: What was asked; of one mass, or of one range and no mass.
-        quantity: What is drawn.
-        recommended: The answer, which is marked; None where several were asked for.
-        law: This one alone; "" for all.
+        question: The question, with one mass, or with one range and no mass.
+        quantity: The drawn quantity.
+        recommended: The answer, which is marked; None for several rows.
+        law: Only this law; "" for all.
     """
     x, ranges, masses = _along(question, recommended)
     by_law = only(calculate(question.scene, ranges, masses), quantity, law)[quantity]
     first = recommended.law if recommended else ""
-    held = holding(by_law, first)
+    valid = holding(by_law, first)
     figure = new_figure(8.0, 5.4)
     axes = figure.subplots()
-    seen = [by_law[name].value[by_law[name].valid] for name in held]
+    seen = [by_law[name].value[by_law[name].valid] for name in valid]
     seen = np.concatenate(seen or [one.value for one in by_law.values()])
     unit = unit_for(quantity, float(np.median(np.abs(seen))), system=question.units)
-    _draw_question(axes, x, by_law, groups(by_law, held), unit.size)
+    _draw_question(axes, x, by_law, groups(by_law, valid), unit.size)
     _frame(axes, seen / unit.size)
     if recommended is not None:
         value = question.target if question.quantity else recommended.value
@@ -111,7 +113,7 @@ def _draw_question(
     together: list[list[str]],
     size: float,
 ) -> None:
-    """Draw grey what does not hold, then a colour a group, and the key."""
+    """Draw invalid laws in grey, then each group in its colour, and the key."""
     lines = {name for group in together for name in group}
     for name, of_law in by_law.items():
         if name not in lines:
@@ -152,13 +154,13 @@ def _mark(axes: Axes, x: float, y: float) -> None:
 def _along(
     question: Question, recommended: Recommended | None
 ) -> tuple[Float[np.ndarray, " point"], ...]:
-    """Return what is drawn along, in its unit, and the ranges and masses there."""
+    """Return the abscissa in its unit, and the ranges and masses there."""
     if question.quantity and not question.charge_mass and recommended is not None:
         masses = recommended.value * np.geomspace(AROUND**-3, AROUND**3, POINTS)
         ranges = np.full_like(masses, question.slant_range[0])
         return masses / _size(question), ranges, masses
-    asked = question.slant_range or ((recommended.value,) if recommended else (1.0,))
-    low, high = min(asked), max(asked)
+    ranges = question.slant_range or ((recommended.value,) if recommended else (1.0,))
+    low, high = min(ranges), max(ranges)
     if high < 1.5 * low:
         low, high = low / AROUND, high * AROUND
     radius = float(charge_radius(question.charge_mass[0]))
@@ -198,14 +200,14 @@ def _words(question: Question, recommended: Recommended | None) -> str:
 
 
 def calculator_figure(question: Question, law: str = "") -> Figure:
-    """Draw every quantity against range; a lone range is marked, a decade to each side.
+    """Draw every quantity against range; a single range is marked in a decade around.
 
-    Laws that coincide are one line, of a colour that their first one has in all panels;
-    those that hold nowhere in sight are grey.
+    Laws that coincide are one line, in the same colour in all panels. Laws that are
+    valid nowhere in a panel are grey.
 
     Args:
-        question: Of one mass and one or more ranges.
-        law: This one alone; "" for all.
+        question: The question, with one mass and one or more ranges.
+        law: Only this law; "" for all.
     """
     ranges = _ranges(question)
     masses = np.full_like(ranges, question.charge_mass[0])
@@ -234,7 +236,7 @@ def calculator_figure(question: Question, law: str = "") -> Figure:
     figure.suptitle(
         f"{title(question)}, {burst} burst", x=0.01, ha="left", fontsize=13, color=INK
     )
-    key = "solid: where the law holds    dashed: outside its range"
+    key = "solid: within the law's range of validity    dashed: outside"
     figure.supxlabel(key, fontsize=9, color=MUTED)
     return figure
 
@@ -264,7 +266,8 @@ def _panel(
     x = ranges / across.size
     drawn = [of_law.value[of_law.valid] for of_law in by_law.values()]
     seen = np.concatenate(drawn)
-    if not len(seen):  # no law holds anywhere here
+    # without any valid law the panel still needs limits
+    if not len(seen):
         seen = np.concatenate([of_law.value for of_law in by_law.values()])
     logarithmic = bool(np.all(seen > 0))
     unit = unit_for(quantity, float(np.median(np.abs(seen))), system=system)
@@ -295,7 +298,7 @@ def _draw(
     colours: Mapping[str, str],
     size: float,
 ) -> None:
-    """Draw group upon group, each thinner, so that what lies below is seen."""
+    """Draw the groups, each thinner than the one before, so that all stay visible."""
     for of_law in by_law.values():
         if not of_law.valid.any():
             draw_curve(axes, x, of_law.value / size, of_law.valid, MUTED)
@@ -308,9 +311,9 @@ def _draw(
 
 
 def groups(by_law: Curves, names: Iterable[str]) -> list[list[str]]:
-    """Return some laws in groups that coincide where they hold, the first one leading.
+    """Return laws in groups that coincide with the group's first law.
 
-    Two that hold nowhere together are two.
+    Laws whose ranges of validity do not overlap are in different groups.
     """
     found: list[list[str]] = []
     for name in names:
@@ -324,11 +327,11 @@ def groups(by_law: Curves, names: Iterable[str]) -> list[list[str]]:
 
 
 def holding(by_law: Curves, first: str = FIRST) -> list[str]:
-    """Return the laws that hold somewhere, one before all, then those that hold most.
+    """Return the laws that are valid somewhere, those with the widest range first.
 
     Args:
         by_law: Value of each law.
-        first: The one, if it holds.
+        first: The law that precedes all, if it is valid somewhere.
     """
     return sorted(
         (name for name, of_law in by_law.items() if of_law.valid.any()),
@@ -344,28 +347,28 @@ def leader_colours(panels: Iterable[Sequence[Sequence[str]]]) -> dict[str, str]:
 
 
 def group_words(group: Sequence[str]) -> str:
-    """Return the entry of a key: who leads, and who says the same."""
+    """Return the entry of a key: the first law, and those that coincide with it."""
     if len(group) == 1:
         return group[0]
     same = f"= {', '.join(group[1:])} (within\xa0{100 * COINCIDE:g}\xa0%)"
-    lines = textwrap.wrap(same, LETTERS, break_on_hyphens=False)
+    lines = textwrap.wrap(same, KEY_WIDTH, break_on_hyphens=False)
     return "\n  ".join([group[0], *lines])
 
 
 def outside_entry(by_law: Curves) -> Line2D | None:
-    """Return the entry of a key for laws that hold nowhere in sight; None of none."""
+    """Return the key's entry for laws that are valid nowhere here; None without any."""
     names = [name for name, of_law in by_law.items() if not of_law.valid.any()]
     if not names:
         return None
     whose = "its" if len(names) == 1 else "their"
     words = f"outside {whose} range: {', '.join(names)}"
-    lines = textwrap.wrap(words, LETTERS, break_on_hyphens=False)
+    lines = textwrap.wrap(words, KEY_WIDTH, break_on_hyphens=False)
     look = {"color": MUTED, "linewidth": 1.0, "linestyle": (0, (3, 2.5)), "alpha": 0.7}
     return Line2D([], [], label="\n  ".join(lines), **look)
 
 
 def draw_key(axes: Axes, by_law: Curves, size: int) -> None:
-    """Write the key of a panel where it covers least, what holds nowhere at its end."""
+    """Draw the key of a panel where it covers least, with invalid laws at its end."""
     handles, _ = axes.get_legend_handles_labels()
     outside = outside_entry(by_law)
     handles += [] if outside is None else [outside]
@@ -381,7 +384,7 @@ def _coincide(one: Calculated, other: Calculated) -> bool:
 
 
 def law_colours() -> dict[str, str]:
-    """Return a colour for each law that is drawn, the same in every figure."""
+    """Return a colour for each drawn law, the same in every figure."""
     ordered = sorted({name for quantity, name in LAWS if quantity not in NOT_DRAWN})
     return {name: LAW_COLOURS[i % len(LAW_COLOURS)] for i, name in enumerate(ordered)}
 
@@ -394,7 +397,7 @@ def draw_curve(
     colour: str,
     width: float = 1.7,
 ) -> None:
-    """Draw a law, solid where it holds and thin and dashed elsewhere."""
+    """Draw a law, solid within its range of validity and thin and dashed outside."""
     for start, stop, holds in runs(valid):
         part = slice(start, stop)
         axes.plot(
@@ -414,12 +417,12 @@ def name_curves(
     colours: Mapping[str, str],
     quieter: Collection[str] = (),
 ) -> None:
-    """Name curves to the right of a panel, names pushed apart where ends meet.
+    """Write names of curves to the right of a panel, without overlaps.
 
     Args:
-        axes: The panel, its limits set.
-        ends: Where each curve ends, in the units of the panel.
-        colours: By name.
+        axes: The panel, with its limits set.
+        ends: End point of each curve, in the units of the panel.
+        colours: Colour of each curve.
         quieter: Names that are written fainter.
     """
     corner = axes.transAxes.inverted()
@@ -450,12 +453,12 @@ def name_curves(
 
 
 def spread(heights: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return places at least `LABEL_GAP` apart, in the same order, near the heights.
+    """Return heights at least `LABEL_GAP` apart, in the same order, near the input.
 
-    Blocks of labels that touch are centred on the mean of what they name.
+    Blocks of labels that touch are centred on the mean of their curves.
     """
     order = np.argsort(heights, kind="stable")
-    blocks: list[list[float]] = []  # each: wanted heights of its labels
+    blocks: list[list[float]] = []  # wanted heights of the labels of each block
     for wanted in heights[order]:
         blocks.append([float(wanted)])
         while len(blocks) > 1 and _top(blocks[-2]) > _bottom(blocks[-1]):
@@ -468,7 +471,7 @@ def spread(heights: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
 
 def _bottom(block: list[float]) -> float:
-    """Return where a block of labels starts, the whole of it beside its panel."""
+    """Return the lower edge of a block of labels, moved to lie within the panel."""
     height = LABEL_GAP * len(block)
     middle = float(np.mean(block))
     return min(max(middle - 0.5 * height, 0.0), max(1.0 - height, 0.0))

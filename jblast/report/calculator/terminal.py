@@ -1,10 +1,11 @@
-"""The answer of `jblast calc` on the terminal.
+"""The answer of `jblast calc` on the terminal and as CSV.
 
-With `--units us`, ranges and notes of laws are printed in ft/lb^(1/3). They are words,
-as their sources give them: numbers before a scaled distance are converted, to four
-digits, and the rest is left as it is.
+With `--units us`, ranges of validity and notes of laws are printed in ft/lb^(1/3). They
+are text from the sources: numbers in front of a scaled distance are converted, to four
+digits, and the rest of the text is unchanged.
 """
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -39,30 +40,31 @@ from jblast.sensors.calculator import (
     Question,
     Recommended,
     Roots,
+    recommended_value,
 )
 
-LINE = 60
-"""How long the line is that other laws stand below."""
-SAID = ("as TNT", "burst", "air")
-"""Of what it was answered with, what one answer says again."""
+RULE_WIDTH = 60
+"""Length of the rule above the other laws [characters]; the layout needs no other."""
+ASSUMPTIONS = ("as TNT", "burst", "air")
+"""Labels of the inputs that are repeated below a one-line answer."""
 OUTSIDE = "outside"
-"""Mark of a number where its law does not hold."""
-PLACES, LAW = (12, 9), 11
-"""Widths of columns of the table: range and mass, and each law, unless one is wider."""
+"""Mark of a value outside its law's range of validity."""
+ROW_WIDTHS, LAW_WIDTH = (12, 9), 11
+"""Least widths of the columns range, mass and law [characters]: "1.234e-05*" fits."""
 Columns = list[list[str]]
 Lines = list[str]
 NUMBER = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
 SCALED = re.compile(rf"((?:{NUMBER}|free-air|to|[() ])+) m/(kg|kt)\^\(1/3\)")
-"""Numbers, perhaps of two curve sets, up to their unit: 0.0674 (free-air 0.0531) to 40
-m/kg^(1/3)."""
-OF_ROOT = re.compile(rf"({NUMBER}) sqrt\(Q\) m\b")
-"""Of what grows as the root of the charge's mass Q."""
+"""Numbers with their unit, for one or two curve sets:
+"0.0674 (free-air 0.0531) to 40 m/kg^(1/3)"."""
+ROOT_OF_MASS = re.compile(rf"({NUMBER}) sqrt\(Q\) m\b")
+"""A distance proportional to the square root of the charge mass Q [kg]."""
 
 
 def calculation_csv(
     question: Question, answer: Calculation, apart: Sequence[Disagreement] = ()
 ) -> str:
-    """Return one value a line; the inputs stand above as comments."""
+    """Return one value a line; the inputs precede the table as comments."""
     ranges, masses = question.rows()
     lines = [("range_m", "mass_kg", "quantity", "law", "value", "valid")]
     for quantity, by_law in answer.items():
@@ -71,15 +73,15 @@ def calculation_csv(
                 value, valid = repr(float(of_law.value[i])), bool(of_law.valid[i])
                 row = (repr(float(r)), repr(float(m)), quantity, name, value)
                 lines.append((*row, str(valid).lower()))
-    said = "".join(
+    warnings = "".join(
         f"# {one.quantity}: {disagreement_words(one, question)}\n" for one in apart
     )
-    return _comments(question) + said + comma_separated(lines)
+    return _comments(question) + warnings + comma_separated(lines)
 
 
 def roots_csv(question: Question, answer: dict[str, Roots]) -> str:
-    """Return one root a line; the inputs stand above as comments."""
-    lines = [(str(inputs(question).asked), "law", "valid")]
+    """Return one root a line; the inputs precede the table as comments."""
+    lines = [(str(inputs(question).unknown), "law", "valid")]
     for name, found in answer.items():
         for value, valid in zip(found.value, found.valid, strict=True):
             lines.append((repr(float(value)), name, str(bool(valid)).lower()))
@@ -87,18 +89,68 @@ def roots_csv(question: Question, answer: dict[str, Roots]) -> str:
 
 
 def _comments(question: Question) -> str:
-    said = [title(question), *(f"{name}: {text}" for name, text in header(question))]
-    said += notes(question, beside=False)
-    return "".join(f"# {line}\n" for line in said)
+    lines = [title(question), *(f"{name}: {text}" for name, text in header(question))]
+    lines += notes(question, has_other_set=False)
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def recommended_text(
+    question: Question, answer: Calculation, apart: Sequence[Disagreement] = ()
+) -> str:
+    """Return one table: the recommended value of each quantity, its law and scatter.
+
+    Args:
+        question: One range and one mass.
+        answer: Values of the laws.
+        apart: Quantities whose valid laws disagree.
+    """
+    rows = [("quantity", "value", "", "law", "scatter", "")]
+    disagree = {one.quantity for one in apart}
+    for quantity, by_law in answer.items():
+        best = recommended_value(question, quantity, by_law)
+        unit = unit_for(quantity, best.value, system=question.units)
+        notes_ = [] if best.valid else ["extrapolated"]
+        notes_ += ["valid laws disagree"] if quantity in disagree else []
+        rows.append(
+            (
+                quantity_words(quantity),
+                significant(best.value / unit.size, 4),
+                unit.symbol,
+                best.law,
+                _scatter(best.scatter),
+                ", ".join(notes_),
+            )
+        )
+    lines = [title(question), ""]
+    lines += [f"  {line}" for line in aligned(rows, right=(1, 4))]
+    lines += ["", "Assumptions", *_inputs(question)]
+    lines += [
+        "",
+        *behind(
+            "",
+            "scatter: standard deviation of real blasts about the law. extrapolated: "
+            "outside the law's range of validity. All laws with their ranges: "
+            "--all-laws.",
+        ),
+    ]
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _scatter(sd: float) -> str:
+    """Return a scatter [sd of ln] in per cent, or as a factor from 1 on; or "-"."""
+    if not sd > 0.0:
+        return "-"
+    # exp(sd) is the factor of one standard deviation; below 1 per cent is read faster
+    return f"{100.0 * sd:.2g} %" if sd < 1.0 else f"x {math.exp(sd):.2g}"
 
 
 def value_line(
     question: Question, recommended: Recommended, by_law: Mapping[str, Calculated]
 ) -> str:
-    """Return one quantity at one range from one charge by the law we take.
+    """Return one quantity at one range from one charge by the recommended law.
 
     Args:
-        question: Of one range and one mass.
+        question: One range and one mass.
         recommended: The answer.
         by_law: Values of all laws.
     """
@@ -128,7 +180,7 @@ def root_line(
     """Return the range or mass at which a quantity takes its value.
 
     Args:
-        question: Of the quantity, and of one range or one mass.
+        question: The quantity, with one range or one mass.
         recommended: The answer.
         by_law: Values of all laws.
     """
@@ -153,12 +205,12 @@ def root_line(
 
 
 def _sure(recommended: Recommended, *, several: bool = False) -> str:
-    """Return the law, whether it holds, and how far nature departs from it.
+    """Return the law, its validity, and the scatter of real blasts about it.
 
-    Of several solutions each has a scatter of its own, and none is returned.
+    Several solutions have different scatters, so none is printed for them.
     """
-    holds = "holds there" if recommended.valid else "outside its range"
-    holds = "holds at each" if several else holds
+    holds = "valid here" if recommended.valid else "outside its range"
+    holds = "valid at each" if several else holds
     scatter = (
         f", scatter {100.0 * recommended.scatter:.2g} %"
         if recommended.scatter > 0.0 and not several
@@ -174,11 +226,11 @@ def _whole(
     recommended: Recommended,
     range_: str,
 ) -> str:
-    lines = [first, "-" * LINE, *others]
+    lines = [first, "-" * RULE_WIDTH, *others]
     lines += [""] if others else []
-    facts = [("by", f"{recommended.law}: {why_recommended(recommended) or range_}")]
-    facts += [("asked", title(question))] if question.quantity else []
-    facts += [fact for fact in header(question) if fact[0] in SAID]
+    facts = [("law", f"{recommended.law}: {why_recommended(recommended) or range_}")]
+    facts += [("for", title(question))] if question.quantity else []
+    facts += [fact for fact in header(question) if fact[0] in ASSUMPTIONS]
     facts += [("note", note) for note in notes(question)]
     for name, text in facts:
         lines += behind(f"  {name}".ljust(10), scaled_in(text, question.units))
@@ -191,15 +243,15 @@ def calculation_text(
     other: Calculation | None = None,
     apart: Sequence[Disagreement] = (),
 ) -> str:
-    """Return every quantity by every law, each beside its range.
+    """Return every quantity by every law, each with its range of validity.
 
     Args:
-        question: What was asked.
+        question: The question.
         answer: Values of the laws.
-        other: Values by the other curve set, for laws with two, if that is of use.
-        apart: Where laws that hold disagree.
+        other: Values by the other curve set, for laws with two sets, if relevant.
+        apart: Quantities whose valid laws disagree.
     """
-    lines = _head(question)
+    lines = [title(question), "", *_inputs(question)]
     words = {one.quantity: one for one in apart}
     one_row = len(question.rows()[0]) == 1
     column = law_column(name for by_law in answer.values() for name in by_law)
@@ -212,14 +264,15 @@ def calculation_text(
         else:
             lines += _table(question, quantity, by_law)
         if quantity in words:
-            said = disagreement_words(words[quantity], question)
-            lines += behind("  ! ", scaled_in(said, question.units))
+            warning = disagreement_words(words[quantity], question)
+            lines += behind("  ! ", scaled_in(warning, question.units))
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
 def roots_text(question: Question, answer: Mapping[str, Roots]) -> str:
-    """Return the ranges or masses where the laws give the value."""
-    lines = [*_head(question), "", "Range" if question.charge_mass else "Mass"]
+    """Return the ranges or masses at which each law gives the value."""
+    lines = [title(question), "", *_inputs(question)]
+    lines += ["", "Range" if question.charge_mass else "Mass"]
     column = law_column(answer)
     for law, found in answer.items():
         lines += root_entries(question, law, found, column)
@@ -243,10 +296,11 @@ def root_entries(
         yield from entry("" if i else law, value, mark, text, column)
 
 
-def _head(question: Question) -> Lines:
+def _inputs(question: Question) -> Lines:
+    """Return the inputs and defaults, one a line, and the notes."""
     facts = header(question)
     label = max(len(name) for name, _ in facts) + 4
-    lines = [title(question), ""]
+    lines = []
     for name, text in facts:
         lines += behind(f"  {name}".ljust(label), text)
     for note in notes(question):
@@ -261,7 +315,7 @@ def _list(
     other: Mapping[str, Calculated],
     column: int,
 ) -> Lines:
-    """Return a line a law: value, mark, range; `other` is of the other burst."""
+    """Return a line a law: value, mark, range; `other` is by the other curve set."""
     lines = []
     burst = question.scene.charge.burst
     other_burst = "surface" if burst == "free-air" else "free-air"
@@ -279,14 +333,14 @@ def _list(
 def one_unit(
     question: Question, quantity: str, by_law: Mapping[str, Calculated]
 ) -> Unit:
-    """Return one unit for all, by the value in the middle."""
+    """Return one unit for the values of all laws, by their median."""
     values = np.concatenate([of_law.value for of_law in by_law.values()])
     middle = float(np.nanmedian(np.abs(values)))
     return unit_for(quantity, middle, system=question.units)
 
 
 def printed_value(of_law: Calculated, unit: Unit) -> tuple[str, str]:
-    """Return a value of one row in a unit, and its mark."""
+    """Return the value of the only row in a unit, and its mark."""
     value = f"{significant(of_law.value[0] / unit.size, 4):>8} {unit.symbol:<6}"
     return value, "" if of_law.valid[0] else OUTSIDE
 
@@ -298,22 +352,23 @@ def entry(name: str, value: str, mark: str, text: str, column: int) -> Lines:
 
 
 def law_column(names: Iterable[str]) -> int:
-    """Return how wide the column of some laws' names is."""
+    """Return the width of the column of law names [characters]."""
+    # 17 keeps the columns of most quantities below each other: "kingery_bulmash" has 15
     return max(17, *(len(name) + 1 for name in names))
 
 
 def _table(
     question: Question, quantity: str, by_law: Mapping[str, Calculated]
 ) -> Lines:
-    """Return a row a range and mass, a column a law, and the laws' ranges below."""
+    """Return one row per range and mass, one column per law, then the laws' ranges."""
     ranges, masses = question.rows()
     system = question.units
     unit = one_unit(question, quantity, by_law)
     symbol = f" [{unit.symbol}]" if unit.symbol else ""
     lines = [capitalised(quantity_words(quantity)) + symbol]
-    places = [["range", *(printed_number("_m", r, system=system) for r in ranges)]]
+    heads = [["range", *(printed_number("_m", r, system=system) for r in ranges)]]
     if len(question.charge_mass) > 1:
-        places.append(
+        heads.append(
             ["mass", *(printed_number("_kg", m, system=system) for m in masses)]
         )
     columns = [
@@ -326,9 +381,11 @@ def _table(
     ]
     while columns:  # as many columns as fit, then again from the left
         shown = 1
-        while shown < len(columns) and _fit(places, columns[: shown + 1]):
+        while (
+            shown < len(columns) and len(_rows(heads, columns[: shown + 1])[0]) < WIDTH
+        ):
             shown += 1
-        lines += _beside_places(places, columns[:shown])
+        lines += _rows(heads, columns[:shown])
         columns = columns[shown:]
         lines += [""] if columns else []
     for name, of_law in by_law.items():
@@ -337,26 +394,22 @@ def _table(
     return lines
 
 
-def _fit(places: Columns, columns: Columns) -> bool:
-    """Return whether columns beside those of the places are not too wide."""
-    return len(_beside_places(places, columns)[0]) < WIDTH
-
-
-def _beside_places(places: Columns, columns: Columns) -> Lines:
-    whole = [*places, *columns]
-    least = (*PLACES[: len(places)], *[LAW] * len(columns))
+def _rows(heads: Columns, columns: Columns) -> Lines:
+    """Return the lines of a table of range, mass and some laws."""
+    whole = [*heads, *columns]
+    least = (*ROW_WIDTHS[: len(heads)], *[LAW_WIDTH] * len(columns))
     rows = list(zip(*whole, strict=True))
     return aligned(rows, right=range(len(whole)), least=least)
 
 
 def scaled_in(text: str, system: System) -> str:
-    """Return words about scaled distances in a system of units.
+    """Return a text with its scaled distances in a system of units.
 
-    A kiloton stays one.
+    Kilotons are not converted.
 
     Args:
-        text: As the laws have them.
-        system: "si" leaves them as they are.
+        text: Range of validity or note of a law.
+        system: System of units; "si" returns the text unchanged.
     """
     if system == "si":
         return text
@@ -372,10 +425,10 @@ def scaled_in(text: str, system: System) -> str:
     def of_root(found: re.Match[str]) -> str:
         return f"{_times(found[1], pound**0.5 / foot)} sqrt(Q in lb) ft"
 
-    return OF_ROOT.sub(of_root, SCALED.sub(scaled, text))
+    return ROOT_OF_MASS.sub(of_root, SCALED.sub(scaled, text))
 
 
 def _times(number: str, factor: float) -> str:
-    """Return a written number times a factor, to four digits."""
+    """Return a printed number times a factor, to four digits."""
     text = significant(float(number) * factor, 4)
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text

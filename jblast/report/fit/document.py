@@ -1,4 +1,4 @@
-"""The answer of a fit as JSON, and what the log does not identify."""
+"""The answer of a fit as JSON, and sentences on unidentified parameters."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -50,13 +50,14 @@ if TYPE_CHECKING:  # a fit of a table reads no records
     from jblast.report.picks import PickAnswer
 
 UNIDENTIFIED_LOG_SD = 0.5
-"""A positive parameter with a larger sd in ln is called practically unidentified."""
+"""Standard deviation of ln above which a positive parameter is called practically
+unidentified: its 90 % interval spans a factor of five."""
 NEAR_ALONE = "near the answer only: the invariance is curved"
-"""Beside a combination that is identified at the answer, and no more elsewhere."""
+"""Note on a combination that is identified at the answer but not elsewhere."""
 
 
 def practically_unidentified(estimates: Mapping[str, Estimate]) -> list[str]:
-    """Return the parameters that have a value, but one nobody should rely on."""
+    """Return the parameters with a value that is too uncertain to be used."""
     return [
         name
         for name, estimate in estimates.items()
@@ -66,12 +67,13 @@ def practically_unidentified(estimates: Mapping[str, Estimate]) -> list[str]:
 
 
 def null_direction_sentence(direction: NullDirection) -> str:
-    """Say which changes together leave every recording as it is."""
+    """Return the joint change of parameters that leaves every recording unchanged."""
     steps = {n: float(step) for n, step in direction.parameters.items() if step}
     names = [parameter_words(name) for name in steps]
     if len(steps) == 1:
         return f"The recordings do not depend on the {names[0]}."
-    # what is fitted in ln sets the pace: it doubles; else the widest moves by one unit
+    # the step is scaled so that the largest change in ln is a factor of two; without a
+    # parameter in ln, so that the largest change is one unit
     space = direction.space
     in_ln = [abs(step) for name, step in steps.items() if _in_ln(name, space)]
     pace = max(in_ln, default=max(abs(step) for step in steps.values()))
@@ -83,7 +85,7 @@ def null_direction_sentence(direction: NullDirection) -> str:
         for name, step in steps.items()
     ]
     return (
-        f"The recordings cannot tell the {joined(names)} apart: {joined(changes)} "
+        f"The recordings do not separate the {joined(names)}: {joined(changes)} "
         "together change no recording."
     )
 
@@ -97,7 +99,7 @@ def _signed(name: str, step: float) -> str:
 
 
 def ambiguity_sentence(other: OtherMode) -> str:
-    """Say where the other solution lies, and why there is one."""
+    """Return the parameters of another solution, and its difference in chi2."""
     values = joined(
         [
             f"{parameter_words(name)} {printed_number(name, value)}"
@@ -110,14 +112,14 @@ def ambiguity_sentence(other: OtherMode) -> str:
 
 
 def cure_sentence(entry: NullDirection | OtherMode) -> str:
-    """Return what would cure a null direction or an ambiguity."""
+    """Return the data that would resolve a null direction or an ambiguity."""
     is_null = isinstance(entry, NullDirection)
     cure = cure_words(entry.cure) if is_null else datum_words(entry.cure)
-    return f"Cure: {cure}."
+    return f"Add: {cure}."
 
 
 def determined_lines(determined: Sequence[EstimableCombination]) -> list[str]:
-    """Return one line for each combination that the recordings do determine."""
+    """Return one line for each identified combination of parameters."""
     lines = []
     for entry in determined:
         value, sd = finite(entry.value), finite(entry.sd)
@@ -145,7 +147,7 @@ class Ambiguity:
 
     Attributes:
         mode: The optimum.
-        reason: Numbers in which it is another.
+        reason: Parameters in which it differs.
         cure: Datum that would distinguish the two best.
     """
 
@@ -156,11 +158,11 @@ class Ambiguity:
 
 @dataclass(frozen=True)
 class Determined:
-    """A combination of unidentified numbers that is identified.
+    """An identified combination of unidentified parameters.
 
     Attributes:
         of: The combination.
-        note: Where it holds, if not everywhere.
+        note: Limitation, if it is identified near the answer only.
     """
 
     of: EstimableCombination = field(metadata=among("combination", "value", "sd"))
@@ -176,7 +178,7 @@ class Explanation:
         named: Its name.
         pair: The second sensor of an exchanged pair.
         clock: The offset of a clock.
-        rest: Numbers of the fit without it.
+        rest: Results of the fit without it.
     """
 
     kind: Literal["clock", "sensor", "exchange"]
@@ -214,7 +216,7 @@ WORDED: Words = {
     Understood: understood_words,
     WrongSensor: _explanation,
 }
-"""Results of inference that documents have in words."""
+"""Results of inference that documents contain as text."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +227,7 @@ class FitAnswer(Document):
         summary: Results of the fit.
         on_earth: Positions and times on the Earth.
         picks: Picks of the records, where records were picked.
-        provenance: Provenance, in a file; what is printed has none, so that the same
+        provenance: Provenance, in a file; standard output has none, so that the same
             run prints the same.
     """
 
@@ -241,7 +243,7 @@ class FailedLog:
     """The answer of `jblast fit` for one of several logs that cannot be fitted.
 
     Attributes:
-        error: Why.
+        error: Message of the error.
         provenance: Provenance, in a file.
     """
 
@@ -254,7 +256,7 @@ class FitsAnswer(Document):
     """The answers of `jblast fit` for several logs.
 
     Attributes:
-        logs: By log.
+        logs: Answers by name of the log.
         picks: Picks of the records, where records were picked.
     """
 
@@ -263,7 +265,7 @@ class FitsAnswer(Document):
 
 
 def fit_document(fit: Fit) -> dict[str, Any]:
-    """Return what `jblast fit --json` prints, null for what is not a finite number."""
+    """Return the document of `jblast fit --json`, null for non-finite numbers."""
     return fit_answer(fit).to_dict()
 
 
@@ -275,7 +277,7 @@ def fit_answer(
     Args:
         fit: The fit.
         made: Provenance, for a file.
-        picks: What the log was picked from, if it was, as `jblast pick` prints it.
+        picks: Picks of the log, if it was picked, as `jblast pick` prints them.
     """
     return FitAnswer(fit.summary, on_earth(fit), picks, made)
 
@@ -288,10 +290,9 @@ def fits_answer(
     """Return the answers for several logs.
 
     Args:
-        answers: By log.
+        answers: Answers by name of the log.
         made: Provenance of each, for a file.
-        picks: What the logs were picked from, if they were, as `jblast pick` prints
-            it.
+        picks: Picks of the logs, if they were picked, as `jblast pick` prints them.
     """
     made = made or {}
     logs = {

@@ -1,8 +1,8 @@
 """Figures of a fit.
 
-Arrivals are drawn less the time that sound takes. Over two decades of range a
-millisecond is invisible in an arrival. Less range over speed of sound, the arrival
-shows the lead of the shock over sound, and the residuals are visible.
+Arrivals are drawn minus range over sound speed. Over two decades of range a millisecond
+is invisible in an arrival. In the reduced arrival the lead of the shock over sound and
+the residuals are visible.
 """
 
 import sys
@@ -52,17 +52,20 @@ from jblast.report.words import (
 from jblast.waves.propagation import sound_speed_of
 
 LEFT, RIGHT, ABOVE, BELOW, LINE = 0.95, 0.15, 0.4, 0.8, 0.15
-"""What stands about a panel: numbers, names, the key and a line of it [inch]."""
-BESIDE = 1.2
-"""The band of a time goes this much further than its readings, as a factor."""
+"""Margins of a panel for tick labels, title and key, and one line of the key [inch]."""
+BAND_MARGIN = 1.2
+"""Factor by which the band of a time extends past its readings: further out it would
+dwarf them."""
 OFFSET_FROM = 1e5
-"""Numbers of this size are too long to be written in full beside each other."""
+"""Tick labels from this number on are too long to stand next to each other in full."""
+MAX_NAME = 24
+"""Longest sensor name that is written in full [characters]."""
 
 
 def residuals_figure(fit: Fit) -> Figure:
-    """Draw residuals in sds, one colour and marker a quantity, with lines at 2 sd.
+    """Draw residuals [sd], one colour and marker a quantity, with lines at 2 sd.
 
-    Radii at a time have a panel of their own, against time.
+    Radii at a time have a separate panel, against time.
     """
     quantities = list(dict.fromkeys(fit.observations.quantity))
     ranged = [q for q in quantities if q not in TIMED]
@@ -129,7 +132,7 @@ def _residuals_panel(
     axes.set_ylabel("residual (sd)")
     words = "time after detonation" if against_time else "slant range"
     axes.set_xlabel(f"{words} ({unit.symbol})")
-    open_ones = "; open: lower bounds, at 0 where the law keeps them"
+    open_ones = "; open: lower bounds, at 0 if satisfied"
     has_bounds = bool(np.any(table.bounds() & here))
     titled(axes, "Measured minus law", f"shaded: ± 2 sd{open_ones * has_bounds}")
     if not np.any(here):
@@ -151,7 +154,7 @@ def _name(axes: Axes, x: float, y: float, name: str) -> None:
         x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor=INK
     )  # fmt: skip
     axes.annotate(
-        name if len(name) <= 24 else name[:23] + "…",
+        name if len(name) <= MAX_NAME else name[: MAX_NAME - 1] + "…",
         (x, y),
         xytext=(11, 0),
         textcoords="offset points",
@@ -165,8 +168,8 @@ def _name(axes: Axes, x: float, y: float, name: str) -> None:
 def recordings_figure(fit: Fit) -> Figure:
     """Draw one panel a quantity and charge: points with errors, law, 5-95 % band.
 
-    The law is that at the answer, where the points stand too; its line is dashed where
-    it does not hold. Suspected outliers are ringed.
+    The law is evaluated at the answer; its line is dashed outside its range of
+    validity. Suspected outliers are ringed.
     """
     panels = list(dict.fromkeys(zip(fit.observations.quantity, fit.shot, strict=True)))
     columns = min(len(panels), 2)
@@ -174,7 +177,7 @@ def recordings_figure(fit: Fit) -> Figure:
     key = _recordings_key(fit, columns)
     width, height = 7.2 if columns == 1 else 10.5, 4.0 * rows + 0.3
     foot = BELOW + LINE * key.count("\n")
-    # a grid that is known needs no constrained layout, which takes as long as drawing
+    # the grid is computed here: constrained layout takes as long as drawing
     figure = Figure(figsize=(width, height), dpi=DPI)
     grid = figure.subplots(rows, columns, squeeze=False)
     figure.subplots_adjust(
@@ -194,7 +197,7 @@ def recordings_figure(fit: Fit) -> Figure:
 
 
 def _gap(panels: int, room: float, gap: float) -> float:
-    """Return a gap between panels in their size, as a grid is told of it."""
+    """Return the gap between panels as a share of a panel, for `subplots_adjust`."""
     return gap * panels / (room - gap * (panels - 1))
 
 
@@ -224,9 +227,9 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     y_unit = unit_for(quantity, *_finite(y))
     if band is not None and band_x is not None:
         beside = np.isfinite(band_x)
-        if additive and _finite(x):  # further off it would dwarf the readings
-            beside &= (band_x >= np.nanmin(x) / BESIDE) & (
-                band_x <= np.nanmax(x) * BESIDE
+        if additive and _finite(x):
+            beside &= (band_x >= np.nanmin(x) / BAND_MARGIN) & (
+                band_x <= np.nanmax(x) * BAND_MARGIN
             )
         _draw_band(axes, band, band_x, beside, less, x_unit, y_unit)
     x, y, low, high = (
@@ -241,7 +244,8 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     bound = table.bounds()[rows][drawn]
     for some, fmt in ((~bound, "o"), (bound, "^")):
         of = {"yerr": bars[:, some], "fmt": fmt} | style
-        if fmt == "^":  # whatever it was, it was no less
+        # a lower bound has no error bar: the value was at least this
+        if fmt == "^":
             of |= {"yerr": None, "markerfacecolor": "white", "markersize": 7}
         if some.any():
             axes.errorbar(x[drawn][some], y[drawn][some], **of)
@@ -250,8 +254,8 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     _scales(axes, x[drawn], logarithmic=not additive)
     if additive and np.any(drawn):
         _frame(axes, [low[drawn], high[drawn]])
-    what = less.label if less else quantity_words(quantity)
-    axes.set_ylabel(_with_unit(what, y_unit))
+    label = less.label if less else quantity_words(quantity)
+    axes.set_ylabel(_with_unit(label, y_unit))
     along = "time after detonation" if against_time else "slant range"
     axes.set_xlabel(_with_unit(along, x_unit))
     law = fit.summary.law.get(quantity, "")
@@ -269,12 +273,12 @@ def _error_bars(
 
 @dataclass(frozen=True)
 class Reduction:
-    """A time that grows with range, to be taken off arrivals.
+    """A time linear in range, to be subtracted from arrivals.
 
     Attributes:
         origin: Constant part, on the common clock [s].
-        slowness: Seconds a metre.
-        label: What the remaining time is called on an axis.
+        slowness: Slope [s/m].
+        label: Axis label of the remaining time.
     """
 
     origin: float
@@ -284,7 +288,7 @@ class Reduction:
     def __call__(
         self, time: Float[np.ndarray, " n"], distance: Float[np.ndarray, " n"]
     ) -> Float[np.ndarray, " n"]:
-        """Return times less what is taken off."""
+        """Return times minus this time."""
         return time - self.origin - distance * self.slowness
 
 
@@ -329,7 +333,7 @@ def _draw_band(
 
 
 def runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int, bool]]:
-    """Split flags into stretches (start, stop, flag) that share their end points."""
+    """Split flags into segments (start, stop, flag) that share their end points."""
     edges = np.flatnonzero(np.diff(flags.astype(int))) + 1
     bounds = [0, *(int(e) for e in edges), len(flags)]
     return [
@@ -356,7 +360,7 @@ def _ring(
         )  # fmt: skip
         name = fit.observations.sensor[row]
         axes.annotate(
-            name if len(name) <= 24 else name[:23] + "…",
+            name if len(name) <= MAX_NAME else name[: MAX_NAME - 1] + "…",
             (x[i], y[i]),
             xytext=(0, 10),
             textcoords="offset points",
@@ -378,7 +382,7 @@ def _scales(axes: Axes, x: Float[np.ndarray, " n"], logarithmic: bool) -> None:
 
 
 def _frame(axes: Axes, readings: list[Float[np.ndarray, " n"]]) -> None:
-    """Frame the readings, the law and the whole of its band."""
+    """Set the limits so that readings, law and its whole band are visible."""
     seen = list(readings)
     seen += [np.asarray(line.get_ydata(), float) for line in axes.get_lines()]
     for drawn in axes.collections:
@@ -391,7 +395,7 @@ def _frame(axes: Axes, readings: list[Float[np.ndarray, " n"]]) -> None:
 
 
 def _recordings_key(fit: Fit, columns: int) -> str:
-    """Return what the marks mean, in a few lines."""
+    """Return the key of the marks, in a few lines."""
     key = ["points: recordings ± 1 sd"]
     if fit.bands:
         key += ["line: the law at the answer", "band: 5 to 95 % of the posterior"]
@@ -412,9 +416,9 @@ def _recordings_key(fit: Fit, columns: int) -> str:
 
 
 def axis_sound_speed(fit: Fit) -> float:
-    """Return the speed of sound at the answer [m/s]; the axis names it.
+    """Return the speed of sound at the answer [m/s], for reduced arrivals.
 
-    Where it is not identified, any would fit; then it is that of the air's temperature.
+    If it is not identified, the sound speed at the air's temperature is returned.
     """
     air = fit.scene.air
     if air.sound_speed is not None and (
@@ -425,7 +429,7 @@ def axis_sound_speed(fit: Fit) -> float:
 
 
 def reduction(fit: Fit, quantity: str, shot: int) -> Reduction | None:
-    """Return what a plot takes off a quantity; None where it shows the value itself."""
+    """Return the time subtracted from a quantity; None if its value is plotted."""
     t0 = float(fit.scene.charges[shot].time_s)
     air = axis_sound_speed(fit)
     ground = float(fit.scene.ground.p_speed)
@@ -442,7 +446,7 @@ def reduction(fit: Fit, quantity: str, shot: int) -> Reduction | None:
 
 
 def common_clock(fit: Fit) -> Float[np.ndarray, " row"]:
-    """Return what to take off each row's clock to read the common clock [s]."""
+    """Return the offset of each row's clock from the common clock [s]."""
     offsets = fit.scene.clock_offsets()
     values = [
         0.0 if f"clock_offset_s.{clock}" in fit.summary.unidentified else offset
@@ -466,18 +470,18 @@ def drawn_parameters(fit: Fit) -> list[str]:
 
 
 def absent_note(fit: Fit) -> str:
-    """Say which free parameters the corner plot lacks, or ""."""
+    """Return a sentence on free parameters missing from the corner plot, or ""."""
     absent = [n for n in fit.summary.free if n not in drawn_parameters(fit)]
     if not absent:
         return ""
     words = joined([parameter_words(name) for name in absent])
-    return f"Not shown, for want of an identified posterior: {words}."
+    return f"Not shown, as not identified: {words}."
 
 
 def corner_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
-    """Draw the posterior of every identified parameter; None where there is none.
+    """Draw the posterior of every identified parameter; None if there is none.
 
-    Two or more make a corner plot, one a histogram. Accepted values are lines.
+    One parameter gives a histogram, more give a corner plot. Accepted values are lines.
     """
     names = drawn_parameters(fit)
     if not names:
@@ -571,7 +575,7 @@ def _corner(
     figure = Figure(figsize=(side, side), dpi=DPI)
     scales = ["log" if _wide(fit, n) else "linear" for n in names]
     with warnings.catch_warnings():
-        # corner says so of few draws; contours of those are merely rough
+        # corner warns of few draws, whose contours are rough but not wrong
         warnings.filterwarnings("ignore", message="Too few points")
         corner.corner(
             np.stack([draws[n] for n in names], axis=1),
@@ -613,7 +617,7 @@ def _corner(
 
 
 def _in_full(axis: Axis) -> None:
-    """Write 149.95 in full: an offset of 149.9 would stand on the panel above."""
+    """Write tick labels in full: an offset text would overlap the panel above."""
     formatter = axis.get_major_formatter()
     short = np.abs(axis.get_view_interval()).max() < OFFSET_FROM
     if short and isinstance(formatter, ScalarFormatter):
@@ -621,10 +625,10 @@ def _in_full(axis: Axis) -> None:
 
 
 def _corner_package():
-    """Import corner without ArviZ, which it does without where that is absent.
+    """Import corner without ArviZ, which is optional for it.
 
-    Draws come as arrays here, and importing ArviZ takes longer than drawing all the
-    figures. Whoever imports corner elsewhere gets all of it.
+    The draws are arrays here, and importing ArviZ takes longer than drawing all the
+    figures. Later imports of corner elsewhere are complete.
     """
     if "corner" in sys.modules or "arviz" in sys.modules:
         import corner

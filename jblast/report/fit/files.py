@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 DRAWS = "posterior.nc"
 NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
 NAMES += ("map.png", "records.png", *PLACE_FILES, DRAWS)
-"""What a report may consist of."""
+"""Files that a report may contain."""
 
 
 def write_report(
@@ -35,28 +35,27 @@ def write_report(
 ) -> list[Path]:
     """Write a fit's answer, figures and page, the answer first.
 
-    A figure that cannot be drawn costs nothing but itself: a warning names it, here
-    and on the page. Where no parameter has a posterior there is no corner.png, where no
-    sensor has a place no map.png, and without a place on the Earth no place.geojson
-    and place.kml.
+    A figure that cannot be drawn is left out, with a warning here and on the page.
+    There is no corner.png without a posterior, no map.png without positions of sensors,
+    and no place.geojson and place.kml without a position on the Earth.
 
     Args:
         fit: The fit.
-        directory: Where to; made if it is not there.
-        accepted: Published values by parameter name, each with where it comes from.
-        force: Whether to write into a directory that holds files. Those of an earlier
-            report are replaced or removed, others left alone.
-        records: Draws the records that the log was picked from.
-        made: What the answer was made of; None: the log's file, and no command.
-        picks: What the log was picked from, if it was, as `jblast pick` prints it.
+        directory: Output directory; created if missing.
+        accepted: Published values by parameter name, each with its source.
+        force: Whether to write into a directory that contains files. Files of an
+            earlier report are replaced or removed, other files stay.
+        records: Function that draws the records from which the log was picked.
+        made: Provenance; None stands for the log's file and no command.
+        picks: Picks of the log, if it was picked, as `jblast pick` prints them.
 
     Returns:
         The files written.
 
     Raises:
-        InputError: The directory holds files and `force` is not set, or is a file.
+        InputError: The directory contains files and `force` is not set, or is a file.
     """
-    # here, so that an answer in words alone need not wait for Matplotlib
+    # imported here, so that an answer without figures does not load Matplotlib
     from jblast.report.figure_files import Picture, picture_of
     from jblast.report.fit.figures import (
         corner_figure,
@@ -102,7 +101,7 @@ def write_report(
                 written.append(path)
                 pictures[kind] = picture
         except Exception as error:
-            # whatever went wrong with a picture, the computed answer is kept
+            # the answer may have taken hours: no failure of a figure may lose it
             failures.append(f"{kind}.png was not written: {error!r}")
     try:
         page = directory / "report.html"
@@ -116,7 +115,7 @@ def write_report(
 
 
 def _write_draws(fit: Fit, path: Path) -> Path:
-    """Write the walk as NetCDF in the schema of ArviZ."""
+    """Write the MCMC draws as NetCDF in the schema of ArviZ."""
     from jblast.inference.mcmc.ensemble import (
         inference_data,
         write_inference_data,
@@ -132,16 +131,16 @@ def _write_draws(fit: Fit, path: Path) -> Path:
 def check_directory(
     directory: str | Path, force: bool = False, what_for: str = "the report"
 ) -> None:
-    """Refuse a directory that must not be written to; call it before a long fit.
+    """Check that a directory may be written to; call it before a long computation.
 
     Args:
-        directory: Where to write.
-        force: Whether what it holds may be overwritten.
-        what_for: What is to be written, for the message.
+        directory: Output directory.
+        force: Whether its contents may be overwritten.
+        what_for: Name of the output, for the message.
 
     Raises:
-        InputError: It holds files and `force` is not set, or it is or lies in a file,
-            or in a directory that must not be written to.
+        InputError: It contains files and `force` is not set, it is or lies in a file,
+            or its parent is not writable.
     """
     directory = Path(directory)
     there = next(p for p in (directory, *directory.absolute().parents) if p.exists())
@@ -150,8 +149,7 @@ def check_directory(
         raise InputError(f"{directory}: expected a directory for {what_for}, {what}")
     if not os.access(there, os.W_OK | os.X_OK):
         raise InputError(
-            f"{directory}: expected a directory that may be written to; {there} is "
-            "not one"
+            f"{directory}: expected a writable directory; {there} is not writable"
         )
     if not force and directory.is_dir() and any(directory.iterdir()):
         raise InputError(

@@ -19,13 +19,15 @@ from jblast.quantities import QUANTITIES
 from jblast.report.words import finite, joined, parameter_words, printed_number
 
 MARGINAL = 0.01
-MOST_NAMED = 5
-"""Sensors named in one warning: more of them are a line of their own."""
-RANGING = "its range is the sound speed times what it comes after the flash"
+"""p below which a fit is called marginal; below `POOR`, 0.001, it is called poor. One
+good fit in a hundred falls below it by chance."""
+MAX_NAMED = 5
+"""Largest number of sensors that one warning names; the rest is a count."""
+RANGING = "range = sound speed times the delay after the flash"
 WHERE = {
     "sensor": "at a sensor of the log",
-    "place": "at a new place",
-    "aside": "at a new place off the sensors' line",
+    "place": "at a new position",
+    "aside": "at a new position off the sensors' line",
     "range": "at a new range",
     "later": "at a later time",
 }
@@ -33,7 +35,7 @@ NORMAL = "the 90 % intervals are those of a normal approximation"
 
 
 def goodness_p(found: Summary) -> float | None:
-    """Return the chance of a worse chi2 than this by luck; None without freedom."""
+    """Return the p value of the chi2; None without degrees of freedom."""
     chi2 = finite(found.chi2)
     return None if chi2 is None else p_value(chi2, found.dof)
 
@@ -42,11 +44,11 @@ def goodness_sentence(found: Summary) -> str:
     """Return a sentence on the chi2 of the fit."""
     p = goodness_p(found)
     if p is None and found.dof > 0:
-        return "There is no chi2, so nothing says whether the law fits the recordings."
+        return "Goodness of fit is unknown: there is no chi2."
     if p is None:
         return (
-            "There are no more recordings than unknowns, so the recordings cannot say "
-            "whether the law fits them."
+            "Goodness of fit is unknown: there are no more recordings than free "
+            "parameters."
         )
     if p < POOR:
         return (
@@ -55,8 +57,8 @@ def goodness_sentence(found: Summary) -> str:
         )
     if p < MARGINAL:
         return (
-            f"The fit is marginal (p {printed_p(p)}): by luck alone, errors as stated "
-            "seldom disagree with the law so much."
+            f"The fit is marginal (p {printed_p(p)}): the stated errors give so large "
+            "a disagreement in less than 1 % of logs."
         )
     if p > 1 - POOR:
         return (
@@ -67,7 +69,7 @@ def goodness_sentence(found: Summary) -> str:
 
 
 def goodness_numbers(found: Summary) -> str:
-    """Return chi2, degrees of freedom and p in one line."""
+    """Return chi2, degrees of freedom and p value in one line."""
     chi2, p = finite(found.chi2), goodness_p(found)
     shown = "unknown" if chi2 is None else f"{chi2:.1f}"
     line = f"chi2 = {shown} on {found.dof} degrees of freedom"
@@ -75,33 +77,33 @@ def goodness_numbers(found: Summary) -> str:
 
 
 def printed_p(p: float) -> str:
-    """Print a probability with its sign of comparison: "= 0.27", "< 0.001"."""
+    """Return a probability with its comparison sign: "= 0.27", "< 0.001"."""
     if p < POOR:
         return f"< {POOR}"
     return f"> {1 - POOR}" if p > 1 - POOR else f"= {p:.2g}"
 
 
 def cure_words(cure: Cure) -> str:
-    """Say which prior, measurement or datum would end a null direction."""
+    """Return the priors, measurements or data that resolve a null direction."""
     known = f"a prior on, or a measurement of, {' or '.join(cure.parameters)}"
     added = "; ".join(datum_words(datum) for datum in cure.data)
     return f"{known}; or {added}" if added else known
 
 
 def datum_words(datum: ResolvingDatum) -> str:
-    """Say what to record, and where."""
-    what = QUANTITIES[datum.quantity].with_article()
-    bang = f" (the bang: {RANGING})" if datum.is_bang else ""
-    clock = ", on a clock that is right" if datum.on_right_clock else ""
-    return f"{what}{bang} {WHERE[datum.where]}{clock}"
+    """Return the quantity to record, with its location."""
+    quantity = QUANTITIES[datum.quantity].with_article()
+    bang = f" (of the bang: {RANGING})" if datum.is_bang else ""
+    clock = ", on a correct clock" if datum.on_right_clock else ""
+    return f"{quantity}{bang} {WHERE[datum.where]}{clock}"
 
 
 def other_mode_words(other: OtherMode) -> str:
-    """Say why another optimum is one."""
-    what = "place" if set(CHARGE_POSITION) & set(other.differ) else "solution"
+    """Return the parameters in which another optimum differs, and its chi2."""
+    kind = "position" if set(CHARGE_POSITION) & set(other.differ) else "solution"
     names = ", ".join(sorted(other.differ)) or "all"
     return (
-        f"another {what} of {names} explains the log nearly as well (chi squared "
+        f"another {kind} in {names} explains the log nearly as well (chi squared "
         f"differs by {other.delta_chi2:.2g})"
     )
 
@@ -112,39 +114,39 @@ def all_words(findings: Iterable[Finding]) -> list[str]:
 
 
 def reason_words(reason: Finding | None) -> str:
-    """Say why intervals come from the method they come from, or ""."""
+    """Return the reason for the method of the intervals, or ""."""
     if reason is None:
         return ""
     if isinstance(reason, fitting.NotAtOptimum):
-        return "the search did not arrive at an optimum"
+        return "the search did not reach an optimum"
     return words(reason)
 
 
 @singledispatch
 def words(finding: Finding) -> str:
-    """Say what was found."""
+    """Return a finding as a sentence, without its full stop."""
     return posterior_words(finding)
 
 
 @words.register
 def _(finding: fitting.PoorFit) -> str:
     text = (
-        f"poor fit: chi squared {finding.chi2:.1f} with {finding.dof} degrees of "
-        f"freedom has a chance of {finding.p_value:.1g}"
+        f"poor fit: chi squared {finding.chi2:.1f} on {finding.dof} degrees of "
+        f"freedom, p = {finding.p_value:.1g}"
     )
     if not finding.log:
         return text
     return (
-        f"{text}; `jblast check {finding.log}` looks for slips of units, clocks and "
-        f"places, `jblast scene {finding.log}` writes a scene that says more about the "
-        "setting"
+        f"{text}; `jblast check {finding.log}` searches for wrong units, clocks and "
+        f"positions; `jblast scene {finding.log}` writes a scene to which air, ground "
+        "and priors can be added"
     )
 
 
 @words.register
 def _(finding: fitting.MoreToFree) -> str:
     return (
-        f"the recordings fit (p {finding.p_value:.2g}) with more numbers free: "
+        f"the recordings fit (p = {finding.p_value:.2g}) with more parameters free: "
         f"--free {','.join(finding.parameters)}"
     )
 
@@ -153,8 +155,8 @@ def _(finding: fitting.MoreToFree) -> str:
 def _(finding: fitting.FlatGround) -> str:
     far, off = (printed_number("_m", x, 2) for x in (finding.range_m, finding.error_m))
     return (
-        f"the ground was taken as flat: the distance of {finding.sensor}, {far}, is "
-        f"{off} off by that, {finding.sigmas:.2g} sigma of its {finding.quantity}"
+        f"flat ground was assumed: at {finding.sensor}, {far} away, the error of the "
+        f"distance is {off}, {finding.sigmas:.2g} sigma of its {finding.quantity}"
     )
 
 
@@ -162,15 +164,15 @@ def _(finding: fitting.FlatGround) -> str:
 def _(finding: fitting.PriorConflict) -> str:
     at = ", ".join(f"{name} = {value:.4g}" for name, value in finding.values.items())
     return (
-        f"without priors the log fits well, at {at}: a prior rules that out; widen "
-        "or correct it, or the readings"
+        f"without priors the log fits well, at {at}, which a prior excludes; correct "
+        "or widen the prior, or correct the readings"
     )
 
 
 @words.register
 def _(finding: fitting.LawOutOfRange) -> str:
-    deeper = " as deep as the 90 % interval reaches" if finding.is_deeper else ""
-    limits = "; ".join(f"{law} holds for {where}" for law, where in finding.ranges)
+    deeper = " at the lower bound of the 90 % interval" if finding.is_deeper else ""
+    limits = "; ".join(f"range of {law}: {where}" for law, where in finding.ranges)
     return (
         f"{finding.rows} of {finding.of} rows lie outside their law's range{deeper} "
         f"({', '.join(finding.quantities)}); {limits}"
@@ -179,31 +181,31 @@ def _(finding: fitting.LawOutOfRange) -> str:
 
 @words.register
 def _(finding: fitting.NotAtOptimum) -> str:
-    return "the search did not arrive at an optimum: the answer is where it ended"
+    return "the search did not reach an optimum; the last point is reported"
 
 
 @words.register
 def _(finding: SamplesRoughlyCounted) -> str:
     return (
-        "the probability of the samples is known to "
-        f"{finding.known:.2g} in ln between the places where it was computed, wanted "
-        f"{finding.wanted:g}: take the intervals as rough, or fit the picks"
+        "the log-likelihood of the samples is accurate to "
+        f"{finding.known:.2g} between the points where it was computed, required "
+        f"{finding.wanted:g}: the intervals are rough; fit the picks instead"
     )
 
 
 @words.register
 def _(finding: fitting.LawsUnsettled) -> str:
     return (
-        "the automatic choice of law at the answer differs from the one it was "
-        "fitted with; name one with --law"
+        "the automatic choice of law at the answer differs from the law of the fit; "
+        "choose one with --law"
     )
 
 
 @words.register
 def _(finding: fitting.BurstsUnsettled) -> str:
     return (
-        "the curve sets that the height leaves at the answer differ from those it "
-        'was fitted with; say burst = "surface" or "free-air" of the charge'
+        "the curve sets for the height of burst at the answer differ from those of the "
+        'fit; set burst = "surface" or "free-air" of the charge'
     )
 
 
@@ -213,21 +215,21 @@ def _(finding: fitting.NoScene) -> str:
     if finding.altitude_m:
         air = f"the standard atmosphere at {finding.altitude_m:.0f} m"
     if not finding.freed:
-        place = "at the origin at time 0, in"
-        return f"no scene was given: a surface charge of TNT {place} {air}"
+        position = "at the origin at time 0, in"
+        return f"no scene was given: a surface charge of TNT {position} {air}"
     free = joined([parameter_words(name) for name in finding.freed])
-    return f"no scene was given: a surface charge of TNT in {air}; free with it: {free}"
+    return f"no scene was given: a surface charge of TNT in {air}; also free: {free}"
 
 
 @words.register
 def _(finding: fitting.SlowerThanSound) -> str:
-    shown = finding.sensors[:MOST_NAMED]
+    shown = finding.sensors[:MAX_NAMED]
     more = len(finding.sensors) - len(shown)
     names = joined([*shown, f"{more} more sensors"] if more else shown)
     return (
-        f"slower than sound: the arrivals at {names} imply speeds from the charge down "
-        f"to {finding.speed_m_s:.0f} m/s, where sound has {finding.sound_m_s:.0f} m/s, "
-        "by more than scatter explains; check clocks, distances, and temperature and "
+        f"slower than sound: the arrivals at {names} imply mean speeds down to "
+        f"{finding.speed_m_s:.0f} m/s (speed of sound {finding.sound_m_s:.0f} m/s), "
+        "more than scatter explains; check clocks, distances, and temperature and "
         "wind of the scene"
     )
 
@@ -235,14 +237,14 @@ def _(finding: fitting.SlowerThanSound) -> str:
 @words.register
 def _(finding: fitting.NothingLearned) -> str:
     names = ", ".join(finding.parameters)
-    return f"the log tells nothing of {names} beyond the prior"
+    return f"intervals of {names} are those of the prior: the log does not narrow them"
 
 
 @words.register
 def _(finding: fitting.FarFromItsLaw) -> str:
     return (
         f"the whole shot, or a path, departs from its law by {finding.times:.1f} "
-        "times the scatter expected of it: the law may not suit this setting"
+        "times the expected scatter: the law may not apply to this setting"
     )
 
 
@@ -255,17 +257,17 @@ def _(finding: fitting.HeightOfBurst) -> str:
 def _(finding: fitting.DeepCharge) -> str:
     which = f"the charge {finding.charge}" if finding.charge else "the charge"
     return (
-        f"{which} lay {finding.scaled_depth:.2g} m/kg^(1/3) deep, of which the laws "
-        "used know nothing but the longer way"
+        f"{which} was {finding.scaled_depth:.2g} m/kg^(1/3) deep; of its burial the "
+        "laws used include the longer path only"
     )
 
 
 @words.register
 def _(finding: fitting.NoPointSource) -> str:
     return (
-        f"{' and '.join(finding.laws)} is the law of a point source, which a charge of "
-        f"{finding.explosive} is not: near it the mass can come out many times too "
-        'small; a nuclear burst is explosive = "nuclear"'
+        f"{' and '.join(finding.laws)} applies to a point source, and a charge of "
+        f"{finding.explosive} is not one: near the charge the estimated mass can be "
+        'many times too small; for a nuclear burst set explosive = "nuclear"'
     )
 
 
@@ -274,44 +276,45 @@ def _(finding: fitting.ClocksTakenToAgree) -> str:
     one = len(finding.clocks) == 1
     which = f"the clock {finding.clocks[0]} and the common clock"
     which = which if one else f"the clocks {', '.join(finding.clocks)}"
-    rests = ""
+    needed = ""
     if finding.resting:
         verb = "is" if len(finding.resting) == 1 else "are"
-        rests = f", without which {joined(finding.resting)} {verb} not identified"
+        needed = f" (otherwise {joined(finding.resting)} {verb} not identified)"
     return (
-        f"{which} were taken to agree{rests}; "
-        f"--free {','.join(finding.parameters)} fits what they differ by"
+        f"{which} were assumed to agree{needed}; "
+        f"--free {','.join(finding.parameters)} fits their offsets"
     )
 
 
 @words.register
 def _(finding: fitting.PathsTakenAsIndependent) -> str:
     taken = (
-        f"the scatter of {finding.paths:,} paths was taken as independent, as that of "
-        f"more than {finding.limit:,} paths is"
+        f"the scatter of {finding.paths:,} paths was assumed independent (correlation "
+        f"is modelled for at most {finding.limit:,} paths)"
     )
-    remedy = f"fit {finding.limit:,} of them or fewer to take it into account"
+    remedy = f"fit {finding.limit:,} paths or fewer to include the correlation"
     if not finding.beyond_array:
         return (
-            f"{taken}; neighbouring paths scatter alike, so intervals of position and "
-            f"time are too narrow; {remedy}"
+            f"{taken}; the scatter of neighbouring paths is correlated, so intervals "
+            f"of position and time are too narrow; {remedy}"
         )
     return (
-        f"{taken}; the sensors are close together compared with the range, so their "
-        "paths scatter alike: the intervals of bearing and range are too narrow, and "
-        f"the range may be too small; {remedy}"
+        f"{taken}; the sensors are close together compared with the range, so the "
+        "scatter of their paths is correlated: the intervals of bearing and range are "
+        f"too narrow, and the range may be too small; {remedy}"
     )
 
 
 @words.register
 def _(finding: fitting.FlashesSetAside) -> str:
     names = joined(finding.clocks)
-    verb, clock = ("reads", "clock") if len(finding.clocks) == 1 else ("read", "clocks")
+    one = len(finding.clocks) == 1
+    verb, clock = ("has", "clock") if one else ("have", "clocks")
     offsets = ",".join(f"{CLOCK_OFFSET}.{name}" for name in finding.clocks)
     return (
-        f"the flash times on the {clock} {names} were set aside: {names} {verb} "
-        "nothing else, so nothing ties that clock to the others; if it agrees with "
-        "them, give it their name in the column clock, or an offset_s in the scene; "
+        f"the flash times on the {clock} {names} were not used: {names} {verb} "
+        "no other readings that relate it to the other clocks; if it agrees with "
+        "them, write their name in the column clock, or set offset_s in the scene; "
         f"--free {offsets} fits its offset"
     )
 
@@ -319,25 +322,22 @@ def _(finding: fitting.FlashesSetAside) -> str:
 @words.register
 def _(finding: WindPassesForSoundSpeed) -> str:
     name = finding.parameter
-    stands = f"{name}, which is fitted," if finding.is_fitted else f"a prior on {name}"
+    absorbs = f"the fitted {name}" if finding.is_fitted else f"a prior on {name}"
     return (
-        "still air was taken, and a wind along the ranges would pass for another "
-        f"sound speed: {stands} stands for it"
+        "still air; wind along the paths acts like a change of the sound speed, and "
+        f"{absorbs} covers it"
     )
 
 
 @words.register
 def _(finding: StillAir) -> str:
-    said = (
-        "still air was taken: were the wind unknown, "
-        f"0 +- {finding.wind_sd:g} m/s (1 sd) towards east and north, "
-    )
+    unknown = f"still air; with unknown wind (sd {finding.wind_sd:g} m/s per component)"
     if finding.wider is None:
-        return f"{said}by how much intervals would widen cannot be told"
+        return f"{unknown} the intervals would widen by an unknown factor"
     if not finding.wider:
-        return f"{said}no 90 % interval would widen by 5 %"
+        return f"{unknown} no 90 % interval would widen by 5 %"
     wide = ", ".join(f"{name} {by:.2g} times" for name, by in finding.wider.items())
-    return f"{said}90 % intervals would be wider: {wide}"
+    return f"{unknown} 90 % intervals would be wider: {wide}"
 
 
 @words.register
@@ -345,65 +345,66 @@ def _(finding: fitting.SeveralExplanations) -> str:
     others = " or ".join(finding.others)
     return (
         f"the recordings of {finding.suspected} are suspected, but without those of "
-        f"{others} the log would fit as well: it cannot say which is wrong"
+        f"{others} the log fits as well; the log does not determine which is wrong"
     )
 
 
 @words.register
 def _(finding: fitting.AsAsked) -> str:
-    return "as asked for"
+    return "requested"
 
 
 @words.register
 def _(finding: fitting.DirectionUnidentified) -> str:
-    return "nothing else can be said of a log that leaves a direction untold"
+    return "the log does not identify all directions, so only this method applies"
 
 
 @singledispatch
 def posterior_words(finding: Finding) -> str:
-    """Say what was found."""
+    """Return a finding on the posterior as a sentence, without its full stop."""
     raise NotImplementedError(f"no words for {type(finding).__name__}")
 
 
 @posterior_words.register
 def _(finding: importance.IntervalsOff) -> str:
     off, k_hat = finding.off, f"(k-hat {finding.k_hat:.2f})"
-    said = NORMAL
+    text = NORMAL
     if not np.isnan(off):
-        said += f", off by up to {off:.1f} of a standard deviation at "
-        said += finding.parameter
+        text += f", with an error of up to {off:.1f} sd for {finding.parameter}"
     if not np.isnan(finding.k_hat):
-        said += (
-            f"; how far they are off, importance sampling cannot tell {k_hat}"
+        text += (
+            f"; importance sampling does not determine their error {k_hat}"
             if np.isnan(off)
-            else f", as far as importance sampling can tell {k_hat}"
+            else f", estimated by importance sampling {k_hat}"
         )
-    return f"{said}: --posterior emcee walks"
+    return f"{text}; --posterior emcee runs MCMC"
 
 
 @posterior_words.register
 def _(finding: importance.NormalIntervals) -> str:
-    return f"{NORMAL}, as {posterior_words(finding.because)}: --posterior emcee walks"
+    reason = posterior_words(finding.because)
+    return f"{NORMAL} ({reason}); --posterior emcee runs MCMC"
 
 
 @posterior_words.register
 def _(finding: importance.FewEffectiveDraws) -> str:
     return (
-        f"importance sampling is left with {finding.effective:.0f} draws' worth, of "
-        f"{finding.wanted} that intervals take"
+        f"importance sampling: effective sample size {finding.effective:.0f}, required "
+        f"{finding.wanted}"
     )
 
 
 @posterior_words.register
 def _(finding: importance.ImportanceCannotTell) -> str:
-    return f"importance sampling cannot tell (k-hat {finding.k_hat:.2f})"
+    return f"importance sampling is unreliable: k-hat {finding.k_hat:.2f}"
 
 
 @posterior_words.register
 def _(finding: importance.DrawsWeighted) -> str:
     return (
         "draws of the normal approximation, weighted by the posterior (importance "
-        f"sampling, k-hat {finding.k_hat:.2f}, {finding.effective:.0f} draws' worth)"
+        f"sampling, k-hat {finding.k_hat:.2f}, effective sample size "
+        f"{finding.effective:.0f})"
     )
 
 
@@ -411,24 +412,20 @@ def _(finding: importance.DrawsWeighted) -> str:
 def _(finding: importance.RangeFollowed) -> str:
     return (
         f"draws along the range of the charge: at {finding.ranges} ranges the "
-        "posterior is integrated over bearing and all other numbers; the prior is flat "
-        "in ln of the range"
+        "posterior is integrated over bearing and all other parameters; the prior is "
+        "flat in ln of the range"
     )
 
 
 @posterior_words.register
 def _(finding: importance.NormalJudged) -> str:
-    said = (
-        f"importance sampling k-hat {finding.k_hat:.2f}, largest sd in ln "
-        f"{finding.log_sd:.2g}, ends of intervals off by {finding.off:.2f} sd"
+    checks = (
+        f"k-hat {finding.k_hat:.2f} (limit {finding.most_k_hat:g}), "
+        f"largest sd of ln {finding.log_sd:.2g} (limit {finding.most_log_sd:g}), "
+        f"error of interval bounds {finding.off:.2f} sd (limit {finding.most_off:g})"
     )
-    limits = (
-        f"the limits are {finding.most_k_hat:g}, {finding.most_log_sd:g} and "
-        f"{finding.most_off:g}"
-    )
-    if finding.holds:
-        return f"{said}: {limits}"
-    return f"the normal approximation does not do ({said}; {limits})"
+    verdict = "passes" if finding.holds else "fails"
+    return f"the normal approximation {verdict} its check: {checks}"
 
 
 @posterior_words.register
@@ -439,8 +436,8 @@ def _(finding: mcmc.Interrupted) -> str:
 @posterior_words.register
 def _(finding: mcmc.QuantilesUncertain) -> str:
     return (
-        f"the quantiles of {finding.parameter} are known to {finding.error:.2g} "
-        f"of its standard deviation, wanted {finding.wanted:g}"
+        f"the quantiles of {finding.parameter} have a standard error of "
+        f"{finding.error:.2g} sd, required {finding.wanted:g}"
     )
 
 
@@ -448,14 +445,14 @@ def _(finding: mcmc.QuantilesUncertain) -> str:
 def _(finding: mcmc.ChainTooShort) -> str:
     return (
         f"{finding.steps} steps are {finding.times:.0f} autocorrelation times of "
-        f"{finding.parameter}, wanted {finding.wanted:.0f}"
+        f"{finding.parameter}, required {finding.wanted:.0f}"
     )
 
 
 @posterior_words.register
 def _(finding: mcmc.ChainsDisagree) -> str:
     return (
-        f"R-hat of {finding.parameter} is {finding.r_hat:.3g}, wanted "
+        f"R-hat of {finding.parameter} is {finding.r_hat:.3g}, required "
         f"{finding.wanted:g}"
     )
 
@@ -463,7 +460,7 @@ def _(finding: mcmc.ChainsDisagree) -> str:
 @posterior_words.register
 def _(finding: mcmc.SeveralModes) -> str:
     parts = [
-        f"{100 * share:.0f} % about {_place(peak)}"
+        f"{100 * share:.0f} % about {_values(peak)}"
         for share, peak in zip(finding.shares, finding.peaks, strict=True)
     ]
     return f"the posterior has {len(parts)} modes: {'; '.join(parts)}"
@@ -472,16 +469,16 @@ def _(finding: mcmc.SeveralModes) -> str:
 @posterior_words.register
 def _(finding: mcmc.LongRidge) -> str:
     text = (
-        f"the posterior is a ridge {finding.longer:.0f} times as long as its normal "
-        f"approximation, from {_place(finding.low)} to {_place(finding.high)}"
+        f"the posterior is a ridge, {finding.longer:.0f} times as long as its normal "
+        f"approximation, from {_values(finding.low)} to {_values(finding.high)}"
     )
     if finding.is_endless:
         text += (
-            "; the density does not fall beyond it, so the posterior is improper: "
-            "expected a prior for one of these"
+            "; the density does not decrease beyond it, so the posterior is improper: "
+            "set a prior on one of these"
         )
     return text
 
 
-def _place(values: Mapping[str, float]) -> str:
+def _values(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in values.items())

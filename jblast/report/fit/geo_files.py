@@ -1,4 +1,4 @@
-"""The place of a charge on the Earth: GeoJSON and KML."""
+"""The position of a charge on the Earth: GeoJSON and KML."""
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,14 +31,14 @@ FOLDERS = {
     "shock ring": "Peak overpressure",
 }
 FILLED, FAINT = "26", "0d"
-"""How opaque areas are, of ff: what is below is to be seen."""
+"""Opacity of areas, of ff: the map below stays visible."""
 DECIMALS = 9
-"""Of a degree: a tenth of a millimetre."""
+"""Decimals of a degree: 1e-9 degree is a tenth of a millimetre."""
 CORNERS = 120
-"""Of a circle: its area is 0.05 % short."""
+"""Corners of a circle: the polygon's area is 0.05 % too small."""
 CHARGE, ELLIPSE, RING, OTHER = "#d55e00", "#0072b2", "#666666", "#cc79a7"
 Ring = Float[np.ndarray, "_ 2"]
-"""Longitude and latitude [degree] of corners, the first one once."""
+"""Longitude and latitude [degree] of corners; the first one is not repeated."""
 Polygon = tuple[Ring, ...]
 """An outline, anticlockwise, and its holes, clockwise."""
 
@@ -46,15 +46,15 @@ Polygon = tuple[Ring, ...]
 def write_place(
     fit: Fit, directory: Path, accepted: Accepted | None = None
 ) -> list[Path]:
-    """Write the map in degrees, where the log or its scene says where on the Earth.
+    """Write the map in degrees, if the log or its scene has a position on the Earth.
 
     Args:
         fit: The fit.
-        directory: Where to; it is there.
-        accepted: Published values by parameter name, each with where it comes from.
+        directory: Output directory, which exists.
+        accepted: Published values by parameter name, each with its source.
 
     Returns:
-        The files written; none without a frame, or without a sensor's place.
+        The files written; none without a frame, or without positions of sensors.
     """
     frame = fit.observations.frame
     shown = None if frame is None else ground_map(fit, accepted)
@@ -71,15 +71,15 @@ def write_place(
 
 @dataclass(frozen=True)
 class Feature:
-    """One thing on the map.
+    """A feature of the map.
 
     Attributes:
         kind: "sensor", "charge", "ellipse", "region", "shock ring", "other optimum".
-        name: What a reader calls it.
-        colour: As #rrggbb.
-        point: Longitude and latitude [degree] of what is a place.
-        polygons: Of what has an area, none of them across the 180th meridian.
-        properties: Numbers of it, units in their names.
+        name: Display name.
+        colour: Colour as #rrggbb.
+        point: Longitude and latitude [degree]; None for an area.
+        polygons: The area, none of its polygons across the 180th meridian.
+        properties: Numbers by name, with units in the names.
     """
 
     kind: str
@@ -94,8 +94,8 @@ def kml(features: Sequence[Feature], title: str) -> str:
     """Return the text of a document with a folder for each kind of feature.
 
     Args:
-        features: What it holds, in any order.
-        title: What a viewer calls it.
+        features: The features, in any order.
+        title: Name of the document in a viewer.
     """
     root, document = new_document(title)
     order = list(FOLDERS)
@@ -129,7 +129,8 @@ def _placemark(folder: ET.Element, feature: Feature) -> None:
 
 
 def _style(mark: ET.Element, feature: Feature) -> None:
-    """Write colours, which KML has as alpha, blue, green, red."""
+    """Write the colours of a feature."""
+    # KML orders the bytes of a colour alpha, blue, green, red
     red, green, blue = (feature.colour[k : k + 2] for k in (1, 3, 5))
     colour = blue + green + red
     style = ET.SubElement(mark, "Style")
@@ -150,9 +151,9 @@ def _boundary(area: ET.Element, side: str, ring: Ring) -> None:
 
 
 def geojson(features: Sequence[Feature]) -> str:
-    """Return the text of a feature collection, a line a feature.
+    """Return the text of a feature collection, one line a feature.
 
-    Colours are named as simplestyle-spec 1.1 names them, which viewers know.
+    Colours have the names of simplestyle-spec 1.1, which viewers support.
     """
     lines = [
         json.dumps(_feature(f), ensure_ascii=False, allow_nan=False) for f in features
@@ -197,12 +198,12 @@ def _closed(polygon: Polygon) -> list[list[list[float]]]:
 
 
 def features(shown: GroundMap, frame: Frame, fit: Fit) -> tuple[Feature, ...]:
-    """Return everything on a map in WGS84, areas first so that points lie above them.
+    """Return the features of a map in WGS84, areas first so that points lie above them.
 
     Args:
-        shown: What the map shows.
-        frame: Where its east, north, up are counted from.
-        fit: The answer, for the numbers of its charges.
+        shown: Contents of the map.
+        frame: Origin of its east, north, up.
+        fit: The fit, for the estimates of its charges.
     """
     found = [
         feature
@@ -247,7 +248,7 @@ def _charge(charge: ChargePlace, frame: Frame, found: Summary, label) -> Iterato
         name=charge.name or "charge",
         colour=CHARGE,
         point=_point(frame, charge.position),
-        properties={"place": "fitted" if charge.asked else "given", **properties},
+        properties={"place": "fitted" if charge.is_fitted else "given", **properties},
     )
     for east, north in charge.elsewhere:
         yield Feature(
@@ -270,8 +271,9 @@ def _areas(charge: ChargePlace, frame: Frame) -> Iterator[Feature]:
             properties={"share": region.share},
         )
     for ellipse in reversed(charge.ellipses):
+        # with one free coordinate the ellipse is a line, and has no area
         if not ellipse.minor > 0.0:
-            continue  # one coordinate was asked for: no area
+            continue
         yield Feature(
             kind="ellipse",
             name=f"{100 * ellipse.share:.0f} % ellipse{of}",
@@ -332,7 +334,7 @@ def without_crossing(rings: Sequence[Ring]) -> list[Polygon]:
     """Return an area as one polygon, or as two on either side of the 180th meridian.
 
     Args:
-        rings: Its outline and holes, longitudes -180 to 180; none goes around a pole.
+        rings: Outline and holes, longitudes -180 to 180; none encloses a pole.
     """
     start = rings[0][0, 0]
     turned = [_continuous(ring, start) for ring in rings]
@@ -351,18 +353,18 @@ def without_crossing(rings: Sequence[Ring]) -> list[Polygon]:
 
 
 def _continuous(ring: Ring, start: float) -> Ring:
-    """Return a ring without jumps of a turn, its first longitude nearest to one."""
+    """Return a ring without jumps of 360 degrees, starting near a longitude."""
     lon = np.rad2deg(np.unwrap(np.deg2rad(ring[:, 0])))
     near = 360.0 * np.round((start - lon[0]) / 360.0)
-    # only what had jumped is changed: a turn there and back costs rounding
+    # unwrapping rounds, so longitudes that did not jump keep their exact values
     lon = np.where(np.abs(lon - ring[:, 0]) < 1.0, ring[:, 0], lon) + near
     return np.stack([lon, ring[:, 1]], axis=-1)
 
 
 def _clipped(ring: Ring, cut: float, side: float) -> Ring:
-    """Return what of a ring lies below a longitude (side 1), or above it (-1).
+    """Return the part of a ring below a longitude (side 1), or above it (side -1).
 
-    By Sutherland and Hodgman (1974): corners on the side, and where edges pass.
+    Sutherland and Hodgman (1974): corners on that side, and crossings of edges.
     """
     found = []
     for one, other in zip(ring, np.roll(ring, -1, axis=0), strict=True):

@@ -46,58 +46,63 @@ from jblast.report.fit.place import (
 from jblast.report.fit.rows import Accepted
 from jblast.report.words import printed_number, unit_for
 
-WIDE, CLOSE, KEY = 5.4, 4.4, 1.9
-"""Of the map, of what it shows larger, and of all that stands beside a map [inch]."""
-TALLEST = 1.25
-"""Height over width of the tallest map."""
-LETTERS = 13
-"""An inch, of the notes below."""
-MOST_NAMES = 40
-"""Of more sensors only the suspected are named."""
-CALM = 0.05
-"""Less wind than this is none [m/s]."""
-HALF = 17.0
+MAP_WIDTH, CLOSE_WIDTH, KEY_WIDTH = 5.4, 4.4, 1.9
+"""Widths of the map, of the enlarged map, and of axis labels with colour bar [inch]."""
+MAX_ASPECT = 1.25
+"""Largest height over width of a map: a taller one does not fit a page."""
+CHARACTERS_PER_INCH = 13
+"""Characters per inch of the notes below a map, at 9 points."""
+MAX_NAMED_SENSORS = 40
+"""With more sensors only the suspected ones are named, as names would overlap."""
+CALM_M_S = 0.05
+"""Wind below this is not drawn [m/s]: it would be printed as 0.0."""
+HALF_ARROW = 17.0
 """Half the length of an arrow [point]."""
-EDGE = 26.0
-"""From the sides of a map to the middle of what stands in its corner [point]."""
-BESIDE = 52.0
-"""From the arrow to the north to the wind's [point]."""
-SIZE = 8.5
-"""Of the letters [point]."""
+CORNER_OFFSET = 26.0
+"""Distance of a compass arrow from the sides of the map [point]."""
+ARROW_SPACING = 52.0
+"""Distance from the north arrow to the wind arrow [point]: room for its label."""
+FONT_SIZE = 8.5
+"""Size of names [point]."""
 MAX_LABEL = 18
-GAP, FAR = 6.0, 9.0
-"""From a place to its name, and from one that is ringed [point]."""
+"""Longest name that is written in full [characters]."""
+GAP, RINGED_GAP = 6.0, 9.0
+"""Distance of a name from its marker, and from a ringed marker [point]."""
 HALO = [withStroke(linewidth=2.5, foreground="white")]
-"""Behind letters that stand on lines."""
+"""White outline that separates text from lines below it."""
 Box = tuple[float, ...]
 """Left, lower, right, upper [point]."""
-MOST_DRAWS = 600
+MAX_DRAWS = 600
+"""Draws in an enlarged map: more of them merge into one spot."""
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6}
 UNLABELLED_RING = 0.05
-"""A ring smaller than this share of the map has no label."""
+"""A ring whose radius is below this share of the map's width has no label: the label
+would cover the ring."""
 
 
 def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
-    """Draw an answer on the ground; None where no sensor's place is known.
+    """Draw the answer on a map; None if no sensor's position is known.
 
-    Where a charge is known so well that its ellipse would be a dot, the place about it
-    is drawn once more beside the map.
+    If the ellipse of a charge would be a dot, an enlarged map is drawn next to it.
 
     Args:
         fit: The fit.
-        accepted: Published values by parameter name, each with where it comes from.
+        accepted: Published values by parameter name, each with its source.
     """
     shown = ground_map(fit, accepted)
     if shown is None:
         return None
     view = whole_view(shown)
     near = [(c, v) for c in shown.charges if (v := close_view(c, view))][:1]
-    width = WIDE + KEY + CLOSE * len(near)
-    notes = map_notes(shown, view, round(LETTERS * width))
-    height = WIDE * min(view.height / view.width, TALLEST)
+    width = MAP_WIDTH + KEY_WIDTH + CLOSE_WIDTH * len(near)
+    notes = map_notes(shown, view, round(CHARACTERS_PER_INCH * width))
+    height = MAP_WIDTH * min(view.height / view.width, MAX_ASPECT)
     figure = new_figure(width, height + 1.35 + 0.17 * len(notes))
     grid = figure.subplots(
-        1, 1 + len(near), squeeze=False, width_ratios=[WIDE + KEY] + [CLOSE] * len(near)
+        1,
+        1 + len(near),
+        squeeze=False,
+        width_ratios=[MAP_WIDTH + KEY_WIDTH] + [CLOSE_WIDTH] * len(near),
     )[0]
     _map(grid[0], shown, view, {charge.shot for charge, _ in near})
     for charge, close in near:
@@ -113,20 +118,20 @@ def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
 def _map(axes: Axes, shown: GroundMap, view: View, larger: set[int]) -> None:
     _frame(axes, view)
     for charge in shown.charges:
-        # where its place is drawn larger, a cross would only hide it here
+        # the enlarged map shows the accepted position; here it would hide the star
         draw_charge(axes, charge, view, with_accepted=charge.shot not in larger)
     for station in shown.stations:
         _sensor(axes, station)
     labels = [
         _label(s.name, s.position, VERMILLION if s.suspected else INK, s.suspected)
         for s in shown.stations
-        if s.suspected or len(shown.stations) <= MOST_NAMES
+        if s.suspected or len(shown.stations) <= MAX_NAMED_SENSORS
     ]
     labels += [
         _label(charge.name or "charge", charge.position, VERMILLION, True)
         for charge in shown.charges
     ]
-    draw_labels(axes, view, 72 * WIDE, labels)
+    draw_labels(axes, view, 72 * MAP_WIDTH, labels)
     places = [s.position[:2] for s in shown.stations]
     places = np.array([*places, *(c.position[:2] for c in shown.charges)])
     first, second = free_corners(view, places)[:2]
@@ -137,7 +142,7 @@ def _map(axes: Axes, shown: GroundMap, view: View, larger: set[int]) -> None:
 
 @dataclass(frozen=True)
 class Label:
-    """A name at a place (east, north) [m], in a colour."""
+    """A name at a position (east, north) [m], in a colour."""
 
     name: str
     east: float
@@ -201,19 +206,20 @@ def draw_compass(
     """Draw an arrow to the north, and one along the wind, in a corner.
 
     Args:
-        axes: Of a map.
-        corner: As shares of width and height.
+        axes: Axes of a map.
+        corner: Corner as shares of width and height.
         wind: Speed of the air towards east and north [m/s].
     """
     inward = 1.0 if corner[0] < 0.5 else -1.0
     upward = 1.0 if corner[1] < 0.5 else -1.0
-    level = upward * EDGE + 5.0
-    _arrow(axes, corner, (0.8 * inward * EDGE, level), (0.0, 1.0), "N", INK)
+    level = upward * CORNER_OFFSET + 5.0
+    _arrow(axes, corner, (0.8 * inward * CORNER_OFFSET, level), (0.0, 1.0), "N", INK)
     speed = math.hypot(*wind)
-    if speed >= CALM:
-        said = f"wind {printed_number('_m_s', speed, 2)}"
+    if speed >= CALM_M_S:
+        label = f"wind {printed_number('_m_s', speed, 2)}"
         along = wind[0] / speed, wind[1] / speed
-        _arrow(axes, corner, (inward * (EDGE + BESIDE), level), along, said, BLUE)
+        offset = inward * (CORNER_OFFSET + ARROW_SPACING), level
+        _arrow(axes, corner, offset, along, label, BLUE)
 
 
 def _arrow(
@@ -221,16 +227,18 @@ def _arrow(
     corner: tuple[float, float],
     offset: tuple[float, float],
     along: tuple[float, float],
-    said: str,
+    label: str,
     colour: str,
 ) -> None:
-    """Draw an arrow, of any direction, with words below it [point]."""
+    """Draw an arrow of any direction with a label below it; offset in points."""
     assert axes.figure is not None
     inches = axes.figure.dpi_scale_trans
     place = axes.transAxes + ScaledTranslation(offset[0] / 72, offset[1] / 72, inches)
     ends = [
         place
-        + ScaledTranslation(s * along[0] * HALF / 72, s * along[1] * HALF / 72, inches)
+        + ScaledTranslation(
+            s * along[0] * HALF_ARROW / 72, s * along[1] * HALF_ARROW / 72, inches
+        )
         for s in (-1.0, 1.0)
     ]
     axes.annotate(
@@ -242,9 +250,9 @@ def _arrow(
         arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6},
         zorder=6,
     )
-    below = place + ScaledTranslation(0.0, -(HALF + 3) / 72, inches)
+    below = place + ScaledTranslation(0.0, -(HALF_ARROW + 3) / 72, inches)
     axes.text(
-        *corner, said, transform=below, ha="center", va="top", fontsize=8.5,
+        *corner, label, transform=below, ha="center", va="top", fontsize=8.5,
         color=colour, path_effects=HALO, zorder=6,
     )  # fmt: skip
 
@@ -253,9 +261,9 @@ def draw_scale_bar(axes: Axes, view: View, corner: tuple[float, float]) -> None:
     """Draw a bar of a round length in a corner.
 
     Args:
-        axes: Of a map.
-        view: What they show.
-        corner: As shares of width and height.
+        axes: Axes of a map.
+        view: View of the map.
+        corner: Corner as shares of width and height.
     """
     length = round_length(0.3 * view.width)
     edge = 0.04 * view.width
@@ -284,7 +292,7 @@ def draw_scale_bar(axes: Axes, view: View, corner: tuple[float, float]) -> None:
 
 
 class Side(NamedTuple):
-    """How a name stands beside its place: offset [point] and alignment."""
+    """Position of a name relative to its marker: offset [point] and alignment."""
 
     dx: float
     dy: float
@@ -293,12 +301,12 @@ class Side(NamedTuple):
 
 
 def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -> None:
-    """Write names beside their places; one that finds no room is left out.
+    """Write names next to their markers; a name without room is left out.
 
     Args:
-        axes: Where to.
-        view: What they show.
-        width: How wide they are drawn [point].
+        axes: Axes of a map.
+        view: View of the map.
+        width: Width of the axes [point].
         labels: The names; those that are `needed` are always written.
     """
     scale = width / view.width
@@ -311,10 +319,12 @@ def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -
         zip(labels, marks, strict=True), key=lambda pair: not pair[0].needed
     ):
         name = label.name if len(label.name) <= MAX_LABEL else label.name[:17] + "…"
-        room = _room(name, mark, FAR if label.needed else GAP, frame, taken, marks)
+        room = _room(
+            name, mark, RINGED_GAP if label.needed else GAP, frame, taken, marks
+        )
         if room is None and not label.needed:
             continue
-        side, box = room or _sides(name, mark, FAR)[0]
+        side, box = room or _sides(name, mark, RINGED_GAP)[0]
         taken.append(box)
         axes.annotate(
             name,
@@ -323,7 +333,7 @@ def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -
             textcoords="offset points",
             ha=side.ha,
             va=side.va,
-            fontsize=SIZE,
+            fontsize=FONT_SIZE,
             color=label.colour,
             parse_math=False,
             path_effects=HALO,
@@ -332,7 +342,7 @@ def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -
 
 
 def _room(name, mark, gap, frame: Box, taken: list[Box], marks):
-    """Return the first side of a place where its name hides nothing, else None."""
+    """Return the first side of a marker where its name hides nothing, else None."""
     for side, box in _sides(name, mark, gap):
         inside = (
             frame[0] <= box[0]
@@ -346,8 +356,9 @@ def _room(name, mark, gap, frame: Box, taken: list[Box], marks):
 
 
 def _sides(name: str, mark: tuple[float, float], gap: float) -> list[tuple[Side, Box]]:
-    """Return where a name may stand beside its place: right, left, above, below."""
-    wide, high = 0.62 * SIZE * len(name), 1.15 * SIZE
+    """Return the boxes for a name right, left, above and below its marker."""
+    # 0.62 em is the mean width of a character of DejaVu Sans, 1.15 em its line
+    wide, high = 0.62 * FONT_SIZE * len(name), 1.15 * FONT_SIZE
     x, y = mark
     return [
         (
@@ -370,7 +381,7 @@ def _sides(name: str, mark: tuple[float, float], gap: float) -> list[tuple[Side,
 
 
 def _hides(box, taken, marks, own) -> bool:
-    """Return whether a box lies over another name, or over another place."""
+    """Return whether a box overlaps another name or another marker."""
     left, low, right, high = box
     over = any(
         left < other[2] and other[0] < right and low < other[3] and other[1] < high
@@ -391,23 +402,23 @@ def draw_charge(
     close: bool = False,
     with_accepted: bool = True,
 ) -> None:
-    """Draw a charge's place, its ellipses or regions, and its rings.
+    """Draw a charge's position, its ellipses or regions, and its rings.
 
     Args:
-        axes: Of a map.
+        axes: Axes of a map.
         charge: The charge.
-        view: What the axes show.
-        close: Whether they show the place alone, and draws of it.
-        with_accepted: Whether to mark the accepted place.
+        view: View of the map.
+        close: Whether the map is the enlarged one, which shows draws.
+        with_accepted: Whether to mark the accepted position.
     """
     east, north, _ = charge.position
     for ring in charge.rings:
         _ring(axes, ring, (float(east), float(north)), view)
     if close and charge.draws is not None:
-        few = charge.draws[:: max(len(charge.draws) // MOST_DRAWS, 1)]
+        few = charge.draws[:: max(len(charge.draws) // MAX_DRAWS, 1)]
         axes.plot(*few.T, ".", color=BLUE, markersize=2.5, alpha=0.35, zorder=2)
     for ellipse in charge.ellipses:
-        # beside a region that says it better it is a thin line alone
+        # where a region is drawn the ellipse misleads: a thin line without a fill
         style = (0, (2, 2)) if charge.regions else "-"
         outline = _closed(ellipse.outline(120))
         width = 0.8 if charge.regions else 1.4
@@ -450,7 +461,7 @@ def _ring(axes: Axes, ring: ShockRing, centre: tuple[float, float], view: View) 
     )
     if ring.range_m < UNLABELLED_RING * view.width:
         return
-    # where the ring is in view: first to the north, then round by the east
+    # the label stands at the first point of the ring in view, clockwise from 30 degrees
     for turn in np.deg2rad(np.arange(60.0, -300.0, -15.0)):
         x = centre[0] + ring.range_m * math.cos(turn)
         y = centre[1] + ring.range_m * math.sin(turn)

@@ -41,7 +41,7 @@ from jblast.report.words import joined, parameter_words, quantity_words
 
 @dataclass(frozen=True)
 class Shown:
-    """A picture on the page: where its pixels are, and what it shows in words."""
+    """A figure of the page: source of its pixels, alternative text and caption."""
 
     heading: str
     source: str
@@ -61,11 +61,10 @@ def report_page(
 
     Args:
         fit: The fit.
-        pictures: Those that were drawn, by name: "map", "recordings", "residuals",
-            "corner".
-        made: What the answer was made of.
-        accepted: Published values by parameter name, each with where it comes from.
-        extra_warnings: What went wrong since the fit, such as a figure not drawn.
+        pictures: The figures by name: "map", "recordings", "residuals", "corner".
+        made: Provenance of the answer.
+        accepted: Published values by parameter name, each with its source.
+        extra_warnings: Failures since the fit, such as a figure that was not drawn.
     """
     found, name, used = fit.summary, log_name(fit), laws_used(fit)
     p = goodness_p(found)
@@ -104,7 +103,10 @@ def report_page(
 
 
 def _warnings(fit: Fit) -> list[str]:
-    """Return the answer's warnings, the log by its name: others will read the page."""
+    """Return the warnings with the log's name instead of its path.
+
+    The page may be passed on, and a path can contain private names.
+    """
     source = fit.observations.source
     texts = all_words(fit.summary.warnings)
     return [t.replace(source, log_name(fit)) if source else t for t in texts]
@@ -125,22 +127,22 @@ def _shown(fit: Fit, kind: str, picture: Picture) -> Shown:
             f"Recordings against {along}",
             f"Plot of {quantities} against {along}: recordings with error bars, the "
             "law at the answer and its 5 to 95 % band.",
-            "The band is what the posterior leaves open with the law taken as exact. "
-            "Error bars hold the recording's error and the law's scatter from record "
-            "to record; a whole shot or path may lie to one side by what it shares.",
+            "The band is the posterior uncertainty, without model error. Error bars "
+            "include the recording's error and the law's scatter from record to "
+            "record. The scatter that a shot or path shares shifts all its points to "
+            "one side.",
         ),
         "residuals": (
             "Residuals",
             f"Plot of residuals in standard deviations against {along}, with lines at "
             "plus and minus 2. " + goodness_sentence(fit.summary),
-            "About nineteen of twenty should lie between the dashed lines, "
-            "without a trend.",
+            "About 95 % should lie between the dashed lines, without a trend.",
         ),
         "corner": (
             "Posterior",
             f"Posterior of the fitted parameters: {values}. {absent_note(fit)}".strip(),
-            "Draws of the posterior: how far each number may be off, and what moves "
-            "together with it.",
+            "Draws of the posterior: the uncertainty of each parameter, and the "
+            "correlations between parameters.",
         ),
     }[kind]
     return Shown(heading, picture.source, alt, caption, picture.width)

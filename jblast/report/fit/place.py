@@ -1,4 +1,4 @@
-"""Positions of the charge and the sensors, for the map and in words."""
+"""Positions of the charge and the sensors, for the map and as text."""
 
 import math
 import textwrap
@@ -28,28 +28,31 @@ from jblast.report.fit.rows import Accepted, outlier_rows
 from jblast.report.words import law_words, printed_number
 
 EDGES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
-"""Between colours [sd]."""
+"""Residuals at which the colour changes [sd]: 2 and 3 sd are what readers look for."""
 COLOURS = (
     *("#2166ac", "#67a9cf", "#d1e5f0"),
     "#f7f7f7",
     *("#fddbc7", "#ef8a62", "#b2182b"),
 )
-"""Brewer's RdBu of seven, told apart by colour-blind readers."""
-NONE = "#b0b0b0"
-"""Of a sensor without a residual."""
+"""ColorBrewer's RdBu with seven classes, which is safe for colour-blind readers."""
+NO_RESIDUAL = "#b0b0b0"
+"""Colour of a sensor without a residual."""
 MARGIN = 0.12
-NARROWEST = 0.5
-"""Height over width of the flattest map, and width over height of the narrowest."""
+"""Margin of a map as a share of its positions' extent: room for names."""
+MIN_ASPECT = 0.5
+"""Least height over width, and width over height, of a map: sensors in a line would
+otherwise make a strip without room for names."""
 INSET_BELOW = 0.1
-"""An ellipse smaller than this share of the map is drawn again, enlarged."""
+"""An ellipse below this share of the map's side gets an enlarged map: on a map of 5
+inches it is half an inch, about two star markers."""
 SHARES = (0.5, 0.9)
-"""Of the posterior, one ellipse each."""
+"""Shares of the posterior, one ellipse each."""
 
 
 def residual_colour(residual_sd: float) -> str:
     """Return the colour of a residual [sd] as #rrggbb."""
     if math.isnan(residual_sd):
-        return NONE
+        return NO_RESIDUAL
     steps = sum(abs(residual_sd) > edge for edge in EDGES if edge > 0.0)
     return COLOURS[len(COLOURS) // 2 + (steps if residual_sd > 0.0 else -steps)]
 
@@ -62,32 +65,32 @@ def earth_lines(fit: Fit) -> list[str]:
         found = earth.charges_on_earth[shot]
         named = f"{charge.name}: it" if charge.name else "It"
         why = "if the clocks agree" if rests_on_clocks(fit, shot) else "as given"
-        said = [f"{named} stood at {_place(found.place, why)}"] if found.place else []
+        parts = [f"{named} was at {_place(found.place, why)}"] if found.place else []
         if found.origin_time_utc:
             when = _time(fit, f"origin_time_s{fit.scene.label(charge)}")
             by = f" by the clock {earth.origin_clock}" if earth.origin_clock else ""
-            who = "it" if said else named
-            said.append(f"{who} exploded at {when}{by}")
-        if said:
-            lines.append("; ".join(said) + ".")
+            subject = "it" if parts else named
+            parts.append(f"{subject} exploded at {when}{by}")
+        if parts:
+            lines.append("; ".join(parts) + ".")
     return lines
 
 
 def _place(place: PlaceOnEarth, without_ellipse: str) -> str:
-    """Return a place and the ellipse about it, or why there is none."""
+    """Return a position with its 90 % ellipse, or the reason for having none."""
     at = degrees(place.lat_deg, place.lon_deg)
     if place.ellipse_90_m is None:
         return f"{at}, {without_ellipse}"
     major, minor, azimuth = place.ellipse_90_m
     long, wide = (printed_number("_m", 2.0 * half, 2) for half in (major, minor))
     return (
-        f"{at}, 90 % within an ellipse of {long} by {wide}, its longer axis towards "
+        f"{at}, 90 % ellipse {long} by {wide}, longer axis towards "
         f"{math.degrees(azimuth):.0f} degrees"
     )
 
 
 def _time(fit: Fit, name: str) -> str:
-    """Return an origin time as far as it is known: 2020-08-04 15:08:18.31 UTC."""
+    """Return an origin time to its significant digits: 2020-08-04 15:08:18.31 UTC."""
     epoch, estimate = (
         fit.observations.epoch,
         fit.summary.estimates.get(name, Estimate()),
@@ -109,24 +112,24 @@ class ChargePlace:
     """A charge on the map.
 
     Attributes:
-        name: Of the charge; "" where there is one.
-        shot: Which of the scene's charges.
+        name: Name of the charge; "" if there is only one.
+        shot: Index of the charge in the scene.
         position: East, north, up at the answer [m].
-        asked: Whether its place was sought, not given.
-        draws: Of its place, (east, north) [m]; None where it was given.
-        ellipses: One for each of `SHARES`; none where it was given.
-        regions: Likewise where an ellipse would mislead.
-        rings: Where its peak overpressure has fallen to some values.
+        is_fitted: Whether its position was fitted, not fixed.
+        draws: Draws of its position (east, north) [m]; None if it was fixed.
+        ellipses: One ellipse for each of `SHARES`; none if it was fixed.
+        regions: One credible region for each of `SHARES`, if an ellipse would mislead.
+        rings: Ranges at which its peak overpressure falls to some values.
         elsewhere: Other optima, (east, north) [m].
-        accepted: Where it stood by a published value (east, north) [m], if known.
-        rests_on_clocks: Whether the place is identified only if clocks agree that were
-            taken to; then it has neither ellipses nor regions.
+        accepted: Published position (east, north) [m], if known.
+        rests_on_clocks: Whether the position is identified only if clocks agree that
+            were assumed to; then it has neither ellipses nor regions.
     """
 
     name: str
     shot: int
     position: Float[np.ndarray, "3"]
-    asked: bool
+    is_fitted: bool
     draws: Float[np.ndarray, "draw 2"] | None
     ellipses: tuple[ConfidenceEllipse, ...]
     regions: tuple[CredibleRegion, ...]
@@ -141,9 +144,9 @@ class Station:
     """A sensor on the map.
 
     Attributes:
-        name: As in the log.
+        name: Name in the log.
         position: East, north, up [m].
-        residuals: Pairs of quantity and residual [sd], a row of the log each.
+        residuals: Pairs of quantity and residual [sd], one per row of the log.
         suspected: Whether one of them is a suspected outlier.
     """
 
@@ -154,20 +157,20 @@ class Station:
 
     @property
     def worst(self) -> float:
-        """The residual that is furthest from 0 [sd]; NaN where there is none."""
+        """The residual that is furthest from 0 [sd]; NaN if there is none."""
         finite = [r for _, r in self.residuals if np.isfinite(r)]
         return max(finite, key=abs, default=float("nan"))
 
 
 @dataclass(frozen=True)
 class GroundMap:
-    """What a map shows.
+    """Contents of a map.
 
     Attributes:
-        stations: The sensors whose places are known.
-        charges: Those whose places are.
-        wind: Towards east and north [m/s].
-        frame: Where on the Earth east, north, up are counted from; None if unknown.
+        stations: Sensors with known positions.
+        charges: Charges with known or fitted positions.
+        wind: Wind towards east and north [m/s].
+        frame: Origin of east, north, up on the Earth; None if unknown.
     """
 
     stations: tuple[Station, ...]
@@ -196,7 +199,7 @@ class View:
         return self.north - self.south
 
     def holds(self, east: float, north: float) -> bool:
-        """Return whether a place lies in it."""
+        """Return whether a position lies in the view."""
         inside = self.west <= east <= self.east
         return bool(inside and self.south <= north <= self.north)
 
@@ -205,23 +208,23 @@ def map_notes(shown: GroundMap, view: View, width: int) -> list[str]:
     """Return the lines below a map: its key, rings, corners in degrees.
 
     Args:
-        shown: What the map shows.
-        view: Which part of the ground that is.
-        width: Of a line [letters].
+        shown: Contents of the map.
+        view: Rectangle of ground that is shown.
+        width: Width of a line [characters].
     """
     key = ["circles: sensors"]
     if any(charge.rests_on_clocks for charge in shown.charges):
         key += ["star: charge, if the clocks agree; no ellipse without that"]
-    elif any(charge.asked for charge in shown.charges):
+    elif any(charge.is_fitted for charge in shown.charges):
         regions = any(charge.regions for charge in shown.charges)
         key += ["star: charge"]
         key += ["blue: 50 and 90 % of the posterior" + ", dashed as ellipses" * regions]
     elif shown.charges:
-        key += ["star: charge, its place given"]
+        key += ["star: charge, position fixed"]
     else:
-        key += ["the log cannot tell where the charge stood"]
+        key += ["the position of the charge is not identified"]
     if any(charge.accepted for charge in shown.charges):
-        key += ["cross: accepted place, if in view"]
+        key += ["cross: accepted position, if in view"]
     if any(charge.elsewhere for charge in shown.charges):
         key += ["orange crosses: other optima"]
     if any(station.suspected for station in shown.stations):
@@ -251,7 +254,7 @@ def _broken(parts: list[str], between: str, width: int) -> list[str]:
 
 
 def ring_lines(charge: ChargePlace) -> list[str]:
-    """Say how far a charge's shock went, in one line; none without rings."""
+    """Return a line with the ranges of some peak overpressures; none without rings."""
     if not charge.rings:
         return []
     of = f" of {charge.name}" if charge.name else ""
@@ -260,9 +263,9 @@ def ring_lines(charge: ChargePlace) -> list[str]:
         f"{printed_number('_m', ring.range_m, 3)}" + "*" * (not ring.valid)
         for ring in charge.rings
     ]
-    # a number is not parted from its unit where a line is broken
+    # no-break spaces keep a number and its unit on one line
     reach = ", ".join(reaches).replace(" kPa", "\u00a0kPa").replace(" m", "\u00a0m")
-    outside = "; * outside the law, dashed" * any(not r.valid for r in charge.rings)
+    outside = "; * outside the law's range" * any(not r.valid for r in charge.rings)
     law = law_words(charge.rings[0].law)
     wide = any(ring.range_q05_m < ring.range_q95_m for ring in charge.rings)
     band = ", with its 90 % band" if wide else ""
@@ -270,20 +273,20 @@ def ring_lines(charge: ChargePlace) -> list[str]:
 
 
 def degrees(lat: float, lon: float) -> str:
-    """Return a place as 47.12345° N, 8.54321° E."""
+    """Return a position as 47.12345° N, 8.54321° E."""
     ns, ew = "N" if lat >= 0 else "S", "E" if lon >= 0 else "W"
     return f"{abs(lat):.5f}° {ns}, {abs(lon):.5f}° {ew}"
 
 
 def absent_map_note(fit: Fit) -> str:
-    """Say why there is no map."""
+    """Return the reason for having no map."""
     if np.isfinite(fit.observations.slant_range).any():
-        return "No map: the log gives ranges, and no place of a sensor."
-    return "No map: the log names no place of a sensor."
+        return "No map: the log has ranges, but no positions of sensors."
+    return "No map: the log has no positions of sensors."
 
 
 def map_alt(fit: Fit) -> str:
-    """Say in words what a map shows, for who cannot see it."""
+    """Return the alternative text of a map, for screen readers."""
     parts = []
     for shot, charge in enumerate(fit.scene.charges):
         if (ellipse := charge_ellipse(fit, shot=shot)) is not None:
@@ -293,33 +296,33 @@ def map_alt(fit: Fit) -> str:
                 for half in (ellipse.major, ellipse.minor)
             )
             parts.append(
-                f"{100 * ellipse.share:.0f} % ellipse{of} {long} by {wide}, its longer "
+                f"{100 * ellipse.share:.0f} % ellipse{of} {long} by {wide}, longer "
                 f"axis at {ellipse.azimuth_deg:.0f}° from north"
             )
     return "; ".join(["Map of sensors, coloured by residual, and charge", *parts]) + "."
 
 
 def map_caption(fit: Fit) -> str:
-    """Say how a map is to be read."""
+    """Return the caption of a map."""
     words = (
-        "Each sensor has the colour of its residual that is furthest from 0. The blue "
-        "areas hold half and nine tenths of the draws of the charge's place; the grey "
-        "bands are what the posterior of the mass leaves open, the law taken as exact, "
-        "the air still and the ground level."
+        "The colour of a sensor is its largest residual. The blue areas contain 50 and "
+        "90 % of the draws of the charge's position. The grey bands show the posterior "
+        "of the mass, for still air and level ground and without model error."
     )
     if fit.observations.frame is not None:
-        words += " place.geojson and place.kml hold the same in degrees."
+        words += " place.geojson and place.kml contain the same map in degrees."
     return words
 
 
 def view_of(places: Float[np.ndarray, "place 2"]) -> View:
-    """Return the view that shows all places (east, north) [m] with a margin."""
+    """Return the view that shows all positions (east, north) [m] with a margin."""
     low, high = places.min(axis=0), places.max(axis=0)
     span = np.maximum(high - low, 1e-12)
-    if span.max() < 1e-9:  # one place: ten metres about it
+    # a single position has no extent, and an axis needs one: ten metres
+    if span.max() < 1e-9:
         span[:] = 10.0
     size = np.maximum(
-        span * (1 + 2 * MARGIN), NARROWEST * span.max() * (1 + 2 * MARGIN)
+        span * (1 + 2 * MARGIN), MIN_ASPECT * span.max() * (1 + 2 * MARGIN)
     )
     middle = 0.5 * (low + high)
     (west, south), (east, north) = middle - size / 2, middle + size / 2
@@ -327,7 +330,7 @@ def view_of(places: Float[np.ndarray, "place 2"]) -> View:
 
 
 def whole_view(shown: GroundMap) -> View:
-    """Return the view of all sensors and charges, and of where those may have stood."""
+    """Return the view of all sensors, charges, ellipses and other optima."""
     places = [station.position[:2] for station in shown.stations]
     for charge in shown.charges:
         places += _places_of(charge)
@@ -336,7 +339,7 @@ def whole_view(shown: GroundMap) -> View:
 
 
 def close_view(charge: ChargePlace, whole: View) -> View | None:
-    """Return the view of where a charge may have stood; None if the map shows it."""
+    """Return the view of a charge's ellipses; None if the map is large enough."""
     if not charge.ellipses:
         return None
     size = 2 * max(ellipse.major for ellipse in charge.ellipses)
@@ -375,7 +378,7 @@ def free_corners(
 
     Args:
         view: The view.
-        places: What stands in it, (east, north) [m].
+        places: Positions in it, (east, north) [m].
     """
     size = np.array([view.width, view.height])
     shares = (places - np.array([view.west, view.south])) / size
@@ -385,11 +388,11 @@ def free_corners(
 
 
 def ground_map(fit: Fit, accepted: Accepted | None = None) -> GroundMap | None:
-    """Return what a map of an answer shows; None where no sensor's place is known.
+    """Return the contents of a map; None if no sensor's position is known.
 
     Args:
         fit: The fit.
-        accepted: Published values by parameter name, each with where it comes from.
+        accepted: Published values by parameter name, each with its source.
     """
     stations = _stations(fit)
     if not stations:
@@ -406,7 +409,8 @@ def ground_map(fit: Fit, accepted: Accepted | None = None) -> GroundMap | None:
 
 def _stations(fit: Fit) -> tuple[Station, ...]:
     table, suspected = fit.observations, set(outlier_rows(fit))
-    ranged = np.isfinite(table.slant_range)  # stands for a place nobody noted
+    # a row with a range has a placeholder position, on a line from the charge
+    ranged = np.isfinite(table.slant_range)
     rows: dict[tuple[str, tuple[float, ...]], list[int]] = {}
     for row in np.flatnonzero(np.isfinite(table.position).all(axis=1) & ~ranged):
         at = tuple(float(x) for x in table.position[row])
@@ -423,14 +427,14 @@ def _stations(fit: Fit) -> tuple[Station, ...]:
 
 
 def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | None:
-    """Return one charge; None where the log cannot tell its place, or it never went."""
+    """Return one charge; None if its position is not identified or it did not fire."""
     charge = fit.scene.charges[shot]
     position = np.asarray(charge.position_m, float)
     names = [f"charge_{axis}_m{fit.scene.label(charge)}" for axis in ("east", "north")]
-    asked = not set(names).isdisjoint(fit.summary.free)
+    is_fitted = not set(names).isdisjoint(fit.summary.free)
     pair = place_draws(fit, shot)
-    untold = asked and pair is None
-    if untold or charge.range_m is not None or bool(np.isinf(charge.time_s)):
+    unknown = is_fitted and pair is None
+    if unknown or charge.range_m is not None or bool(np.isinf(charge.time_s)):
         return None
     rests = rests_on_clocks(fit, shot)
     pair = None if rests else pair
@@ -444,7 +448,7 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | Non
         name=charge.name,
         shot=shot,
         position=position,
-        asked=asked,
+        is_fitted=is_fitted,
         rests_on_clocks=rests,
         draws=draws,
         ellipses=ellipses,
@@ -458,7 +462,7 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | Non
 def _elsewhere(
     fit: Fit, names: list[str], position: Float[np.ndarray, "3"]
 ) -> tuple[tuple[float, float], ...]:
-    """Return where other optima put a charge, if elsewhere."""
+    """Return the positions of a charge at other optima, if they differ."""
     east, north = names
     places = [
         (float(of.parameters.get(east, here)), float(of.parameters.get(north, there)))

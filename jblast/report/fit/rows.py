@@ -24,9 +24,9 @@ from jblast.report.words import (
 )
 
 Accepted = Mapping[str, tuple[float | int, str]]
-"""Parameter name -> (its accepted value in SI, where that comes from)."""
-MOST_ROWS = 200
-"""A table of residuals has at most so many rows."""
+"""Parameter name -> (accepted value in SI, its source)."""
+MAX_ROWS = 200
+"""Largest number of rows in a table of residuals: about four printed pages."""
 MAX_NAMED = 5
 """Largest number of sensors with lower bounds that are named."""
 
@@ -37,8 +37,8 @@ class Comparison:
 
     Attributes:
         value: The accepted value with its unit.
-        label: Where it comes from.
-        inside: Whether it lies in the interval; None where there is no interval.
+        label: Source of the value.
+        inside: Whether the interval contains it; None if there is no interval.
     """
 
     value: str
@@ -54,14 +54,14 @@ class Comparison:
 
 
 def estimates_of(found: Summary) -> dict[str, Estimate]:
-    """Return fitted and derived numbers in one table."""
+    """Return fitted and derived estimates in one table."""
     return {**found.estimates, **found.derived}
 
 
 def compare(
     name: str, estimate: Estimate, accepted: Accepted | None
 ) -> Comparison | None:
-    """Compare one estimate with its accepted value; None where none is given."""
+    """Compare one estimate with its accepted value; None if there is none."""
     if accepted is None or name not in accepted:
         return None
     value, label = accepted[name]
@@ -75,12 +75,12 @@ class EstimateRow:
     """An estimate as the terminal and the page show it.
 
     Attributes:
-        name: Of the number.
-        value: With what stands beside it.
+        name: Name of the parameter.
+        value: Value, with the same value in another unit in brackets.
         interval: 90 % interval.
-        accepted: The accepted value; "" where none is given.
-        is_outside: Whether that lies outside of the interval.
-        is_derived: Whether the number follows from a mass.
+        accepted: The accepted value; "" if there is none.
+        is_outside: Whether the interval does not contain the accepted value.
+        is_derived: Whether the estimate is computed from a mass.
     """
 
     name: str
@@ -92,7 +92,7 @@ class EstimateRow:
 
 
 def estimate_rows(found: Summary, accepted: Accepted | None) -> list[EstimateRow]:
-    """Return a row for each fitted number, then for each derived one."""
+    """Return a row for each fitted parameter, then for each derived one."""
     rows = []
     for name, estimate in estimates_of(found).items():
         printed = printed_estimate(name, estimate)
@@ -113,13 +113,13 @@ def estimate_rows(found: Summary, accepted: Accepted | None) -> list[EstimateRow
 
 
 def fitted_words(found: Summary) -> tuple[str, str]:
-    """Return the number of recordings, and the names of the fitted numbers."""
+    """Return the number of recordings, and the names of the fitted parameters."""
     n, fitted = found.n_observations, joined(list(map(parameter_words, found.free)))
     return f"{n} recording{'s' * (n != 1)}", fitted or "nothing"
 
 
 def not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:
-    """Return the accepted names that an answer does not contain."""
+    """Return the accepted parameters that were not fitted."""
     return [name for name in accepted or {} if name not in estimates_of(found)]
 
 
@@ -127,8 +127,8 @@ def not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:
 class Row:
     """One row of the residual table, ready to print.
 
-    Of a lower bound `measured` begins with ">", and `residual` is "kept" where the law
-    says no less.
+    For a lower bound `measured` begins with ">", and `residual` is "satisfied" if the
+    law predicts at least that value.
     """
 
     line: str
@@ -143,14 +143,15 @@ class Row:
 
 
 def log_name(fit: Fit) -> str:
-    """Return the log's file name without its folder, or "" for one made here."""
+    """Return the log's file name without its folder, or "" for one made in memory."""
     return PurePosixPath(fit.observations.source.replace("\\", "/")).name
 
 
 def outlier_rows(fit: Fit) -> tuple[int, ...]:
-    """Return the rows that `suspected_outliers` names.
+    """Return the rows of the suspected outliers.
 
-    A sensor may give a quantity twice; then the row nearest to the named residual.
+    Of several rows with one sensor and quantity the one with the nearest residual is
+    taken.
     """
     table, found = fit.observations, []
     for outlier in fit.summary.suspected_outliers:
@@ -167,11 +168,11 @@ def outlier_rows(fit: Fit) -> tuple[int, ...]:
 
 
 def residual_rows(fit: Fit) -> list[Row]:
-    """Return the log's rows in order; of a long log the largest residuals alone."""
+    """Return the log's rows in order; for a long log only the largest residuals."""
     rows = np.arange(len(fit.observations))
-    if len(rows) > MOST_ROWS:
+    if len(rows) > MAX_ROWS:
         worst = np.argsort(-np.abs(np.nan_to_num(fit.residual, nan=np.inf)))
-        rows = np.sort(worst[:MOST_ROWS])
+        rows = np.sort(worst[:MAX_ROWS])
     suspected = outlier_rows(fit)
     return [_row(fit, int(i), int(i) in suspected) for i in rows]
 
@@ -206,30 +207,32 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
         measured=(AT_LEAST if table.bounds()[i] else "") + show(value),
         predicted=show(predicted),
         sd=shown_sd,
-        residual="kept" if is_kept(fit, i) else shown_residual,
+        residual="satisfied" if is_kept(fit, i) else shown_residual,
         suspected=suspected,
     )
 
 
 def lower_bound_sentence(fit: Fit) -> str:
-    """Say which recordings are lower bounds, and whether the law keeps them, or ""."""
+    """Return a sentence on the lower bounds and their agreement with the law, or ""."""
     bounds = fit.observations.bounds()
     if not bounds.any():
         return ""
     rows, n = np.flatnonzero(bounds), len(bounds)
     names = list(dict.fromkeys(fit.observations.sensor[row] for row in rows))
     more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
-    who = joined([*names[:MAX_NAMED], *more])
+    sensors = joined([*names[:MAX_NAMED], *more])
     missed = int(np.sum(fit.residual[rows] > 0))
     which = "it" if len(rows) == 1 else f"{missed or 'all'} of them"
-    kept = f"says less than {which}" if missed else f"keeps {which}"
+    kept = f"predicts less than {which}" if missed else f"satisfies {which}"
     if len(rows) == n:
-        said = f"All recordings are lower bounds ({who}): they tell what is too little."
-        return f"{said} The law {kept}."
+        return (
+            f"All recordings are lower bounds ({sensors}): they exclude small charges "
+            f"only. The law {kept}."
+        )
     one = "is a lower bound" if len(rows) == 1 else "are lower bounds"
-    return f"{len(rows)} of {n} recordings {one} ({who}); the law {kept}."
+    return f"{len(rows)} of {n} recordings {one} ({sensors}); the law {kept}."
 
 
 def is_kept(fit: Fit, row: int) -> bool:
-    """Return whether a row is a lower bound that the law keeps."""
+    """Return whether a row is a lower bound that the law satisfies."""
     return bool(fit.observations.bounds()[row]) and float(fit.residual[row]) == 0.0

@@ -12,19 +12,18 @@ import numpy as np
 from jblast.errors import InputError
 from jblast.inference.design.cramer_rao import BoundSummary
 from jblast.inference.fitting.findings import (
-    AsAsked,
     ExchangedSensors,
     MoreToFree,
+    NothingLearned,
     WrongClock,
     WrongSensor,
 )
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.fitting.unidentified import requested
-from jblast.inference.importance import RangeFollowed
 from jblast.inference.posterior.parameters import Estimate
 from jblast.parameters import CHARGE_POSITION, PARAMETERS, described
-from jblast.registry import LAWS, Law, law_for
+from jblast.registry import LAWS, law_for
 from jblast.report.choice import law_reasons
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import (
@@ -76,10 +75,9 @@ from jblast.scene.uncertain import value_of
 NUMBERS = ("value", "sd", "log_sd", "q05", "q50", "q95", "identified")
 OF_LOG = ("converged", "identifiable", "law_valid", "chi2", "dof", "n_observations")
 COLUMNS: tuple[str, ...] = ("log", "parameter", *NUMBERS, *OF_LOG, "error")
-HELD = {True: (86, 89), False: (85, 88)}
-"""In 100 of the logs of `HELD_IN`, by whether draws are weighted: the number told worst
-and best (`calibration/results/coverage_default.txt`)."""
-HELD_IN = "400 simulated logs of seven microphones, four unknowns"
+MAX_CONVERSIONS = 4
+"""Conversions of a log that are printed without `--verbose`: with more of them the
+answer of an ordinary fit would not fit one screen of 40 lines."""
 SAFETY = (
     "For safety engineering, forensics and sensing; it designs no explosives. "
     "Decide nothing that concerns lives from this page alone."
@@ -88,14 +86,14 @@ MASS = "charge_mass_kg"
 
 
 def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
-    """Return one line a log: what was found of each number, and what is doubtful."""
+    """Return one line a log: estimates, goodness of fit and warnings."""
     fits = {name: fit for name, fit in answers.items() if isinstance(fit, Fit)}
     names = list(dict.fromkeys(p for fit in fits.values() for p in fit.summary.free))
     rows = [("log", *map(parameter_words, names), "chi2 (chance)", "")]
     for name, fit in fits.items():
         found = fit.summary.estimates
         cells = [_cell(p, found[p]) if p in found else "-" for p in names]
-        rows.append((name, *cells, _goodness(fit), _doubts(fit)))
+        rows.append((name, *cells, _goodness(fit), _warnings_of(fit)))
     failed = [
         line
         for name, error in answers.items()
@@ -122,7 +120,7 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
 
 
 def _numbers(estimate: Estimate) -> dict[str, float]:
-    """Return the entries of an estimate that are known."""
+    """Return the entries of an estimate that are not NaN."""
     return {k: x for k, x in asdict(estimate).items() if not math.isnan(x)}
 
 
@@ -139,106 +137,104 @@ def _goodness(fit: Fit) -> str:
     return f"{fit.summary.chi2:.3g}/{fit.summary.dof} ({chance})"
 
 
-def _doubts(fit: Fit) -> str:
+def _warnings_of(fit: Fit) -> str:
+    """Return the warnings of one log, for its line of the table."""
     found = fit.summary
-    doubts = [
+    warnings = [
         word
-        for word, doubtful in (
+        for word, applies in (
             ("not converged", not found.converged),
             ("not identifiable", not found.identifiable),
             ("nothing identified", found.identifiable and found.identifies_nothing),
             ("poor fit", fit.is_poor),
-            ("no row within its law", found.law_valid_rows == 0),
-            ("rests on rows outside their law", bool(found.extrapolated)),
-            ("outside its law", not found.law_valid and not fit.is_outside),
+            ("no row within its law's range", found.law_valid_rows == 0),
+            ("depends on rows outside their law's range", bool(found.extrapolated)),
+            ("outside its law's range", not found.law_valid and not fit.is_outside),
             *((_fits(wrong), True) for wrong in found.explained_by),
             ("outliers", bool(found.suspected_outliers)),
         )
-        if doubtful
+        if applies
     ]
-    return ", ".join(doubts)
+    return ", ".join(warnings)
 
 
 def _fits(wrong: WrongSensor) -> str:
     if isinstance(wrong, ExchangedSensors):
-        return f"with {wrong.name} and {wrong.other} exchanged it fits"
-    return f"without {wrong.name} it fits"
+        return f"fits with {wrong.name} and {wrong.other} exchanged"
+    return f"fits without {wrong.name}"
 
 
 def summary(
-    fit: Fit, accepted: Accepted | None = None, out: str | Path | None = None
+    fit: Fit,
+    accepted: Accepted | None = None,
+    out: str | Path | None = None,
+    *,
+    verbose: bool = False,
 ) -> str:
-    """Return the answer for the terminal.
+    """Return the answer for the terminal: estimates, reliability, assumptions.
 
     Args:
         fit: The fit.
-        accepted: Published values by parameter name, each with where it comes from;
-            printed beside the estimates with whether they lie inside.
-        out: Where the figures were written, if they were.
+        accepted: Published values by parameter name, each with its source; printed next
+            to the estimates, inside or outside the interval.
+        out: Folder of report and figures, if they were written.
+        verbose: Whether to add the reasons for the laws, the computation of the
+            intervals and all conversions of the log.
     """
     found = fit.summary
-    lines = [_title(fit), *_how_intervals_held(fit), ""]
-    if doubts := headline(fit):  # above every line but the title
-        said = (line for doubt in doubts for line in textwrap.wrap(doubt, WIDTH))
-        lines[1:1] = ["", *said, ""]
+    of = f" of {log_name(fit)}" if log_name(fit) else ""
+    recordings, fitted = fitted_words(found)
+    lines = textwrap.wrap(f"Fit{of}: {recordings}, {fitted} fitted", WIDTH)
+    lines.append("")
+    # a reader who stops after the first lines must see that the numbers are unusable
+    for problem in headline(fit):
+        lines += textwrap.wrap(problem, WIDTH)
+    lines += [""] if lines[-1] else []
     lines += _estimate_table(found, accepted)
     lines += section("", accepted_not_fitted(fit, accepted))
-    lines += section("Where and when", earth_lines(fit))
-    lines += ["", "Laws"]
+    lines += section("Place and time", earth_lines(fit))
+    lines += section("Reliability", _reliability(fit))
+    lines += section("Identified combinations", determined_lines(found.determined))
+    lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
+    ordinary = [one for one in found.warnings if isinstance(one, NothingLearned)]
+    rest = [one for one in found.warnings if one not in ordinary]
+    lines += section("Warnings", all_words(rest))
+    assumptions = all_words([*found.assumptions, *ordinary])
+    lines += section("Assumptions", [law_sentence(fit).rstrip("."), *assumptions])
+    conversions = understood_lines(found.understood)
+    if len(conversions) > MAX_CONVERSIONS and not verbose:
+        conversions = [f"{len(conversions)} conversions: --verbose lists them"]
+    lines += section("Conversions of the log", conversions)
+    if verbose:
+        lines += _details(fit)
+    if out is not None:
+        lines += ["", f"Report and figures: {out}"]
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _reliability(fit: Fit) -> list[str]:
+    """Return the sentences that decide whether the estimates can be used."""
+    found = fit.summary
+    lines = [goodness_sentence(found), validity_sentence(fit)]
+    if bounds := lower_bound_sentence(fit):
+        lines.append(bounds)
+    identified = ["All fitted parameters are identified."]
+    return lines + (not_identified(found, found.estimates) or identified)
+
+
+def _details(fit: Fit) -> list[str]:
+    """Return laws with their reasons, chi2 and the computation of the intervals."""
+    lines = ["", "Laws"]
     used = laws_used(fit)
     column = max((len(law.quantity) for law in used), default=0) + 2
     for law in used:
         text = "; ".join(part for part in (law.reason, law.scatter) if part)
         text = f"{law.law}: {text}" if text else law.law
         lines += hanging(law.quantity.ljust(column) + text, column)
-    lines += hanging(validity_sentence(fit))
-    lines += ["", "Goodness of fit", *hanging(goodness_numbers(found))]
-    lines += hanging(goodness_sentence(found))
-    if bounds := lower_bound_sentence(fit):
-        lines += hanging(bounds)
-    lines += section("Intervals", _intervals(fit))
-    nothing = ["nothing: the recordings, or a prior, identify every fitted number"]
-    untold = cannot_tell(found, found.estimates) or nothing
-    lines += section("What the recordings cannot tell", untold)
-    lines += section("What they do tell", determined_lines(found.determined))
-    lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
-    lines += section("How the log was read", understood_lines(found.understood))
-    lines += section("Assumptions", all_words(found.assumptions))
-    lines += section("Warnings", all_words(found.warnings))
-    if out is not None:
-        lines += ["", f"Report and figures: {out}"]
-    return "\n".join(line.rstrip() for line in lines) + "\n"
-
-
-def _how_intervals_held(fit: Fit) -> list[str]:
-    """Say how an approximate posterior's intervals held in simulated logs.
-
-    Those were fitted well, with weighted draws or as asked for: no other is like them.
-    """
-    if fit.summary.posterior != "laplace" or not fit.summary.converged:
-        return []
-    if isinstance(fit.posterior_reason, RangeFollowed):
-        return ["90 % intervals by draws along the range of the charge"]
-    how = "weighted by the posterior" if fit.weighted else "alone"
-    said = f"90 % intervals by a normal approximation, {how}"
-    if fit.exit_code == 0 and (
-        fit.weighted or isinstance(fit.posterior_reason, AsAsked)
-    ):
-        least, most = HELD[fit.weighted]
-        said += f": in {HELD_IN}, they held the truth in {least} to {most} of 100"
-    return hanging(said, indent=0)
-
-
-def _intervals(fit: Fit) -> list[str]:
+    lines += section("Goodness of fit", [goodness_numbers(fit.summary)])
     reason = reason_words(fit.posterior_reason)
-    return [f"{fit.summary.posterior}: {reason}"] if reason else []
-
-
-def _title(fit: Fit) -> str:
-    of = f" of {log_name(fit)}" if log_name(fit) else ""
-    recordings, fitted = fitted_words(fit.summary)
-    title = f"Fit{of}: {recordings}, {fitted} fitted"
-    return "\n".join(textwrap.wrap(title, WIDTH))
+    intervals = [f"{fit.summary.posterior}: {reason}"] if reason else []
+    return lines + section("Intervals", intervals)
 
 
 def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
@@ -260,10 +256,10 @@ def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
     return lines
 
 
-def cannot_tell(
+def not_identified(
     found: Summary | BoundSummary, estimates: Mapping[str, Estimate]
 ) -> list[str]:
-    """Return a line for each number, direction or second solution left open."""
+    """Return a line for each unidentified parameter, null direction or other mode."""
     lines = [f"{parameter_words(n)}: not identified" for n in found.unidentified]
     for name in practically_unidentified(estimates):
         log_sd = estimates[name].log_sd
@@ -286,59 +282,60 @@ def section(title: str, entries: Sequence[str]) -> list[str]:
 
 
 def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
-    """Return what the fit concludes, most wanted first, one sentence or two an entry.
+    """Return the conclusions of a fit, the most important first, as sentences.
 
     Args:
         fit: The fit.
-        accepted: Published values by parameter name, each with where it comes from.
+        accepted: Published values by parameter name, each with its source.
     """
     found = fit.summary
-    said = headline(fit)
-    doubts = _cannot_tell(found)
-    if found.unidentified:  # then this is the news, and comes first
-        said, doubts = said + doubts, []
+    sentences = headline(fit)
+    unknown = _unidentified_sentences(found)
+    if found.unidentified:  # an unidentified parameter is the main result: it is first
+        sentences, unknown = sentences + unknown, []
     for name, estimate in estimates_of(found).items():
         if estimate.identified and not _repeats(name, found):
             made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
-            said.append(_estimate_sentence(name, estimate, accepted, made_of))
-    said += earth_lines(fit)
-    said += doubts
-    said.append(goodness_sentence(found))
+            sentences.append(_estimate_sentence(name, estimate, accepted, made_of))
+    sentences += earth_lines(fit)
+    sentences += unknown
+    sentences.append(goodness_sentence(found))
     if bounds := lower_bound_sentence(fit):
-        said.append(bounds)
+        sentences.append(bounds)
     if outliers := outlier_lines(found.suspected_outliers):
         several = "recordings look" if len(outliers) > 1 else "recording looks"
-        said.append(f"{len(outliers)} {several} wrong: {'; '.join(outliers)}.")
-    said.append(f"{law_sentence(fit)} {validity_sentence(fit)}")
-    return said
+        sentences.append(f"{len(outliers)} {several} wrong: {'; '.join(outliers)}.")
+    sentences.append(f"{law_sentence(fit)} {validity_sentence(fit)}")
+    return sentences
 
 
 def limits(fit: Fit) -> list[str]:
-    """Return what the conclusion rests on and does not cover."""
-    how = {
+    """Return the assumptions and limitations of the conclusions, as sentences."""
+    methods = {
         "laplace": "Intervals come from the curvature of the posterior at its maximum "
-        "(Laplace); where they span a factor of several, read them as rough.",
+        "(Laplace approximation); an interval that spans a factor of several is rough.",
         "weighted": "Intervals come from draws of a normal approximation, weighted by "
         "the posterior (importance sampling).",
-        "emcee": "Intervals come from draws of the posterior by an ensemble of walkers "
-        "(emcee).",
+        "emcee": "Intervals come from MCMC draws of the posterior (emcee).",
     }
     lines = [given_sentence(fit)]
     lines += [f"{capitalised(one)}." for one in all_words(fit.summary.assumptions)]
     if posterior := "weighted" if fit.weighted else fit.summary.posterior:
         reason = reason_words(fit.posterior_reason)
-        why = f" Why: {reason}." if reason else ""
-        lines.append(how.get(posterior, f"Intervals come from: {posterior}.") + why)
+        why = f" Reason: {reason}." if reason else ""
+        method = methods.get(posterior, f"Intervals come from: {posterior}.")
+        lines.append(f"{method}{why}")
     if fit.summary.estimates:
         lines.append(
-            "Intervals count the errors given in the log and the scatter of the laws; "
-            "they do not count a wrong law, a wrong sensor position or reflections."
+            "Intervals include the errors given in the log and the scatter of the "
+            "laws. They do not include a wrong law, a wrong sensor position or "
+            "reflections."
         )
     return lines
 
 
 def given_sentence(fit: Fit) -> str:
-    """Say which numbers were taken as known."""
+    """Return a sentence that lists the fixed parameters."""
     scene, free = fit.scene, set(fit.summary.free)
     names = []
     for charge in scene.charges:
@@ -355,7 +352,17 @@ def given_sentence(fit: Fit) -> str:
         names += ["air_temperature_k", "air_pressure_pa"]
     if float(scene.air.wind_east) or float(scene.air.wind_north):
         names += ["wind_east_m_s", "wind_north_m_s"]
-    names += _asked_by_laws(fit.summary.law)
+    arguments = {
+        argument
+        for pair in fit.summary.law.items()
+        for argument in law_for(*pair).arguments()
+    }
+    names += [
+        one.name
+        for one in PARAMETERS.values()
+        if one.key.table in ("ground", "law")
+        and one.attribute.rpartition(".")[2] in arguments
+    ]
     known = []
     for name in names:
         value = value_of(scene, name)
@@ -363,36 +370,25 @@ def given_sentence(fit: Fit) -> str:
             shown = printed_number(name, float(value), 6)
             known.append(f"{parameter_words(name)} {shown}")
     known += [_explosive_words(charge) for charge in scene.charges]
-    return f"Taken as known: {joined([k for k in known if k])}."
-
-
-def _asked_by_laws(laws: Mapping[str, str]) -> list[str]:
-    """Return the numbers of the ground, and of laws themselves, that laws ask for."""
-    asked = {a for pair in laws.items() for a in law_for(*pair).arguments()}
-    return [
-        one.name
-        for one in PARAMETERS.values()
-        if one.key.table in ("ground", "law")
-        and one.attribute.rpartition(".")[2] in asked
-    ]
+    return f"Fixed: {joined([k for k in known if k])}."
 
 
 def _explosive_words(charge: Charge) -> str:
-    """Say what a charge is of, what that is worth in TNT, and which curves hold."""
+    """Return the explosive of a charge, its TNT equivalence and its curve set."""
     of = f"{charge.name}: " if charge.name else ""
     curves = charge.burst or "surface or free-air (by reading)"
     if charge.explosive == "TNT":
         return f"{of}{curves} burst"
     factors = EXPLOSIVES[charge.explosive]
     return (
-        f"{of}{curves} burst of {charge.explosive}, worth {factors.pressure:g} "
-        f"of its mass in TNT by pressure and {factors.impulse:g} by impulse "
+        f"{of}{curves} burst of {charge.explosive}, TNT equivalence "
+        f"{factors.pressure:g} by pressure and {factors.impulse:g} by impulse "
         f"({factors.source})"
     )
 
 
 def _repeats(name: str, found: Summary) -> bool:
-    """Tell whether a TNT mass only repeats the charge mass."""
+    """Return whether a TNT mass only repeats the charge mass."""
     base, dot, label = name.partition(".")
     mass = found.estimates.get(f"charge_mass_kg{dot}{label}", Estimate())
     tnt = found.derived.get(name, Estimate())
@@ -430,25 +426,28 @@ def _estimate_sentence(
     )
 
 
-def _cannot_tell(found: Summary) -> list[str]:
-    said = []
-    for direction in found.null_directions:
-        cure = cure_sentence(direction)
-        said.append(f"{null_direction_sentence(direction)} {cure}".strip())
-    for other in found.ambiguities:
-        cure = cure_sentence(other)
-        said.append(f"{ambiguity_sentence(other)} {cure}".strip())
+def _unidentified_sentences(found: Summary) -> list[str]:
+    """Return sentences on null directions, other modes and very wide intervals."""
+    sentences = [
+        f"{null_direction_sentence(direction)} {cure_sentence(direction)}"
+        for direction in found.null_directions
+    ]
+    sentences += [
+        f"{ambiguity_sentence(other)} {cure_sentence(other)}"
+        for other in found.ambiguities
+    ]
     for name in practically_unidentified(found.estimates):
+        # 1.645 sd on either side make the 90 % interval of a normal distribution
         factor = significant(2.718281828 ** (1.645 * found.estimates[name].log_sd))
-        said.append(
-            f"The {parameter_words(name)} is practically unidentified: known only "
-            f"within a factor of {factor} either way."
+        sentences.append(
+            f"The {parameter_words(name)} is practically unidentified: its 90 % "
+            f"interval reaches a factor of {factor} up and down."
         )
-    return said
+    return sentences
 
 
 def accepted_not_fitted(fit: Fit, accepted: Accepted | None) -> list[str]:
-    """Say which accepted values nothing here can be compared with."""
+    """Return a sentence for each accepted value of a parameter that was not fitted."""
     return [
         f"The accepted {parameter_words(name)} ({label}) was not fitted."
         for name in not_fitted(fit.summary, accepted)
@@ -458,7 +457,7 @@ def accepted_not_fitted(fit: Fit, accepted: Accepted | None) -> list[str]:
 
 @dataclass(frozen=True)
 class LawUsed:
-    """One quantity's law, ready to print; "" where the registry knows no more."""
+    """The law of one quantity, ready to print; "" where the registry has no entry."""
 
     quantity: str
     law: str
@@ -469,7 +468,7 @@ class LawUsed:
 
 
 def laws_used(fit: Fit) -> list[LawUsed]:
-    """Return the law of each quantity in the log, with reason, range and source."""
+    """Return the law of each quantity of the log, with reason, range and source."""
     used = []
     reasons = law_reasons(fit.summary.law_reason)
     for quantity, name in fit.summary.law.items():
@@ -481,20 +480,18 @@ def laws_used(fit: Fit) -> list[LawUsed]:
                 reason=reasons.get(quantity, ""),
                 range=law.range if law else "",
                 source=law.source if law else "",
-                scatter=_scatter(fit, law),
+                scatter=""
+                if law is None
+                else law.scatter_words()
+                if fit.scene.scatter
+                else "no model error",
             )
         )
     return used
 
 
-def _scatter(fit: Fit, law: Law | None) -> str:
-    if law is None:
-        return ""
-    return law.scatter_words() if fit.scene.scatter else "taken as exact"
-
-
 def law_sentence(fit: Fit) -> str:
-    """Say which law read what: one clause a law."""
+    """Return a sentence that lists the laws with their quantities."""
     by_law: dict[str, list[str]] = {}
     for quantity, name in fit.summary.law.items():
         by_law.setdefault(name, []).append(quantity_words(quantity))
@@ -502,21 +499,21 @@ def law_sentence(fit: Fit) -> str:
         f"{joined(quantities)} by {law_words(name)}"
         for name, quantities in by_law.items()
     ]
-    exact = "" if fit.scene.scatter else ", taken as exact"
+    exact = "" if fit.scene.scatter else ", without model error"
     return f"Laws used: {'; '.join(clauses)}{exact}."
 
 
 def validity_sentence(fit: Fit) -> str:
-    """Say whether the answer lies where its laws were made for."""
+    """Return a sentence on the range of validity of the laws."""
     if fit.summary.law_valid:
-        return "The answer lies where these laws hold."
+        return "The answer lies within the laws' range of validity."
     outside = [
         quantity_words(b.quantity) for b in fit.bands if _leaves_its_range(fit, b)
     ]
     where = f" ({joined(outside)})" if outside else ""
     return (
         f"The answer lies outside the range of a law it uses{where}: it is an "
-        "extrapolation, and its interval does not count that."
+        "extrapolation, whose error the intervals do not include."
     )
 
 
@@ -529,23 +526,23 @@ def _leaves_its_range(fit: Fit, band) -> bool:
 
 
 def headline(fit: Fit) -> list[str]:
-    """Return what is wrong with an answer, the gravest first; nothing if all is well.
+    """Return the problems of an answer, the most serious first; empty if there is none.
 
-    What is not identified comes last, with its interval where that is known.
+    Unidentified parameters come last, with their intervals if these are known.
     """
     found, lines = fit.summary, []
     if not found.converged:
-        lines.append("NOT CONVERGED: take no number below as an answer.")
+        lines.append("NOT CONVERGED: do not use the numbers below.")
     if fit.is_poor:
         p = goodness_p(found)
         lines.append(
             f"POOR FIT (p {printed_p(p or 0.0)}): the recordings disagree with the law "
-            "by more than their errors allow; take no interval below as an answer."
+            "by more than their errors allow; do not use the intervals below."
         )
     if found.law_valid_rows == 0:
         lines.append(
-            "OUTSIDE THE LAWS: no recording lies where its law holds; take no number "
-            "below as an answer."
+            "OUTSIDE THE LAWS: no recording lies within the range of its law; do not "
+            "use the numbers below."
         )
     elif fit.is_outside:
         names = joined([parameter_words(name) for name in found.extrapolated])
@@ -555,10 +552,15 @@ def headline(fit: Fit) -> list[str]:
             f"{'these values' if len(found.extrapolated) > 1 else 'this value'}."
         )
     if found.explained_by and not lines:
-        lines.append("ONE READING SPOILS THE LOG: take no number below as an answer.")
+        lines.append("ONE SENSOR IS WRONG: do not use the numbers below.")
     if len(found.explained_by) > 1:
-        names = " or ".join(_accused(wrong) for wrong in found.explained_by)
-        lines.append(f"{names} is wrong; the log cannot say which.")
+        names = " or ".join(
+            f"the order of {wrong.name} and {wrong.other}"
+            if isinstance(wrong, ExchangedSensors)
+            else wrong.name
+            for wrong in found.explained_by
+        )
+        lines.append(f"{names} is wrong; the log does not determine which.")
     lines += [explanation(wrong) for wrong in found.explained_by]
     more = (one for one in found.warnings if isinstance(one, MoreToFree))
     lines += [freeing(one) for one in more]
@@ -566,7 +568,7 @@ def headline(fit: Fit) -> list[str]:
 
 
 def bearing_lines(found: Summary) -> list[str]:
-    """Return the answer of an array that identifies the bearing and not the place."""
+    """Return the answer of an array that identifies the bearing but not the range."""
     distance = found.derived.get("range_m")
     bearings = [
         f"{of.value:.1f} +- {of.sd:.1f} degrees"
@@ -580,15 +582,15 @@ def bearing_lines(found: Summary) -> list[str]:
     if math.isfinite(distance.q95):
         bounds = f"{least} to {printed_number('range_m', distance.q95)}"
     return [
-        f"Of the place only the bearing is identified: {' or '.join(bearings)} "
-        f"clockwise from north, from the middle of the sensors; the range is {bounds}."
+        f"Only the bearing of the charge is identified: {' or '.join(bearings)} "
+        f"clockwise from north, from the centre of the sensors; the range is {bounds}."
     ]
 
 
 def unidentified_lines(found: Summary) -> list[str]:
-    """Return a sentence on the requested numbers that are not identified, or none.
+    """Return a sentence on the requested parameters that are not identified, or none.
 
-    Coordinates that share their fate are called the position.
+    Coordinates that are all identified, or all not, are called the position.
     """
     known, unknown = {}, {}
     for name in requested(found.free):
@@ -597,8 +599,8 @@ def unidentified_lines(found: Summary) -> list[str]:
         by.setdefault(_called(name), []).append((name, estimate))
     if not unknown:
         return []
-    split = known.keys() & unknown.keys()  # one coordinate is known, another is not
-    for word in split:
+    # of a position with one identified coordinate each coordinate is named
+    for word in known.keys() & unknown.keys():
         for by in (known, unknown):
             for one in by.pop(word):
                 by[parameter_words(one[0])] = [one]
@@ -614,7 +616,7 @@ def unidentified_lines(found: Summary) -> list[str]:
 
 
 def _called(name: str) -> str:
-    """Return what a headline calls a number."""
+    """Return the short name of a parameter, for headlines."""
     stem, dot, label = name.partition(".")
     short = dict.fromkeys(CHARGE_POSITION, "position") | {"origin_time_s": "time"}
     if stem not in short:
@@ -623,7 +625,7 @@ def _called(name: str) -> str:
 
 
 def _bounds(numbers: list[tuple[str, Estimate]]) -> str:
-    """Return the 90 % intervals of numbers without a value, in brackets."""
+    """Return the 90 % intervals of unidentified parameters, in brackets."""
     printed = [
         (parameter_words(name), printed_estimate(name, estimate).interval)
         for name, estimate in numbers
@@ -636,20 +638,19 @@ def _bounds(numbers: list[tuple[str, Estimate]]) -> str:
 
 
 def freeing(more: MoreToFree) -> str:
-    """Say what a log tells with more numbers free, and what to type."""
+    """Return the result of a fit with more free parameters, and the option for it."""
     names = ",".join(more.parameters)
     free = joined([parameter_words(name) for name in more.parameters])
-    clock = f", as the clock of {more.clock} is wrong," if more.clock else ""
+    clock = f" (the clock of {more.clock} is wrong)" if more.clock else ""
     mass = _mass(more.estimates)
     return (
         f"With {free} free{clock} the recordings fit (p {printed_p(more.p_value)}"
-        f"{f': {mass}' if mass else ''}). Type the command again and behind it: "
-        f"--free {names}"
+        f"{f': {mass}' if mass else ''}). Repeat the command with --free {names}"
     )
 
 
 def _mass(estimates: Mapping[str, Estimate]) -> str:
-    """Return the lines on masses."""
+    """Return the masses among estimates, with their intervals."""
     return joined(
         [
             f"{parameter_words(number)} {printed.value} (90 %: {printed.interval})"
@@ -660,40 +661,34 @@ def _mass(estimates: Mapping[str, Estimate]) -> str:
     )
 
 
-def _accused(wrong: WrongSensor) -> str:
-    """Return the name of a clock or sensor, or of two whose places are exchanged."""
-    if isinstance(wrong, ExchangedSensors):
-        return f"the order of {wrong.name} and {wrong.other}"
-    return wrong.name
-
-
 def explanation(wrong: WrongSensor) -> str:
-    """Return what a log says without a clock or sensor, and what to type."""
+    """Return the result of a fit without a wrong clock or sensor, and the remedy."""
     if isinstance(wrong, ExchangedSensors):
-        said = (
-            f"With the places of {wrong.name} and {wrong.other} exchanged all "
+        text = (
+            f"With the positions of {wrong.name} and {wrong.other} exchanged all "
             f"recordings fit (p {printed_p(wrong.p_value)})."
         )
         if mass := _mass(wrong.estimates):
             outside = "" if wrong.law_valid_rows else ", outside the laws"
-            said += f" Then: {mass}{outside}."
-        return f"{said} If they were swapped, exchange their positions in the log."
+            text += f" Then: {mass}{outside}."
+        return f"{text} If they were swapped, exchange their positions in the log."
     name, fits = wrong.name, f"the others fit (p {printed_p(wrong.p_value)})"
     if isinstance(wrong, WrongClock):
         offset = wrong.offset_s
         ahead = "ahead" if offset > 0 else "behind"
         sd = printed_number("_s", wrong.offset_sd, 2)
+        # two digits beyond the standard deviation; nine are all that a clock resolves
         more = math.log10(max(abs(offset) / wrong.offset_sd, 1.0))
         off = printed_number("_s", abs(offset), min(2 + int(more), 9))
-        said = (
+        text = (
             f"Without the times of {name} {fits}: its clock is {off} {ahead} "
-            f"(± {sd}), or they were read wrong."
+            f"(± {sd}), or its times are wrong."
         )
     else:
-        said = f"Without the sensor {name} {fits}."
+        text = f"Without the sensor {name} {fits}."
     if mass := _mass(wrong.estimates):
         outside = "" if wrong.law_valid_rows else ", outside the laws"
-        said += f" Without it: {mass}{outside}."
+        text += f" Without it: {mass}{outside}."
     if isinstance(wrong, WrongClock) and wrong.parameter:
-        return f"{said} To fit its clock: --free {wrong.parameter}."
-    return f"{said} To leave it out, put a # before its rows."
+        return f"{text} To fit its clock: --free {wrong.parameter}."
+    return f"{text} To leave it out, put a # before its rows."

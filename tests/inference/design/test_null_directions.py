@@ -53,7 +53,7 @@ def test_wu_hao_arrivals_never_tell_mass_from_speeds(ranges):
     assert not helps["air_arrival_s"]
     text = sentences(found)
     assert "charge mass times 2.00, air sound speed times 0.871 and ground" in text
-    assert "Were the air sound speed known, the charge mass would be told" in text
+    assert "With a known air sound speed the sd of the charge mass would be" in text
 
 
 @pytest.mark.parametrize("names", ["a", "abc"])
@@ -67,7 +67,7 @@ def test_one_sensor_or_all_at_one_place_leave_the_charge_on_a_circle(names):
     # along the circle: north by -30/40 of east
     assert null.parameters["charge_north_m"] == pytest.approx(-0.75, rel=1e-6)
     assert found.exit_code == 4
-    assert "cannot tell the charge east and charge north apart" in sentences(found)
+    assert "do not separate the charge east and charge north" in sentences(found)
 
 
 @pytest.mark.slow
@@ -144,7 +144,7 @@ def test_far_out_the_mass_leans_on_a_prior_of_the_sound_speed():
         assert lean.without_prior == Spread()
         assert lean.if_known.log_sd < 0.02 * sd
         text = sentences(found)
-        assert "leans on the prior of the air sound speed: without it not ident" in text
+        assert "without the prior of the air sound speed: not identified" in text
         assert f"the air shock's travel time as W^{exponent:.2g}" in text
         sds[z] = sd
     assert sds[30.0] > 6 * sds[3.0]

@@ -110,7 +110,7 @@ def test_laws_are_chosen_at_the_answer_and_not_at_the_start():
     answer = fit(pressures(1000.0, [100.0, 200.0, 350.0]), MASS_FREE).summary
     assert answer.law == {"peak_overpressure_pa": "kingery_bulmash"}
     reason = law_reason(answer.law_reason["peak_overpressure_pa"])
-    assert "the reference there" in reason
+    assert "the reference law here" in reason
     assert answer.estimates["charge_mass_kg"].value == pytest.approx(1e3, rel=1e-6)
 
 

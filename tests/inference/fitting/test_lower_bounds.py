@@ -157,9 +157,11 @@ def test_a_fit_of_a_clipped_log_says_so_in_every_place():
     assert found.exit_code == 0
     assert fit_document(found)["n_lower_bounds"] == 4
     said = " ".join(summary(found).split())
-    assert "4 of 8 recordings are lower bounds (a, b, c and d); the law keeps" in said
+    assert (
+        "4 of 8 recordings are lower bounds (a, b, c and d); the law satisfies" in said
+    )
     rows = residual_rows(found)
-    assert [row.residual == "kept" for row in rows] == [True] * 4 + [False] * 4
+    assert [row.residual == "satisfied" for row in rows] == [True] * 4 + [False] * 4
     assert [row.measured[0] == ">" for row in rows] == [True] * 4 + [False] * 4
     drawn = recordings_figure(found).axes[0].lines
     assert any(line.get_marker() == "^" for line in drawn)

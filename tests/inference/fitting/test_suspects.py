@@ -44,7 +44,7 @@ def test_a_clock_that_is_off_is_named_with_what_to_type():
     lines = summary(found).splitlines()
     said = " ".join(lines)
     # the doubt stands above every number
-    assert said.index("take no") < said.index("Estimates")
+    assert said.index("do not use") < said.index("Estimates")
     assert "--free clock_offset_s.c." in said
     assert "0.8 s behind" in said or "s behind" in said
 

@@ -52,7 +52,7 @@ def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_pla
     assert found.exit_code == 4
     assert "Another solution fits nearly as well" in text
     assert "Another place of charge_east_m, charge_north_m, origin_time_s" in text
-    assert "Cure: a" in text
+    assert "Add: a" in text
     within = told(arrivals(triangle, 30.0, 30.0, 1.0), free)[0]
     assert within.exit_code == 0
 
@@ -91,7 +91,7 @@ def test_sensors_all_at_one_place_are_told_to_spread():
     found, text = told(made, PLACE)
     (null,) = found.summary.null_directions
     assert null.space == "linear"
-    assert "cannot tell the charge east and charge north apart" in text
+    assert "do not separate the charge east and charge north" in text
     assert "or an air arrival at a new place" in text
     assert found.exit_code == 4
 
@@ -115,8 +115,8 @@ def test_far_out_the_mass_rests_on_the_prior_of_the_sound_speed():
     # n falls from -0.25 to -0.03
     assert 6 < sds[30.0] / sds[3.0] < 11
     found, text = told(made, [*free, "air_sound_speed_m_s"])
-    assert "cannot tell the charge mass and air sound speed apart" in text
-    assert "Cure: a prior on, or a measurement of, charge_mass_kg or air_sound" in text
+    assert "do not separate the charge mass and air sound speed" in text
+    assert "Add: a prior on, or a measurement of, charge_mass_kg or air_sound" in text
     assert found.exit_code == 4
 
 

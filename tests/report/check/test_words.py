@@ -60,8 +60,8 @@ def test_datum_clock_and_what_a_fit_frees_are_told():
         epoch=datetime(2020, 8, 4, 15, 8, 18, tzinfo=UTC),
     )
     datum, clock, free = setting_lines(told, default_scene())
-    assert "33.90000° N, 35.50000° W, 10 m, the middle of the sensors" in datum
-    assert clock == "times count from 2020-08-04 15:08:18 UTC"
+    assert "33.90000° N, 35.50000° W, 10 m, the centre of the sensors" in datum
+    assert clock == "time zero is 2020-08-04 15:08:18 UTC"
     assert free.endswith("charge mass, charge east, charge north and origin time")
     assert setting_lines(LOG, default_scene()) == []
 
@@ -72,7 +72,7 @@ def test_what_is_said_of_many_lines_is_said_once():
         for line in (12, 4, 5, 6, 7, 8, 123)
     ]
     text = check_text(check_answer(LOG, faults, []))
-    assert "A fit would refuse it: 7 faults" in text
+    assert "A fit would reject this log: 7 faults" in text
     assert text.count("expected more") == 1
     assert "lines 4, 5, 6, 7, 8 and 2 more: expected more" in " ".join(text.split())
     known = "; expected one of a, b"

@@ -49,14 +49,14 @@ def test_keys_that_sound_and_film_share_mean_the_same():
 
 def test_it_is_told_in_words():
     told = flash_text(flash_answer(SEEN, FILM, 1.0, WHERE))
-    assert "1 blast seen in 80 frames of 80 x 60 pixels, 0.079 s" in told
-    assert "first light  0.03040 ± 0.0001 s, frame 31, told 6.6 ms later" in told
+    assert "1 blast detected in 80 frames of 80 x 60 pixels, 0.079 s" in told
+    assert "first light  0.03040 ± 0.0001 s, frame 31, detected 6.6 ms later" in told
     assert "x 41.0 ± 0.3 px, y 33.0 ± 0.4 px" in told
     assert "bearing 28.65 ± 0.57 degrees, elevation -5.73 ± 1.1 degrees" in told
     assert "15.0 ± 0.1 px, time constant 3.00 ± 0.1 ms" in told
     slow = replace(FILM, frames_hz=30.0)
     told = flash_text(flash_answer(NOTHING, slow, 2.0, (), [slow_film(30.0)]))
-    assert told.startswith("No blast seen")
+    assert told.startswith("No blast detected")
     assert "30 frames/s: a fireball grows within" in told
 
 

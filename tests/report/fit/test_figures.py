@@ -12,7 +12,7 @@ from jblast.report.fit.figures import (
     residuals_figure,
     runs,
 )
-from jblast.report.fit.rows import MOST_ROWS, outlier_rows, residual_rows
+from jblast.report.fit.rows import MAX_ROWS, outlier_rows, residual_rows
 from jblast.scene import with_values
 from tests.report import example
 from tests.report.made_up import PLAIN, fit_of, log
@@ -136,6 +136,6 @@ def test_the_residual_table_marks_outliers_and_keeps_to_its_length():
     r = np.geomspace(5.0, 500.0, 300)
     long = fit_of(log(["peak_overpressure_pa"], r), summary=PLAIN)
     rows = residual_rows(long)
-    assert len(rows) == MOST_ROWS
+    assert len(rows) == MAX_ROWS
     kept = min(abs(float(row.residual)) for row in rows)
-    assert kept == pytest.approx(np.sort(abs(long.residual))[-MOST_ROWS], abs=0.006)
+    assert kept == pytest.approx(np.sort(abs(long.residual))[-MAX_ROWS], abs=0.006)

@@ -72,11 +72,11 @@ def test_words_say_each_thing_once():
         *("g0", "5.050", "±", "0.010", "s", "1.000", "±", "0.010", "kPa"),
         *("10.00", "±", "0.10", "ms", "4.000", "±", "0.040", "Pa", "s", "good"),
     ]
-    assert "g0 and g1: the front rises within a sample" in text
+    assert "g0 and g1: the front rises within one sample" in text
     assert "not in the log: peak overpressure, positive duration and positive" in text
     assert "nothing found in dead" in text
-    assert "g0: 2 quieter onsets not looked at" in text
-    assert "no records, left out: notes.md" in text
+    assert "g0: 2 quieter onsets ignored" in text
+    assert "ignored, not a record: notes.md" in text
 
 
 def test_a_clipped_peak_is_printed_as_a_bound_and_named():

@@ -52,7 +52,7 @@ def test_without_json_it_is_a_sentence_and_a_table(jblast):
     code, out, _ = jblast("choose", scene, "--quantity", "air_arrival_s")
     assert code == 4  # a third of 0.1 ms of 90 ms: nobody knows that
     assert out.startswith("kingery_bulmash does not suffice: air_arrival_s within 0.0")
-    assert "does not hold at all places" in out
+    assert "not valid at all sensors" in out
 
 
 @pytest.mark.parametrize(

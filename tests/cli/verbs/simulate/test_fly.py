@@ -35,7 +35,7 @@ def test_the_answer_is_printed(jblast, integrator):
     assert blast.endswith("yes")
     assert "with integral action (the scene's)" in out
     recovery = next(line for line in lines if line.startswith("recovery time"))
-    assert recovery.split("  ")[-1] == "never here"
+    assert recovery.split("  ")[-1] == "not reached"
     assert any(line.split() == ["crashed", "no", "no"] for line in lines)
 
 
@@ -133,7 +133,7 @@ def test_a_custom_profile_takes_the_place_of_the_laws(jblast):
     code, out, err = flown(jblast, "--profile", profile, scene=scene)
     assert code == 0, err
     assert "20 ms" in out
-    assert "never here" in out
+    assert "not reached" in out
     lacking = jblast.file("q.csv", header.replace("FN (N*s),", "") + "1,1,1\n")
     scene_file = jblast.path("scene.toml")
     said = jblast.refused("fly", scene_file, "--profile", lacking)

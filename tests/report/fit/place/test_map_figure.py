@@ -11,7 +11,7 @@ from jblast.report.figure_files import image_bytes
 from jblast.report.fit.map import map_figure
 from jblast.report.fit.place import (
     COLOURS,
-    NONE,
+    NO_RESIDUAL,
     absent_map_note,
     degrees,
     ground_map,
@@ -107,7 +107,7 @@ def test_a_sensor_has_the_colour_of_its_worst_residual():
         if line.get_marker() == "o" and line.get_markerfacecolor() != "none"
     ]
     found = [to_hex(line.get_markerfacecolor()) for line in dots]
-    assert found == [COLOURS[1], COLOURS[3], COLOURS[6], COLOURS[4], NONE]
+    assert found == [COLOURS[1], COLOURS[3], COLOURS[6], COLOURS[4], NO_RESIDUAL]
 
 
 def test_colours_run_from_blue_through_white_to_red():
@@ -134,7 +134,7 @@ def test_a_log_of_ranges_alone_has_no_map_and_says_so():
     table = replace(fit.observations, position=nowhere, slant_range=ranges)
     ranged = replace(fit, observations=table)
     assert map_figure(ranged) is None
-    assert "gives ranges" in absent_map_note(ranged)
+    assert "has ranges" in absent_map_note(ranged)
     assert map_figure(example.shock_radius()) is None
 
 
@@ -144,7 +144,7 @@ def test_a_charge_whose_place_the_log_cannot_tell_is_not_drawn():
     shown = ground_map(untold)
     assert shown is not None
     assert shown.charges == ()
-    assert "cannot tell" in "\n".join(words(map_figure(untold)))
+    assert "is not identified" in "\n".join(words(map_figure(untold)))
 
 
 def test_other_optima_and_the_accepted_place_are_marked():
@@ -161,7 +161,7 @@ def test_other_optima_and_the_accepted_place_are_marked():
     assert figure is not None
     said = "\n".join(words(figure))
     assert "other optima" in said
-    assert "accepted place" in said
+    assert "accepted position" in said
     marks = {
         line.get_marker(): tuple(np.asarray(line.get_xydata(), float)[0])
         for axes in figure.axes

@@ -72,7 +72,7 @@ def test_of_nothing_the_exit_code_is_three(jblast):
     film = frames(jblast, burst_s=1.0, count=20)
     code, told, _ = jblast("detect", film, "--fps", "1000")
     assert code == 3
-    assert "No blast seen in 20 frames" in told
+    assert "No blast detected in 20 frames" in told
 
 
 def test_events_are_watched_as_frames_are(jblast):

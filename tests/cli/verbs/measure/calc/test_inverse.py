@@ -79,8 +79,8 @@ def test_an_inverse_of_an_explosive_gives_its_own_mass(numbers):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--arrival 0.01", "makes an air arrival of 10 ms"),
-        ("--impulse 300", "makes a positive impulse of 300 Pa s"),
+        ("--arrival 0.01", "produces an air arrival of 10 ms"),
+        ("--impulse 300", "produces a positive impulse of 300 Pa s"),
     ],
 )
 def test_an_inverse_is_titled_in_a_sentence(calc, words, said):

@@ -23,7 +23,7 @@ def parts(text):
 def test_a_pressure_is_answered_with_the_range_law_validity_and_scatter(calc):
     first, below = parts(calc("--mass 15 --overpressure 5000"))
     told = re.fullmatch(
-        r"5 kPa: (\S+) m, kingery_bulmash \(holds there, scatter (\S+) %\)", first
+        r"5 kPa: (\S+) m, kingery_bulmash \(valid here, scatter (\S+) %\)", first
     )
     assert told
     at = float(told[1])
@@ -120,4 +120,4 @@ def test_the_line_holds_every_solution_of_its_law(calc, numbers):
     assert first.startswith("3 ms: 3 solutions, 0.34")
     for value in ("686", "2248"):
         assert value in first
-    assert first.endswith("kg, kingery_bulmash (holds at each)")
+    assert first.endswith("kg, kingery_bulmash (valid at each)")
