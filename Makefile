@@ -12,7 +12,7 @@ help:
 	@echo 'make quick       those of the rooms that changed since the last tag, or SINCE=COMMIT'
 	@echo 'make test-slow   those that take minutes'
 	@echo 'make test-all    both'
-	@echo 'make check       format, lint, types; notebooks without outputs; figures that pages quote'
+	@echo 'make check       format, lint, spelling, types; notebooks without outputs; figures that pages quote'
 	@echo 'make docs        the manual, into site/'
 	@echo 'make format      format, and mend what the linter can'
 	@echo 'make lock        resolve the dependencies again'
@@ -40,6 +40,7 @@ test-all: .venv/dev
 check: .venv/dev
 	$(BIN)/python -m ruff format --check .
 	$(BIN)/python -m ruff check .
+	$(BIN)/codespell
 	$(BIN)/python -m pyright --pythonpath $(BIN)/python
 	$(BIN)/python -m nbstripout --verify notebooks/*.ipynb
 	$(BIN)/python -m calibration.figures

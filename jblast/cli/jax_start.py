@@ -2,9 +2,6 @@
 
 import os
 from importlib.metadata import version
-from pathlib import Path
-
-from jblast.files import write_bytes
 
 QUICK = {
     "0.10": "--xla_cpu_use_fusion_emitters=false",
@@ -44,19 +41,24 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
         _compile_quickly()
     import jax
 
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     if all_cores:
         with contextlib.suppress(RuntimeError):  # the devices exist already
             jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
-    jax.config.update("jax_enable_x64", True)
-    jax.config.update("jax_compilation_cache_dir", str(Path(home) / "jblast"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
-    _write_cache_atomically()
-    if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
-        from jblast.kept_programs import keep_in
+    from jblast.kept_programs import (
+        CACHE_SETTINGS,
+        cache_folder,
+        keep_in,
+        write_cache_atomically,
+    )
 
-        keep_in(Path(home) / "jblast")
+    jax.config.update("jax_enable_x64", True)
+    folder = cache_folder()
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    for name, value in CACHE_SETTINGS.items():
+        jax.config.update(name, value)
+    write_cache_atomically()
+    if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
+        keep_in(folder)
 
 
 def _compile_quickly() -> None:
@@ -66,22 +68,3 @@ def _compile_quickly() -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     if quick_flags not in flags:
         os.environ["XLA_FLAGS"] = f"{quick_flags} {flags}".strip()
-
-
-def _write_cache_atomically() -> None:
-    """Make JAX rename a file of its cache into place once it is complete.
-
-    JAX itself writes in place, so that another process may read half of a program. A
-    file cut short by a kill is read again at every later start, with a warning each.
-    """
-    try:
-        from jax._src import lru_cache
-    except ImportError:  # another version of JAX: its cache is left as it is
-        return
-
-    def put(cache, key: str, value: bytes) -> None:
-        path = cache.path / f"{key}-cache"
-        if not path.exists():
-            write_bytes(path, value, durable=False)
-
-    setattr(lru_cache.LRUCache, "put", put)  # noqa: B010 (type checkers)

@@ -31,6 +31,7 @@ from jblast.fidelity.errors import (
     reference_uncertainty,
     relative_errors,
 )
+from jblast.kept_programs import kept_between_runs
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, TIMES, components
 from jblast.registry import Law, law_for, names_for
 from jblast.scene import (
@@ -114,6 +115,7 @@ class Choice:
     notes: tuple[str, ...] = ()
 
 
+@kept_between_runs()
 def choose(
     scene: Scene | UncertainScene, quantity: str, tolerance: float | None = None
 ) -> Choice:

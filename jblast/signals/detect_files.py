@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from jblast.errors import InputError, argument
+from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
@@ -118,6 +119,7 @@ class FilmDetections(NamedTuple):
         return bool(self.flashes.flashes)
 
 
+@kept_between_runs()
 def detect(
     recordings: AnyPath | Sequence[AnyPath],
     *,

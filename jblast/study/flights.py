@@ -28,7 +28,7 @@ from jblast.autopilot.estimator import (
 )
 from jblast.autopilot.lockstep import suite_of
 from jblast.errors import InputError
-from jblast.kept_programs import kept
+from jblast.kept_programs import kept, kept_between_runs
 from jblast.progress import counted
 from jblast.scene import (
     Place,
@@ -95,6 +95,7 @@ BOTH_HOLDS = ("with_integral", "without_integral")
 """Default controllers."""
 
 
+@kept_between_runs()
 def fly(
     uncertain: UncertainScene,
     options: Options | None = None,

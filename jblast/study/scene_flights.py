@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from jblast.errors import InputError, argument
+from jblast.kept_programs import kept_between_runs
 from jblast.scene import UncertainScene, read_scene, read_scene_or_world
 from jblast.study.flight_results import TOLERANCE_M, Flights, Options, Profile
 from jblast.study.flights import fly
@@ -24,6 +25,7 @@ from jblast.vehicle import STEP_S, read_custom_profile
 from jblast.world import draw_world
 
 
+@kept_between_runs()
 def fly_scene(
     scene: UncertainScene | str | os.PathLike[str],
     *,

@@ -48,7 +48,7 @@ from jblast.inference.posterior.fisher_information import (
 )
 from jblast.inference.posterior.parameters import Finding, Spread
 from jblast.inference.posterior.posterior import Posterior
-from jblast.kept_programs import kept
+from jblast.kept_programs import kept, kept_between_runs
 from jblast.observations import Observations
 from jblast.progress import stages
 from jblast.quantities import ADDABLE, ADDITIVE, TIMES
@@ -211,6 +211,7 @@ class Bound:
         return self.summary.to_dict()
 
 
+@kept_between_runs()
 def bound(
     uncertain: UncertainScene,
     at: Mapping[str, ArrayLike] | None = None,

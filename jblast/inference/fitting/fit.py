@@ -60,7 +60,7 @@ from jblast.inference.posterior.parameters import (
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.inference.whitening import refuse_without_density
-from jblast.kept_programs import kept
+from jblast.kept_programs import kept, kept_between_runs
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unsolvable_clocks, untied_flashes
 from jblast.observations.grouping import located, some_rows
@@ -197,6 +197,7 @@ class Fit:
         return self.summary.to_dict()
 
 
+@kept_between_runs()
 def fit(
     log: Any,
     scene: UncertainScene | str | os.PathLike[str] | None = None,
@@ -469,6 +470,7 @@ def _stages(*, of_samples: bool) -> Callable[[str], None]:
     )
 
 
+@kept_between_runs()
 def fit_each(
     logs: Any,
     scene: UncertainScene | str | os.PathLike[str] | None = None,

@@ -21,6 +21,7 @@ from jblast.errors import InputError, nearest, shown
 from jblast.inference.many.lanes import COST_Z_MAX, ManyFits
 from jblast.inference.many.residuals import checked_shapes
 from jblast.inference.posterior.posterior import refuse_exact
+from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.observations.grouping import located
@@ -53,6 +54,7 @@ SHARED_COLUMNS = ("sensor", "quantity", "path", "shot", "clock")
 PLACED = ("position", "slant_range", "time")
 
 
+@kept_between_runs()
 def fit_many(
     uncertain: UncertainScene,
     layout: Layout,
