@@ -133,7 +133,8 @@ def list_text() -> str:
     rows = [["name", "unit", "default", "told by", "in the scene file"]]
     for name, row in TUNABLES.items():
         default = "by the record" if math.isnan(row.start) else f"{row.start:g}"
-        rows.append([name, row.unit, default, ", ".join(row.identified_by), _place(row.key)])
+        records = ", ".join(row.identified_by)
+        rows.append([name, row.unit, default, records, _place(row.key)])
     for name, one in {**PARAMETERS, f"{CLOCK.name}.NAME": CLOCK}.items():
         rows.append([name, one.unit, f"{one.default:g}", "beside", _place(one.key)])
     return "\n".join(aligned(rows)) + "\n"
