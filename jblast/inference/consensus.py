@@ -334,6 +334,7 @@ def supposed_blast(
         place = None if not ranged else place
     elif free & {name + label for name in CHARGE_POSITION}:
         place = None
+    # a log with ranges alone has no positions to search
     if not np.isnan(readings.slant_range).any():
         place = np.zeros(3)  # all rows have a range: the position has no effect
     if place is None:
@@ -418,6 +419,7 @@ def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Agreement:
     """
     few = _thinned(readings)
     at = few.position[~np.isnan(few.position).any(axis=1)]
+    # medians: one sensor at a wrong position does not shift the search
     centre = np.median(at, axis=0)
     spread = float(np.median(np.linalg.norm(at[:, :2] - centre[:2], axis=1)))
     half = SPREADS * max(spread, 1.0)
@@ -575,6 +577,7 @@ def readings_of(
         for row in used
     ]  # fmt: skip
     number = {name: i for i, name in enumerate(dict.fromkeys(["", *names]))}
+    # stated offsets are subtracted: these clocks then agree with the common one
     shift = np.array([offsets.get(own[row], 0.0) for row in used])
     raw = observations.value[used]
     value = np.where(timed, raw - shift, np.log(np.where(raw > 0, raw, 1.0)))

@@ -88,6 +88,8 @@ def identifiability(
     """
     scale = typical_step(posterior)
     known = np.asarray(information(posterior, jax.device_put(z)))
+    # the information of data and prior once more, so that even a weak prior is above
+    # `NULL`
     prior = np.diag(np.asarray(posterior.parameters.has_prior()) * np.diag(known))
     size, values, vectors = map(
         np.asarray, unit_diagonal(jax.device_put(known + prior), scale)
@@ -245,6 +247,7 @@ def candidates(
         new = aside(posterior, reach)
         places.append((new, np.nan, "aside" if apart else "place"))
     else:
+        # with ranges instead of positions a second distance is the only new place
         places.append((position[0], 2 * np.nanmax(given), "range"))
     rows = [(q, *place) for q in ADDABLE for place in places]
     data = [ResolvingDatum(q, where) for q, _, _, where in rows]
@@ -339,6 +342,7 @@ def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
     """Readings of a layout in ln, or in units of a typical travel time."""
     scene = posterior.parameters.scene_at(z)
     value = record(scene, layout, laws).value
+    # times relative to a travel time: a change of 3 % then means the same for all
     timed = np.isin(layout.quantity, TIMES)
     typical = layout_size(posterior) / STANDARD_SOUND_SPEED
     return to_error_scale(jnp.where(timed, value / typical, value), layout.quantity)

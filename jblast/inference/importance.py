@@ -114,6 +114,7 @@ def importance(
     draws = min(draws, max(WORK // of_one, MIN_DRAWS))
     w = np.random.default_rng(seed).standard_normal((draws, normal.z.size))
     density = Whitened(posterior, jnp.asarray(normal.z), jnp.asarray(root))
+    # blocks that fit into memory
     parts = np.array_split(w, -(-draws * of_one // MEMORY_NUMBERS))
     value = np.concatenate(
         [np.asarray(densities(density, jnp.asarray(part))) for part in parts]
@@ -170,6 +171,7 @@ def largest_log_sd(posterior: Posterior, normal: Laplace) -> float:
     slopes = parameters.values_of_each(
         jnp.asarray(normal.z + np.array([[-0.5], [0.5]]) * sds)
     )
+    # laws curve most at the nearest sensor
     nearest = float(np.min(posterior.misfit(jnp.asarray(normal.z)).slant_range))
     largest = 0.0
     for name in parameters.names:

@@ -83,6 +83,7 @@ def sampled_records(
     ready = [_case(one, length, high_passed, more) for one in cut]
     case: SampledCase = jax.tree.map(lambda *x: jnp.stack(x), *[c for c, _ in ready])
     terms = PulseTerms(length)
+    # in the order of a pick: the primary unknowns are the first
     nuisance = case.unknowns[:, PRIMARY:]
     rows = _rows(observations, [name for name, _ in picks])
     natural = jax.vmap(natural_of)(case.unknowns)
@@ -274,6 +275,7 @@ def unknowns_at(
         [arrival, case.unknowns[1] + moved[1], case.unknowns[2] + moved[2]]
     )
     pulse = natural_of(jnp.concatenate([most, blank, nuisance]))
+    # the impulse is primary, the decay is what gives it with peak, rise and duration
     impulse = picked.impulse * jnp.exp(moved[3])
     behind = impulse / pulse.peak - 0.5 * pulse.rise
     fraction = behind / (pulse.duration - pulse.rise)

@@ -246,6 +246,7 @@ def _named(
     """Return a warning for each row that disagrees, with its mistake if identified."""
     off = np.flatnonzero(found.off & found.checkable)
     doubted, done = [], set()
+    # by sensor: a wrong position or clock affects all of its rows
     by_sensor: dict[str, list[int]] = {}
     for i, row in enumerate(readings.row):
         by_sensor.setdefault(observations.sensor[row], []).append(i)
@@ -355,6 +356,7 @@ def magnitudes_doubted(
                 numbers = {"value": value, "largest": laws.largest(quantity, 1.0)}
                 found.append(Doubt("no_mass_gives_it", row, numbers, (quantity,)))
             continue
+        # the smallest mass that gives the reading is the most favourable one
         masses = laws.masses(quantity, value, at)
         numbers = {"value": value, "distance_m": at}
         if not masses.size:
@@ -627,6 +629,7 @@ def slip_of_clock(readings: Readings, found: Agreement, rows: list[int]) -> floa
     if not off:
         return 0.0
     late = found.residual[off]
+    # all arrivals of the sensor have to be late by the same number of steps
     steps = np.round(late / HALF_HOUR)
     same = (steps == steps[0]).all() and 0 < abs(steps[0]) * HALF_HOUR <= LATEST
     travel = np.abs(late - steps * HALF_HOUR)

@@ -157,6 +157,7 @@ def refuse_without_density(
     """
     if np.isfinite(np.asarray(found.log_density)[0]):
         return
+    # at the first start, since the optimum itself may be NaN
     start = np.asarray(starts(key, posterior, 1)[0])
     where = [observations.where(row) for row in non_finite_rows(posterior, start)]
     more = f" and {len(where) - 5} more" if len(where) > 5 else ""

@@ -259,6 +259,8 @@ def bound(
     normal = cramer_rao(posterior, z, identified.identified_basis, known)
     begin("searching for a second optimum")
     found = optima(jax.random.key(seed), posterior)
+    # the assumed values are the optimum by construction; the search only looks for
+    # another one
     solution = Solution(posterior, plan.laws, True, found, identified, normal)
     begin("ranking further data")
     return Bound(
@@ -326,6 +328,8 @@ def _parameters(solution: Solution) -> dict[str, Spread]:
         zip(parameters.names, solution.identifiability.determined, strict=True)
     ):
         spread = bounds[name].spread
+        # a free positive number is ln-normal: its sd in ln is that of the coordinate,
+        # which needs no quadrature
         if not np.isnan(spread.log_sd) and isinstance(parameters.beliefs[i], Free):
             log_sd = float(np.sqrt(normal.covariance[i, i]))
             spread = replace(spread, log_sd=log_sd)
@@ -380,6 +384,7 @@ def added_data(plan: Planned) -> tuple[tuple[AddedDatum, ...], int]:
     )
     scene = posterior.parameters.scene_at(jnp.asarray(z))
     laws = dict(posterior.laws) | laws_beside(posterior, scene, more)
+    # planned and additional rows in one layout, so that all share one program
     both = Posterior(
         posterior.parameters,
         posterior.layout.beside(more),
@@ -497,6 +502,7 @@ def mass_exponents(plan: Planned) -> dict[str, tuple[float, float]]:
         return {}
     i = parameters.names.index("charge_mass_kg")
     there = parameters.scene_at(z)
+    # clock time at the explosion: exponents are those of the travel time
     start = np.asarray(clock_offsets(there, layout) + there.charge.time_s)
     value, moved, grown = map(np.asarray, _mass_slopes(posterior, z, i))
     quantities = [
@@ -527,6 +533,7 @@ def _with_each(
     def with_row(row: Array) -> Float[Array, "free free"]:
         rows = jnp.append(jnp.arange(planned), row)
         of_rows = jax.tree.map(lambda x: x[rows], misfit)
+        # shared effects of the new row and the planned ones are projected out together
         gained = whitened_rows(posterior, of_rows, jacobian[rows])
         return gained.T @ gained + prior
 

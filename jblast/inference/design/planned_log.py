@@ -105,6 +105,7 @@ def planned(
     """
     stated = uncertain
     uncertain = _as_seen(stated)
+    # a growth time that only the fit frees has the value of its law
     if GROWTH in set(uncertain.beliefs) - set(stated.beliefs) - set(at):
         likely = with_values(stated.scene, values_at(stated, at))
         at = {**at, GROWTH: own_growth(likely)}
@@ -122,6 +123,7 @@ def planned(
     parameters = parameters_of(UncertainScene(scene, beliefs))
     laws = resolve_laws(scene, drawn, np.asarray(sigma))
     names = tuple(sorted(law_names(laws).items()))
+    # readings of zero: it only predicts the log
     blank = Posterior(parameters, drawn, jnp.zeros_like(sigma), sigma, names, noise)
     value = np.asarray(blank.misfit(z).predicted)
     source = uncertain.source or "the planned layout"
@@ -137,6 +139,7 @@ def planned(
             f"{source}: sensor {log.sensor[row]!r}: {log.quantity[row]} is {value[row]}"
             f" at {_shown(values)}; expected values that allow a reading"
         )
+    # the curve sets of the planned layout, not those that the log would choose
     layout = replace(layout_of(log, scene), free_air=drawn.free_air)
     posterior = posterior_of(parameters, layout, log, law_names(laws), noise)
     return Planned(values, np.asarray(z), posterior, laws, log)

@@ -35,10 +35,11 @@ class BoundMap:
     """Standard deviations with one more sensor, over its position.
 
     Attributes:
-        east: Coordinates of the grid, increasing [m]. north: Coordinates of the grid,
-        increasing [m]. up: Height of the new sensor [m]. log_sd_mass: sd of ln mass;
-        infinite where not identified, None for a fixed mass. place_sd: Root of the
-        trace of the covariance of the charge's east and north
+        east: Coordinates of the grid, increasing [m].
+        north: Coordinates of the grid, increasing [m].
+        up: Height of the new sensor [m].
+        log_sd_mass: sd of ln mass; infinite where not identified, None if fixed.
+        place_sd: Root of the trace of the covariance of the charge's east and north
             [m]; infinite where not identified, None for a fixed position.
         mass: Name of the least certain mass.
         place: Free coordinates of the first charge that has any.
@@ -98,10 +99,13 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
         position=layout.position[rows],
         slant_range=layout.slant_range[rows],
         time=layout.time[rows],
+        # a new path for each shot: its scatter is independent of that of the other
+        # sensors
         group=tuple(max(layout.group) + 1 + layout.shot[i] for i in rows),
         shot=tuple(layout.shot[i] for i in rows),
         clock=("",) * len(rows),
     )
+    # the instrument of the first sensor, at the new position
     sigma = jnp.concatenate([posterior.sigma, posterior.sigma[rows]])
     charges = np.array([[float(c.east), float(c.north)] for c in scene.charges])
     east, north = _grid(np.asarray(layout.position)[:, :2], charges, points)
@@ -112,6 +116,8 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
     before = known_covariance(
         jnp.asarray(bound.information), parameters.has_prior(), typical_step(posterior)
     )
+    # all coordinates in one direction: each number depends on its own coordinate alone,
+    # so this gives the derivative of every number
     values, slopes = jax.jvp(
         lambda step: parameters.values(z + step), (0 * z,), (jnp.ones_like(z),)
     )
@@ -163,6 +169,7 @@ def _grid(sensors, charges, points: int):
     """Return the coordinates of a square about a layout, wider by `WIDER`."""
     seen = np.concatenate([sensors, charges])
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    # sensors and charge at one position still have a map of 2 m
     half = max(WIDER * float(np.ptp(seen, axis=0).max()) / 2, 1.0)
     line = np.linspace(-half, half, points)
     return middle[0] + line, middle[1] + line
@@ -190,6 +197,7 @@ def _over(
         holds = record(parameters.scene_at(z), there, laws).valid.all()
         return *known_covariance(known, has_prior, scale), holds
 
+    # one program for all positions: only the position of the new sensor changes
     return jax.lax.map(one, places, batch_size=BATCH)
 
 

@@ -290,9 +290,12 @@ def _fit(
     if SAMPLES in observations.quantity:
         begin("reading samples")
     observations, sampled = with_samples(observations, scaling, high_pass_hz)
+    # in this order: the log decides which numbers are free, then its positions are
+    # resolved, then the fireball
     uncertain = for_log(uncertain, observations)
     observations = located(observations, uncertain)
     uncertain = as_seen(uncertain, observations.quantity, observations.time)
+    # a flash on a clock without other readings is related to nothing else in the log
     aside = untied_flashes(observations, uncertain.scene.clock_offsets())
     set_aside = tuple(dict.fromkeys(np.array(observations.clock, object)[aside]))
     if set_aside:
@@ -309,6 +312,7 @@ def _fit(
     begin("computing the uncertainty")
     density, z = solution.posterior, solution.laplace.z
     misfit = density.misfit(jax.device_put(z))
+    # once, for goodness of fit, outliers and figures
     left = standardised_residuals(density, z)
     parameters = density.parameters
     names = [
@@ -348,6 +352,7 @@ def _fit(
         sd=left.sd,
         shared=left.shared,
         shot=density.layout.shot,
+        # numbers in a null direction have draws without meaning
         draws={
             name: np.asarray(values[name])
             for name, identified in zip(
@@ -406,12 +411,14 @@ def solve(
     begin("choosing laws")
     rows = layout_of(observations, uncertain.scene)
     sigma = observations.error_scale()
+    # one key for all searches: the starts are the same whatever laws are chosen
     key = jax.random.key(seed)
 
     def posterior_by(choices: Choices) -> Posterior:
         parameters = parameters_of(replace(uncertain, scene=choices.scene))
         names = law_names(choices.laws)
         density = posterior_of(parameters, choices.layout, observations, names, noise)
+        # the correction of samples comes later, but its shape is part of every program
         room = room_for(len(parameters.names)) if records is not None else None
         return replace(density, correction=room)
 
@@ -532,6 +539,7 @@ def fit_each(
             )
         except InputError as error:
             answers[name] = error
+    # in the order of the input, failed logs included
     return {name: answers[name] for name in ready.logs}
 
 
@@ -590,6 +598,7 @@ def bands(
             clock=("",) * POINTS,
         )
         needed = tuple((name, laws[name]) for name, _ in components(quantity))
+        # one sensor for each distance: interpolation needs increasing ranges
         near, first_at = np.unique(np.where(rows, distance, 0.0), return_index=True)
         covered = near > 0
         value, valid = _recordings(
@@ -600,6 +609,7 @@ def bands(
             jax.device_put(near[covered]),
             needed,
         )
+        # the first is the answer, the others are draws
         q05, q95 = np.quantile(np.asarray(value)[1:], [0.05, 0.95], axis=0)
         answer.append(
             Band(

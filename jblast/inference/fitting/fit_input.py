@@ -101,6 +101,7 @@ def fit_input(
             scene, a record has no station, or a name means nothing.
     """
     uncertain = scene_named(scene)
+    # records are picked here, so that everything below handles tables only
     if positions is not None:
         from jblast.signals.picks import pick_files
 
@@ -138,6 +139,7 @@ def fit_input(
         )
     uncertain = with_free(uncertain, freed)
     readable = [one for one in logs.values() if isinstance(one, Observations)]
+    # samples of a record have the laws of their four picked quantities
     if laws and readable:
         read_off = {quantity for one in readable for quantity in one.quantity}
         read_off |= set(RECORD_QUANTITIES) if SAMPLES in read_off else set()
@@ -172,6 +174,7 @@ def log_names(sources: Sequence[Any]) -> list[str]:
         for number, source in enumerate(sources, start=1)
     ]
     stems = [Path(path).stem for path in paths]
+    # files of one name in several folders are common: a folder for each shot
     names = [
         stem if stems.count(stem) == 1 else path
         for stem, path in zip(stems, paths, strict=True)
@@ -194,6 +197,8 @@ def _read(
         try:
             log = read(source, **dialect)
         except InputError as error:
+            # the error of the only file ends the command; of several files the others
+            # are fitted
             if len(sources) == 1:
                 raise
             logs[name] = error
@@ -215,6 +220,7 @@ def _apart(
     log: Observations, name: str, uncertain: UncertainScene
 ) -> dict[str, Observations | InputError]:
     """Return one log for each shot, unless the scene names its charges."""
+    # a scene with several charges fits all shots of a table together
     shots = {} if uncertain.scene.others else by_shot(log)
     if len(shots) < 2:
         return {name: log}
@@ -234,4 +240,5 @@ def _is_path(source: Any) -> bool:
 
 def _is_picked(source: Any) -> "TypeGuard[PickedFiles]":
     """Return True for a source picked from records, without importing picks."""
+    # by an attribute: `isinstance` would need the import
     return isinstance(source, tuple) and hasattr(source, "found")

@@ -76,6 +76,7 @@ def standardised_residuals(
         )
     of_laws = effects[: loading.shape[1] - posterior.shared_error.shape[1]]
     shared = loading[:, : of_laws.size] @ of_laws
+    # for reports the errors that readings of one record share count as their own
     sd = np.hypot(misfit.sd, np.linalg.norm(posterior.shared_error, axis=1))
     residual = least_error((missed - shared) / sd, posterior)
     return ResidualSummary(effects, of_laws, own, shared, sd, residual)
@@ -106,6 +107,8 @@ def chi_squared(
     """
     priors = np.asarray(posterior.parameters.has_prior())
     scores = normal_scores(left.own, posterior.noise)
+    # effects are standard normal: their squares are chi squared with as many degrees of
+    # freedom as unknowns, which cancel
     shared = np.sum(left.effects**2)
     chi2 = float(np.sum(scores**2) + shared + np.sum((priors * z) ** 2))
     informative = len(left.own) - int(np.sum(bounds_kept(left.own, posterior)))
@@ -151,6 +154,7 @@ def suspected_outliers(
     """
     # Bonferroni: the probability that any of the readings is as far off
     wild = tail_probability(residual, noise) * len(residual) < OUTLIER_SHARE
+    # many outliers are a wrong law or scene, which no single sensor explains
     if wild.sum() > len(residual) / 3:
         return ()
     return tuple(
@@ -174,6 +178,7 @@ def against_priors(solution: Solution) -> dict[str, float]:
     believed = [not isinstance(belief, Free) for belief in parameters.beliefs]
     if not any(believed):
         return {}
+    # starting from the answer, so that the search begins with plausible values
     free = Parameters(
         parameters.names,
         tuple(
@@ -193,6 +198,7 @@ def against_priors(solution: Solution) -> dict[str, float]:
             identified.identified_basis.shape[1],
         )
     )
+    # also poor without priors: they are not the cause
     if p is not None and p < POOR:
         return {}
     values = free.values(jnp.asarray(z))

@@ -129,6 +129,7 @@ def confidence_ellipse(
     wide = (
         variances > MIN_VARIANCE_RATIO * variances[1]
     )  # ascending: of two, the second
+    # a fixed coordinate has no width: the ellipse is then a segment
     scale = np.sqrt(np.where(wide, variances, 1.0))
     distance = np.sqrt(np.sum(np.where(wide, away @ vectors / scale, 0.0) ** 2, -1))
     # the next higher draw, not interpolated: the stated share is contained exactly
@@ -237,11 +238,13 @@ def credible_regions(
         return ()
     turned = np.linalg.inv(ellipse.axes())
     centre = np.array([ellipse.east, ellipse.north])
+    # in units of the ellipse: distances in all directions count alike
     x = (np.stack([east, north], axis=-1) - centre) @ turned  # the ellipse: |x| = 1
     if _seems_normal(x):
         return ()
     sparse = _sparseness(x)
     tries = np.random.default_rng(0).uniform(-1.0, 1.0, (TRIES, 2))
+    # uniform in the unit disc
     tries = tries[np.sum(tries**2, axis=1) < 1.0]
     found = sparse(x)
     if np.mean(sparse(tries) <= np.quantile(found, ellipse.share)) >= FILLED:
@@ -282,13 +285,16 @@ def _outlines(inside, sparse, limit: float, axes, centre):
     """Return the outlines of the region where draws are denser than a limit."""
     from contourpy import FillType, contour_generator
 
+    # margins, so that contours close within the grid
     low, high = inside.min(axis=0) - 0.3, inside.max(axis=0) + 0.3
     across, along = (np.linspace(low[k], high[k], GRID) for k in (0, 1))
     places = np.stack(np.meshgrid(across, along), axis=-1)
+    # ln of the distance: contours interpolate it more evenly
     field = np.log(sparse(places.reshape(-1, 2)).reshape(GRID, GRID))
     contours = contour_generator(across, along, field, fill_type=FillType.OuterOffset)
     found = []
     for points, starts in zip(*contours.filled(-np.inf, np.log(limit)), strict=True):
+        # contourpy repeats the first point at the end of a ring
         rings = [points[i : j - 1] @ axes + centre for i, j in pairwise(starts)]
         found.append([_turned(ring, left=k == 0) for k, ring in enumerate(rings)])
     least = MIN_PART * max(_area(outer) for outer, *_ in found)
@@ -411,6 +417,7 @@ def utc(epoch: datetime, seconds: float) -> str:
         epoch: Instant of time zero.
         seconds: Seconds since the epoch.
     """
+    # rounded first: the digits beyond microseconds are cut off below
     text = written(epoch.astimezone(UTC), round(seconds, 6))
     return f"{text[:-4]}Z"
 
@@ -463,6 +470,7 @@ def shock_rings(
     law = peak_law(fit)
     charge = fit.scene.charges[shot]
     mass = f"charge_mass_kg{fit.scene.label(charge)}"
+    # a fixed mass gives equal ranges
     masses = [float(charge.mass_kg)] * 3
     if mass in fit.summary.free:
         estimate = fit.summary.estimates[mass]
@@ -471,9 +479,11 @@ def shock_rings(
         masses = [estimate.q05, float(charge.mass_kg), estimate.q95]
     if law is None or not np.isfinite(masses).all() or not min(masses) > 0.0:
         return ()
+    # rings are those of one charge; the calculator has one
     alone = replace(fit.scene, charge=charge, others=())
     ranges, valid = ranges_at(alone, law, masses, levels)
     height = float(np.asarray(charge.position_m)[2])
+    # slant range to ground range; a level reached only above the ground has no ring
     along = np.sqrt(np.maximum(ranges**2 - height**2, 0.0))
     return tuple(
         ShockRing(
@@ -539,6 +549,7 @@ def ranges_at(
     valid = np.zeros(ranges.shape, bool)
     for i, j in np.ndindex(ranges.shape):
         above = log_peak[i] - np.log(levels[j])
+        # the outermost crossing: a law may rise again near the charge
         last = np.flatnonzero((above[:-1] >= 0.0) & (above[1:] < 0.0))
         if last.size:
             k = last[-1]

@@ -181,6 +181,8 @@ def summary_of(
     # Rows left out do not identify what all rows leave open: null directions, or a
     # bearing without a range, are no reason to search for a wrong sensor.
     is_far = lies_far(solution) and (sure.bearing is None or is_contradicted(solution))
+    # A wrong sensor shows in three ways: no convergence, a charge far away, where laws
+    # scatter more than the error, or a poor fit.
     is_solved = converged and bool(valid.any())
     if not is_solved or is_far or (p is not None and p < FITS):
         wrong = explained_by(observations, solution, answered, refit)
@@ -192,6 +194,8 @@ def summary_of(
         accused = accused_sensors(observations, wrong)
         suspected = tuple(of for of in suspected if of.sensor in accused)
     else:
+        # without an accused sensor the largest outlier may be one of several
+        # explanations
         several = other_explanations(observations, solution, suspected)
     more: tuple[Finding, ...] = ()
     if poor and not wrong:
@@ -266,6 +270,7 @@ def _derived(
             for what, quantity in TNT_MASS_BY.items()
         }
         front_alone = set(solution.posterior.layout.quantity) == {"shock_radius_m"}
+        # a shock front depends on the energy; its TNT mass follows from that
         first = per_kg["energy" if front_alone else "pressure"]
         derived[f"charge_tnt_mass_kg{label}"] = estimates[mass].times(first)
         if per_kg["impulse"] != per_kg["pressure"] and not front_alone:

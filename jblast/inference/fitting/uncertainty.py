@@ -113,6 +113,7 @@ def uncertainty(
     if sight is None or len(solution.identifiability.null):
         return _by_method(solution, method, seed=seed, rows=rows, store=store)
     followed = _along_range(solution, sight, seed)
+    # without an identified position no method about one optimum is valid
     if followed.bearing is not None:
         return followed
     found = _by_method(solution, method, seed=seed, rows=rows, store=store)
@@ -123,6 +124,7 @@ def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertai
     """Draw along the range; report the bearing if the position is not identified."""
     parameters = solution.posterior.parameters
     z = sight.draws(DRAWS, np.random.default_rng(seed))
+    # values are the most probable ones, as for every method
     by_name = _at_best(solution, marginals_of_draws(parameters, z))
     place = CHARGE_POSITION[:2]
     judged = identified_estimates(solution, by_name)
@@ -149,6 +151,8 @@ def _bearing_and_range(
     """Return the bearing, a second one if there is one, and bounds of the range."""
     ranges = np.linalg.norm(z[:, sight.at] - sight.middle, axis=1)
     q05, q95 = np.quantile(ranges, [0.05, 0.95])
+    # draws end at the largest range of the profile, so their upper quantile is
+    # arbitrary
     if sight.is_open:
         q05, q95 = sight.least_range_m, np.nan
     found = {"range_m": Estimate(q05=float(q05), q95=float(q95))}
@@ -208,6 +212,7 @@ def _by_method(
         solution.identifiability,
         solution.optima,
         seed=seed,
+        # at least twice the unknowns; four times lets half of the walkers span them
         walkers=max(WALKERS, 4 * normal.z.size),
         rows=rows,
         store=store,
@@ -253,6 +258,7 @@ def _weighted(solution: Solution, seed: int) -> Uncertainty:
             sd=_corrected(number.sd, one.sd, other.sd),
             log_sd=_corrected(number.log_sd, one.log_sd, other.log_sd),
         )
+    # resampled by weight: figures and files need draws of equal weight
     picked = np.random.default_rng(seed).choice(len(drawn.z), DRAWS, p=drawn.weights)
     return Uncertainty(
         method="laplace",

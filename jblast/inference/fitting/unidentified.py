@@ -102,6 +102,7 @@ def widest(posterior: Posterior, z: Float[np.ndarray, " free"], name: str) -> fl
     length = _reach(posterior, z)
     possible = parameter.bounds.at_most - parameter.bounds.at_least
     scales = {"layout": length, "travel": length / STANDARD_SOUND_SPEED}
+    # numbers like temperatures have no scale of the layout
     return scales.get(parameter.spread.of, possible)
 
 
@@ -132,6 +133,7 @@ def identified_estimates(
             not isinstance(belief, Free) and name.partition(".")[0] not in OF_CHARGE
         )
         too_wide = not is_condition and width(name, found) > widest(posterior, z, name)
+        # an interval of the prior alone is reported, but its middle is no estimate
         unknown = too_wide or name in by_prior
         answer[name] = found.interval_alone() if unknown else found
     return answer
@@ -167,10 +169,12 @@ def resting_on(
     unknown = np.pad(unknown, ((0, len(jacobian) - len(unknown)), (0, 0)))
     if not (np.isfinite(jacobian).all() and np.isfinite(unknown).all()):
         return ()
+    # a pseudo-inverse: unknown clocks of the same rows are linearly dependent
     left = jacobian - unknown @ (np.linalg.pinv(unknown) @ jacobian)
     size, values, vectors = map(
         np.asarray, unit_diagonal(jnp.asarray(left.T @ left), typical_step(posterior))
     )
+    # null directions get a huge but finite variance
     sds = np.sqrt((vectors**2 / np.maximum(values, NULL)).sum(axis=1)) / size
     answer = []
     for name, sd in zip(posterior.parameters.names, sds, strict=True):
@@ -213,9 +217,12 @@ def estimable_combinations(solution: Solution) -> tuple[EstimableCombination, ..
         text, is_product = combination(parameters.names, parameters.space(), form)
         value = float(form @ normal.z)
         sd = float(np.sqrt(form @ normal.covariance @ form))
+        # along a curved invariance the combination changes at a finite distance: it is
+        # then valid near the answer only
         moved = solution.identifiability.followed @ form - value
         is_global = np.all(np.abs(moved) < max(sd, 1e-6 * abs(value)))
         if is_product:
+            # a form of many powers may overflow: it is then omitted
             with np.errstate(over="ignore"):
                 value = float(np.exp(value))
             sd = value * sd
@@ -240,10 +247,12 @@ def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
     for z, density in zip(*map(np.asarray, found), strict=True):
         if 2 * (highest - density) > AMBIGUITY:
             continue
+        # repeated optima, also of one that was accepted before
         if min(_apart(solution, other, z) for other in answers) < SEPARATE:
             continue
         if valid and not np.asarray(posterior.misfit(jnp.asarray(z)).valid).all():
             continue
+        # saddles and ends of unfinished searches are no answers
         if not laplace(
             posterior, z, solution.identifiability.identified_basis
         ).converged:
@@ -272,6 +281,7 @@ def other_modes(solution: Solution, valid: bool) -> tuple[OtherMode, ...]:
 def _apart(solution: Solution, one, other) -> float:
     """Distance of two places in standard deviations of the identified numbers."""
     away = (one - other)[list(solution.identifiability.determined)]
+    # the information is singular along null directions: compare number by number
     if len(solution.identifiability.null):
         kept = np.flatnonzero(solution.identifiability.determined)
         sds = np.sqrt(np.diag(solution.laplace.covariance))[kept]

@@ -80,6 +80,7 @@ def warnings_of(
         log = (observations.source or "OBSERVATIONS.csv") if blind else ""
         findings.append(PoorFit(chi2, dof, p, log))
         against = against_priors(solution)
+    # also for a good fit: free clocks can absorb a wrong speed
     slow = slower_than_sound(observations, solution)
     if slow is not None:
         findings.append(slow)
@@ -91,6 +92,7 @@ def warnings_of(
         findings.append(outside(observations, solution, valid))
     if not at_optimum:
         findings.append(NotAtOptimum())
+    # None: no samples
     if (known := solution.samples_known or 0.0) > ROUGH:
         findings.append(SamplesRoughlyCounted(known, ROUGH))
     if not solution.laws_settled:
@@ -102,6 +104,7 @@ def warnings_of(
         known = ("charge_mass_kg", "fireball_growth_s")  # free in any default scene
         free = tuple(name for name in uncertain.beliefs if name not in known)
         findings.append(NoScene(free, frame.alt_m if frame else 0.0))
+    # a number in conflict with its prior is reported already
     if same := tuple(name for name in unlearned(solution) if name not in against):
         findings.append(NothingLearned(same))
     if np.abs(effects).max(initial=0.0) > LARGE_EFFECT_SD:
@@ -149,6 +152,7 @@ def outside(observations, solution: Solution, valid) -> LawOutOfRange:
         for law in (solution.laws[part].name,)
     }
     posterior = solution.posterior
+    # rows that are valid at the answer are outside by the depth of the interval only
     at = np.asarray(posterior.misfit(jnp.asarray(solution.laplace.z)).valid)
     return LawOutOfRange(
         rows=len(rows),
@@ -205,6 +209,7 @@ def clocks_taken_to_agree(
     assumed = [n for n in clocks_apart(observations) if n in read and n not in known]
     if not assumed:
         return []
+    # an offset adds the same time to every reading of its clock
     columns = np.stack([timed & (clocks == name) for name in assumed], axis=1)
     first = next((clock for clock in observations.clock if clock), "")
     common = () if has_common_clock(observations) else (first,)

@@ -170,6 +170,7 @@ def fit_from_host(
     checked_shapes(layout, shape, np.shape(relative_sigma))
     platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
     size = min(piece or PIECE[platform], max(1, len(values)))
+    # without logs one dummy is fitted: it gives the types of the results
     if not len(values):
         values = np.ones((1, shape[1]))
         relative_sigma = np.broadcast_to(relative_sigma, (1, shape[1]))
@@ -179,6 +180,7 @@ def fit_from_host(
 
     def cut(begin: int) -> tuple[Array, Any]:
         """Return a chunk on the device; the last one is padded to the same size."""
+        # the last log is repeated: all chunks have one size, which is compiled once
         rows = np.minimum(np.arange(begin, begin + size), len(values) - 1)
         whole = begin + size <= len(values)
         some = values[begin : begin + size] if whole else values[rows]
@@ -195,6 +197,7 @@ def fit_from_host(
         waiting = []
         for begin in begins:
             here, sigma = coming.result()
+            # the next copy starts before this chunk is fitted
             if begin + size < len(values):
                 coming = there.submit(cut, begin + size)
             fits = fit_many(uncertain, layout, here, sigma, laws, **options)
@@ -209,6 +212,7 @@ def fit_from_host(
             if not whole:
                 whole |= {n: _filled(n, x, shape[0], out) for n, x in found.items()}
             for part in found.values():
+                # the copy overlaps with the fit of the next chunk
                 part.copy_to_host_async()
             waiting.append(returning.submit(back, found, begin))
             while len(waiting) > COPIES:  # bounds the results in device memory

@@ -88,6 +88,7 @@ def doubtful(
         most_z: Largest excess of a cost over its mean, in standard deviations.
     """
     mean, sd = COST[noise]
+    # the sum of independent costs is nearly normal for logs of several rows
     likely = results.misfit <= rows * mean + most_z * sd * np.sqrt(rows)
     return ~(bad | (results.converged & likely))
 

@@ -90,6 +90,7 @@ class RowGroup(NamedTuple):
         nothing = np.zeros((1, 1), dtype)
         columns = [*slopes[:n], *[nothing] * effects]
         for slope, of_row in zip(slopes[n:], self.slots, strict=True):
+            # a mask instead of a scatter: it is known at tracing and XLA fuses it
             for effect in np.unique(of_row):
                 mask = (of_row == effect).astype(dtype)[:, None]
                 columns[n + effect] = columns[n + effect] + mask * slope
@@ -132,6 +133,7 @@ class TermLoss:
         u, normal, scale = residual[:n], residual[n:m], residual[m:]
         slope, curvature = noise_slopes(u, self.noise)
         if self.noise == "student" and least is not None:
+            # the weight of iteratively reweighted least squares, slope over residual
             weight = slope / jnp.where(u == 0, 1.0, u)
             curvature = jnp.maximum(curvature, least * weight)
         value = log_noise(jnp.zeros((), u.dtype), self.noise) - log_noise(u, self.noise)
@@ -221,6 +223,7 @@ class LaneRows:
             terms.append((part.rows.size, u, columns))
             if self.varies and not sd_known and not all(map(_is_zero, ln_sd_columns)):
                 scales.append((part.rows.size, ln_sd, ln_sd_columns))
+        # standard normal terms: their derivative is a unit vector
         for k in [*range(len(self.parameters.names), self.unknowns), *self.with_prior]:
             unit = [known + (j == k) for j in range(self.unknowns)]
             terms.append((1, y[k : k + 1], unit))
@@ -262,6 +265,7 @@ class LaneRows:
 
         shared = [y[n + of_row] for of_row in part.slots]
         shared = [
+            # an effect common to all rows of the group is one row, which broadcasts
             x[:1] if np.ptp(i) == 0 else x
             for x, i in zip(shared, part.slots, strict=True)
         ]
@@ -355,6 +359,8 @@ def row_program(
         recording = record(with_values(parameters.scene, numbers), here, dict(laws))
         sd = jnp.hypot(error, recording.record_sd[0])
         shared = loadings(recording, here)[0]
+        # Fisher information of the mean alone: the dependence of the errors on the
+        # parameters is left out, as in `fisher_information`
         if sd_known:
             sd, shared = jax.lax.stop_gradient((sd, shared))
         predicted = to_error_scale(recording.value, here.quantity)
@@ -425,6 +431,7 @@ def grouped_rows(
             shot=(shot,),
             clock=(clock,),
         )
+        # only the names of the effects are needed: no evaluation
         shape = jax.eval_shape(lambda s, o=one: record(s, o, laws), parameters.scene)
         keys = [[("shot", name)] * len(at) for name in shape.shot_loading]
         keys += [
@@ -498,6 +505,7 @@ def checked_shapes(
 def _refuse_absolute(layout: Layout, values, sigma) -> None:
     """Reject errors larger than the reading in most logs: they are not relative."""
     errors = np.atleast_2d(np.asarray(sigma))
+    # single errors above 1 occur: a relative error of 150 % is allowed
     most = np.mean(errors > 1.0, axis=0) > 0.5
     for row in np.flatnonzero(most & ~np.isin(layout.quantity, ADDITIVE)):
         typical = float(np.median(errors[:, row]))
@@ -517,6 +525,7 @@ def read(rows: LaneRows, values, sigma) -> Readings:
     sigmas = jnp.broadcast_to(jnp.atleast_2d(jnp.asarray(sigma)), values.shape)
     good = good & jnp.isfinite(sigmas) & (sigmas >= 0)
     bad = ~good.all(axis=1)
+    # invalid readings become 1, so that no lane computes NaN
     measured = rows.to_error_scale(jnp.where(good, values, 1.0))
     same = np.ndim(sigma) == 1
     errors = None if same else jnp.where(bad[:, None], 1.0, sigmas).T

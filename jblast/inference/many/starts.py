@@ -295,6 +295,7 @@ def closed_form(rows: LaneRows) -> ClosedForm | None:
     ln_square = 2 * np.log(ranges)
     if not (np.isfinite(ln_d).all() and (np.diff(ln_d) > 0).all()):
         return None
+    # the range at twice the mass for the same d gives the exponent of s in the mass
     more = np.interp(ln_d, _travel(rows, scene, ranges, 2 * mass)[0], ln_square)
     inverse = np.linalg.pinv(system)
     late, early_rows = np.array(pairs).T
@@ -303,6 +304,7 @@ def closed_form(rows: LaneRows) -> ClosedForm | None:
         early=early_rows,
         square_range=np.polyfit(ln_d, ln_square, DEGREE),
         early_time=np.polyfit(ln_square, ln_early, DEGREE),
+        # in the middle of the ranges, away from both ends
         exponent=float(np.mean((more - ln_square)[20:40]) / np.log(2)),
         mass=mass,
         place=at,

@@ -152,6 +152,7 @@ def ensemble(
     """
     density = whitened_density(posterior, normal, identifiability)
     _refuse_non_finite(posterior, normal.z, rows)
+    # in whitened coordinates the optimum is the origin
     starts = [Start(np.zeros(normal.z.size), np.eye(normal.z.size), 1.0)]
     if optima is not None:
         starts += _others(density, normal, identifiability, optima)
@@ -202,6 +203,7 @@ def ensemble(
         z=(normal.z + chain @ axes.T).transpose(1, 0, 2),
         log_density=value.T,
         convergence=found.convergence,
+        # a walker that did not move in a step has rejected its proposal
         acceptance=float(np.mean((np.diff(found.chain, axis=0) != 0).any(axis=2)))
         if len(found.chain) > 1
         else 0.0,
@@ -435,6 +437,7 @@ def inference_data(
     Raises:
         InputError: ArviZ is not installed.
     """
+    # rounded up: the limit is never exceeded
     stride = max(-(-ensemble.log_density.size // MAX_EXPORTED_DRAWS), 1)
     z = ensemble.z[:, ::stride]
     values = posterior.parameters.values_of_each(

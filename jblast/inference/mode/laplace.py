@@ -68,6 +68,7 @@ class Laplace:
     ) -> Float[np.ndarray, "draw free"]:
         """Draw coordinates."""
         values, vectors = np.linalg.eigh(self.covariance)
+        # rounding of a zero eigenvalue (a null direction) may be negative
         root = vectors * np.sqrt(np.clip(values, 0, None))
         return self.z + rng.standard_normal((count, self.z.size)) @ root.T
 
@@ -99,6 +100,8 @@ def laplace(
         basis: Basis of the identified directions, one column each.
     """
     curvature = basis.T @ np.asarray(information(posterior, jnp.asarray(z))) @ basis
+    # along the axes of the information, which are independent: each width can be
+    # checked by itself
     values, vectors = np.linalg.eigh(curvature)
     top, slope = _top(posterior, z)
     axes = basis @ vectors / np.sqrt(np.maximum(values, NULL))
@@ -106,12 +109,14 @@ def laplace(
     peak = True
     for k, axis in enumerate(axes.T):  # in place: each becomes one sd long
         fall = _fall(posterior, z, axis, top)
+        # the density falls too fast along a straight step off a curved crest
         if not fall < high and len(axes.T) > 1:
             others = np.delete(axes, k, axis=1)
             fall = _fall_of_crest(posterior, z, axis, others, top)
         if not low < fall < high:
             axis *= half_width(posterior, z, axis, top)
             fall = _fall(posterior, z, axis, top)
+        # where the density does not fall at all, the place is a saddle
         peak &= bool(fall > low)
     return Laplace(z, axes @ axes.T, float(0.5 * np.sum((slope @ axes) ** 2)), peak)
 
@@ -137,6 +142,8 @@ def _fall_of_crest(posterior, z, axis, others, top) -> float:
     ends = []
     for step in (-axis, axis):
         there = z + step
+        # Gauss-Newton: the other axes are one standard deviation long, so their matrix
+        # is nearly a unit matrix
         for _ in range(CLIMBS):
             slope = np.asarray(_bend(posterior, jnp.asarray(z), there, step))
             there = there - others @ (others.T @ slope)
@@ -216,6 +223,7 @@ def climbed(
         if not (np.isfinite(known).all() and np.isfinite(slope).all()):
             break
         step = np.linalg.solve(known, directions.T @ slope)
+        # expected gain of a full step on a quadratic
         promised = float(0.5 * step @ known @ step)
         if not promised > gain:
             break

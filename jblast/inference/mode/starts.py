@@ -53,6 +53,7 @@ def layout_size(posterior: Posterior) -> Float[Array, ""]:
     """
     layout = posterior.layout
     given = jnp.max(jnp.nan_to_num(layout.slant_range))
+    # the diagonal of the bounding box: pairs of many sensors would cost more
     spread = jnp.linalg.norm(jnp.ptp(layout.position, axis=0))
     least = jnp.maximum(sight_length(posterior), 1.0)
     return jnp.where(given > 0, given, jnp.maximum(spread, least))
@@ -104,6 +105,7 @@ def starts(
             a small array.
     """
     parameters = posterior.parameters
+    # the first start is the middle of the prior: reproducible for any seed
     normal = jax.random.normal(key, (count, len(parameters.names))).at[0].set(0.0)
     moved = normal * start_sd(posterior)[None, :]
     columns = [
@@ -142,8 +144,10 @@ def _spread(
         known = default if value is None else jnp.where(value > 0, value, default)
         return jnp.log(known) + moved
     if parameter.name in CHARGE_POSITION:
+        # most charges are at the surface, while sensors may be on masts or vehicles
         middle = posterior.layout.position.mean(axis=0).at[2].set(0.0)  # on the ground
         if far and parameter.name in CHARGE_POSITION[:2]:
+            # the same factor for east and north, or starts would lie near the axes
             moved = moved * _spread_factors(len(moved))
         return middle[parameter.key.index] + moved
     return (0.0 if value is None else value) + 0.0 * moved
@@ -155,6 +159,7 @@ def _spread_factors(count: int) -> Float[np.ndarray, " start"]:
     Of every four starts two lie among the sensors, one in their surroundings, and one
     beyond. East and north have the same factor, evenly spread in its ln.
     """
+    # far starts are even in ln of the distance: no scale is preferred
     number = np.arange(count)
     beyond = MAX_WIDTHS ** ((number * GOLDEN) % 1.0)
     return np.where(number % 4 == 0, 1.0, np.where(number % 4 == 3, beyond, AMONG))
@@ -191,6 +196,8 @@ def places_along_sight(
     for shot, charge in enumerate(scene.charges):
         place = [name + scene.label(charge) for name in CHARGE_POSITION]
         at = [names.index(name) if name in names else -1 for name in place]
+        # with one fixed coordinate the line of sight has one intersection, which the
+        # search finds
         if at[0] < 0 or at[1] < 0:
             continue
         up = jnp.broadcast_to(charge.up, len(z)) if at[2] < 0 else z[:, at[2]]
@@ -234,6 +241,7 @@ def _along_sight(
         angle = angle + math.pi
     rise = jnp.tan(posterior.measured[tall[0]]) if tall.size else 0.0
     line = jnp.stack([jnp.sin(angle), jnp.cos(angle), jnp.asarray(rise)])
+    # log-normal: a line of sight has no upper end
     distance = sight_length(posterior) * SIGHT_SPREAD**spread
     on_line = layout.position[seen[0]][None, :] + distance[:, None] * line[None, :]
     return jnp.where(jnp.arange(len(place))[:, None] % 2 == 0, on_line, place)
@@ -301,6 +309,8 @@ def _with_origin_time(
     # a clock whose offset is free cannot set the origin time: both would shift together
     rows = known if known.any() else rows
     flash = rows & np.isin(layout.quantity, "flash_time_s")
+    # the flash of a filmed fireball is nearly the origin time; sound arrives seconds
+    # later
     rows = flash if radii.any() and flash.any() else rows
     z = _met(posterior, z, i, rows)
     if radii.any():
@@ -322,6 +332,7 @@ def _before_radii(origin, times, normal):
 
     A radius before the explosion hardly constrains its time.
     """
+    # radii grow for a time comparable with their span
     long = jnp.maximum(jnp.ptp(times), MIN_GROWTH_SPAN)
     earlier = times.min() - jnp.abs(normal) * long
     return jnp.where(origin < times.min(), origin, earlier)

@@ -70,6 +70,7 @@ class Parameters(eqx.Module):
 
     def log_prior(self, z: Float[Array, " free"]) -> Float[Array, ""]:
         """Return ln of the prior density per unit of $z$."""
+        # priors are independent of one another
         terms = [belief.log_density(z[i]) for i, belief in enumerate(self.beliefs)]
         return sum(terms, start=jnp.zeros((), z.dtype))
 
@@ -120,6 +121,7 @@ def as_seen(
     beliefs = dict(uncertain.beliefs)
     # None: neither fixed nor with a prior, which would put its start into the scene
     if scene.fireball_growth is None:
+        # a film usually covers the growth a few times; a single radius has no span
         start = np.ptp(radii) / 3 or own_growth(scene)
         scene = with_values(scene, {GROWTH: start})
         beliefs[GROWTH] = Free(positive=True)
@@ -183,6 +185,7 @@ class Estimate:
 
     def __post_init__(self) -> None:
         """Set `identified` from the value."""
+        # a frozen dataclass sets its derived fields this way
         object.__setattr__(self, "identified", math.isfinite(self.value))
 
     def interval_alone(self) -> "Estimate":
@@ -216,6 +219,7 @@ class Finding:
     @property
     def code(self) -> str:
         """Its name for programs: `law_out_of_range`."""
+        # CamelCase to snake_case
         return re.sub(r"(?<!^)(?=[A-Z])", "_", type(self).__name__).lower()
 
     def to_dict(self) -> dict[str, Any]:

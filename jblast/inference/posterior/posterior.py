@@ -222,6 +222,7 @@ class Posterior(eqx.Module):
         """
         if not self.neighbours or not {*CHARGE_POSITION} & {*self.parameters.names}:
             return False
+        # neighbours need two paths; above `DENSE` the correlated solution is too slow
         sizes = [
             len(paths_of(self.layout, quantity, shot)[1])
             for _, quantity, shot in recording.fields
@@ -460,6 +461,7 @@ def own_and_shared_errors(
     sigma = np.nan_to_num(observations.error_scale())
     own, columns = sigma.copy(), []
     for rows, covariance in rows_with_covariance(observations):
+        # ascending: the first is the smallest eigenvalue kappa
         values, vectors = np.linalg.eigh(covariance.correlation)
         if len(rows) < 2:
             continue

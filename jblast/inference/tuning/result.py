@@ -181,6 +181,8 @@ def answer(
     total = found.record_information + found.prior_information
     _, null, covariance = identified_and_null(total)
     steps = np.asarray(problem.steps())
+    # by the squared components over all null directions: it does not depend on the
+    # choice of their basis
     in_null = (np.square(null).sum(axis=0) > TAKES_PART**2) if len(null) else None
     before = problem.scene_at(problem.start)
     index = problem.evidence.index
@@ -229,10 +231,13 @@ def _number(
     before: Float[Array, ""] | None,
 ) -> TunedNumber:
     """Return a number with its interval, in its own unit."""
+    # bounds are transformed from the coordinate, so they respect the limits of the
+    # number
     value, low, high, one_up, one_down = (
         float(one.belief.constrain(jnp.asarray(z + away * sd)))
         for away in (0.0, -NORMAL_Q95, NORMAL_Q95, 1.0, -1.0)
     )
+    # only a logistic coordinate has bounds
     at_bound = isinstance(one.belief, Between) and abs(z) > AT_BOUND
     return TunedNumber(
         value=value if is_identified else None,

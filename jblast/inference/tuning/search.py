@@ -141,6 +141,7 @@ def solve(
         steps = np.asarray(problem.steps())
         moved = np.abs(np.asarray(new - z)) / steps / sd
         z = new
+        # a diverged search ends here, and is reported as not converged
         if not np.isfinite(np.asarray(z)).all():
             break
         if moved.max(initial=0.0) < SETTLED:
@@ -225,6 +226,7 @@ def widening(problem: Problem, z: Float[np.ndarray, " unknown"]) -> Any:
     scores = np.asarray(_scores(problem, jnp.asarray(z), groups, count))
     total = np.asarray(known) + np.asarray(believed)
     _, _, covariance = identified_and_null(total)
+    # sandwich covariance; the diagonal of the plain covariance is its lower limit
     together = covariance @ (scores @ scores.T) @ covariance
     own, wide = np.diag(covariance), np.diag(together)
     ratio = np.where(own > 0, wide / np.where(own > 0, own, 1.0), 1.0)
@@ -257,6 +259,7 @@ def best_of_several(problem: Problem, allowed: float) -> tuple[Solution, float]:
         found = solve(problem, place)
         (error,) = np.asarray(_misfits(problem, jnp.asarray(found.z)[None]))
         ended.append((error if np.isfinite(error) else np.inf, found))
+        # a result within its error needs no further search
         if error <= allowed:
             break
     error, found = min(ended, key=lambda one: one[0])
@@ -270,6 +273,7 @@ def places(problem: Problem) -> list[Float[np.ndarray, " unknown"]]:
     """
     start, steps = np.asarray(problem.start), np.asarray(problem.steps())
     drawn = np.random.default_rng(0).normal(size=(PLACES, start.size))
+    # the start itself is one of the places
     drawn[0] = 0.0
     evaluated = start + SPREAD * drawn * steps
     left = np.asarray(_misfits(problem, jnp.asarray(evaluated)))
@@ -350,6 +354,7 @@ def least_squares(
         start, here, FIRST_DAMPING * one, 2.0 * one, jnp.zeros((), int), _away(here)
     )
     found = jax.lax.while_loop(continues, step, begun)
+    # no step descends any more: converged if the rest is within rounding
     stuck = (found.damping >= MAX_DAMPING) & (found.away <= AT_REST)
     return found.y, (found.away <= CONVERGED_SD) | stuck
 

@@ -137,6 +137,8 @@ class SoundEvidence(eqx.Module):
         sensor = scene.sensors[self.index]
         instrument = sensor.instrument
         assert instrument is not None, "`unknowns.filled` adds an instrument"
+        # without noise and rounding, so that the record is a smooth function of the
+        # numbers; recorded ambient loops are part of the prediction
         quiet = replace(instrument, noise=None, wind_noise=None, bits=None)
         ambient = scene.ambient
         if ambient is not None and ambient.loop is None:
@@ -164,10 +166,14 @@ class SoundEvidence(eqx.Module):
         """Return the expected power of each Fourier coefficient of the noise."""
         sensor = scene.sensors[self.index]
         grid = noise_spectrum(scene, sensor) / jnp.square(self.unit(scene))
+        # a noiseless file has rounding noise at least: the likelihood stays finite
         floor = FLOAT_STEP * jnp.max(jnp.abs(self.samples))
         count = self.bands.size
+        # the spectrum is computed on a fixed grid and interpolated to the record's
+        # frequencies
         at = jnp.linspace(0.0, grid.size - 1.0, count)
         spread = jnp.interp(at, jnp.arange(grid.size, dtype=float), grid)
+        # power of a tapered record: the sum of squares of the taper replaces its length
         taper = jnp.sum(jnp.square(self._taper()))
         return taper * (spread + jnp.square(floor))
 
@@ -176,6 +182,7 @@ class SoundEvidence(eqx.Module):
         noise = self.noise(scene)
         is_used = (self.bands >= 0) & (noise > MIN_NOISE_POWER * jnp.max(noise))
         sd = jnp.where(is_used, jnp.sqrt(noise), jnp.inf)
+        # with the noise of the scene: fixed during the search, updated with the weights
         held = filling(self.at_limit, sd, self.samples.size)
         left = self.left(scene, Weights(sd, noise, held))
         power = jnp.square(left.real) + jnp.square(left.imag)
@@ -202,6 +209,7 @@ class SoundEvidence(eqx.Module):
         """Return the mean of power over expected power in each band, 1 if none."""
         is_used = jnp.isfinite(weights.sd)
         ratio = jnp.where(is_used, weights.power / self.noise(scene), 1.0)
+        # coefficients without a band get an index past the end, which the sum drops
         number = jnp.where(self.bands < 0, self.counts.size, self.bands)
         total = jax.ops.segment_sum(ratio, number, self.counts.size)
         return total / self.counts
@@ -375,6 +383,7 @@ def filling(
     inside = places < count
     both = inside[:, None] & inside[None, :]
     between = (places[:, None] - places[None, :]) % count
+    # padding has its own diagonal, so it does not change the inverse of the rest
     own = kernel[0] * jnp.eye(places.size, dtype=sd.dtype)
     return jnp.linalg.inv(jnp.where(both, kernel[between], own))
 
@@ -439,6 +448,7 @@ def bands_of(
     none.
     """
     size = count // 2 + 1
+    # one edge more than bands
     edges = np.geomspace(SKIPPED, size - 1, BANDS + 1)
     number = np.arange(size)
     band = np.searchsorted(edges, number, side="right") - 1
@@ -453,6 +463,7 @@ def bands_of(
         if total >= MIN_COEFFICIENTS:
             held.append(total)
             current += 1
+    # the remainder after the last full band joins that band
     if held and (rest := np.count_nonzero(merged == current)):
         merged[merged == current] = current - 1
         held[-1] += rest

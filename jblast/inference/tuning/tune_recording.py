@@ -67,6 +67,7 @@ def tune(
     uncertain = read_scene(source)
     if not Path(path).exists():
         raise InputError(f"{path}: no such file or directory; expected a recording")
+    # files of events are recognised by their suffix alone
     is_events = Path(path).suffix.lower() in EVENT_FORMATS
     of_sound = {"sensor": sensor, "full_scale": full_scale}
     of_sight = {"fps": fps, "start": start, "background": background}
@@ -79,6 +80,7 @@ def tune(
     camera = uncertain.scene.camera
     if camera is None:
         raise InputError(f"{source}: expected the [camera] of {path}, got none")
+    # frames and events have no common clock with the scene, so time 0 is an assumption
     if start is None:
         start = min(float(charge.time_s) for charge in uncertain.scene.charges)
         if not math.isfinite(start):
@@ -109,6 +111,7 @@ def _frames(
     hz = float(camera.frames_hz) if fps is None else fps
     film = open_recording(path, hz, srgb=True)
     _check_size(source, path, camera, film.width, film.height)
+    # the reader gives linear light; residuals are uniform in grey values of the file
     light = np.concatenate([np.asarray(part, float) for _, part in film.blocks()])
     values = STEPS * linear_to_srgb(light)
     behind = _background(background, camera, film.times)
@@ -129,9 +132,12 @@ def _events(
     if not len(events.t):
         raise InputError(f"{path}: expected events, got none")
     time = start + 1e-6 * np.asarray(events.t, float)
+    # polarity 0 or 1 to -1 or 1
     sign = 2 * np.asarray(events.p, int) - 1
     x, y = (np.asarray(place, int) for place in (events.x, events.y))
+    # a still background is the same at any time
     behind = _background(background, camera, np.array([0.0]))
+    # the record begins at its time 0, or at an event before it
     pairs = paired(x, y, time, sign, min(start, float(time[0])))
     return tune_events(uncertain, pairs, list(freed), behind)
 

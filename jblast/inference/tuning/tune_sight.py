@@ -100,6 +100,7 @@ def tune_frames(
             change in the frames.
     """
     uncertain, unknowns, scene = _begun(uncertain, names, "frames")
+    # frames before the first explosion show the background alone
     chosen = _evenly(np.flatnonzero(times > _first(scene)), MAX_FRAMES)
     if not chosen.size:
         raise InputError(
@@ -112,9 +113,11 @@ def tune_frames(
         raise InputError(
             "frames: expected a film of a blast, got pictures in which nothing changes"
         )
+    # multiples of 256: films of one kind share a compiled program
     most = min(MAX_VALUES // len(chosen), _round_number(int(changing.sum()), 256))
     pixels = _evenly(np.flatnonzero(changing), most)
     values = flat[np.ix_(chosen, pixels)]
+    # relative to the first frame, which has no fireball
     counted = np.abs(values - flat[0][pixels]) > ROUNDED_ALIKE
     evidence = FramesEvidence(
         values=jnp.asarray(values, float),
@@ -174,6 +177,8 @@ def tune_events(
     if not count:
         raise InputError("events: expected some, got none")
     most = min(MAX_EVENTS, _round_number(count, 1000))
+    # at random with a fixed seed: an even choice could resonate with the order of
+    # pixels
     chosen = np.sort(np.random.default_rng(0).permutation(count)[:most])
     some = EventPairs(*(jnp.asarray(np.asarray(field)[chosen]) for field in events))
     camera = scene.camera
@@ -239,6 +244,7 @@ def _begun(
     if not unknowns:
         raise InputError(f"{source}: expected something to tune, got nothing free")
     scene = uncertain.scene
+    # a growth time without a value starts at that of its law
     if grows is None and "fireball_growth_s" in names:
         mass = scene.charge.tnt_mass("fireball_radius_m")
         scene = with_values(scene, {"fireball_growth_s": fireball_growth_time(mass)})
@@ -309,6 +315,8 @@ class FramesEvidence(eqx.Module):
             background=self.background,
             appearance=look_of(camera),
         )
+        # the same tone curve as in written pictures, before rounding: it is
+        # differentiable
         values = STEPS * linear_to_srgb(luminance(toned(frames)))
         return values.reshape(len(self.times), -1)[:, self.pixels]
 
@@ -385,11 +393,14 @@ class EventsEvidence(eqx.Module):
         _, slope = jax.jvp(
             lambda later: self.changes(scene, later), (jnp.zeros(()),), (jnp.ones(()),)
         )
+        # an event and the previous one have independent stamps: the root of 2
         stamp = jnp.abs(slope) * STAMP * jnp.sqrt(2.0)
         left = self._left(scene)
         # scale of the residuals by their median, which outliers do not change
         size = jnp.median(jnp.abs(left)) / TO_MEDIAN
+        # 1e-20 keeps the root differentiable for events without any error
         sd = jnp.sqrt(jnp.square(stamp) + jnp.square(size) + 1e-20)
+        # weights of iteratively reweighted least squares for Student-t errors
         far = (FREEDOM + jnp.square(left / sd)) / (FREEDOM + 1.0)
         return sd * jnp.sqrt(far)
 

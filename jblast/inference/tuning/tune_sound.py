@@ -103,8 +103,8 @@ def tune_sound(
         )
     if any(charge.range_m is not None for charge in charges):
         raise InputError(
-            f"{source}: [charge] range_m: expected position_m, the source of the sound, "
-            "got a range only"
+            f"{source}: [charge] range_m: expected position_m, the source of the "
+            "sound, got a range only"
         )
     own = uncertain.scene.sensors[index]
     rate = (own.instrument or Instrument()).rate
@@ -112,7 +112,10 @@ def tune_sound(
     uncertain, unknowns = unknowns_of(uncertain, names, "sound", rate)
     if not unknowns:
         raise InputError(f"{source}: expected something to tune, got nothing free")
+    # start of a noise without a value: within a factor of a few of the record's own
     loudness = _loudness(uncertain.scene, recorded)
+    # Whittle's likelihood divides by the spectrum of the noise: a scene without any
+    # noise has no likelihood, so the noise of the sensor is tuned as well
     if _is_silent(uncertain.scene, index) and {
         "noise_pa",
         "ambient_level_pa",
@@ -130,12 +133,15 @@ def tune_sound(
     )
     free = [one.name for one in unknowns]
     clock = f"{CLOCK_OFFSET}.{own.name}"
+    # the wave form has no slope towards a blast that does not overlap it in time: a
+    # free time is set by the matched filter before the search
     timing = next((name for name in (clock, "origin_time_s") if name in free), None)
     if timing is not None:
         scene, truth = _timed(evidence, scene, truth, timing, recorded.source)
     problem = problem_from(evidence, scene, unknowns)
     found = solve(problem)
     tuned = problem.scene_at(jnp.asarray(found.z))
+    # laws and blast window at the result, which may have moved
     _, truth = truth_of(tuned, (tuned.sensors[index],))
     blast = _blast(truth, rate, recorded.samples.size)
     if blast is None:
@@ -155,8 +161,10 @@ def _loudness(scene: Scene, recorded: RecordedSound) -> float:
         assert instrument is not None
         assert instrument.full_scale is not None
         unit = float(np.asarray(instrument.full_scale))
+    # without the offset of the recorder
     samples = recorded.samples - np.median(recorded.samples)
     typical = float(np.median(np.abs(samples))) / TO_MEDIAN
+    # a record of mostly zeros (a simulated one) has a median of 0
     return unit * max(typical, 1e-6 * float(np.abs(samples).max()))
 
 
@@ -205,6 +213,7 @@ def _timed(
     arrival = float(np.nanmin(truth.values["air_arrival_s"]))
     seconds = evidence.samples.size / rate
     shift = 0.0
+    # a blast outside of the record, or cut off at its end, has no matched filter
     if not 0.0 < arrival < 0.8 * seconds:
         shift = FIRST_POSITION * seconds - arrival
     scene = _shifted(scene, index, name, shift)
@@ -212,8 +221,8 @@ def _timed(
     if not float(snr) > DETECTED:
         raise NothingHeardError(
             f"{source}: no blast stands out of the noise: expected a signal of "
-            f"{DETECTED:g} standard deviations, got {float(snr):.2g} at the most probable "
-            "time"
+            f"{DETECTED:g} standard deviations, got {float(snr):.2g} at the most "
+            "probable time"
         )
     scene = _shifted(scene, index, name, float(lag) / rate)
     return scene, truth_of(scene, (scene.sensors[index],))[1]
@@ -270,10 +279,11 @@ def recorded_sound(
     count = sum(len(one.names) for one in recordings)
     if count > 1:
         raise InputError(
-            f"{path}: expected the one channel of {label}, got {count}; write it into a "
-            "file of its own"
+            f"{path}: expected the one channel of {label}, got {count}; write it into "
+            "a separate file"
         )
     (recording,) = recordings
+    # files store the rate as a float of 32 bits, or as a rounded interval
     if abs(recording.rate_hz - instrument.rate) > 1e-6 * instrument.rate:
         raise InputError(
             f"{path}: expected {instrument.rate:g} samples a second, the rate_hz of "
@@ -293,8 +303,8 @@ def recorded_sound(
     if recording.full_scale is not None and full_scale_pa is None:
         if instrument.full_scale is None:
             raise InputError(
-                f"{path}: got integers; expected {argument('full_scale')}, the pressure "
-                "of a sample of 1 in pascals, or full_scale_pa of "
+                f"{path}: got integers; expected {argument('full_scale')}, the "
+                "pressure of a sample of 1 in pascals, or full_scale_pa of "
                 f"{label} in {source}"
             )
         pascals = None
@@ -363,9 +373,11 @@ def explained_sound(
     """
     deviance, white = _left(evidence, scene)
     deviance, white = np.asarray(deviance), np.asarray(white)
+    # every unknown may absorb one band
     dof = max(deviance.size - unknowns, 1)
     total = float(np.square(deviance).sum())
     tests = {"spectrum": float(chi2.sf(total, dof))}
+    # zeros are the tapered ends
     inside = white[white != 0.0]
     tests["whiteness"] = whiteness(inside)
     if blast is not None:
@@ -381,6 +393,7 @@ def explained_sound(
 def whiteness(white: Float[np.ndarray, " sample"]) -> float:
     """Return the p-value of the Ljung-Box test of uncorrelated samples."""
     n, energy = white.size, float(np.square(white).sum())
+    # a short record has no precise correlation at large lags
     lags = np.arange(1, min(LAGS, n // 4) + 1)
     likeness = np.array([white[lag:] @ white[:-lag] for lag in lags]) / energy
     q = n * (n + 2) * float((np.square(likeness) / (n - lags)).sum())
@@ -414,4 +427,5 @@ def best_lag(
     power = jnp.square(expected.real) + jnp.square(expected.imag)
     energy = jnp.fft.irfft(lax.complex(power, jnp.zeros_like(power)), n)[0]
     snr = match[lag] * jnp.sqrt(2.0 * n / energy) / jnp.sqrt(2.0)
+    # the correlation is circular: lags beyond half the record are negative
     return jnp.where(lag > n // 2, lag - n, lag).astype(float), snr

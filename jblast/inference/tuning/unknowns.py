@@ -168,6 +168,7 @@ def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> S
         names: Names of the numbers to tune.
         loudness: Start of a noise that the scene does not have [Pa].
     """
+    # the number needs a place in the scene before it can be replaced
     if any(name.startswith("ambient_") for name in names) and scene.ambient is None:
         scene = replace(scene, ambient=Ambient(level=loudness))
     if index >= 0 and scene.sensors[index].instrument is None:
@@ -180,11 +181,14 @@ def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> S
         if name not in TUNABLES or name in ("ambient_slope_db_octave",):
             continue
         held = tuned_value(scene, index, name)
+        # a noise of zero has no logarithm, so it counts as missing; an absorption of
+        # zero is a valid value
         if held is not None and (float(held) > 0.0 or name == "absorption_scale"):
             continue
         start = TUNABLES[name].start
         if name == "low_pass_hz":
             instrument = scene.sensors[index].instrument or Instrument()
+            # well below half the rate, where it would have no effect
             start = 0.2 * instrument.rate
         values[name] = loudness if math.isnan(start) else start
     return with_tuned(scene, index, values)
@@ -217,6 +221,7 @@ def with_tuned(
             lambda s, row=row: _leaf(s, index, row),
             scene,
             new,
+            # a leaf without a value is None, which is no leaf by default
             is_leaf=lambda leaf: leaf is None,
         )
     return scene
