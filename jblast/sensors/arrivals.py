@@ -161,8 +161,7 @@ def heard(
         check_speed(scene, place)
     else:
         place = place_of(place)
-    # one program per number of waves: each charge is evaluated alone, by the same
-    # program
+    # each charge alone, so that one compiled program serves all of them
     scene, found = low_charges_settled(scene), []
     for shot in range(len(scene.charges)):
         waves = _waves_of_charge(alone(scene, shot), place, named, reflection, ground)

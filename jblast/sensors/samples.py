@@ -80,7 +80,7 @@ def block_start(
     Subtract the first from a time, then the second.
     """
     index = jnp.asarray(index)
-    # the general case, by floating point: its start is off by rounding, in no sum
+    # the general case: one rounded product, whose error does not accumulate
     if rate != int(rate) or rate > LARGEST_RATE:
         start = index.astype(float) * (BLOCK / rate)
         whole = jnp.floor(start)

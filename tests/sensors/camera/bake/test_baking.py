@@ -189,7 +189,7 @@ def test_pictures_of_ones_own_are_left_alone_whatever_they_are_called(
     made(blender, out, RECIPE._replace(views=2), force=True)
     assert (out / "07.webp").read_text() == (out / "2024.webp").read_text() == "mine"
     assert not (out / "02.webp").exists()  # of the set that was overwritten
-    with pytest.raises(InputError, match=r"07\.webp: is in the way of a view"):
+    with pytest.raises(InputError, match=r"07\.webp: has the name of a view"):
         made(blender, out, RECIPE._replace(views=8), force=True)
     assert (out / "views.toml").exists()  # nothing was begun
 
@@ -199,10 +199,10 @@ def test_a_folder_of_pictures_of_ones_own_is_refused_before_anything(blender, tm
     out.mkdir()
     (out / "views.toml").write_text('kind = "mine"\n[[view]]\nfile = "01.webp"\n')
     (out / "01.webp").write_text("mine")
-    with pytest.raises(InputError, match=r"01\.webp: is in the way of a view"):
+    with pytest.raises(InputError, match=r"01\.webp: has the name of a view"):
         made(blender, out, force=True)
     (out / "views.toml").unlink()
-    with pytest.raises(InputError, match=r"01\.webp: is in the way of a view"):
+    with pytest.raises(InputError, match=r"01\.webp: has the name of a view"):
         made(blender, out)
     assert [path.name for path in out.iterdir()] == ["01.webp"]
 
