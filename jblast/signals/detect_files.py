@@ -35,7 +35,8 @@ from jblast.signals.search import (
 )
 from jblast.signals.templates import blast_template
 
-if TYPE_CHECKING:  # sound does without cameras
+# sound does without cameras
+if TYPE_CHECKING:
     from jblast.scene import Camera, UncertainScene
     from jblast.signals.flash.fireball import Direction
     from jblast.signals.flash.search import FlashDetections
@@ -260,7 +261,8 @@ def detect_sound(
         search_as_stream if stream else search,
         front_samples=OTHER_FRONT if template is None else SAME_FRONT,
     )
-    shapes_at = cache(shapes)  # templates cost more than a search; most rates are equal
+    # templates cost more than a search; most rates are equal
+    shapes_at = cache(shapes)
     searched = []
     for channel in each(channels, "channels"):
         templates = shapes_at(channel.rate_hz)

@@ -380,7 +380,8 @@ def scaled_kernel(
     power = twice * np.abs(gain) ** 2 * variances
     cross = twice * (np.conj(gain) * shape).real
     sigma = np.sqrt(power.sum())
-    away = np.sum(power * np.sin(omega / (2 * rate_hz)) ** 2)  # (1 - correlation) / 2
+    # (1 - correlation) / 2
+    away = np.sum(power * np.sin(omega / (2 * rate_hz)) ** 2)
     slope = np.sqrt(np.sum(omega**2 * power)) / sigma
     curvature = np.sum(omega**2 * cross) / cross.sum()
     return MatchedKernel(
@@ -515,8 +516,10 @@ class PeakPicker:
         self.settles = max(self._wait, HALF_WIDTH)
         self._back = max(self._dead, HALF_WIDTH) + 1
         self._buffer = np.zeros(0)
-        self._first = 0  # number of the first buffered output
-        self._decided = 0  # peaks before this output are accepted or rejected
+        # number of the first buffered output
+        self._first = 0
+        # peaks before this output are accepted or rejected
+        self._decided = 0
 
     def skip(self, outputs: int) -> None:
         """Skip outputs that are not searched, before any other."""
