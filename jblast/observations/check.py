@@ -398,6 +398,7 @@ def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
 def sigmas_doubted(observations: Observations) -> list[Doubt]:
     """Return rows with an implausible sigma."""
     value, sigma = observations.value, observations.sigma
+    # errors of times and angles have no relation to their size
     in_ln = ~np.isin(observations.quantity, ADDITIVE)
     stated = in_ln & ~np.isnan(sigma) & (value > 0)
     share = np.full(len(value), np.nan)

@@ -115,6 +115,7 @@ def _on_one_earth(
     Raises:
         InputError: One log has latitudes, or dates, and another has metres, or seconds.
     """
+    # logs without positions or clock times fit any frame and epoch
     timed = set(CLOCK_TIMES)
     for what, has, lacks in (
         (

@@ -333,6 +333,7 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
                 dead.append(name)
                 continue
             alive.append(Channel(name, file, number, samples, float(sound.rate_hz)))
+    # constant channels alone leave nothing to search, which is an error and no result
     if not alive:
         raise InputError(
             f"{', '.join(files)}: expected sound, got one value throughout"

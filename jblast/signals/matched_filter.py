@@ -226,6 +226,7 @@ def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:
             f"{inside.size / filtered.kernel.rate_hz:.3g} s, got {stretch_s:g} s"
         )
     rows = inside[: count * size].reshape(count, size)
+    # by power of intervals, since single outputs scatter too much
     power = np.sort(np.mean(rows**2, axis=1))
     loud = max(count // 10, 1)
     return float(np.sqrt(power[-loud:].mean() / power[:-loud].mean()))
@@ -273,6 +274,7 @@ def matched_kernel(
     """
     shape = checked_template(template)
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
+    # white noise needs no equations: the filter is the template
     white = np.ptp(noise.density) <= 1e-12 * np.max(noise.density)
     memory_s = 0.0 if white else 0.25 / float(noise.frequency_hz[1])
     before = round((memory_s if before_s is None else before_s) * rate_hz)

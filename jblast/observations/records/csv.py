@@ -51,6 +51,7 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     def place(sample: int) -> str:
         return f"{path}: line {lines[sample]}, column {table.names[columns.time]}"
 
+    # in seconds first, so that messages and the rounded rate are in SI units
     start_s, rate_hz = even_clock(columns.seconds * numbers[0], place)
     scales = [
         scale_of(unit, scaling, f"{path}: column {table.names[at]}")

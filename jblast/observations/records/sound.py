@@ -157,6 +157,7 @@ def write_sound_stream(
         raise InputError(
             f"{path}: expected at most {MAX_CHANNELS} channels, got {channels}"
         )
+    # bytes of one sample of all channels
     step = channels * (4 if bits == "float" else bits // 8)
     broken: BaseException | None = None
     with (
