@@ -18,7 +18,11 @@ from jaxtyping import Bool
 
 from jblast.errors import InputError
 from jblast.observations.grouping import by_shot, located, some_rows
-from jblast.observations.placement import AGREE, EARLY, resolve_positions
+from jblast.observations.placement import (
+    EARLY_SIGMAS,
+    POSITION_TOLERANCE,
+    resolve_positions,
+)
 from jblast.observations.scenes import for_log
 from jblast.observations.table import Observations
 from jblast.quantities import (
@@ -35,27 +39,32 @@ from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
 MAX_FAULTS = 200
-"""Largest number of reported faults: a log with more is not of the scene at all."""
-ROWS = 400_000
-"""Rows that may be checked again for further faults: fewer faults in a long log."""
+"""Largest number of reported faults: a log with more belongs to another scene."""
+MAX_CHECKED_ROWS = 400_000
+"""Bound on rows times faults: each fault checks the whole log again, so that a long log
+reports fewer of them within a time of seconds."""
 FROM_2000, TO_2100 = 946_684_800.0, 4_102_444_800.0
-"""Seconds since 1970 at the first of January of these years."""
+"""Seconds since 1970 at the beginning of 2000 and of 2100: clock times of a recording
+started at zero are never that large, and times since 1970 nearly always within."""
 COUNTED_IN = {
     "seconds": 1.0,
     "milliseconds": 1e3,
     "microseconds": 1e6,
     "nanoseconds": 1e9,
 }
-"""Units of computers' times since 1970, of a second."""
+"""Units in which programs count time since 1970, per second."""
 ONE_WAVE_SIGMAS = 6.0
-"""Readings at one position that differ by more sigmas are not of one wave."""
-FAR_OFF = 10.0
-"""A sensor is far from the others if its distance is this many times the median."""
-FACTOR = 2.0
-"""Likewise without a sigma: a pressure this much larger could be a reflection's."""
-FINEST = 1e-6
-"""A relative sigma below this is none: it is of the primary standards of pressure
-(piston gauges state some 1e-6, as in the key comparisons of the BIPM)."""
+"""Largest difference of readings of one wave at one position [sigmas]: errors alone
+exceed it in one of 500 million pairs."""
+FAR_RATIO = 10.0
+"""Distance of a sensor far from the others, over the median distance: exchanged
+latitude and longitude displace it by thousands of kilometres."""
+REFLECTION_FACTOR = 2.0
+"""Largest ratio of two pressures at one position, without a sigma: a gauge that faces a
+wall records twice the incident pressure, or more."""
+FINEST_SIGMA = 1e-6
+"""Smallest plausible relative sigma, that of primary standards of pressure (piston
+gauges state about 1e-6 in the key comparisons of the BIPM)."""
 
 
 def refusals(observations: Observations, uncertain: UncertainScene) -> list[InputError]:
@@ -63,29 +72,34 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
 
     The shots of a log are checked as separate logs, unless the scene names its charges.
     """
+    # a scene that names its charges relates shots to them, so the log stays whole
     several = uncertain.scene.others
+    # positions and clocks may differ from shot to shot, as between days of a test
     logs = [observations] if several else list(by_shot(observations).values())
     found: dict[str, InputError] = {}
     for log in logs:
         for fault in [*_lawless(log), *_of_log(log, uncertain)]:
+            # the same fault may be found in the log of every shot, and is reported once
             found.setdefault(str(fault), fault)
     return list(found.values())
 
 
 def with_places(observations: Observations, uncertain: UncertainScene) -> Observations:
     """Return a log in the scene's frame, with the sensor positions of the scene."""
-    with suppress(InputError):  # from another continent, which `refusals` reports
+    # `refusals` reports a log from another continent
+    with suppress(InputError):
         observations = located(observations, uncertain)
     sensors = uncertain.scene.sensors
     known = {sensor.name: np.asarray(sensor.position_m) for sensor in sensors}
     position = observations.position.copy()
     for row in np.flatnonzero(np.isnan(position).any(axis=1)):
+        # rows without a position in the log have that of the scene, as in a fit
         position[row] = known.get(observations.sensor[row], position[row])
     return replace(observations, position=position)
 
 
 def _lawless(log: Observations) -> list[InputError]:
-    """Return a fault for each quantity that no law gives yet."""
+    """Return a fault for each quantity without a law."""
     return [
         InputError(
             f"{log.where(log.quantity.index(quantity))}: no law gives {name}: not "
@@ -100,7 +114,8 @@ def _lawless(log: Observations) -> list[InputError]:
 def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
     """Remove the rows whose positions or times are refused, and return their faults."""
     found: list[InputError] = []
-    most = min(MAX_FAULTS, 1 + ROWS // max(len(log), 1))
+    # the cost of a fault grows with the log, as each one checks all rows again
+    most = min(MAX_FAULTS, 1 + MAX_CHECKED_ROWS // max(len(log), 1))
     while len(log) and len(found) < most:
         uncertain = for_log(uncertain, log)
         try:
@@ -112,8 +127,10 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
             )
         except InputError as fault:
             row = _row_of(fault, log)
-            if row is None:  # of the whole log, not of one row
+            # a fault of the whole log, which no removal of a row can mend
+            if row is None:
                 return found or [fault]
+            # the fault's row is removed so that the next fault can be found
             found.append(fault)
             log = some_rows(log, np.delete(np.arange(len(log)), row))
         else:
@@ -160,6 +177,7 @@ def clocks_doubted(observations: Observations) -> list[Doubt]:
 
 def _since_1970(observations: Observations) -> list[Doubt]:
     """Find clock times that are times since 1970, not times of a recording."""
+    # times with a date are converted to seconds after an epoch, never since 1970
     if observations.epoch is not None:
         return []
     value = observations.value
@@ -219,7 +237,8 @@ def _before_the_flash(observations: Observations) -> list[Doubt]:
         if quantity[row] not in ARRIVALS or key not in flash:
             continue
         seen = flash[key]
-        allowed = EARLY * float(np.hypot(sigma[row], sigma[seen]))
+        # both readings have errors, and light takes no time
+        allowed = EARLY_SIGMAS * float(np.hypot(sigma[row], sigma[seen]))
         if value[row] + allowed < value[seen]:
             early = float(value[seen] - value[row])
             found.append(Doubt("arrival_before_flash", (row, seen), {"early_s": early}))
@@ -243,16 +262,20 @@ def degrees_swapped(observations: Observations) -> list[Doubt]:
     if frame is None or len(first) < 3:
         return []
     at = observations.position[[rows[0] for rows in first.values()]]
+    # medians, since one displaced sensor would move a mean by hundreds of kilometres
     middle = np.median(at, axis=0)
     apart = np.linalg.norm(at - middle, axis=1)
     spread = float(np.median(apart))
     found = []
     for (sensor, rows), place, far in zip(first.items(), at, apart, strict=True):
-        if far < FAR_OFF * max(spread, 1.0):
+        # at least 10 m, as sensors at one mast may be centimetres apart
+        if far < FAR_RATIO * max(spread, 1.0):
             continue
         lat, lon, alt = frame.to_geodetic(place).tolist()
+        # exchanged coordinates must themselves be possible: a latitude is within 90
+        # degrees
         swapped = frame.to_enu(lon, lat, alt) if abs(lon) <= 90.0 else None
-        if swapped is None or np.linalg.norm(swapped - middle) > far / FAR_OFF:
+        if swapped is None or np.linalg.norm(swapped - middle) > far / FAR_RATIO:
             continue
         numbers = {"lat_deg": lat, "lon_deg": lon, "apart_m": float(far)}
         found.append(Doubt("lat_lon_swapped", tuple(rows), numbers, (sensor,)))
@@ -270,7 +293,7 @@ def _moved(observations: Observations) -> list[Doubt]:
     for (sensor, _), its in rows.items():
         at = observations.position[its]
         apart = np.linalg.norm(at - at[0], axis=1)
-        if (apart > AGREE).any():
+        if (apart > POSITION_TOLERANCE).any():
             other = int(np.argmax(apart))
             found.append(
                 Doubt(
@@ -293,14 +316,17 @@ def _together(observations: Observations) -> list[Doubt]:
     by_cell: dict[tuple[object, ...], list[str]] = {}
     for (shot, sensor), row in first.items():
         placed = [*observations.position[row], observations.slant_range[row]]
-        cell = np.round(np.nan_to_num(placed, nan=-1.0) / AGREE).tolist()
+        # positions rounded to the tolerance are keys of a dictionary: no comparison of
+        # all pairs
+        cell = np.round(np.nan_to_num(placed, nan=-1.0) / POSITION_TOLERANCE).tolist()
         by_cell.setdefault((shot, *cell), []).append(sensor)
     found = []
     for (shot, *_), sensors in by_cell.items():
+        # the number of pairs is quadratic, and ten sensors show the mistake
         for one, other in combinations(sensors[:10], 2):
             doubts = _compared(observations, str(shot), one, other)
             here = _placed(observations)[first[str(shot), one]]
-            # two sensors at one range may stand in different directions
+            # two sensors at one range may be in different directions
             found += [
                 doubt for doubt in doubts if here or doubt.kind == "sensor_copied"
             ]
@@ -324,11 +350,13 @@ def _compared(
     pairs = [(own[q], its[q]) for q in both]
     if not pairs:
         return []
+    # two sensors never read all values alike to the last digit: rows were copied
     if all(observations.value[i] == observations.value[j] for i, j in pairs):
         rows = tuple(row for pair in pairs for row in reversed(pair))
         return [Doubt("sensor_copied", rows, {}, (one, other))]
     for i, j in pairs:
         timed = observations.quantity[i] in CLOCK_TIMES
+        # times of different clocks differ by their offset
         if timed and observations.clock[i] != observations.clock[j]:
             continue
         apart, allowed = _difference(observations, i, j)
@@ -353,10 +381,14 @@ def _difference(observations: Observations, i: int, j: int) -> tuple[float, floa
     value, scale = observations.value[pair], observations.error_scale()[pair]
     error = ONE_WAVE_SIGMAS * float(np.sqrt(np.nansum(scale**2)))
     if observations.quantity[i] in CLOCK_TIMES:
+        # at least 1 ms, since clock times are often written in milliseconds
         return float(abs(value[1] - value[0])), max(error, 1e-3)
-    if (value <= 0).any():  # angles and differences
+    # angles and differences
+    if (value <= 0).any():
         return float(abs(value[1] - value[0])), error or float("inf")
-    return float(abs(np.log(value[1] / value[0]))), max(error, float(np.log(FACTOR)))
+    return float(abs(np.log(value[1] / value[0]))), max(
+        error, float(np.log(REFLECTION_FACTOR))
+    )
 
 
 def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
@@ -366,12 +398,16 @@ def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
 def sigmas_doubted(observations: Observations) -> list[Doubt]:
     """Return rows with an implausible sigma."""
     value, sigma = observations.value, observations.sigma
+    # errors of times and angles have no relation to their size
     in_ln = ~np.isin(observations.quantity, ADDITIVE)
     stated = in_ln & ~np.isnan(sigma) & (value > 0)
     share = np.full(len(value), np.nan)
     share[stated] = sigma[stated] / value[stated]
     found = []
-    for kind, odd in (("sigma_too_fine", share < FINEST), ("sigma_large", share > 1)):
+    for kind, odd in (
+        ("sigma_too_fine", share < FINEST_SIGMA),
+        ("sigma_large", share > 1),
+    ):
         for row in np.flatnonzero(odd):
             found.append(Doubt(kind, (int(row),), {"share": float(share[row])}))
     return found

@@ -1,10 +1,10 @@
 """Clocks of a log, and clock times in ISO 8601.
 
 All clocks are set by a common one: that of the rows without a clock where others name
-theirs, otherwise the first of the log. A log is refused where a clock is set twice or
-by nothing, where its clock times are fewer than its unknown offsets and origin times,
-and where floating-point numbers near its clock times are further apart than their
-sigma (128 s for seconds since 1970 in single precision).
+theirs, otherwise the first of the log. A log is refused if a clock has two settings or
+none, if its clock times are fewer than its unknown offsets and origin times, and if
+floating-point numbers near its clock times are further apart than their sigma (128 s
+for seconds since 1970 in single precision).
 
 The column `value_utc` holds clock times in place of values. Instants are whole
 nanoseconds since 1970 in UTC (POSIX: leap seconds are not counted), and become seconds
@@ -33,12 +33,13 @@ from jblast.scene import Free, Scene, UncertainScene
 
 VALUE_UTC = "value_utc"
 SECOND = 1_000_000_000
-"""Nanoseconds."""
+"""Nanoseconds per second."""
 HALF_DAY = 12 * 3600 * SECOND
-"""Times of day that fall by more than this passed midnight; by less they are out of
-order."""
+"""Largest span of times of day without a date [ns]: a larger one is a midnight between
+them, a smaller one is an unsorted log."""
 YEARS = (1800, 2200)
-"""Range of years of clock times; outside it a time zone has no meaning."""
+"""Range of years of clock times; before it there were no time zones, and nanoseconds
+since 1970 in 64 bits end in 2262."""
 _DAY = re.compile(r"(\d{4})-(\d{2})-(\d{2})[T ]\s*")
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,9}))?)?\s*")
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})?")
@@ -48,13 +49,13 @@ EXAMPLE = "2020-08-04T15:08:18.310Z"
 def check_clocks(
     observations: Observations, scene: Scene, beliefs: Collection[str]
 ) -> None:
-    """Refuse clocks that the log does not have, that nothing sets, or set twice.
+    """Raise an error for clocks that are not in the log, or not set exactly once.
 
     The first clock of the log is the common one, by which all others are set; or that
     of the rows whose column `clock` is empty, where others name theirs.
 
     Raises:
-        InputError: A clock is one of these; the message names it.
+        InputError: There is such a clock; the message names it.
     """
     source = observations.source or "observations"
     named = list(dict.fromkeys(clock for clock in observations.clock if clock))
@@ -69,6 +70,7 @@ def check_clocks(
     if (
         named
         and f"{CLOCK_OFFSET}.{named[0]}" in beliefs
+        # with a common clock all named clocks may have offsets
         and not has_common_clock(observations)
     ):
         others = " or ".join(f"{CLOCK_OFFSET}.{other}" for other in named[1:])
@@ -91,14 +93,14 @@ def check_clocks(
 
 
 def has_common_clock(observations: Observations) -> bool:
-    """Return whether some clock times are on the common clock, others on named ones."""
+    """Return True if some clock times are on the common clock, others on named ones."""
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     named = np.array([bool(clock) for clock in observations.clock])
     return bool(named.any() and (timed & ~named).any())
 
 
 def clocks_apart(observations: Observations) -> list[str]:
-    """Return the clocks that a log names, but for the one by which others are set."""
+    """Return the clocks named in a log, except the one by which others are set."""
     named = list(dict.fromkeys(clock for clock in observations.clock if clock))
     return named if has_common_clock(observations) else named[1:]
 
@@ -106,12 +108,11 @@ def clocks_apart(observations: Observations) -> list[str]:
 def untied_flashes(
     observations: Observations, known: Collection[str]
 ) -> Bool[np.ndarray, " row"]:
-    """Return the rows of flashes on clocks that nothing ties to the others.
+    """Return True for rows of flashes on clocks without a relation to the others.
 
-    Such a clock is named in the column `clock`, reads flashes alone, and its offset is
-    neither given nor fitted: nothing relates its flash to the readings of the others.
-    The first clock is tied where offsets from it are given or fitted. Where no other
-    clock reads anything else, no row is returned.
+    Such a clock is named in the column `clock`, has flashes only, and its offset is
+    neither given nor fitted. The first clock is related to others whose offsets are
+    given or fitted. If no other clock has other readings, all rows are False.
 
     Args:
         observations: The log.
@@ -144,8 +145,10 @@ def refuse_unsolvable_clocks(
     """
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     read = set(np.array(observations.clocks(), object)[timed])
+    # a prior constrains an offset, so only free ones count
     free = [name for name, of in uncertain.beliefs.items() if isinstance(of, Free)]
     offsets = [n for n in free if n.startswith(f"{CLOCK_OFFSET}.")]
+    # an offset of a clock without readings changes nothing
     offsets = [n for n in offsets if n.partition(".")[2] in read]
     origins = [n for n in free if n.partition(".")[0] == "origin_time_s"]
     clocks, times = len(offsets) + len(origins), int(timed.sum())
@@ -166,15 +169,15 @@ def refuse_unsolvable_clocks(
 def refuse_unresolved(
     observations: Observations, dtype: type[np.floating[Any]] | None = None
 ) -> None:
-    """Refuse a clock time that the computation's numbers are too coarse for.
+    """Raise an error for clock times that are too coarse in the computation's numbers.
 
-    A time since 1970 in single precision has steps of 128 s: a fit would converge on
-    nonsense. Neighbouring numbers may be one sigma apart, which is a rounding error of
+    A time since 1970 in single precision has steps of 128 s, and a fit would converge
+    to a wrong result. Neighbouring numbers may be one sigma apart, a rounding error of
     0.3 sigma.
 
     Args:
         observations: The log.
-        dtype: Of the computation; JAX's default.
+        dtype: Type of the computation; JAX's default.
 
     Raises:
         InputError: There is a row with such a time; the message names the first.
@@ -183,8 +186,10 @@ def refuse_unresolved(
         dtype = jnp.zeros(()).dtype.type
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     value = np.where(timed, observations.value, 0.0)
+    # distance to the next representable number at each value
     spacing = np.spacing(np.abs(value).astype(dtype)).astype(float)
-    coarse = timed & (spacing > observations.sigma)  # no sigma, NaN: not compared
+    # false for NaN: without a sigma there is nothing to compare
+    coarse = timed & (spacing > observations.sigma)
     for row in np.flatnonzero(coarse):
         raise InputError(
             f"{observations.where(int(row))}: {observations.quantity[row]} = "
@@ -211,8 +216,9 @@ def take_clock_times(
         The epoch, UTC; None if no row has a clock time.
 
     Raises:
-        InputError: A time cannot be read, stands beside a value, is given for what is
-            no clock time, or beside clock times in seconds; unless faults are gathered.
+        InputError: A time cannot be read, its row also has a value or another quantity
+            than a clock time, or other clock times are in seconds; unless faults are
+            gathered.
     """
     day, place = date and day_named(date), zone and zone_named(zone)
     texts = rows.texts.get(VALUE_UTC)
@@ -231,7 +237,7 @@ def take_clock_times(
     rows.refuse(
         dated & ~timed & np.isin(quantity, tuple(QUANTITIES)),
         VALUE_UTC,
-        lambda row: f"nothing, as {quantity[row]} is no time of a clock; use value",
+        lambda row: f"nothing, as {quantity[row]} is not a clock time; use value",
     )
     rows.refuse(
         timed & ~dated & [bool(value) for value in values],
@@ -255,30 +261,33 @@ def take_clock_times(
             why[row] = str(reason)
     rows.refuse([row in why for row in range(len(texts))], VALUE_UTC, why.__getitem__)
     for row in why:
-        values[row] = "0"  # the fault is reported, and the row is left out
+        # the fault is reported, and the row is left out
+        values[row] = "0"
     rows.texts["value"] = values
     if not found:
         return None
     if day:
         _refuse_over_midnight(rows, texts, found)
+    # a whole second, so that the epoch is an exact datetime
     first = min(found.values()) // SECOND * SECOND
     for row, when in found.items():
+        # repr reads back as the same number
         values[row] = repr((when - first) / SECOND)
     rows.texts["value"] = values
     return moment(first)
 
 
-def told_clock_times(
+def converted_clock_times(
     texts: Sequence[str], date: str | None, zone: str | None
 ) -> list[ClockTimesTaken]:
-    """Return the dates and zones supplied or converted; nothing for UTC with dates.
+    """Return the dates and zones supplied or converted; empty for UTC with dates.
 
     Args:
         texts: Column `value_utc`, as written.
         date: The day of those without one.
         zone: The zone of those without one.
     """
-    of = [said(text) for text in texts if text]
+    of = [date_and_zone(text) for text in texts if text]
     unzoned = sum(not one.zone for one in of)
     utc = sum(one.zone.upper() in ("Z", "UTC") for one in of)
     found = ClockTimesTaken(
@@ -294,7 +303,7 @@ def told_clock_times(
 def _refuse_over_midnight(
     rows: Columns, texts: Sequence[str], found: dict[int, int]
 ) -> None:
-    """Refuse times of one day over half a day apart: midnight lies between them."""
+    """Raise an error for times of one day more than half a day apart: past midnight."""
     last = max(found.values())
     early = [last - found.get(row, last) > HALF_DAY for row in range(len(texts))]
     late = texts[max(found, key=found.__getitem__)]
@@ -302,8 +311,8 @@ def _refuse_over_midnight(
         [flag and "-" not in texts[row][:8] for row, flag in enumerate(early)],
         VALUE_UTC,
         lambda row: (
-            f"times within half a day, got {texts[row]} beside {late}: where midnight "
-            "was between them, write dates, as 2020-08-05T00:00:00.310Z"
+            f"times within half a day, got {texts[row]} and {late}; if midnight was "
+            "between them, write dates, as 2020-08-05T00:00:00.310Z"
         ),
     )
 
@@ -333,9 +342,9 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
     hour, minute, second = (int(clock[i] or 0) for i in (1, 2, 3))
     if second == 60:
         raise NotAnInstant(
-            "seconds below 60: a leap second has no number of its own in UTC as "
-            f"counted here; got {shown(text)}: move all times by a second, or give "
-            "them as value, in seconds from any one moment"
+            "seconds below 60, as leap seconds are not counted; got "
+            f"{shown(text)}: shift all times by a second, or give them as value, in "
+            "seconds from any instant"
         )
     if hour > 23 or minute > 59 or second > 59:
         raise NotAnInstant(f"a time of day from 00:00:00 to 23:59:59, got {text!r}")
@@ -352,6 +361,7 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
             f"a zone, as in {EXAMPLE} or 15:08:18.310+03:00, or {argument('zone')} for "
             f"all, as +02:00 or Asia/Beirut; got {shown(text)}"
         )
+    # digits of the fraction as an integer: a float would round them
     nanoseconds = int((clock[4] or "").ljust(9, "0"))
     if not YEARS[0] <= day.year <= YEARS[1]:
         raise NotAnInstant(f"a year from {YEARS[0]} to {YEARS[1]}, got {shown(text)}")
@@ -359,11 +369,11 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
     return (seconds + second) * SECOND + nanoseconds
 
 
-class Said(NamedTuple):
+class DateAndZone(NamedTuple):
     """Day and zone of a time as text.
 
     Attributes:
-        date: Whether it has a date.
+        date: True if it has a date.
         zone: Text after the time of day: "", "Z", "+03:00".
     """
 
@@ -371,17 +381,17 @@ class Said(NamedTuple):
     zone: str
 
 
-def said(text: str) -> Said:
-    """Return whether a time, as read by `instant`, has a date, and its zone."""
+def date_and_zone(text: str) -> DateAndZone:
+    """Return the zone of a time as read by `instant`, and True if it has a date."""
     rest = text.strip()
     dated = _DAY.match(rest)
     rest = rest[dated.end() :] if dated else rest
     clock = _CLOCK.match(rest)
-    return Said(dated is not None, rest[clock.end() :] if clock else "")
+    return DateAndZone(dated is not None, rest[clock.end() :] if clock else "")
 
 
 def zone_named(name: str) -> tzinfo:
-    """Return a time zone: `UTC`, `Z`, `+02:00`, or a name of IANA's, `Europe/Paris`.
+    """Return a time zone: `UTC`, `Z`, `+02:00`, or an IANA name, `Europe/Paris`.
 
     Raises:
         InputError: There is no such zone.
@@ -394,7 +404,8 @@ def zone_named(name: str) -> tzinfo:
 
     try:
         return ZoneInfo(name)
-    except (KeyError, OSError, ValueError):  # no zone; no name of a file
+    # no such zone, or a name that is not one of a file
+    except (KeyError, OSError, ValueError):
         raise InputError(
             f"{argument('zone')}: expected a zone as Asia/Beirut, +02:00 or UTC, got "
             f"{shown(name)}{nearest(name, available_timezones())}"
@@ -427,7 +438,7 @@ def written(epoch: datetime, seconds: float) -> str:
 
     Args:
         epoch: UTC of time zero.
-        seconds: Since then.
+        seconds: Seconds since then.
     """
     since = epoch - datetime(1970, 1, 1, tzinfo=UTC)
     whole = since // timedelta(microseconds=1) * 1000
@@ -449,7 +460,7 @@ def _offset(text: str, whole: str) -> tzinfo:
         return UTC
     match = _OFFSET.fullmatch(text)
     if not match:
-        raise NotAnInstant(f"Z or an offset as +03:00 behind it, got {shown(whole)}")
+        raise NotAnInstant(f"Z or an offset as +03:00 after it, got {shown(whole)}")
     try:
         return _fixed(match, text)
     except InputError:
@@ -470,28 +481,28 @@ def _fixed(match: re.Match[str], name: str) -> timezone:
 def _seconds(local: datetime, zone: tzinfo) -> int:
     """Return whole seconds since 1970 of a local time that occurred once.
 
-    Offsets were no whole minutes everywhere: in Monrovia 44 min 30 s until 1972.
-
     Raises:
-        NotAnInstant: Clocks were changed then: it occurred twice or never.
+        NotAnInstant: The time occurred twice or never, as clocks were changed.
     """
+    # not all offsets are whole minutes: that of Monrovia was 44 min 30 s until 1972
     both = [local.replace(tzinfo=zone, fold=fold) for fold in (0, 1)]
     happened = [
         when
         for when in both
         if when.astimezone(UTC).astimezone(zone).replace(tzinfo=None) == local
     ]
+    # a local time survives the round trip through UTC only if it occurred
     if not happened:
         raise NotAnInstant(
-            f"a time that there was in {zone}, got {local:%Y-%m-%d %H:%M}: clocks "
-            "were put forward over it"
+            f"a time that occurred in {zone}, got {local:%Y-%m-%d %H:%M}, which clocks "
+            "skipped when they were put forward"
         )
     offsets = {when.utcoffset() for when in happened}
     if len(offsets) > 1:
-        said = " or ".join(f"{when:%z}" for when in happened)
+        zones = " or ".join(f"{when:%z}" for when in happened)
         raise NotAnInstant(
-            f"a time that there was once in {zone}, got {local:%Y-%m-%d %H:%M}, which "
-            f"came twice as clocks were put back; say {said} behind it"
+            f"a time that occurred once in {zone}, got {local:%Y-%m-%d %H:%M}, which "
+            f"occurred twice as clocks were put back; add {zones} to it"
         )
     since = happened[0] - datetime(1970, 1, 1, tzinfo=UTC)
     return since // timedelta(seconds=1)

@@ -23,8 +23,9 @@ from jblast.files import write_text
 from jblast.observations.table import Faults, Observations, RecordCovariance
 from jblast.quantities import ADDITIVE, QUANTITIES
 
-AGREES = 0.01
-"""Relative tolerance between a sigma of the log and its covariance, for rounding."""
+SIGMA_TOLERANCE = 0.01
+"""Relative tolerance between a sigma of the log and its covariance: sigmas are written
+with three digits or more, and a difference of 1 % changes no interval visibly."""
 COLUMNS = ("record", "quantity", "with", "covariance")
 COVARIANCES = "covariances"
 """Key of the same rows in the `attrs` of a data frame."""
@@ -45,20 +46,22 @@ def with_covariances(
     """
     path = covariance_file(observations.source)
     where = str(path) if rows is None else f"{observations.source}: covariances"
+    # the side file is optional, and a data frame has rows in its attributes instead
     there = path.is_file() if rows is None else bool(rows)
     if not len(observations) or not there:
         return observations
     try:
         if not any(observations.record):
             raise InputError(
-                f"{observations.source}: expected a column record, since {where} tells "
-                "of the errors that rows of one record share; got none"
+                f"{observations.source}: expected a column record, since {where} has "
+                "the covariances of records; got none"
             )
         found = read_covariances(path) if rows is None else covariances_of(rows, where)
         both = replace(observations, covariances=found)
+        # the generator checks each record against the log, so it is exhausted here
         list(rows_with_covariance(both))
     except InputError as fault:
-        faults.tell(fault)
+        faults.add(fault)
         return observations
     return both
 
@@ -72,8 +75,9 @@ def rows_with_covariance(
 
     Raises:
         InputError: A sigma disagrees with its covariance, or a quantity of a record
-            stands in two rows.
+            has two rows.
     """
+    # an index by record and quantity: a search per pair would be quadratic
     rows_of: dict[tuple[str, str], list[int]] = {}
     keys = zip(observations.records(), observations.quantity, strict=True)
     for row, key in enumerate(keys):
@@ -94,6 +98,7 @@ def rows_with_covariance(
                 rows.append(row)
                 present.append(quantity)
         if rows:
+            # a marginal of a normal distribution is that part of its matrix
             yield np.array(rows), covariance.only(tuple(present))
 
 
@@ -101,20 +106,20 @@ def _refuse_other_sigma(
     observations: Observations, row: int, scale: float, sd: float
 ) -> None:
     """Refuse a row whose sigma is not that of its covariance."""
-    if abs(scale - sd) <= AGREES * sd:
+    if abs(scale - sd) <= SIGMA_TOLERANCE * sd:
         return
     quantity = observations.quantity[row]
     unit = 1.0 if quantity in ADDITIVE else abs(float(observations.value[row]))
     got = "nothing" if math.isnan(scale) else f"{scale * unit:.6g}"
     raise InputError(
         f"{observations.where(row)}, column sigma: expected {sd * unit:.6g}, as the "
-        f"covariance of record {shown(observations.record[row])} says of {quantity}; "
-        f"got {got}: correct one, or leave the record out there"
+        f"covariance of {quantity} in record {shown(observations.record[row])}; "
+        f"got {got}: correct one, or remove the record from the covariances"
     )
 
 
 def covariance_file(log: str | os.PathLike[str]) -> Path:
-    """Return where the covariances of a log stand: `picks.covariance.csv`."""
+    """Return the path of a log's covariances: `picks.covariance.csv`."""
     return Path(log).with_suffix(".covariance.csv")
 
 
@@ -132,6 +137,7 @@ def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ..
     ]
     fields = [(n, [f.strip() for f in next(csv.reader([line]))]) for n, line in lines]
     header = fields[0][1] if fields else []
+    # columns may be in any order, as in a log
     if sorted(header) != sorted(COLUMNS):
         raise InputError(
             f"{path}: line {fields[0][0] if fields else 1}: expected a header "
@@ -149,10 +155,10 @@ def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ..
 def covariances_of(
     rows: Sequence[Mapping[str, Any]], source: str
 ) -> tuple[RecordCovariance, ...]:
-    """Return the covariances that `covariance_rows` gave rows of.
+    """Return the covariances of rows as from `covariance_rows`.
 
     Args:
-        rows: A pair of quantities each.
+        rows: Rows of one pair of quantities each.
         source: Their name in messages.
 
     Raises:
@@ -184,6 +190,7 @@ def covariance_rows(observations: Observations) -> list[dict[str, Any]]:
         )
         for of in observations.covariances
         for i, quantity in enumerate(of.quantities)
+        # the lower triangle is enough: the matrix is symmetric
         for j, other in enumerate(of.quantities[: i + 1])
     ]
 
@@ -192,11 +199,13 @@ def write_covariances(log: str | os.PathLike[str], observations: Observations) -
     """Write the side file of a log, or remove it if the log has no covariances."""
     path = covariance_file(log)
     if not observations.covariances:
+        # an old side file would be read with the new log
         path.unlink(missing_ok=True)
         return
     lines = [",".join(COLUMNS)]
     for row in covariance_rows(observations):
         record = quoted(row["record"])
+        # repr is the shortest text that reads back as the same number
         value = repr(row["covariance"])
         lines.append(",".join((record, row["quantity"], row["with"], value)))
     write_text(path, "\n".join(lines) + "\n")
@@ -216,6 +225,7 @@ def _covariances(
                 f"{where}: expected one covariance of {pair[0]} with {pair[1]}, "
                 f"got {pairs[pair]:g} and {value:g}"
             )
+        # a pair may be written in either order, or in both with equal values
         pairs[pair[1], pair[0]] = value
     return tuple(_matrix(source, name, pairs) for name, pairs in found.items())
 
@@ -271,6 +281,7 @@ def plain_text(text: str) -> str:
     Raises:
         ValueError: It has several lines, or outer blanks.
     """
+    # control characters would end the line or be removed when it is read
     unreadable = any(c != "\t" and (ord(c) < 32 or ord(c) == 127) for c in text)
     if unreadable or text != text.strip():
         raise ValueError(
@@ -287,6 +298,7 @@ def quoted(name: str) -> str:
         ValueError: It has several lines, or outer blanks.
     """
     name = plain_text(name)
+    # quotes within a quoted field are doubled (RFC 4180)
     if any(c in name for c in ',"') or name.startswith("#"):
         return '"' + name.replace('"', '""') + '"'
     return name

@@ -107,16 +107,16 @@ class UnitOf:
 def read_header(
     table: Table, faults: Faults, units_row: Mapping[str, UnitOf], *, strict: bool
 ) -> Header:
-    """Give a table's columns our names.
+    """Rename a table's columns to our names.
 
     Args:
-        table: Its header is changed; unknown columns are removed.
+        table: The table; its header is changed, and unknown columns are removed.
         faults: Collects unknown columns.
         units_row: Units from a row of units, by column as written.
-        strict: Whether names must be exactly ours.
+        strict: True if names must be exactly ours.
 
     Raises:
-        InputError: A column is missing or there twice, or has two units.
+        InputError: A column is missing or repeated, or has two units.
     """
     where = table.at(table.header_line)
     header, unknown = Header(), set()
@@ -125,7 +125,7 @@ def read_header(
         if ours is None:
             unknown.add(index)
             advice = _advice(theirs, strict=strict)
-            faults.tell(InputError(f"{where}: unknown column {shown(theirs)}{advice}"))
+            faults.add(InputError(f"{where}: unknown column {shown(theirs)}{advice}"))
             continue
         name, unit = ours
         if name in header.theirs:
@@ -150,18 +150,19 @@ def column_of(
         theirs: Its name as written.
         stated: Its unit by a row of units.
         table: For the position in messages.
-        strict: Whether names must be exactly ours.
+        strict: True if names must be exactly ours.
 
     Raises:
         InputError: The row of units has another unit than the name.
     """
+    # the usual case first: most columns have our names
     if theirs in COLUMNS and stated is None:
         return theirs, None
     if strict:
         return None
     key = spelt(theirs)
     if stated is not None:
-        return _with_told_unit(theirs, key, stated, table)
+        return _with_units_row(theirs, key, stated, table)
     if key in COLUMNS:
         return key, None
     found = our_name(theirs)
@@ -170,17 +171,18 @@ def column_of(
     return found.name, found
 
 
-def _with_told_unit(
+def _with_units_row(
     theirs: str, key: str, stated: UnitOf, table: Table
 ) -> tuple[str, OurName | None] | None:
-    """Return our column, its unit from a row of units."""
+    """Return our column, with its unit from a row of units."""
     own = our_name(theirs)
     there = our_name(f"{theirs}_{stated.suffix}")
     if own is not None and own.name in COLUMNS:
+        # units are compared by dimension and factor: kPa and kilopascal are the same
         same = our_name(f"value_{stated.suffix}")
         if same is None or (same.dimension, same.factor) != (own.dimension, own.factor):
             raise InputError(
-                f"{table.at(stated.line)}, column {theirs}: expected one unit a "
+                f"{table.at(stated.line)}, column {theirs}: expected one unit per "
                 f"column, got {own.unit} in its name and {stated.suffix} in the row of "
                 "units"
             )
@@ -202,7 +204,7 @@ def _twice(name: str, first: str, second: str) -> str:
 def _advice(name: str, *, strict: bool) -> str:
     """Return the advice for an unknown column."""
     if not name:
-        return "; expected a name above every column that holds something"
+        return "; expected a name above every column that is not empty"
     if name in QUANTITIES:
         return (
             "; it is a quantity, not a column: put it into column quantity, "
@@ -223,7 +225,7 @@ def _advice(name: str, *, strict: bool) -> str:
 
 
 def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
-    """Refuse a table that lacks what every row needs; a height left out is 0."""
+    """Raise an error for missing columns; a height that is left out is 0."""
     got = table.header
     missing = [name for name in NEEDED if name not in got]
     if any(name in got for name in VALUES) and "value" in missing:
@@ -231,9 +233,10 @@ def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
     if missing:
         raise InputError(
             f"{where}: missing column {', '.join(missing)}; expected "
-            f"{', '.join(NEEDED)}; got {', '.join(got) or 'none that is known'}"
+            f"{', '.join(NEEDED)}; got {', '.join(got) or 'no known column'}"
         )
     partial = [name for name in POSITION if name not in got]
+    # surveys on level ground have no heights
     if partial == ["up_m"] and not strict:
         table.header.append("up_m")
         east = table.columns[got.index("east_m")]
@@ -247,19 +250,20 @@ def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
 
 
 def is_quantity(name: str) -> bool:
-    """Return whether a column's name is a quantity, in any unit."""
+    """Return True if a column's name is a quantity, in any unit."""
     found = our_name(name)
     return name in QUANTITIES or (found is not None and found.name in QUANTITIES)
 
 
 def is_empty(text: str) -> bool:
-    """Return whether a field stands for no measurement."""
+    """Return True if a field means that there is no measurement."""
     return not text or text in NA_SPELT
 
 
 def drop_blanks(table: Table) -> None:
     """Remove empty rows and columns, comments in a field, and notes."""
     first = table.columns[0] if table.columns else []
+    # most tables have neither blanks nor comments, and need no loop over their rows
     empty: set[int] = set()
     comments = []
     for row, text in enumerate(first if "" in first or "#" in "".join(first) else ()):
@@ -276,6 +280,7 @@ def drop_blanks(table: Table) -> None:
         for index, name in enumerate(table.header)
         if not name and not any(table.columns[index])
     }
+    # notes are the only columns that are dropped: others might be misspelt
     notes = {
         index
         for index, name in enumerate(table.header)
@@ -292,7 +297,7 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
 
     Args:
         table: The table.
-        names: Its header as it was written.
+        names: Its header as written.
 
     Raises:
         InputError: There is one; the message has its position.
@@ -302,6 +307,7 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
         return
     first = [spelt(name) for name in names]
     for row, line in enumerate(table.lines):
+        # a second table follows a blank row, or has words where numbers should be
         apart = line in table.blank_before or row in words
         if table.columns[0][row] != names[0] and not apart:
             continue
@@ -311,7 +317,7 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
             raise InputError(
                 f"{table.at(line)}: expected one table, got "
                 + ("its header again" if again else "another header")
-                + f" ({', '.join(map(shown, cells[:4]))}); keep one table a file"
+                + f" ({', '.join(map(shown, cells[:4]))}); keep one table per file"
             )
 
 
@@ -331,7 +337,7 @@ def _words_for_values(table: Table) -> set[int]:
 
 
 def _holds_a_number(cells: list[str]) -> bool:
-    """Return whether cells contain a number, as those of a measurement do."""
+    """Return True if cells contain a number, as those of a measurement do."""
     for cell in cells:
         try:
             float(cell.lstrip("> ").replace(",", "."))
@@ -344,11 +350,12 @@ def _holds_a_number(cells: list[str]) -> bool:
 def take_units_row(table: Table) -> dict[str, UnitOf]:
     """Remove a row of units, second or last, and return them by name of column.
 
-    In a row of units every field is a unit, perhaps in brackets, or stands for no unit,
-    and at least one is a unit.
+    In a row of units every field is a unit, possibly in brackets, or means no unit, and
+    at least one is a unit.
     """
     if not table.lines:
         return {}
+    # pandas writes a row of units first, some loggers last
     for row in dict.fromkeys((0, len(table.lines) - 1)):
         cells = [column[row] for column in table.columns]
         units = [cell.strip("[](){} ") for cell in cells]
@@ -371,7 +378,7 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
     """Replace decimal commas by points, and typographic minus signs by plain ones.
 
     Args:
-        table: Is changed.
+        table: The table, which is changed.
         numbers: Columns of numbers, as written in the header.
 
     Raises:
@@ -387,6 +394,7 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
     if not semicolons and not any("," in "".join(column) for column in columns):
         return
     sure, unsure = _marks(table, held)
+    # a mark is certain if a number has only one reading with it: 1,5 but not 1,234
     if "," in sure and "." in sure:
         raise InputError(
             f"{_at(table, sure[','])}: expected one decimal mark in the file, got a "
@@ -397,8 +405,8 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
         text = seen[2]
         decimal, whole = text.replace(mark, "."), text.replace(mark, "")
         raise InputError(
-            f"{_at(table, seen)}: may be {decimal} or {whole}, and no other number "
-            f"says which; expected {decimal} with a point in a file with commas "
+            f"{_at(table, seen)}: may be {decimal} or {whole}, which no other number "
+            f"decides; expected {decimal} with a point in a file with commas "
             f"between fields, or {whole} without a mark"
         )
     for mark in unsure.keys() - sure.keys():
@@ -406,7 +414,7 @@ def take_decimal_commas(table: Table, numbers: Collection[str]) -> None:
         raise InputError(
             f"{_at(table, unsure[mark])}: expected no mark between thousands, and "
             f"decimals as in {known[2]} at {_at(table, known, text=False)}; write "
-            f"{unsure[mark][2].replace(mark, '')}, if that is meant"
+            f"{unsure[mark][2].replace(mark, '')} for a whole number"
         )
     if "," not in sure:
         return
@@ -435,6 +443,7 @@ def _marks(table: Table, held: list[int]) -> tuple[dict[str, Seen], dict[str, Se
                 continue
             text = cell.lstrip("> ")
             seen = line, table.header[i], text
+            # a mark before three digits may separate thousands or decimals
             match = GROUPED.fullmatch(text)
             if match and text.count(match[1]) == 1:
                 unsure.setdefault(match[1], seen)
@@ -463,7 +472,7 @@ def refuse_wide(table: Table, units_row: dict[str, UnitOf]) -> None:
     """Refuse a table with a column for each quantity, with advice.
 
     Raises:
-        InputError: It is one.
+        InputError: The table is wide.
     """
     keys = [spelt(name) for name in table.header]
     if "quantity" in keys or any(key.startswith("value") for key in keys):
@@ -474,26 +483,27 @@ def refuse_wide(table: Table, units_row: dict[str, UnitOf]) -> None:
     one = shown(held[0])
     raise InputError(
         f"{table.at(table.header_line)}: column {one} is a quantity, not a column: a "
-        f"wide table, with {len(held)} of them; expected a measurement a row, {one} in "
-        f"column quantity and its number in column value; or read it with "
+        f"wide table, with {len(held)} of them; expected one measurement per row, "
+        f"{one} in column quantity and its number in column value; or read it with "
         f"{argument('wide')}"
     )
 
 
 def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
-    """Return a wide table as one measurement a row, sensor by sensor.
+    """Return a wide table as one measurement per row, sensor by sensor.
 
-    A column `sigma_QUANTITY` or `QUANTITY_sigma` holds the errors of QUANTITY in the
-    same unit, `sigma_percent` those of all that are a share (`error_columns`); without
-    one its rows have no sigma. An empty cell is no measurement.
+    A column `sigma_QUANTITY` or `QUANTITY_sigma` has the errors of QUANTITY in the same
+    unit, `sigma_percent` those of all quantities with relative errors
+    (`error_columns`). Rows of other quantities have no sigma. An empty cell is no
+    measurement.
 
     Args:
-        table: Has a column for each quantity, as `peak_overpressure_kpa`.
+        table: Table with a column for each quantity, as `peak_overpressure_kpa`.
         units_row: Units from a row of units, of which those of quantities are used.
 
     Raises:
-        InputError: It has no such column, or also `quantity` or `value`, or a column of
-            errors without its quantity.
+        InputError: The table has no such column, or also `quantity` or `value`, or a
+            column of errors without its quantity.
     """
     where = table.at(table.header_line)
     keys = [spelt(name) for name in table.header]
@@ -511,6 +521,7 @@ def made_long(table: Table, units_row: dict[str, UnitOf]) -> Table:
             f"{', '.join(map(shown, table.header))}"
         )
     _refuse_twice(where, held)
+    # before the columns are combined: a mark is decided by all numbers of the file
     numbers = {name for name in table.header if spelt(name) not in NAMES}
     take_decimal_commas(table, numbers)
     errors = error_columns(table, held, units_row)
@@ -590,8 +601,8 @@ class ErrorColumn(NamedTuple):
 
     Attributes:
         column: Number of the column, from zero.
-        is_share: Whether they are per cent of the value.
-        is_level: Whether that value is a level in dB.
+        is_share: True if they are in per cent of the value.
+        is_level: True if that value is a level in dB.
     """
 
     column: int
@@ -607,9 +618,11 @@ class ErrorColumn(NamedTuple):
         """
         if not self.is_share or is_empty(written):
             return written
+        # an error of a level is in decibels, whatever the level is
         value = "1" if self.is_level else value.lstrip("> ")
         (share,) = products(Fraction(1, 100), [value], [written])
-        if not math.isfinite(share):  # what is no number is refused as it stands
+        # text that is not a number is refused later, with the text itself
+        if not math.isfinite(share):
             return written
         return repr(float(share / LN_PER_DB if self.is_level else share))
 
@@ -619,12 +632,12 @@ def error_columns(
 ) -> dict[int, ErrorColumn]:
     """Return the column of errors of each column of values.
 
-    `sigma_QUANTITY` and `QUANTITY_sigma` are in the unit of QUANTITY; with `_percent`
-    behind, or % in the row of units, they are a share of it. `sigma_percent` alone is
+    `sigma_QUANTITY` and `QUANTITY_sigma` are in the unit of QUANTITY. With the suffix
+    `_percent`, or % in the row of units, they are relative. `sigma_percent` alone is
     that of every quantity with relative errors that has no other.
 
     Args:
-        table: A wide one.
+        table: A wide table.
         held: Quantities with their units by column.
         units_row: Units from a row of units, by column as written.
 
@@ -637,11 +650,16 @@ def error_columns(
     for i, name in held.items():
         ours = our_name(name)
         for key, is_share in _names(spelt(table.header[i]), ours):
+            # the first name that matches counts: exact names come before those of the
+            # stem
             if key in keys and i not in found:
                 at = keys.index(key)
-                is_share = is_share or _told_share(table, at, ours, units_row)
+                is_share = is_share or _is_share_by_units_row(
+                    table, at, ours, units_row
+                )
                 _refuse_share_of_none(table, at, name, is_share=is_share)
                 found[i] = ErrorColumn(at, is_share, _dimension(ours) == LEVEL)
+    # a column of its own takes precedence over the common one
     if FOR_ALL in keys:
         at = keys.index(FOR_ALL)
         for i, name in held.items():
@@ -652,7 +670,7 @@ def error_columns(
 
 
 def _names(key: str, ours: OurName | None) -> list[tuple[str, bool]]:
-    """Return possible names of a column of errors, and whether they are relative."""
+    """Return possible names of a column of errors, with True for relative ones."""
     names = [(f"sigma_{key}", False), (f"{key}_sigma", False)]
     stem = key if ours is None else key.removesuffix(f"_{ours.unit.lower()}")
     for of in dict.fromkeys((key, stem)):
@@ -660,10 +678,10 @@ def _names(key: str, ours: OurName | None) -> list[tuple[str, bool]]:
     return names
 
 
-def _told_share(
+def _is_share_by_units_row(
     table: Table, at: int, ours: OurName | None, units_row: Mapping[str, UnitOf]
 ) -> bool:
-    """Return whether errors are per cent of their values by the row of units.
+    """Return True if errors are in per cent of their values by the row of units.
 
     Raises:
         InputError: It has another unit than that of the values.
@@ -688,7 +706,7 @@ def _refuse_share_of_none(table: Table, at: int, name: str, *, is_share: bool) -
     if is_share and _quantity_named(name) in ADDITIVE:
         raise InputError(
             f"{table.at(table.header_line)}, column {table.header[at]}: expected a "
-            f"sigma in the unit of {name}, whose errors are no share of it, got %"
+            f"sigma in the unit of {name}, whose errors are not relative, got %"
         )
 
 
@@ -705,7 +723,7 @@ def _refuse_idle(
         raise InputError(
             f"{table.at(table.header_line)}: expected sigma_ and the name of a "
             f"quantity's column, as sigma_{spelt(table.header[min(held)])}, in its "
-            f"unit, or {FOR_ALL}, of quantities whose errors are a share; got "
+            f"unit, or {FOR_ALL}, of quantities whose errors are relative; got "
             f"{shown(table.header[i])}"
         )
 

@@ -30,6 +30,7 @@ PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 
 def by_shot(observations: Observations) -> dict[str, Observations]:
     """Return one log for each shot of a log, in order of appearance."""
+    # one array comparison per shot instead of a loop over rows
     shots = np.array(observations.shot)
     return {
         str(shot): some_rows(observations, np.flatnonzero(shots == shot))
@@ -48,12 +49,13 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         One log, and the names of all clocks but the first, whose offsets are unknown.
 
     Raises:
-        InputError: Two files have the same name, one names clocks of its own, or the
-            logs has several shots.
+        InputError: Two files have the same name, one names clocks of its own, or one
+            has several shots.
     """
     event = argument("one_event")
     names = [Path(log.source).stem or f"recorder {i}" for i, log in enumerate(logs, 1)]
     for log, name in zip(logs, names, strict=True):
+        # the name of the file becomes that of the clock, and must identify it
         if names.count(name) > 1:
             raise InputError(
                 f"{log.source}: {event} names clocks after the files; expected "
@@ -61,8 +63,8 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
             )
         if any(log.clock):
             raise InputError(
-                f"{log.source}: column clock: {event} makes the file the clock; "
-                "expected no such column"
+                f"{log.source}: column clock: expected no such column, as {event} "
+                "gives each file one clock; got one"
             )
         if len(set(log.shot)) > 1:
             raise InputError(
@@ -78,7 +80,8 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
     ]
     clocked = _each_record_once(clocked, names)
     joined = stacked(clocked)
-    joined["line"] = ()  # line numbers of several files have no meaning
+    # line numbers of several files have no meaning
+    joined["line"] = ()
     return Observations(
         **joined,
         source=" + ".join(log.source for log in logs),
@@ -93,6 +96,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
 def stacked(logs: Sequence[Observations]) -> dict[str, Any]:
     """Return the fields that have one entry a row, of logs one after another."""
     columns: dict[str, Any] = {}
+    # optional columns are filled, since another part may have them
     filled = [replace(of, lower_bound=of.bounds(), record=of.records()) for of in logs]
     for name in PER_ROW:
         parts = [getattr(log, name) for log in filled]
@@ -111,6 +115,7 @@ def _on_one_earth(
     Raises:
         InputError: One log has latitudes, or dates, and another has metres, or seconds.
     """
+    # logs without positions or clock times fit any frame and epoch
     timed = set(CLOCK_TIMES)
     for what, has, lacks in (
         (
@@ -129,6 +134,7 @@ def _on_one_earth(
                 f"{lacks[0].source}: expected {what} as in {has[0].source}, got none"
             )
     frame = next((log.frame for log in logs if log.frame), None)
+    # the earliest epoch, so that times count forward from it
     epoch = min((log.epoch for log in logs if log.epoch), default=None)
     there = [framed(log, frame) if frame else log for log in logs]
     return [since(log, epoch) if epoch else log for log in there], frame, epoch
@@ -178,6 +184,7 @@ def framed(observations: Observations, frame: Frame) -> Observations:
         return replace(observations, frame=frame)
     position = observations.position.copy()
     known = ~np.isnan(position).any(axis=1)
+    # through the ellipsoid, as the axes of two frames are not parallel
     there = observations.frame.to_geodetic(position[known])
     position[known] = frame.to_enu(*there.T)
     return replace(observations, position=position, frame=frame)
@@ -195,9 +202,9 @@ def located(observations: Observations, uncertain: UncertainScene) -> Observatio
     away = np.linalg.norm(there.position, axis=1)
     for row in np.flatnonzero(away > MAX_DISTANCE):
         raise InputError(
-            f"{observations.where(int(row))}: the sensor stands {away[row] / 1e3:.4g} "
-            f"km from [place] of {uncertain.source or 'the scene'}; expected both at "
-            f"one site, within {MAX_DISTANCE / 1e3:g} km"
+            f"{observations.where(int(row))}: expected a sensor within "
+            f"{MAX_DISTANCE / 1e3:g} km of [place] of "
+            f"{uncertain.source or 'the scene'}, got one {away[row] / 1e3:.4g} km away"
         )
     return there
 

@@ -94,8 +94,8 @@ def read(
     Args:
         source: A path (text, .xlsx, .ods, .parquet), an open file or buffer of text or
             bytes, or a `pandas.DataFrame`.
-        strict: Whether only UTF-8 text with commas, our columns and units is accepted.
-        wide: Whether each quantity has a column of its own.
+        strict: True if only UTF-8 text with commas, our columns and units is accepted.
+        wide: True if each quantity has a column of its own.
         faults: Every fault is appended here, and reading continues with the other rows
             and columns; None: the first is raised.
         date: The day, YYYY-MM-DD, of times in `value_utc` that have none.
@@ -114,6 +114,7 @@ def read(
     found = Faults(faults)
     try:
         log = _read(source, found, strict=strict, wide=wide, date=date, zone=zone)
+        # a data frame has no file beside it: the covariances are in its attributes
         attached = getattr(source, "attrs", {}).get(COVARIANCES)
         return with_covariances(log, found, attached)
     except InputError as fault:
@@ -140,11 +141,14 @@ def _read(
     nothing = f"{where}: nothing after the header; expected one measurement a row"
     units_row: dict[str, UnitOf] = {}
     if not strict:
+        # blank rows first: a row of units is recognised as the second row
         drop_blanks(table)
         units_row = take_units_row(table)
     if wide:
         table = made_long(table, units_row)
     else:
+        # before the names of columns are checked, whose errors would not explain a
+        # recording
         refuse_series(table)
         if not strict:
             refuse_wide(table, units_row)
@@ -186,6 +190,7 @@ def write(
         ValueError: There are no rows, or a name or comment would not read back: it has
             line breaks, control characters or outer spaces.
     """
+    # names of sample files are relative to the log, which may be written elsewhere
     observations = _with_samples_from(Path(path).parent, observations)
     write_text(path, log_text(observations, comments))
     write_covariances(path, observations)
@@ -268,12 +273,14 @@ def typed_columns(
                 timed_rows, observations.value.tolist(), strict=True
             )
         )
+        # the same time twice, as seconds and as UTC, could contradict itself after
+        # editing
         columns["value"] = np.where(timed_rows, np.nan, observations.value)
     return {c: columns[c] for c in COLUMNS if c in NEEDED or _holds(columns.get(c, ()))}
 
 
 def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
-    """Return whether a column is not empty."""
+    """Return True if a column is not empty."""
     if isinstance(column, np.ndarray):
         return not np.isnan(column).all()
     return any(column)
@@ -314,7 +321,8 @@ def to_xarray(observations: Observations) -> Any:
     quantity = np.array(observations.quantity)
     variables: dict[str, Any] = {}
     for name in dict.fromkeys(observations.quantity):
-        if name not in QUANTITIES:  # samples, which stand in files of their own
+        # samples are in files of their own
+        if name not in QUANTITIES:
             continue
         one, here = QUANTITIES[name], quantity == name
         variables[name] = (

@@ -29,15 +29,17 @@ from jblast.quantities import (
 )
 from jblast.scene import Charge, Scene
 
-OF_PLACE = (
-    "; both count from its [place]: where that was moved, take position_m out of its "
-    "[[sensor]], as the log says where they stood"
+PLACE_ADVICE = (
+    "; both count from its [place]: if that was moved, remove position_m from its "
+    "[[sensor]], as the log has the positions"
 )
 """Advice where a log in degrees and its scene contradict each other."""
-EARLY = 5.0
-"""Sigmas by which a reading error may place an arrival before its origin or flash."""
-AGREE = 1e-3
-"""Positions of one sensor that differ by less are equal [m]."""
+EARLY_SIGMAS = 5.0
+"""Sigmas by which errors may place an arrival before its origin or flash: they alone
+do so in one of three million readings."""
+POSITION_TOLERANCE = 1e-3
+"""Largest difference of two positions of one sensor that count as equal [m]: below the
+precision of any survey, above rounding of degrees."""
 
 
 def resolve_positions(
@@ -57,7 +59,8 @@ def resolve_positions(
         observations: The log.
         scene: The scene.
         beliefs: Names of the scene's parameters that are not fixed.
-        is_default: Whether no scene was given, and the charge's position is assumed.
+        is_default: True if no scene was given, so that the charge's position is
+            assumed.
 
     Raises:
         InputError: A sensor's position is missing, or given twice and differently, or a
@@ -68,6 +71,7 @@ def resolve_positions(
     check_clocks(observations, scene, beliefs)
     position = observations.position.copy()
     sensors = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
+    # a scene may describe a sensor without its position
     sensors = {name: at for name, at in sensors.items() if not np.isnan(at).any()}
     missing = set(np.flatnonzero(np.isnan(position).any(axis=1)).tolist())
     for row, name in enumerate(observations.sensor):
@@ -76,8 +80,9 @@ def resolve_positions(
             continue
         if row in missing:
             position[row] = known
-        elif np.linalg.norm(position[row] - known) > AGREE:
-            again = "" if observations.frame is None else OF_PLACE
+        # degrees are converted with rounding, so positions need not be equal
+        elif np.linalg.norm(position[row] - known) > POSITION_TOLERANCE:
+            again = "" if observations.frame is None else PLACE_ADVICE
             raise InputError(
                 f"{observations.where(row)}: sensor {shown(name)} stands at "
                 f"{metres(position[row])}; expected {metres(known)} as in the scene"
@@ -95,9 +100,11 @@ def resolve_positions(
         free = {base for base in PARAMETERS if base + label in beliefs}
         for row in np.flatnonzero(here & ~np.isnan(observations.slant_range)):
             check_range(observations, int(row), position[row], charge, free)
-            position[row] = np.nan  # the slant range is what counts
+            # the slant range replaces the position
+            position[row] = np.nan
         refuse_placeless(observations, position, charge, here)
         if not free & set(CHARGE_POSITION):
+            # the default scene assumes the origin, which the user can free instead
             to_free = _to_free(observations, beliefs) if is_default else ()
             refuse_on_charge(observations, position, charge, here, to_free)
         if "origin_time_s" not in free:
@@ -120,8 +127,7 @@ def _refuse_samples(observations: Observations) -> None:
         row = observations.quantity.index(SAMPLES)
         raise InputError(
             f"{observations.where(row)}, column quantity: expected readings, got the "
-            f"samples of {shown(observations.records()[row])}; pick them first, or fit "
-            "them as they are"
+            f"samples of {shown(observations.records()[row])}; pick them first"
         )
 
 
@@ -140,19 +146,21 @@ def camera_place(
     """
     if scene.camera is None:
         raise InputError(
-            f"{who}: fireball_radius_px is seen by the camera of the scene; expected a "
-            "[camera] with position_m and focal_px, got none"
+            f"{who}: fireball_radius_px is measured by the camera of the scene; "
+            "expected a [camera] with position_m and focal_px, got none"
         )
+    # a mounted camera moves with a vehicle, and its position at the reading is unknown
     if scene.camera.mount:
         raise InputError(
-            f"{who}: fireball_radius_px is seen by the camera of the scene; expected "
-            f'one that stands still, got mount = "{scene.camera.mount}"'
+            f"{who}: fireball_radius_px is measured by the camera of the scene; "
+            f'expected a camera at rest, got mount = "{scene.camera.mount}"'
         )
     at, stated = np.asarray(scene.camera.position), np.asarray(stated)
-    if np.linalg.norm(at - stated) > AGREE:  # false for NaN, no position
+    # false for NaN, where the log has no position
+    if np.linalg.norm(at - stated) > POSITION_TOLERANCE:
         raise InputError(
             f"{who}: fireball_radius_px at {metres(stated)}; expected {metres(at)}, "
-            "where the [camera] of the scene stands"
+            "the position of the [camera] of the scene"
         )
     return at
 
@@ -204,9 +212,10 @@ def check_range(
     stated = None
     if charge.range_m is not None:
         stated = float(charge.range_m)
+    # both positions are fixed, so the range follows from them
     elif not np.isnan(position).any() and "charge_up_m" not in free:
         stated = float(np.linalg.norm(position - _place(charge)))
-    if stated is not None and abs(given - stated) > AGREE:
+    if stated is not None and abs(given - stated) > POSITION_TOLERANCE:
         raise InputError(f"{where}: got {given!r}; expected {stated!r} as in the scene")
 
 
@@ -217,6 +226,7 @@ def refuse_placeless(
     here: Bool[np.ndarray, " row"],
 ) -> None:
     """Refuse rows without a distance from the charge."""
+    # some quantities, as the time of the flash, do not depend on the distance
     needs = here & ~np.isin(observations.quantity, PLACELESS)
     if charge.range_m is not None:
         names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
@@ -307,13 +317,14 @@ def refuse_before_origin(
 ) -> None:
     """Refuse readings from before a fixed origin time.
 
-    Errors of arrivals are allowed for, up to `EARLY` standard deviations.
+    Errors of arrivals are allowed for, up to `EARLY_SIGMAS` standard deviations.
     """
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
     origin, sigma = float(charge.time_s), np.nan_to_num(observations.sigma)
     clocks, apart = observations.clocks(), clocks_apart(observations)
     for row in np.flatnonzero(here):
         quantity, clock = observations.quantity[row], clocks[row]
+        # an unknown offset may move any reading behind the origin time
         if f"{CLOCK_OFFSET}.{clock}" in beliefs:
             continue
         start = origin + offsets.get(clock, 0.0)
@@ -325,7 +336,7 @@ def refuse_before_origin(
             )
         if quantity not in ARRIVALS:
             continue
-        allowed = EARLY * float(sigma[row])
+        allowed = EARLY_SIGMAS * float(sigma[row])
         or_free = f" or {CLOCK_OFFSET}.{clock}" if clock in apart else ""
         if observations.value[row] + allowed <= start:
             raise InputError(

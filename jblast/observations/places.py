@@ -24,7 +24,8 @@ HEIGHTS = ("alt_m", "up_m")
 MAX_DISTANCE = 1e6
 """Largest distance of a position from the others, or from the place of a scene [m].
 
-Beyond it a sign, or the order of latitude and longitude, is wrong."""
+Beyond it a sign, or the order of latitude and longitude, is probably wrong, and laws of
+travel time along straight paths do not hold."""
 
 
 @runtime_checkable
@@ -85,7 +86,8 @@ class Frame:
             lon_deg: Longitudes, of any turn [degree].
             alt_m: Heights by the datum of the origin's [m].
         """
-        from pymap3d import geodetic2enu  # 0.2 s, and few logs are in degrees
+        # imported here: it takes 0.2 s, and few logs are in degrees
+        from pymap3d import geodetic2enu
 
         lat, lon, alt = np.broadcast_arrays(
             *(np.asarray(x, float) for x in (lat_deg, lon_deg, alt_m))
@@ -107,6 +109,7 @@ class Frame:
         lat, lon, alt = enu2geodetic(
             east, north, up, self.lat_deg, self.lon_deg, self.alt_m
         )
+        # one turn: libraries return longitudes up to 360 degrees
         lon = (np.asarray(lon, float) + 180.0) % 360.0 - 180.0
         return np.stack([np.asarray(lat, float), lon, np.asarray(alt, float)], axis=-1)
 
@@ -158,12 +161,15 @@ def places_in_degrees(
     if not sound.any():
         return np.full((len(degrees), 3), np.nan), Frame(0.0, 0.0)
     places = np.stack([lat, lon, height], axis=-1)
+    # each position once, so that the origin does not depend on the number of readings
     distinct = np.unique(places[sound], axis=0)
     frame = mean_frame(*distinct.T)
-    if given["up_m"].any():  # level ground of unknown altitude
+    # heights above level ground: the altitude of the ground is unknown, and taken as 0
+    if given["up_m"].any():
         frame = Frame(frame.lat_deg, frame.lon_deg)
     position = np.full(places.shape, np.nan)
     position[sound] = frame.to_enu(*places[sound].T)
+    # after the conversion, since distances in degrees depend on the latitude
     _refuse_far(rows, position)
     return position, frame
 
@@ -200,6 +206,7 @@ def _refuse_mixed(rows: Columns, given: Mapping[str, np.ndarray]) -> None:
             "got both"
         ),
     )
+    # the first row decides the kind of height; errors then name the rows that differ
     for name, other in (HEIGHTS, HEIGHTS[::-1]):
         if given[name][np.argmax(degrees)]:
             rows.refuse(
@@ -241,6 +248,7 @@ def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
 
 def _refuse_far(rows: Columns, position: Float[np.ndarray, "row 3"]) -> None:
     """Refuse positions more than `MAX_DISTANCE` from the median."""
+    # the median is not moved by a few wrong positions, which are to be found
     middle = np.nanmedian(position, axis=0)
     away = np.linalg.norm(position - middle, axis=1)
     rows.refuse(
@@ -271,6 +279,7 @@ def mean_frame(
     """
     from pymap3d import ecef2geodetic, geodetic2ecef
 
+    # heights are averaged separately, as their datum need not be the ellipsoid
     level = np.zeros(np.shape(lat_deg))
     points = geodetic2ecef(np.asarray(lat_deg, float), np.asarray(lon_deg), level)
     x, y, z = (float(np.mean(axis)) for axis in points)

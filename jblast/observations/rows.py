@@ -21,7 +21,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, nearest, shown
-from jblast.observations.clocks import VALUE_UTC, take_clock_times, told_clock_times
+from jblast.observations.clocks import (
+    VALUE_UTC,
+    converted_clock_times,
+    take_clock_times,
+)
 from jblast.observations.dialects import NA_SPELT, Header, is_empty
 from jblast.observations.grouping import some_rows
 from jblast.observations.places import places_of
@@ -58,7 +62,7 @@ from jblast.units import (
 )
 
 AT_LEAST = ">"
-"""Mark before a value that is a lower bound of the measured one."""
+"""Mark before a value that is a lower bound."""
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}")
 MINUTES = re.compile(r"[NSEW]?\s*[+-]?\d+(\.\d+)?\s*([°ºd':\s]|[NSEW]$)")
@@ -75,8 +79,8 @@ class Fields:
         texts: Fields by column.
         lines: Line of each row.
         units: Of columns that are in another unit than ours.
-        sound: Whether each row has no fault so far.
-        wide: Of a wide table, by our column, the source column of each row.
+        sound: True for rows without a fault so far.
+        wide: For a wide table, by our column, the source column of each row.
     """
 
     def __init__(self, table: Table, header: Header, faults: Faults):
@@ -89,8 +93,8 @@ class Fields:
         self.sound = np.ones(len(self.lines), bool)
         self.wide: Mapping[str, tuple[str, ...]] = {}
         if any(isinstance(found, MadeLong) for found in table.understood):
-            held = self.text("quantity")
-            self.wide = {"value": held, "sigma": tuple(f"sigma of {q}" for q in held)}
+            names = self.text("quantity")
+            self.wide = {"value": names, "sigma": tuple(f"sigma of {q}" for q in names)}
 
     def text(self, column: str) -> tuple[str, ...]:
         """Return a column of names; "" if the file has no such column."""
@@ -101,24 +105,27 @@ class Fields:
     ) -> Float[np.ndarray, " row"]:
         """Return a column of finite numbers; NaN where an optional one is empty.
 
-        In our unit, but for `value` and `sigma`, whose rows may have many.
+        Numbers are in our unit, except in `value` and `sigma`, whose rows may have
+        different units.
         """
         if column not in self.texts:
             return np.full(len(self.lines), np.nan)
         texts = self.texts[column]
         try:
+            # columns without other text, the usual case, need no call per field
             numbers = np.array([float(text) if text else np.nan for text in texts])
         except ValueError:
             numbers = np.array([_number(text) for text in texts])
         odd = ~np.isfinite(numbers)
         if optional and odd.any():
             odd &= np.array([bool(text) for text in texts], bool)
-        if "_" in "".join(texts):  # 1_000 is Python
+        # float accepts 1_000, which is Python's notation and in data a mistake
+        if "_" in "".join(texts):
             odd |= np.array(["_" in text for text in texts], bool)
         self.refuse(
             odd,
             column,
-            lambda row: f"a finite number, got {_what_came(texts[row], column)}",
+            lambda row: f"a finite number, got {_with_advice(texts[row], column)}",
         )
         own = None if column in ANY else self.units.get(column)
         return numbers if own is None else products(si_ratio(own.unit), texts)
@@ -130,13 +137,13 @@ class Fields:
         expected: Callable[[int], str],
     ) -> None:
         """Report each bad row with the expected content of its column."""
-        self.tell(bad, column, lambda row: f"expected {expected(row)}")
+        self.report(bad, column, lambda row: f"expected {expected(row)}")
 
-    def tell(
+    def report(
         self,
         bad: Bool[np.ndarray, " row"] | list[bool],
         column: str,
-        said: Callable[[int], str],
+        message: Callable[[int], str],
     ) -> None:
         """Report each bad row with a message; it is left out."""
         if not np.any(bad):
@@ -147,7 +154,7 @@ class Fields:
             name = self.wide[column][row] if column in self.wide else theirs
             at = f", column {name}" if column else ""
             where = f"{self.path}: {self.word} {self.lines[row]}{at}"
-            self.faults.tell(InputError(f"{where}: {said(row)}"))
+            self.faults.add(InputError(f"{where}: {message(row)}"))
 
 
 @dataclass
@@ -200,13 +207,15 @@ class Measured:
             level = unit is not None and unit.dimension == LEVEL
             ratio = Fraction(1) if unit is None or level else si_ratio(unit.unit)
             if level:
-                with np.errstate(over="ignore"):  # too large is refused by its row
+                # too large a level overflows to infinity, which its row reports
+                with np.errstate(over="ignore"):
                     ours[rows] = overpressure(value[rows])
             elif unit is not None:
                 ours[rows] = products(ratio, values)
             own = self.columns.get("sigma")
             if own is None and not level:
                 errors[rows] = products(ratio, sigmas)
+            # an error in decibels is relative: ln 10 / 20 of the pressure per decibel
             elif own is None or own.dimension == LEVEL:
                 errors[rows] = sigma[rows] * LN_PER_DB * ours[rows]
             elif own.dimension != SHARE:
@@ -214,7 +223,9 @@ class Measured:
             elif level:
                 errors[rows] = sigma[rows] * own.factor * ours[rows]
             else:
+                # one product of exact fractions is rounded once
                 share = products(ratio * si_ratio(own.unit), values, sigmas)
+                # the sign of a wrong negative sigma survives, and is refused later
                 errors[rows] = np.copysign(share, sigma[rows])
         return ours, errors
 
@@ -245,13 +256,14 @@ class Rows(Fields):
         zone: str | None = None,
     ):
         self.strict = strict
+        # before the columns are split, so that line numbers stay with their rows
         self.skipped: tuple[int, ...] = () if strict else _drop_empty(table)
         super().__init__(table, header, faults)
         self.date, self.zone = date, zone
         self.comments, self.found = table.comments, table.understood
 
     def observations(self) -> Observations:
-        """Check every column and return a log of the rows without faults."""
+        """Check every column, and return a log of the rows without faults."""
         sensor = self.text("sensor")
         self.refuse(
             [not name for name in sensor], "sensor", lambda _: "a name, got nothing"
@@ -262,7 +274,10 @@ class Rows(Fields):
         if VALUE_UTC in self.texts:
             dated = np.array([bool(text) for text in self.texts[VALUE_UTC]], bool)
         self.texts.setdefault("value", [""] * len(dated))
-        timing = told_clock_times(self.texts.get(VALUE_UTC, []), self.date, self.zone)
+        timing = converted_clock_times(
+            self.texts.get(VALUE_UTC, []), self.date, self.zone
+        )
+        # fills column value, which is checked below
         epoch = take_clock_times(self, self.date, self.zone)
         kind = np.array(held.quantity)
         value, sigma, bound = self.measurements(held, dated)
@@ -287,7 +302,7 @@ class Rows(Fields):
         named = {name: self.text(name) for name in NAME_COLUMNS}
         numbers = np.column_stack([value, sigma, position, slant_range, time, bound])
         self.duplicates(numbers, sensor, held.quantity, *named.values())
-        understood = [*self.found, *told_columns(self), *held.understood, *timing]
+        understood = [*self.found, *converted_columns(self), *held.understood, *timing]
         if self.skipped:
             understood.append(EmptySkipped(self.skipped))
         whole = Observations(
@@ -319,7 +334,7 @@ class Rows(Fields):
     ) -> tuple[
         Float[np.ndarray, " row"], Float[np.ndarray, " row"], Bool[np.ndarray, " row"]
     ]:
-        """Return values and sigmas in our units, and whether values are lower bounds.
+        """Return values and sigmas in our units, and True for lower bounds.
 
         Args:
             held: Quantities and units of the rows.
@@ -331,6 +346,7 @@ class Rows(Fields):
         bound = self.bounds(in_ln)
         raw = self.number("value", optional=False)
         value, sigma = held.converted(self.texts, raw, self.number("sigma"))
+        # clock times are seconds already, whatever unit the column has
         value = np.where(dated, raw, value)
         texts = self.texts["value"]
         self.refuse(
@@ -344,6 +360,7 @@ class Rows(Fields):
             lambda row: f"a positive {held.theirs[row]}, got {texts[row]}",
         )
         factor = held.factors()
+        # an angle beyond its bounds is most often in degrees
         for name, most in DIRECTIONS.items():
             self.refuse(
                 (kind == name) & (np.abs(value) > most),
@@ -388,7 +405,7 @@ class Rows(Fields):
         return bound
 
     def places(self, position: np.ndarray, slant_range: np.ndarray) -> None:
-        """Refuse half a position, a position beside a range, and a range below zero."""
+        """Refuse half a position, a position with a range, and a range below zero."""
         given = (~np.isnan(position)).sum(axis=1)
         for index, name in enumerate(POSITION):
             empty = np.array([not text for text in self.text(name)], bool)
@@ -412,7 +429,7 @@ class Rows(Fields):
 
     def duplicates(self, numbers: np.ndarray, *names: tuple[str, ...]) -> None:
         """Refuse two rows equal in every field."""
-        # NaN is unequal to itself, so its bytes are compared instead (and -0 is 0).
+        # NaN is unequal to itself, so bytes are compared; adding 0 turns -0 into 0
         packed = [row.tobytes() for row in numbers + 0.0]
         first: dict[tuple[object, ...], int] = {}
         of = np.array(
@@ -434,7 +451,7 @@ class Rows(Fields):
 def _drop_empty(table: Table) -> tuple[int, ...]:
     """Remove rows without a measurement, and return their lines.
 
-    A time in `value_utc` is a value, too. Words for an absent value become empty.
+    A time in `value_utc` is a value, too. Words for a missing value become empty.
     """
     for index, name in enumerate(table.header):
         if name in NUMBERS or name == VALUE_UTC:
@@ -458,7 +475,7 @@ def _drop_empty(table: Table) -> tuple[int, ...]:
 
 
 def take_samples(rows: Fields, kind: np.ndarray) -> Bool[np.ndarray, " row"]:
-    """Return which rows are records of samples, and give these a value of 1.
+    """Return True for records of samples, and set their value to 1.
 
     Args:
         rows: The log.
@@ -481,25 +498,25 @@ def take_samples(rows: Fields, kind: np.ndarray) -> Bool[np.ndarray, " row"]:
     return sampled
 
 
-def _what_came(text: str, column: str) -> str:
-    """Return the text found in place of a number, with advice."""
+def _with_advice(text: str, column: str) -> str:
+    """Return a text that is not a number, with advice."""
     if not text:
         return "nothing"
     if DATE.match(text):
-        return f"{shown(text)}: a date, as spreadsheets make of 3.5 or 1-2"
+        return f"{shown(text)}, a date, into which spreadsheets convert 3.5 or 1-2"
     if TIME_OF_DAY.match(text):
-        return f"{shown(text)}; a time of day stands in column value_utc"
+        return f"{shown(text)}; a time of day belongs in column value_utc"
     if column == "sigma" and text.endswith("%"):
         return (
-            f"{shown(text)}; a sigma is in the unit of its value; per cent of it stand "
-            "in a column sigma_percent"
+            f"{shown(text)}; a sigma is in the unit of its value; per cent of it "
+            "belong in a column sigma_percent"
         )
     if column in DEGREES and MINUTES.match(text):
         return f"{shown(text)}; write decimal degrees, south and west below 0"
     if THOUSANDS.fullmatch(text):
         return f"{shown(text)}; write it without marks between thousands"
     if WITH_UNIT.fullmatch(text):
-        return f"{shown(text)}; a unit stands in the name of the column or quantity"
+        return f"{shown(text)}; a unit belongs in the name of the column or quantity"
     return shown(text) + ("; write a decimal point" if "," in text else "")
 
 
@@ -516,7 +533,7 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
 
     Args:
         rows: The log.
-        strict: Whether names of quantities must be exactly ours.
+        strict: True if names of quantities must be exactly ours.
     """
     theirs, columns = rows.text("quantity"), rows.units
     clocked = rows.texts.get(VALUE_UTC) or [""] * len(theirs)
@@ -536,7 +553,7 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
             names[name] = found.name
             units[name] = found
     if unknown:
-        rows.tell(
+        rows.report(
             [name in unknown for name in theirs],
             "quantity",
             lambda row: _unknown(theirs[row], strict=strict),
@@ -544,7 +561,15 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
     quantity = tuple(names[name] for name in theirs) if units else theirs
     found = Measured(theirs, quantity, units, columns)
     _refuse_two_units(rows, found)
-    _tell(found)
+    for name, unit in units.items():
+        count = theirs.count(name)
+        if unit.dimension == LEVEL:
+            found.understood.append(LevelConverted(name, count))
+        elif unit.factor == 1.0:
+            found.understood.append(Renamed(name, unit.name))
+        elif "value" not in columns:
+            converted = Converted(name, unit.name, unit.unit, unit.factor, count)
+            found.understood.append(converted)
     return found
 
 
@@ -597,14 +622,14 @@ def _refuse_two_units(rows: Fields, found: Measured) -> None:
         "sigma",
         lambda row: (
             f"a sigma in the unit of {found.theirs[row]}"
-            + (", whose errors are no share of it" if relative else "")
+            + (", whose errors are not relative" if relative else "")
             + f", got one in {sigma.unit}"
         ),
     )
 
 
 def _go_together(ours: str, unit: OurName | None, column: OurName) -> bool:
-    """Return whether a quantity, in a unit of its own or none, fits its column's."""
+    """Return True if a quantity, with or without a unit, fits its column's unit."""
     if column.dimension == LEVEL:
         return unit is not None and unit.dimension == LEVEL
     if unit is None:
@@ -612,21 +637,7 @@ def _go_together(ours: str, unit: OurName | None, column: OurName) -> bool:
     return (unit.dimension, unit.factor) == (column.dimension, column.factor)
 
 
-def _tell(found: Measured) -> None:
-    """List the conversions, once for each name."""
-    for name, unit in found.units.items():
-        rows = found.theirs.count(name)
-        if unit.dimension == LEVEL:
-            found.understood.append(LevelConverted(name, rows))
-        elif unit.factor == 1.0:
-            found.understood.append(Renamed(name, unit.name))
-        elif "value" not in found.columns:
-            found.understood.append(
-                Converted(name, unit.name, unit.unit, unit.factor, rows)
-            )
-
-
-def told_columns(rows: Fields) -> list[Understood]:
+def converted_columns(rows: Fields) -> list[Understood]:
     """Return the conversions by column."""
     understood: list[Understood] = []
     for name, unit in rows.units.items():
@@ -641,13 +652,13 @@ def told_columns(rows: Fields) -> list[Understood]:
 
 def _unknown(quantity: str, *, strict: bool) -> str:
     """Return the message for an unknown quantity, with advice."""
-    said = f"unknown quantity {shown(quantity)}"
+    message = f"unknown quantity {shown(quantity)}"
     ours = our_name(quantity) if strict else None
     if ours is not None:
         level = ours.dimension == LEVEL
         times = "" if level else f": multiply by {ours.factor:.9g}"
-        return f"{said}; ours is {ours.name}{times}"
+        return f"{message}; ours is {ours.name}{times}"
     if advice := what_to_write(quantity):
-        return said + advice
+        return message + advice
     near = nearest(quantity, QUANTITIES)
-    return f"{said}{near}; expected one of {', '.join(QUANTITIES)}"
+    return f"{message}{near}; expected one of {', '.join(QUANTITIES)}"

@@ -41,11 +41,12 @@ from jblast.waves.propagation import standard_atmosphere
 PLACE = CHARGE_POSITION[:2]
 """Free without a position of the charge; its height is the ground's unless stated."""
 ONE_CLOCK_SD = 5.0
-"""Flash times that differ by more standard deviations are of different clocks."""
+"""Difference of flash times from which on they are of different clocks [standard
+deviations]: errors alone exceed it in one of a million pairs."""
 _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = set(made_with("ground_arrival_s"))
 _CAMERA = """\
-# [camera]  # that saw fireball_radius_px: it is needed, and the log does not tell it
+# [camera]  # required for fireball_radius_px, and not in the log
 # position_m = [EAST, NORTH, UP]
 # look_at_m = [0.0, 0.0, 0.0]
 # width = 1280
@@ -77,9 +78,11 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
         observations: The log.
     """
     on_earth = observations.frame is not None
+    # a scene written by the user is used as it is
     if uncertain.source != NO_SCENE or not (on_earth or observations.epoch):
         return uncertain
     names = []
+    # slant ranges need no position, and do not identify one
     ranged = not np.isnan(observations.slant_range).all()
     if on_earth and not ranged and "charge_range_m" not in uncertain.beliefs:
         names += PLACE
@@ -107,6 +110,7 @@ def scene_of_records(observations: Observations) -> UncertainScene:
         observations: The log.
     """
     shots = np.array(observations.shot)
+    # the shot with most rows identifies most parameters
     most = max(dict.fromkeys(observations.shot), key=lambda name: (shots == name).sum())
     one = some_rows(observations, np.flatnonzero(shots == most))
     starter = tomllib.loads(starter_scene(replace(one, shot=("",) * len(one))))
@@ -132,6 +136,7 @@ def clocks_to_free(observations: Observations) -> list[str]:
     for row in np.flatnonzero(timed):
         clock = observations.clocks()[row]
         read.setdefault(clock, set()).add(observations.quantity[row])
+    # a flash and an arrival of one clock differ by the travel time, whatever its offset
     tied = [clock for clock, quantities in read.items() if len(quantities) > 1]
     if not any(observations.clock):
         return tied[1:] if _flashes_disagree(observations) else []
@@ -140,7 +145,7 @@ def clocks_to_free(observations: Observations) -> list[str]:
 
 
 def _flashes_disagree(observations: Observations) -> bool:
-    """Return whether the times of the flash differ; the travel time is negligible."""
+    """Return True if the times of the flash differ; the travel time is negligible."""
     rows = np.isin(observations.quantity, "flash_time_s")
     if rows.sum() < 2:
         return False
@@ -206,7 +211,8 @@ class _Log:
         self.name = name
         quantity = np.array([observations.quantity[row] for row in rows])
         value, sigma = observations.value[rows], observations.sigma[rows]
-        with np.errstate(over="ignore"):  # what overflows counts as not given
+        # an overflow to infinity counts as a missing sigma
+        with np.errstate(over="ignore"):
             relative = sigma / np.where(np.isin(quantity, ADDITIVE), 1.0, value)
         given = np.isfinite(relative)
         self.sigmas = {
@@ -228,7 +234,7 @@ def _head(observations: Observations) -> str:
     source = Path(observations.source).name if observations.source else ""
     made_for = f" for {json.dumps(source)}" if source else ""
     return f"""\
-# A starter scene{made_for}: say here what you know.
+# A starter scene{made_for}: fill in known values.
 # SI units, metres east, north, up. A number may be fixed (15.0), "free", or a prior:
 # {{ lognormal = [median, factor] }}, {{ normal = [mean, sd] }},
 # {{ uniform = [lo, hi] }}, {{ loguniform = [lo, hi] }}.
@@ -251,16 +257,17 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
     places = {place for log in logs for place in log.places}
     ranges = {slant_range for log in logs for slant_range in log.ranges}
     seen = places and not ranges and set(quantities) >= _SEEN_AND_HEARD
+    # mass, two coordinates and a time are four unknowns
     free = len(quantities) >= 4 and not ranges and _in_no_line(places)
     on_earth = bool(places) and observations.frame is not None and not ranges
     if free or seen or on_earth:
-        lines.append('position_m = ["free", "free", 0.0]  # or where it was')
+        lines.append('position_m = ["free", "free", 0.0]  # or its known position')
     elif len(logs) == 1 and len(ranges) == 1:
-        lines.append(f"range_m = {ranges.pop()!r}  # as the log says")
+        lines.append(f"range_m = {ranges.pop()!r}  # as in the log")
     elif len(logs) == 1 and not ranges and not places:
         lines.append('range_m = "free"  # slant range to the one sensor')
     else:
-        lines.append("position_m = [0.0, 0.0, 0.0]  # the log cannot tell it")
+        lines.append("position_m = [0.0, 0.0, 0.0]  # not identified by the log")
         lines.append('# position_m = ["free", "free", 0.0]  # or a prior of each')
     clocks = sum(quantity in CLOCK_TIMES for quantity in quantities)
     dated = bool(clocks) and (on_earth or observations.epoch is not None)
@@ -271,16 +278,15 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
         lines.append(f'time_s = "free"  # on the clock of the sensors{since}')
     else:
         lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
-    lines.append(
-        '# burst = "surface"  # or "free-air"; if not said, the height decides'
-    )
+    lines.append('# burst = "surface"  # or "free-air"; without it, the height decides')
     return "\n".join(lines) + "\n"
 
 
 def _in_no_line(places: set[tuple[float, ...]]) -> bool:
-    """Return whether at least three places span a plane, seen from above."""
+    """Return True if at least three places span a plane, seen from above."""
     if len(places) < 3:
         return False
+    # singular values: extents along and across the best line; 1 : 1000 is a line
     plan = np.array(sorted(places))[:, :2]
     spread = np.linalg.svd(plan - plan.mean(axis=0), compute_uv=False)
     return bool(spread[1] > 1e-3 * spread[0])
@@ -307,9 +313,9 @@ def _sensor(log: _Log, *, sampled: bool) -> str:
     if len(log.places) == 1:
         lines.append(f"position_m = [{', '.join(map(repr, log.places[0]))}]")
     elif log.places:
-        lines.append("# it moves, so its places are left to the log")
+        lines.append("# it moves; its positions are in the log")
     elif log.needs_distance and not log.ranges:
-        lines.append("# position_m = [EAST, NORTH, UP]  # the log does not say")
+        lines.append("# position_m = [EAST, NORTH, UP]  # not in the log")
     records = [
         f"{q} = {f'{s:.3g}' if q in ADDITIVE else share_text(s)}"
         for q, s in log.sigmas.items()
@@ -324,11 +330,11 @@ def _sensor(log: _Log, *, sampled: bool) -> str:
         if log.times and set(TIMED) & {q for q, s in log.sigmas.items() if s > 0}:
             lines.append(f"times_s = {log.times}  # of radii, by its clock")
     if sampled:
-        lines.append("# it recorded samples, from which its errors are told, too")
-    read_off = RECORD_QUANTITIES if sampled else ()
-    silent = [q for q, s in log.sigmas.items() if not s > 0 and q not in read_off]
-    if silent:
-        lines.append(f"# the log gives no sigma for {', '.join(silent)}")
+        lines.append("# it recorded samples; its errors are estimated from them")
+    estimated = RECORD_QUANTITIES if sampled else ()
+    missing = [q for q, s in log.sigmas.items() if not s > 0 and q not in estimated]
+    if missing:
+        lines.append(f"# the log has no sigma for {', '.join(missing)}")
     return "\n".join(lines) + "\n"
 
 
@@ -342,7 +348,7 @@ def place_tables(observations: Observations) -> list[str]:
             f"alt_m = {frame.alt_m!r}\n"
         ]
     return [
-        "# [place]  # of the origin, where the answer is wanted in degrees\n"
+        "# [place]  # of the origin, for an answer in degrees\n"
         "# lat_deg = LATITUDE\n# lon_deg = LONGITUDE\n# alt_m = 0.0\n"
     ]
 
@@ -353,6 +359,7 @@ def air_table(observations: Observations) -> str:
     lines = ["temperature_k = 288.15", "pressure_pa = 101325.0"]
     other = "# altitude_m = 1500  # instead of the temperature and pressure above"
     if frame is not None and frame.alt_m and ALTITUDES.allows(frame.alt_m):
+        # a height replaces temperature and pressure, which stay as an example
         lines = [f"# {line}" for line in lines]
         other = f"altitude_m = {frame.alt_m!r}  # instead of the two above"
     return "\n".join(
@@ -361,10 +368,9 @@ def air_table(observations: Observations) -> str:
             *lines,
             "relative_humidity = 0.5",
             other,
-            '# sound_speed_m_s = "free"  # only where it was measured, or is to be '
-            "fitted",
+            '# sound_speed_m_s = "free"  # only if it was measured, or to fit it',
             "wind_m_s = [0.0, 0.0]  # towards east, north; each may be free",
-            "# wind_m_s = [{ normal = [0, 5] }, { normal = [0, 5] }]  # if not known",
+            "# wind_m_s = [{ normal = [0, 5] }, { normal = [0, 5] }]  # if unknown",
             "",
         ]
     )
@@ -377,6 +383,7 @@ def clock_tables(observations: Observations) -> list[str]:
     """
     timed = np.flatnonzero(np.isin(observations.quantity, CLOCK_TIMES))
     clocks = observations.clocks()
+    # dict.fromkeys keeps the order of the log, a set would not
     names = list(dict.fromkeys(clocks[row] for row in timed))
     named = [clock for clock in dict.fromkeys(observations.clock) if clock]
     set_by, whose = "", "the common clock"
@@ -384,7 +391,8 @@ def clock_tables(observations: Observations) -> list[str]:
         names = [name for name in names if name in named]
     elif names:
         set_by = named[0] if named else names[0]
-        whose = toml_text(set_by)  # a name may need escapes
+        # a name may need escapes
+        whose = toml_text(set_by)
         names = [name for name in names if name != set_by]
     free = clocks_to_free(observations)
     tables = []

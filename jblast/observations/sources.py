@@ -43,38 +43,44 @@ from jblast.quantities import QUANTITIES
 from jblast.units import our_name, spelt, unit_spelt, words_of
 
 EXPECTED = "a CSV file of observations"
-MOST_BYTES = 1_000_000_000
-"""A log of this size has some twenty million rows and takes 10 GB of memory."""
-MARKS = {b"\xff\xfe": "UTF-16 (little-endian)", b"\xfe\xff": "UTF-16 (big-endian)"}
+MAX_BYTES = 1_000_000_000
+"""Largest size of a log: it has some twenty million rows and takes 10 GB of memory."""
+BYTE_ORDER_MARKS = {
+    b"\xff\xfe": "UTF-16 (little-endian)",
+    b"\xfe\xff": "UTF-16 (big-endian)",
+}
 RECORDINGS = (
     *(".wav", ".flac", ".mseed", ".miniseed", ".sac", ".tdms"),
     *(".h5", ".hdf5", ".nc", ".mat"),
 )
-"""Endings of files of samples."""
+"""Suffixes of files of samples."""
 SEPARATORS = {",": "", ";": "semicolon", "\t": "tab"}
 """Separators of fields and their names; the comma is the default."""
-MANY = 50_000
-"""Lines between two reports of progress."""
+PROGRESS_LINES = 50_000
+"""Lines between two reports of progress, a fraction of a second apart."""
 WITHIN = f"a header {','.join(NEEDED)} and one measurement a row"
 """Content of a log, for messages."""
-TOLD = re.compile(r"sep=(.)$", re.IGNORECASE)
+SEPARATOR_LINE = re.compile(r"sep=(.)$", re.IGNORECASE)
 """First line in which Excel states the separator."""
 LOWER_BOUND = "lower_bound"
 """Column of a data frame for lower bounds, as numbers cannot have the mark >."""
 PACKAGES = {"openpyxl": "openpyxl", "odf": "odfpy"}
 FORMATS = {"openpyxl": "Excel workbook", "odf": "OpenDocument spreadsheet"}
-EXACT = 2.0**53
-"""Whole numbers below are exact in double precision."""
+EXACT_INTEGERS = 2.0**53
+"""Bound below which whole numbers are exact in double precision."""
 LEAST_NAMES = 3
-"""Known names that make a row a header: a measurement has fewer words."""
-MOST_SHOWN = 4
-"""Names of a header in a message."""
+"""Smallest number of known names in a header: a row of a log has at most two words that
+are names, its sensor and its quantity."""
+MAX_NAMES_SHOWN = 4
+"""Largest number of names of a header in a message."""
 LOG_COLUMNS = ("sensor", "quantity", "value", "value_utc")
 """Columns that a record of samples does not have."""
-MOST_LOOKED_AT = 1000
-"""Rows in which times must grow for a record of samples."""
+MAX_TESTED_ROWS = 1000
+"""Number of rows in which times must grow for a record of samples: a log of that many
+rows sorted by time has other columns."""
 MIN_SAMPLES = 3
-"""Rows below which a table is not identified as a record of samples."""
+"""Smallest number of rows of a record of samples: two rows of a log may be sorted by
+chance."""
 
 
 def source_name(source: Any) -> str:
@@ -142,12 +148,12 @@ def table_of(
     Args:
         source: A path, an object with `read`, or a `pandas.DataFrame`.
         faults: Collects faults that leave the rest readable.
-        strict: Whether only UTF-8 text with commas is accepted.
+        strict: True if only UTF-8 text with commas is accepted.
         expected: The expected kind of file, for messages.
         within: Its expected content, for messages.
 
     Raises:
-        InputError: It cannot be read, is not a table, or is too large.
+        InputError: The source cannot be read, is not a table, or is too large.
     """
     name = source_name(source)
     if _is_frame(source):
@@ -156,6 +162,7 @@ def table_of(
     suffix = PurePath(name).suffix.lower()
     if isinstance(source, (str, os.PathLike)) and not strict:
         _refuse_ending(name, suffix)
+    # a buffer may have no name: its first bytes decide
     elif isinstance(data, bytes) and not strict:  # a buffer need not have a name
         suffix = suffix if suffix in (*WORKBOOKS, *PARQUET) else _looks_like(data)
         name = name if PurePath(name).suffix.lower() == suffix else f"{name}{suffix}"
@@ -166,7 +173,7 @@ def table_of(
             return parquet_table(data, name)
     encoding = ""
     if isinstance(data, bytes):
-        encoding = "" if strict else MARKS.get(data[:2], "")
+        encoding = "" if strict else BYTE_ORDER_MARKS.get(data[:2], "")
         data = decoded(data, name, expected, utf16=not strict)
     return text_table(
         data, name, faults, strict=strict, encoding=encoding, within=within
@@ -179,12 +186,13 @@ def _data(source: Any, name: str, expected: str) -> bytes | str:
         try:
             size = os.path.getsize(source)
         except (OSError, ValueError):
-            size = 0  # the error is reported where it is opened
-        if size > MOST_BYTES:
+            # the error is reported where it is opened
+            size = 0
+        if size > MAX_BYTES:
             raise InputError(
-                f"{name}: expected a log of {MOST_BYTES / 1e9:g} GB at most, some "
-                f"twenty million rows, got {size / 1e9:.3g} GB; take it apart, or are "
-                "these samples of a recording? Pick their arrivals (jblast pick)"
+                f"{name}: expected a log of {MAX_BYTES / 1e9:g} GB at most, some "
+                f"twenty million rows, got {size / 1e9:.3g} GB; split it, or pick the "
+                "arrivals of samples of a recording (jblast pick)"
             )
         return read_bytes(source, expected)
     if not callable(getattr(source, "read", None)):
@@ -194,13 +202,14 @@ def _data(source: Any, name: str, expected: str) -> bytes | str:
             f"{type(source).__name__}{wrap}"
         )
     data = source.read()
-    if isinstance(data, str):  # as a text file opened with newline="" still holds them
+    # as a text file opened with newline="" still holds them
+    if isinstance(data, str):
         return data.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     return bytes(data)
 
 
 def _refuse_ending(name: str, suffix: str) -> None:
-    """Refuse files whose ending is not that of a table."""
+    """Raise an error for files whose suffix is not that of a table."""
     if suffix in (*TEXTS, *WORKBOOKS, *PARQUET):
         return
     if suffix in RECORDINGS:
@@ -213,7 +222,7 @@ def _refuse_ending(name: str, suffix: str) -> None:
 
 
 def _looks_like(data: bytes) -> str:
-    """Return the ending of the format by the first bytes; "" for text."""
+    """Return the suffix of the format by the first bytes; "" for text."""
     if data.startswith(b"PAR1"):
         return ".parquet"
     if data.startswith(b"PK\x03\x04"):
@@ -222,7 +231,8 @@ def _looks_like(data: bytes) -> str:
 
 
 def _is_frame(source: Any) -> bool:
-    """Return whether a source is a data frame, without importing pandas to ask."""
+    """Return True if a source is a data frame."""
+    # by name, as importing pandas takes longer than reading most logs
     kind = type(source)
     return kind.__module__.partition(".")[0] == "pandas" and hasattr(source, "columns")
 
@@ -242,8 +252,8 @@ def text_table(
         text: Lines that end in `\n`.
         source: Its source, for messages.
         faults: Collects lines that are too short or too long.
-        strict: Whether the comma is the only separator.
-        encoding: Of the text, if not UTF-8.
+        strict: True if the comma is the only separator.
+        encoding: Encoding of the text, if not UTF-8.
         within: Its expected content, for messages.
 
     Raises:
@@ -257,7 +267,7 @@ def text_table(
         elif stripped:
             lines.append(line)
             numbers.append(number)
-    if lines and not strict and (match := TOLD.match(lines[0].strip(" "))):
+    if lines and not strict and (match := SEPARATOR_LINE.match(lines[0].strip(" "))):
         named = match[1]
         del lines[0], numbers[0]
     if not lines:
@@ -302,6 +312,7 @@ def separator_of(header: str) -> str:
             if len(names) > 1
         )
 
+    # semicolons with decimal commas contain commas, too: known names decide first
     return max(SEPARATORS, key=lambda mark: (known(mark), header.count(mark)))
 
 
@@ -313,15 +324,17 @@ def _records(
     faults: Faults,
 ) -> list[list[str]]:
     """Split lines into fields; each line is one record, as wide as the header."""
+    # strict: a stray quote is an error, not a part of a field
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
     records: list[list[str]] = []
     through = counted(len(lines), "lines")
     try:
         for record in reader:
             records.append(record)
+            # a quote across lines would swallow rows, and line numbers would be wrong
             if reader.line_num != len(records):
                 break
-            if not len(records) % MANY:
+            if not len(records) % PROGRESS_LINES:
                 through(len(records))
     except csv.Error as error:
         between = SEPARATORS.get(separator) or "comma"
@@ -338,13 +351,14 @@ def _records(
     uneven = [row for row, record in enumerate(records) if len(record) != width]
     for row in uneven:
         got = len(records[row])
-        faults.tell(
+        faults.add(
             InputError(
                 f"{source}: line {numbers[row]}: expected {width} fields as in the "
                 f"header, got {got}"
                 + ("; is a decimal comma among them?" if got > width else "")
             )
         )
+    # from the end, so that earlier indices stay valid
     for row in reversed(uneven):
         del records[row], numbers[row]
     return records
@@ -382,12 +396,12 @@ def workbook_table(data: bytes, source: str) -> Table:
         raise InputError(_absent(source, PACKAGES[engine], "spreadsheet")) from None
     except Exception as error:  # a damaged archive may raise any
         raise InputError(
-            f"{source}: expected an {FORMATS[engine]}, got what cannot be read as one "
-            f"({type(error).__name__}: {error})"
+            f"{source}: expected an {FORMATS[engine]}, got a file that cannot be read "
+            f"as one ({type(error).__name__}: {error})"
         ) from None
     filled = {str(k): sheet for k, sheet in sheets.items() if len(sheet)}
     if len(filled) != 1:
-        names = ", ".join(map(shown, filled)) or "none that holds anything"
+        names = ", ".join(map(shown, filled)) or "only empty ones"
         raise InputError(
             f"{source}: expected one sheet with one table, got {names}; keep one sheet"
         )
@@ -414,14 +428,14 @@ def parquet_table(data: bytes, source: str) -> Table:
         raise InputError(_absent(source, "pyarrow", "parquet")) from None
     except Exception as error:  # as of a damaged archive
         raise InputError(
-            f"{source}: expected a Parquet file, got what cannot be read as one "
-            f"({type(error).__name__}: {error})"
+            f"{source}: expected a Parquet file, got a file that cannot be read as "
+            f"one ({type(error).__name__}: {error})"
         ) from None
     return frame_table(frame, source, "Parquet")
 
 
 def frame_table(frame: Any, source: str = FRAME, format: str = FRAME) -> Table:
-    """Return a data frame as a table; levels of its index that have names are columns.
+    """Return a data frame as a table; named levels of its index become columns.
 
     Args:
         frame: A `pandas.DataFrame`.
@@ -436,11 +450,13 @@ def frame_table(frame: Any, source: str = FRAME, format: str = FRAME) -> Table:
             f"{source}: expected columns of one level, got {frame.columns.nlevels}"
         )
     comments = tuple(frame.attrs.get("comments", ()))
+    # a named index holds data, as after groupby; an unnamed one is a row number
     if any(name is not None for name in frame.index.names):
         frame = frame.reset_index()
     if LOWER_BOUND in frame.columns:
         bound = frame[LOWER_BOUND].astype(bool)
         value = frame["value"].astype(object)
+        # the mark of a lower bound cannot be part of a number
         value = value.where(~bound, ">" + frame["value"].map(cell_text))
         frame = frame.drop(columns=LOWER_BOUND).assign(value=value)
     header = [str(name) for name in frame.columns]
@@ -466,7 +482,7 @@ def _refuse_side_by_side(table: Table) -> None:
         raise InputError(
             f"{table.at(table.header_line)}: expected one table, got an empty column "
             f"between {shown(table.header[before])} and {shown(table.header[after])}: "
-            "two tables side by side? Keep one, or close the gap"
+            "are these two tables? Keep one, or remove the empty column"
         )
 
 
@@ -483,7 +499,8 @@ def cell_text(value: Any) -> str:
 
     Missing values are empty; dates are ISO 8601, also those made by a spreadsheet.
     """
-    if isinstance(value, str):  # a line break within a cell is a blank
+    # a line break within a cell is a blank
+    if isinstance(value, str):
         return value.strip() if value.isprintable() else " ".join(value.split())
     if value is None:
         return ""
@@ -494,7 +511,8 @@ def cell_text(value: Any) -> str:
     if isinstance(value, (float, np.floating)):
         return _number_text(value)
     if isinstance(value, (datetime.date, datetime.time)):
-        return "" if value != value else value.isoformat()  # NaT is unlike itself
+        # NaT is unlike itself
+        return "" if value != value else value.isoformat()
     text = str(value).strip()
     return "" if text in ("NaT", "<NA>") else text
 
@@ -504,8 +522,10 @@ def _number_text(value: float | np.floating[Any]) -> str:
     if math.isnan(number):
         return ""
     if isinstance(value, np.floating) and value.dtype.itemsize < 8:
-        return repr(float(str(value)))  # 0.1 in single precision is meant as 0.1
-    if number.is_integer() and abs(number) < EXACT:
+        # 0.1 in single precision is meant as 0.1
+        return repr(float(str(value)))
+    # spreadsheets store 3 as 3.0
+    if number.is_integer() and abs(number) < EXACT_INTEGERS:
         return str(int(number))
     return repr(number)
 
@@ -541,6 +561,7 @@ def table_of_cells(
         if filled[0].startswith("#") and len(filled) == 1:
             comments.append(filled[0][1:].strip())
             continue
+        # rows after a blank one may begin a second table (`dialects`)
         if blank and texts:
             after_blank.add(line)
         blank = False
@@ -579,8 +600,8 @@ class HeaderCells:
 
     def __str__(self) -> str:
         last = self.column + len(self.names) - 1
-        first = ", ".join(map(shown, self.names[:MOST_SHOWN]))
-        more = ", ..." if len(self.names) > MOST_SHOWN else ""
+        first = ", ".join(map(shown, self.names[:MAX_NAMES_SHOWN]))
+        more = ", ..." if len(self.names) > MAX_NAMES_SHOWN else ""
         place = f"{_letters(self.column)}{self.row}:{_letters(last)}{self.row}"
         return f"{place} ({first}{more})"
 
@@ -603,15 +624,15 @@ def refuse_several_headers(source: str, rows: Sequence[Sequence[Any]]) -> None:
         count = "two" if len(found) == 2 else str(len(found))
         raise InputError(
             f"{source}: row {found[1].row}: expected one table, got {count}: headers "
-            f"stand in {places}{more}; keep one table a file"
+            f"are in {places}{more}; keep one table per file"
         )
     for number, row in enumerate(rows[: found[0].row - 1] if found else (), start=1):
         filled = [cell for cell in row if isinstance(cell, str) and cell.strip()]
         if filled and not filled[0].lstrip().startswith("#"):
             raise InputError(
                 f"{source}: row {number}: expected the header, got {shown(filled[0])}, "
-                f"and the header in {found[0]}; begin what stands above it with #, or "
-                "take it out"
+                f"and the header in {found[0]}; begin the rows above it with #, or "
+                "remove them"
             )
 
 
@@ -637,6 +658,7 @@ def _runs(row: Sequence[Any]) -> list[tuple[int, tuple[str, ...]]]:
     begin, names = 0, []
     for column, cell in enumerate((*row, None)):
         word = cell.strip() if isinstance(cell, str) else ""
+        # a repeated name begins another header in the same row
         if not word or spelt(word) in map(spelt, names):
             if names:
                 runs.append((begin, tuple(names)))
@@ -648,7 +670,7 @@ def _runs(row: Sequence[Any]) -> list[tuple[int, tuple[str, ...]]]:
 
 
 def _is_ours(word: str) -> bool:
-    """Return whether a word names a column or a quantity."""
+    """Return True if a word names a column or a quantity."""
     ours = our_name(word)
     name = spelt(word) if ours is None else ours.name
     return name in COLUMNS or name in QUANTITIES
@@ -656,6 +678,7 @@ def _is_ours(word: str) -> bool:
 
 def _letters(column: int) -> str:
     """Return the letters of a column in a sheet."""
+    # bijective base 26: there is no digit zero, so each digit counts from 1
     letters, left = "", column + 1
     while left:
         left, digit = divmod(left - 1, 26)
@@ -667,7 +690,7 @@ def refuse_series(table: Table) -> None:
     """Refuse samples: a growing column of times, and no column of a log.
 
     Raises:
-        InputError: It is a record of samples.
+        InputError: The table is a record of samples.
     """
     keys = [spelt(name) for name in table.header]
     if any(name in keys for name in LOG_COLUMNS) or len(keys) < 2:
@@ -677,7 +700,7 @@ def refuse_series(table: Table) -> None:
     if not timed and not headless:
         return
     try:
-        texts = table.columns[timed[0] if timed else 0][:MOST_LOOKED_AT]
+        texts = table.columns[timed[0] if timed else 0][:MAX_TESTED_ROWS]
         times = np.array([float(text.replace(",", ".")) for text in texts])
     except ValueError:
         return
@@ -690,7 +713,7 @@ def refuse_series(table: Table) -> None:
 
 
 def _is_time(name: str) -> bool:
-    """Return whether a column's name is a time, with or without a unit."""
+    """Return True if a column's name is a time, with or without a unit."""
     words = [word.lower() for word in words_of(name)]
     if not words or words[0] not in ("time", "t", "zeit"):
         return False

@@ -25,30 +25,31 @@ NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
 NAME_COLUMNS = ("path", "shot", "clock", "record")
-"""Columns of names that a file may leave out."""
+"""Optional columns of names."""
 COLUMNS = (
     *(*NEEDED[:3], "value_utc", "sigma"),
     *(*POSITION, *DEGREES, "range_m", "time_s", *NAME_COLUMNS),
 )
-"""Every column a file may have, in the order `write` puts them."""
+"""Every column of a file, in the order of `write`."""
 NUMBERS = ("value", "sigma", *POSITION, *DEGREES, "range_m", "time_s")
-"""Columns that hold numbers."""
+"""Columns of numbers."""
 SAMPLES = "overpressure_record"
-"""In column quantity: the row is a record of samples, a file that `record` names."""
+"""Quantity of a row that is a record of samples, a file named in column `record`."""
 RECORD_QUANTITIES = (
     *("air_arrival_s", "peak_overpressure_pa"),
     *("positive_duration_s", "positive_impulse_pa_s"),
 )
-"""Readings of a record of samples."""
+"""Quantities read from a record of samples, in the order of a pick's covariance."""
 SYMMETRIC = 1e-9
-"""Largest asymmetry of a correlation matrix, a rounding error."""
+"""Largest asymmetry of a correlation matrix: well above rounding of written digits, far
+below any real difference between two entries."""
 TEXTS = ("", ".csv", ".tsv", ".tab", ".txt", ".dat", ".log")
-"""Endings of files that are read as text."""
+"""Suffixes of files that are read as text."""
 WORKBOOKS = {".xlsx": "openpyxl", ".xlsm": "openpyxl", ".ods": "odf"}
-"""Endings of spreadsheets, and the engines of pandas for them."""
+"""Suffixes of spreadsheets, and the engines of pandas for them."""
 PARQUET = (".parquet", ".pq")
 FRAME = "data frame"
-"""Source of a log that came as one."""
+"""Source name of a log from a data frame."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ class RecordCovariance:
                 f"{where}: expected finite numbers and positive variances, got "
                 f"variances {np.diag(self.matrix)}"
             )
+        # of the correlation, since variances differ by many orders of magnitude
         skew = np.abs(self.correlation - self.correlation.T)
         if (skew > SYMMETRIC).any():
             raise ValueError(f"{where}: expected a symmetric matrix")
@@ -104,7 +106,8 @@ class RecordCovariance:
 
     @property
     def own_share(self) -> float:
-        """Return the share of each variance that no other quantity need share."""
+        """Return the share of each variance that is independent of other quantities."""
+        # the smallest eigenvalue of the correlation can be subtracted from the diagonal
         return float(np.linalg.eigvalsh(self.correlation)[0])
 
     def only(self, quantities: tuple[str, ...]) -> "RecordCovariance":
@@ -139,9 +142,8 @@ class Observations:
         line: Line of each row in the file.
         source: The file, or "" for a log made in Python.
         comments: Comments without their #, as provenance.
-        lower_bound: Whether each value is a lower bound of what was measured, as the
-            peak of a record that is clipped; None if none is. Its sigma is that of a
-            reading of the value.
+        lower_bound: True for values that are lower bounds, as the peak of a clipped
+            record; None if none is. Their sigma is that of a reading of the value.
         frame: Origin of positions on the Earth, if it is known.
         epoch: UTC of clock time zero, if it is known.
         record: The file of samples, or the record, of each row; "" for none, empty if
@@ -184,11 +186,12 @@ class Observations:
     def error_scale(self) -> Float[np.ndarray, " row"]:
         """Return each sigma in error units: its own if `ADDITIVE`, else relative."""
         additive = np.isin(self.quantity, ADDITIVE)
-        value = np.where(additive, 1.0, np.abs(self.value))  # an angle may be zero
+        # additive quantities, as angles, may be zero: no division by them
+        value = np.where(additive, 1.0, np.abs(self.value))
         return self.sigma / value
 
     def bounds(self) -> Bool[np.ndarray, " row"]:
-        """Return whether each value is a lower bound."""
+        """Return True for values that are lower bounds."""
         if self.lower_bound is None:
             return np.zeros(len(self), bool)
         return self.lower_bound
@@ -223,21 +226,21 @@ def observed(
         **others: Other fields.
     """
     rows = len(sensor)
-    unknown, unsaid = np.full(rows, np.nan), ("",) * rows
-    untold = {
+    unknown, empty = np.full(rows, np.nan), ("",) * rows
+    defaults = {
         "position": np.full((rows, 3), np.nan),
         "slant_range": unknown,
         "time": unknown,
-        "path": unsaid,
-        "shot": unsaid,
-        "clock": unsaid,
+        "path": empty,
+        "shot": empty,
+        "clock": empty,
     }
     return Observations(
         sensor=tuple(sensor),
         quantity=tuple(quantity),
         value=np.asarray(value, float),
         sigma=np.asarray(sigma, float),
-        **(untold | others),
+        **(defaults | others),
     )
 
 
@@ -404,7 +407,7 @@ class Faults:
     def __init__(self, gathered: list[InputError] | None = None):
         self.gathered = gathered
 
-    def tell(self, fault: InputError) -> None:
+    def add(self, fault: InputError) -> None:
         """Report a fault that leaves the rest of the log readable.
 
         Raises:
@@ -417,6 +420,7 @@ class Faults:
 
 def row_word(source: str) -> str:
     """Return the word for a row of a source: "line" of text, else "row"."""
+    # a text editor counts lines, a spreadsheet rows
     suffix = PurePath(source).suffix.lower()
     sheets = suffix in WORKBOOKS or suffix in PARQUET or source == FRAME
     return "row" if sheets else "line"

@@ -754,6 +754,7 @@ def bangs(
     apart = np.linalg.norm(where[:, None] - where[None], axis=-1).max(initial=0.0)
     longest = np.inf if one else apart / SLOWEST_FRONT + TRAVEL_MARGIN_S
     every = [(name, found) for name, of in detections.items() for found in of]
+    # in order of time, so that an event ends one travel time after its first arrival
     every.sort(key=lambda heard: heard[1].time_s)
     heard: list[dict[str, Detection]] = []
     left_out: list[tuple[str, Detection]] = []

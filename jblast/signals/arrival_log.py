@@ -119,6 +119,7 @@ def log_of(
             when = (arrival.time_s, arrival.sigma_s)
             rows.append(_Row(name, "air_arrival_s", *when, place, shot, station.clock))
     frame = next((stations[name].frame for name in of if stations[name].frame), None)
+    # all stations of a table have one frame
     log = replace(_observations(rows, comments), frame=frame)
     return Log(log, tuple(arrays), grouped.left_out)
 
@@ -202,6 +203,7 @@ def _window(
     # an even number, as `arrays.relative_times` needs
     stop -= (stop - start) % 2
     window = np.array([member.channel.samples[start:stop] for member in members])
+    # each microphone has noise of its own, which weights its delays
     variances = [bin_variances(m.noise, stop - start, rate) for m in members]
     return window, np.array(variances)
 

@@ -36,7 +36,8 @@ from jblast.signals.search import (
 )
 from jblast.signals.templates import blast_template
 
-if TYPE_CHECKING:  # sound does without cameras
+# sound does without cameras
+if TYPE_CHECKING:
     from jblast.scene import Camera, UncertainScene
     from jblast.signals.flash.fireball import Direction
     from jblast.signals.flash.search import FlashDetections
@@ -262,7 +263,8 @@ def detect_sound(
         search_as_stream if stream else search,
         front_samples=OTHER_FRONT if template is None else SAME_FRONT,
     )
-    shapes_at = cache(shapes)  # templates cost more than a search; most rates are equal
+    # templates cost more than a search; most rates are equal
+    shapes_at = cache(shapes)
     searched = []
     for channel in each(channels, "channels"):
         templates = shapes_at(channel.rate_hz)
@@ -333,6 +335,7 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
                 dead.append(name)
                 continue
             alive.append(Channel(name, file, number, samples, float(sound.rate_hz)))
+    # constant channels alone leave nothing to search, which is an error and no result
     if not alive:
         raise InputError(
             f"{', '.join(files)}: expected sound, got one value throughout"

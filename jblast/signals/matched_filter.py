@@ -226,6 +226,7 @@ def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:
             f"{inside.size / filtered.kernel.rate_hz:.3g} s, got {stretch_s:g} s"
         )
     rows = inside[: count * size].reshape(count, size)
+    # by power of intervals, since single outputs scatter too much
     power = np.sort(np.mean(rows**2, axis=1))
     loud = max(count // 10, 1)
     return float(np.sqrt(power[-loud:].mean() / power[:-loud].mean()))
@@ -273,6 +274,7 @@ def matched_kernel(
     """
     shape = checked_template(template)
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
+    # white noise needs no equations: the filter is the template
     white = np.ptp(noise.density) <= 1e-12 * np.max(noise.density)
     memory_s = 0.0 if white else 0.25 / float(noise.frequency_hz[1])
     before = round((memory_s if before_s is None else before_s) * rate_hz)
@@ -380,7 +382,8 @@ def scaled_kernel(
     power = twice * np.abs(gain) ** 2 * variances
     cross = twice * (np.conj(gain) * shape).real
     sigma = np.sqrt(power.sum())
-    away = np.sum(power * np.sin(omega / (2 * rate_hz)) ** 2)  # (1 - correlation) / 2
+    # (1 - correlation) / 2
+    away = np.sum(power * np.sin(omega / (2 * rate_hz)) ** 2)
     slope = np.sqrt(np.sum(omega**2 * power)) / sigma
     curvature = np.sum(omega**2 * cross) / cross.sum()
     return MatchedKernel(
@@ -515,8 +518,10 @@ class PeakPicker:
         self.settles = max(self._wait, HALF_WIDTH)
         self._back = max(self._dead, HALF_WIDTH) + 1
         self._buffer = np.zeros(0)
-        self._first = 0  # number of the first buffered output
-        self._decided = 0  # peaks before this output are accepted or rejected
+        # number of the first buffered output
+        self._first = 0
+        # peaks before this output are accepted or rejected
+        self._decided = 0
 
     def skip(self, outputs: int) -> None:
         """Skip outputs that are not searched, before any other."""

@@ -125,7 +125,8 @@ def _onsets(recording: Recording, after: int) -> tuple[list[list[Onset]], list[i
     size = max(BIN_SAMPLES, round(BIN_S * recording.rate_hz))
     carry = np.zeros((len(recording.names), 0))
     channels = [_Channel() for _ in recording.names]
-    first = 0  # number of the first carried sample
+    # number of the first carried sample
+    first = 0
     for start, block in recording.blocks():
         samples = np.concatenate([carry, block], axis=1)
         bins = samples.shape[1] // size

@@ -176,6 +176,7 @@ class PulseTest:
             time_s: Arrival [s].
             nth: Number of the template that found it.
         """
+        # models of a window are computed once for all arrivals of one template
         if nth not in self._windows:
             self._windows[nth] = self._window(nth)
         window = self._windows[nth]
@@ -245,6 +246,7 @@ class PulseTest:
         start = int(starts[lag])
         direct = _placed(window.pulses[nth], start, w.size)
         later = np.arange(3, max(round(REFLECTION_S * self._rate_hz), 4))
+        # autocorrelation of the pulse by its power spectrum
         power = np.abs(window.transforms[nth]) ** 2
         likeness = np.fft.irfft(power, window.size)[later]
         one, two = around[nth, start], around[nth, start + later]
@@ -298,6 +300,7 @@ class PulseTest:
     ) -> Float[np.ndarray, "ring 2 tap"]:
         """Return whitened decaying oscillations, orthonormal pairs."""
         low, high = FREQUENCIES_HZ
+        # below half the rate, where an oscillation is still sampled
         high = min(high, 0.45 * self._rate_hz)
         count = max(round(PER_OCTAVE * np.log2(high / low)), 2)
         t = np.arange(room) / self._rate_hz
@@ -307,6 +310,7 @@ class PulseTest:
         fall, turn = np.exp(decay[:, None] * t), 2 * np.pi * frequency[:, None] * t
         pairs = np.stack([fall * np.sin(turn), fall * np.cos(turn)], axis=1)
         whitened = np.fft.irfft(np.fft.rfft(pairs, wide) * gain, wide)[..., :room]
+        # orthonormal by Gram and Schmidt: explained energies then add up for any phase
         first, second = whitened[:, 0], whitened[:, 1]
         first = first / np.linalg.norm(first, axis=1, keepdims=True)
         second = second - np.sum(first * second, axis=1, keepdims=True) * first

@@ -298,8 +298,10 @@ def search_bank(
     Raises:
         InputError: Templates or recording cannot be used.
     """
+    # by Bonferroni: alarms of the bank are at most the sum of the members'
     share = false_alarms_per_hour / len(templates)
     every = [look(channel, template, share) for template in templates]
+    # one blast is above the threshold of several members within its duration
     longest = max(template.size for template in templates) / channel.rate_hz
     found = [(one, nth) for nth, of in enumerate(every) for one in of.detections]
     # the loudest first, so that its neighbours are skipped

@@ -76,6 +76,7 @@ def recorded_template(
             f"{start_s:g} to {start_s + duration_s:g} s"
         )
     stretch = samples[start : start + count]
+    # as long an interval before it as the template, so that drift cancels best
     before = samples[max(start - count, 0) : start]
     if before.size:
         stretch = stretch - before.mean()
@@ -251,6 +252,7 @@ def best_match(
     near = [
         entry
         for entry in sorted(matches, key=lambda entry: -entry[0])
+        # only members that match the same arrival are alternatives
         if best[0] - entry[0] < LN_LIKELIHOOD_RANGE
         and abs(entry[2].time_s - best[2].time_s) * rate_hz < best[1].template.size
     ]

@@ -6,8 +6,8 @@ import pytest
 from jblast.errors import InputError
 from jblast.signals.search import (
     BANK_SCALED_DISTANCE,
+    DURATION_RATIO,
     DURATIONS,
-    STEP,
     Channel,
     bank_of_pulses,
     search,
@@ -30,9 +30,10 @@ def test_a_bank_has_a_pulse_near_any_blast():
     positive = [np.argmax(samples < 0) / rate for samples in bank]
     np.testing.assert_allclose(positive, DURATIONS, atol=1 / rate)
     # half a step longer than a pulse of 5 kg
-    size = 5 ** (1 / 3) * STEP**0.5
+    size = 5 ** (1 / 3) * DURATION_RATIO**0.5
     between = blast_template(size**3, BANK_SCALED_DISTANCE * size, rate)
-    steps = np.log(np.argmax(between < 0) / rate / np.array(DURATIONS)) / np.log(STEP)
+    ratios = np.argmax(between < 0) / rate / np.array(DURATIONS)
+    steps = np.log(ratios) / np.log(DURATION_RATIO)
     best = max(likeness(between, samples) for samples in bank)
     assert np.abs(steps).min() < 0.51
     assert 0.92 < best <= 1.0

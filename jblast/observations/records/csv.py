@@ -32,16 +32,16 @@ from jblast.observations.records.recording import (
 )
 
 SEPARATORS = (";", "\t", ",", None)
-"""None: blanks. In the order in which they are looked for in the names."""
-MOST_HEAD = 200
-"""Lines before the samples, at most."""
+"""Separators in the order in which they are searched in the names; None for blanks."""
+MAX_HEAD_LINES = 200
+"""Largest number of lines before the samples: headers of oscilloscopes have tens."""
 
 
 def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
-    """Return what a text of samples holds: a channel for each column of pressure.
+    """Return the recording of a text: one channel for each column of pressure.
 
     Raises:
-        InputError: It is no such text; the message names line and column.
+        InputError: The text is not as described; the message names line and column.
     """
     table = table_at(path)
     columns = columns_of(table.names, f"{path}: line {table.header}")
@@ -51,6 +51,7 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     def place(sample: int) -> str:
         return f"{path}: line {lines[sample]}, column {table.names[columns.time]}"
 
+    # in seconds first, so that messages and the rounded rate are in SI units
     start_s, rate_hz = even_clock(columns.seconds * numbers[0], place)
     scales = [
         scale_of(unit, scaling, f"{path}: column {table.names[at]}")
@@ -75,7 +76,7 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
 
 
 def is_stations(path: Path) -> bool:
-    """Return whether a text is a table of sensors or a log: no record of samples."""
+    """Return True if a text is a table of sensors or a log, not a record of samples."""
     try:
         names = table_at(path).names
     except InputError:
@@ -84,15 +85,15 @@ def is_stations(path: Path) -> bool:
 
 
 class Table(NamedTuple):
-    """How a text holds samples.
+    """Layout of a text of samples.
 
     Attributes:
-        names: Of the columns, their units with them.
-        separator: Between them; None is blanks.
-        decimal: What parts whole from broken: a point or a comma.
+        names: Names of the columns, with units.
+        separator: Separator of the columns; None for blanks.
+        decimal: Decimal mark: a point or a comma.
         header: Line of the names.
         first: Line of the first sample.
-        encoding: Of the text.
+        encoding: Encoding of the text.
     """
 
     names: list[str]
@@ -109,8 +110,9 @@ def _numbers(
     """Return columns as numbers, and the line of each row.
 
     Raises:
-        InputError: A cell is none.
+        InputError: A cell is not a finite number.
     """
+    # an array of integers: a list of them takes four times the memory
     lines = array("q")
 
     def rows() -> Iterator[str]:
@@ -120,6 +122,8 @@ def _numbers(
                 yield line.replace(",", ".") if table.decimal == "," else line
 
     try:
+        # NumPy's parser is much faster than float of each field; errors are located
+        # afterwards
         numbers = np.loadtxt(
             rows(),
             delimiter=table.separator,
@@ -135,7 +139,8 @@ def _numbers(
 
 
 def _bad_cell(path: Path, table: Table, wanted: tuple[int, ...]) -> InputError:
-    """Return the error that names the first cell that is no finite number."""
+    """Return the error that names the first cell without a finite number."""
+    # a column without any number is probably not one of samples: a different advice
     filled: set[int] = set()
     for number, line in lines_of(path, table.encoding):
         if number >= table.first:
@@ -146,7 +151,7 @@ def _bad_cell(path: Path, table: Table, wanted: tuple[int, ...]) -> InputError:
         if at not in filled:
             return InputError(
                 f"{path}: line {table.first}, column {table.names[at]}: expected "
-                "samples, got no number in it; take the column out"
+                "samples, got no finite number; remove the column"
             )
     for number, line in lines_of(path, table.encoding):
         if number < table.first:
@@ -168,25 +173,27 @@ def _bad_cell(path: Path, table: Table, wanted: tuple[int, ...]) -> InputError:
 
 
 def table_at(path: Path) -> Table:
-    """Look at the first lines of a text.
+    """Return the layout of a text by its first lines.
 
     Raises:
-        InputError: It is no text, or has no names above its numbers.
+        InputError: The file is not text, or has no names above its numbers.
     """
     with path.open("rb") as file:
         marked = file.read(2) in (b"\xff\xfe", b"\xfe\xff")
+    # spreadsheets write UTF-16, and UTF-8 with a mark
     encoding = "utf-16" if marked else "utf-8-sig"
     head: list[tuple[int, str]] = []
     try:
         for number, line in lines_of(path, encoding):
             head.append((number, line))
-            if len(head) >= 3 or number > MOST_HEAD:
+            if len(head) >= 3 or number > MAX_HEAD_LINES:
                 break
     except UnicodeDecodeError:
         raise InputError(
             f"{path}: expected text with columns of time and pressure, got bytes that "
-            "are no UTF-8"
+            "are not UTF-8"
         ) from None
+    # numpy.savetxt writes the names as a comment
     if head and all(is_number(cell, ",") for cell in re.split(r"[;,\s]+", head[0][1])):
         head = [*_names_in_comment(path, encoding, head[0]), *head]
     if len(head) < 2:
@@ -203,6 +210,7 @@ def table_at(path: Path) -> Table:
             f"time_s,pressure_pa, got {shown(names_line)}"
         )
     cells = cells_of(row, separator)
+    # a row without a number below the names, and above numbers, is one of units
     if len(head) > 2 and not any(is_number(cell, ",") for cell in cells):
         units = [cell.strip("()[] ") for cell in cells]
         names = [
@@ -210,6 +218,7 @@ def table_at(path: Path) -> Table:
             for name, unit in zip(names, units, strict=False)
         ]
         first, row = head[2]
+    # a comma that does not separate columns separates decimals
     decimal = "," if separator != "," and "," in row else "."
     fields = len(cells_of(row, separator))
     if len(names) not in (fields, len(cells_of(row.rstrip(separator), separator))):
@@ -226,16 +235,16 @@ def table_at(path: Path) -> Table:
 
 
 def _with_unit(name: str, unit: str, where: str) -> str:
-    """Return a name with the unit that a row of units has.
+    """Return a name with its unit from a row of units.
 
     Raises:
-        InputError: It has another unit already.
+        InputError: The name contains another unit.
     """
     own = word_and_unit(name)[1]
     if not own or not unit or plain_unit(own) == plain_unit(unit):
         return f"{name} ({unit})" if not own else name
     raise InputError(
-        f"{where}, column {name}: expected one unit a column, got {own} in its name "
+        f"{where}, column {name}: expected one unit per column, got {own} in its name "
         f"and {unit} in the row of units"
     )
 
@@ -243,7 +252,7 @@ def _with_unit(name: str, unit: str, where: str) -> str:
 def _names_in_comment(
     path: Path, encoding: str, first: tuple[int, str]
 ) -> list[tuple[int, str]]:
-    """Return the comment above the first sample, if it has as many fields and names."""
+    """Return the comment above the first sample if it has as many fields and a time."""
     number, row = first
     with path.open(encoding=encoding, newline=None) as file:
         above = [line.strip() for line in islice(file, number - 1) if line.strip()]
@@ -259,7 +268,7 @@ def _names_in_comment(
 
 
 def lines_of(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    """Go through the lines that are neither empty nor comments, numbered from 1."""
+    """Yield the lines that are neither empty nor comments, numbered from 1."""
     with path.open(encoding=encoding, newline=None) as file:
         for number, line in enumerate(file, start=1):
             stripped = line.strip()
@@ -272,17 +281,17 @@ def cells_of(line: str, separator: str | None) -> list[str]:
 
     Args:
         line: The line.
-        separator: Between fields; None: blanks.
+        separator: Separator of the fields; None for blanks.
     """
     return [cell.strip().strip('"').strip() for cell in line.split(separator)]
 
 
 def is_number(text: str, decimal: str) -> bool:
-    """Return whether a field is a finite number.
+    """Return True if a field is a finite number.
 
     Args:
         text: The field.
-        decimal: A point or a comma.
+        decimal: Decimal mark: a point or a comma.
     """
     try:
         return math.isfinite(float(text.replace(",", ".") if decimal == "," else text))

@@ -1,4 +1,4 @@
-"""Files of samples by format: recognised, opened, and found in folders.
+"""Formats of files of samples: recognition, opening, and search in folders.
 
 The extension of a file selects its reader, and its first bytes must not be those of
 another format. A reader is imported when it is used, since most need a library of their
@@ -27,13 +27,13 @@ class RecordFormat:
     """A format of files of samples.
 
     Attributes:
-        name: Of the format.
-        suffixes: Of its files: (".wav", ".flac").
-        open: From a path and a scaling to recordings, or the place of that function.
-        beginnings: First bytes of its files, and the suffix that they stand for: a file
-            of another suffix that begins so is refused.
-        inside: Formats that its files may be written in.
-        is_whole: Whether a file is read whole, which limits its size.
+        name: Name of the format.
+        suffixes: Suffixes of its files: (".wav", ".flac").
+        open: Function of path and scaling that returns recordings, or "module:name".
+        beginnings: First bytes of its files, and the suffix for messages: a file of
+            another format's suffix that begins with them is refused.
+        inside: Names of formats in which its files may be written.
+        is_whole: True if a file is read whole, which limits its size.
     """
 
     name: str
@@ -82,14 +82,16 @@ RECORD_FORMATS = Registry[RecordFormat](
         suffixes=(".mat",),
         open=f"{_FOLDER}.matlab:open_matlab",
         beginnings={b"MATLAB": ".mat"},
-        inside=("netcdf",),  # version 7.3 is HDF5
+        # version 7.3 is HDF5
+        inside=("netcdf",),
         is_whole=True,
     ),
 )
-"""By name; `register` adds one from any module."""
+"""Formats by name; `register` adds one from any module."""
 register = RECORD_FORMATS.register
-MOST_WHOLE = 2 * 10**9
-"""Bytes of a file that is read whole; sound, HDF5, NetCDF and TDMS are not."""
+MAX_WHOLE_BYTES = 2 * 10**9
+"""Largest size of a file that is read whole: as double precision it takes several times
+its size in memory. Sound, HDF5, NetCDF and TDMS are read in segments."""
 
 
 def suffixes() -> dict[str, RecordFormat]:
@@ -100,16 +102,16 @@ def suffixes() -> dict[str, RecordFormat]:
 def open_record(
     path: str | os.PathLike[str], scaling: Scaling | None = None
 ) -> tuple[Recording, ...]:
-    """Return what a file of samples holds: a recording for each clock in it.
+    """Return the recordings of a file of samples, one for each clock in it.
 
     Args:
-        path: Of a format in `RECORD_FORMATS`.
-        scaling: What the user says of the recorder's scale.
+        path: File of a format in `RECORD_FORMATS`.
+        scaling: Scale of the recorder.
 
     Raises:
-        InputError: There is no such file, it is empty, of no format that is read, of
-            another than its name says, or too large for one that is read whole; or
-            what its format's reader refuses.
+        InputError: There is no such file, it is empty, of an unknown format, of another
+            format than its suffix, or too large for a format that is read whole; or an
+            error of the format's reader.
     """
     path = Path(path)
     if not path.exists():
@@ -123,12 +125,12 @@ def open_record(
 
 
 def is_record(path: Path) -> bool:
-    """Return whether a file's name ends as those of samples do."""
+    """Return True if a file's suffix is that of a format of samples."""
     return path.suffix.lower() in suffixes()
 
 
 def _kind(path: Path) -> RecordFormat:
-    """Return the format that a name asks for."""
+    """Return the format by the suffix of a file."""
     ending, formats = path.suffix.lower(), suffixes()
     if ending in formats:
         return formats[ending]
@@ -142,7 +144,7 @@ def _kind(path: Path) -> RecordFormat:
 
 
 def _check(path: Path, kind: RecordFormat) -> None:
-    """Refuse what is a folder, empty, too large, or of another format."""
+    """Raise an error for a folder and for an empty, too large or mislabelled file."""
     if path.is_dir():
         raise InputError(f"{path}: is a directory; expected a record of samples")
     try:
@@ -159,16 +161,17 @@ def _check(path: Path, kind: RecordFormat) -> None:
         if other.name in (kind.name, *kind.inside):
             continue
         for mark, ending in other.beginnings.items():
+            # readers of other formats fail with obscure errors, or read noise
             if start.startswith(mark):
                 raise InputError(
-                    f"{path}: expected what a name in {path.suffix} promises, got a "
-                    f"file that begins as {ending} does; rename it"
+                    f"{path}: expected a {path.suffix} file, got one that begins "
+                    f"like {ending}; rename it"
                 )
-    if kind.is_whole and size > MOST_WHOLE:
+    if kind.is_whole and size > MAX_WHOLE_BYTES:
         raise InputError(
-            f"{path}: expected at most {MOST_WHOLE / 1e9:g} GB of {path.suffix}, which "
-            f"is read whole, got {size / 1e9:.3g} GB; cut it, or write it as WAV or "
-            "HDF5, of which any length is read"
+            f"{path}: expected at most {MAX_WHOLE_BYTES / 1e9:g} GB of {path.suffix}, "
+            f"which is read whole, got {size / 1e9:.3g} GB; cut it, or write it as WAV "
+            "or HDF5, which may have any length"
         )
 
 
@@ -176,8 +179,8 @@ class RecordFiles(NamedTuple):
     """Files to read.
 
     Attributes:
-        files: Records, in the order named; those of a folder by name.
-        left_out: Files of folders that are none.
+        files: Records, in the given order; those of a folder by name.
+        left_out: Other files of the folders.
     """
 
     files: tuple[Path, ...]
@@ -189,16 +192,15 @@ def record_files(
 ) -> RecordFiles:
     """Return the records among files and folders.
 
-    What a folder holds beside records is left out: hidden files, folders, names that
-    end in nothing we read, tables of stations and logs. A file that is named is taken
-    as a record, whatever it is.
+    In a folder, hidden files, folders, files of unknown suffixes, tables of stations
+    and logs are left out. Each named file must be a record.
 
     Args:
         named: Files and folders.
-        stations: The table of stations, which may lie in the folder.
+        stations: The table of stations, which may be in the folder.
 
     Raises:
-        InputError: There is no such file, or a folder holds no record.
+        InputError: There is no such file, or a folder contains no record.
     """
     files: list[Path] = []
     left_out: list[Path] = []
@@ -207,7 +209,8 @@ def record_files(
             files.append(name)
             continue
         held = [path for path in sorted(name.iterdir()) if _is_seen(path, stations)]
-        tables = (".csv", ".tsv", ".txt")  # of sensors, or a log
+        # of sensors, or a log
+        tables = (".csv", ".tsv", ".txt")
         records = [
             path
             for path in held
@@ -225,7 +228,7 @@ def record_files(
 
 
 def _is_seen(path: Path, stations: str | None) -> bool:
-    """Return whether a file of a folder is to be taken or named."""
+    """Return True if a file of a folder is neither hidden nor the table of stations."""
     if path.name.startswith(".") or not path.is_file():
         return False
     return not (stations and Path(stations).exists() and path.samefile(stations))

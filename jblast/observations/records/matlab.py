@@ -1,7 +1,7 @@
-"""MATLAB's .mat: variables whose names hold units, by SciPy, or h5py from version 7.3.
+"""MATLAB's .mat: variables with units in their names, by SciPy, or h5py from 7.3 on.
 
-`time_ms` and `pressure_kpa`, or a number `rate_hz` (`fs`) in place of the times; in the
-file, or in structs, each with its own times.
+A file, or each struct in it, has `time_ms` and `pressure_kpa`, or a number `rate_hz`
+(`fs`) in place of the times.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ def open_matlab(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     """Return the variables of pressure or volts of a .mat file.
 
     Raises:
-        InputError: It is none, or its variables are no time and pressure.
+        InputError: The file cannot be read, or lacks a variable of time or pressure.
     """
     pieces: list[Piece] = []
     others: list[str] = []
@@ -77,10 +77,11 @@ def _arrays(path: Path) -> dict[str, dict[str, np.ndarray]]:
     except (MatReadError, ValueError, OSError) as error:
         import h5py
 
-        if h5py.is_hdf5(path):  # without the first lines that MATLAB writes
+        # without the first lines that MATLAB writes
+        if h5py.is_hdf5(path):
             return _arrays_of_hdf5(path)
         raise InputError(
-            f"{path}: expected a .mat file, which SciPy cannot make of it ({error})"
+            f"{path}: expected a .mat file, got one that SciPy cannot read ({error})"
         ) from None
     found: dict[str, dict[str, np.ndarray]] = {"": {}}
     for name, array in held.items():
@@ -103,7 +104,8 @@ def _arrays_of_hdf5(path: Path) -> dict[str, dict[str, np.ndarray]]:
 
     def numbers(held: Any) -> dict[str, np.ndarray]:
         return {
-            name: np.asarray(one).T  # MATLAB counts columns first
+            # MATLAB counts columns first
+            name: np.asarray(one).T
             for name, one in held.items()
             if isinstance(one, h5py.Dataset) and np.issubdtype(one.dtype, np.number)
         }
@@ -118,14 +120,14 @@ def _arrays_of_hdf5(path: Path) -> dict[str, dict[str, np.ndarray]]:
             return {"": numbers(file), **dict(structs)}
     except OSError as error:
         raise InputError(
-            f"{path}: expected a .mat file, which h5py cannot make of it ({error})"
+            f"{path}: expected a .mat file, got one that h5py cannot read ({error})"
         ) from None
 
 
 def _clock(
     path: Path, struct: str, arrays: Arrays, units: Mapping[str, str]
 ) -> tuple[SampleClock, int | None, str]:
-    """Return the clock, how many samples it has, and the variable that tells it."""
+    """Return the clock, its number of samples, and the variable that states it."""
     times = [name for name, unit in units.items() if time_factor(unit) is not None]
     if len(times) == 1:
         (name,) = times
@@ -161,11 +163,12 @@ def _piece(
 ) -> Piece:
     """Return a variable's samples, along the axis that is as long as the times."""
     array = np.atleast_2d(array)
+    # without times the longer axis is that of the samples
     length = length or max(array.shape)
     if array.ndim != 2 or length not in array.shape:
         raise InputError(
-            f"{path}: variable {name}: expected {length} samples a channel, as the "
-            f"times are, got the shape {array.shape}"
+            f"{path}: variable {name}: expected {length} samples per channel, the "
+            f"number of times, got the shape {array.shape}"
         )
     samples = array if array.shape[1] == length else array.T
     return Piece(

@@ -1,8 +1,8 @@
 """HDF5 and NetCDF: variables with units as attributes, or in their names, by xarray.
 
-A variable of pressure or volts has times along its last dimension (or the one that a
-variable of time has), or an attribute `rate_hz` or `sampling_rate`. Each group of a
-file has its own times.
+A variable of pressure or volts has times along its last dimension (or along that of a
+variable of time), or an attribute `rate_hz` or `sampling_rate`. Each group of a file
+has its own times.
 """
 
 import re
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SINCE = re.compile(r"\s*(\w+)\s+since\s+(.+?)\s*")
-"""How CF conventions write a unit of time with its epoch."""
+"""Unit of time with its epoch in the CF conventions: "seconds since 2020-08-04"."""
 
 
 def open_netcdf(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
-    """Return the variables of pressure or volts of a file, read stretch by stretch.
+    """Return the variables of pressure or volts of a file, read in segments.
 
     Raises:
-        InputError: xarray makes nothing of it; no variable holds pressure; or one has
+        InputError: xarray cannot read the file, no variable is a pressure, or one has
             no clock.
     """
     pieces: list[Piece] = []
@@ -82,7 +82,7 @@ def _is_classic(path: Path) -> bool:
 
 
 def _groups(path: Path) -> list[str]:
-    """Return the groups that hold variables, as `gate/`; "" is the root."""
+    """Return the groups with variables, as `gate/`; "" is the root."""
     if _is_classic(path):
         return [""]
     import h5py
@@ -97,23 +97,26 @@ def _groups(path: Path) -> list[str]:
         with h5py.File(path) as file:
             file.visititems(visit)
     except OSError:
-        return [""]  # which xarray says more of
+        # xarray opens the root next, and its error is more specific
+        return [""]
     return list(found)
 
 
 @contextmanager
 def _opened(path: Path, group: str = "") -> Iterator["xr.Dataset"]:
-    """Open a file, NetCDF 3 by SciPy and all else by h5netcdf."""
+    """Open a file: NetCDF 3 by SciPy, others by h5netcdf."""
     import xarray as xr
 
     engine: dict[str, Any] = {"engine": "scipy"}
     if not _is_classic(path):
+        # plain HDF5 has no named dimensions: h5netcdf must invent them
         engine = {"engine": "h5netcdf", "phony_dims": "sort", "group": group or None}
     try:
         opened = xr.open_dataset(path, decode_times=False, **engine)
     except Exception as error:  # of many kinds, by the library below
         raise InputError(
-            f"{path}: expected HDF5 or NetCDF, which xarray cannot make of it ({error})"
+            f"{path}: expected HDF5 or NetCDF, got a file that xarray cannot read "
+            f"({error})"
         ) from None
     with opened:
         yield opened
@@ -136,7 +139,7 @@ def _piece(
         if len(times) > 1:
             got = f"the times {', '.join(times)}"
         raise InputError(
-            f"{path}: variable {group}{name}: expected channels against one time, got "
+            f"{path}: variable {group}{name}: expected channels along one time, got "
             f"{got}"
         )
 
@@ -179,12 +182,13 @@ def _clock(
 
 
 def _seconds(unit: str) -> tuple[float, datetime | None] | None:
-    """Return seconds a unit of time, and its epoch if it has one; None of others."""
+    """Return seconds per unit of time, and its epoch if any; None for other units."""
     since = SINCE.fullmatch(unit)
     factor = time_factor(since[1] if since else unit)
     if factor is None or not unit:
         return None
     if not since:
         return factor, None
+    # CF conventions: a time without a zone is UTC
     epoch = datetime.fromisoformat(since[2].replace(" UTC", "+00:00"))
     return factor, epoch if epoch.tzinfo else epoch.replace(tzinfo=UTC)

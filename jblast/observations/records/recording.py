@@ -1,15 +1,15 @@
 """Recordings: the channels of one clock, their units and their sampling rate.
 
-A `Recording` is a file that is open for reading and has read no samples yet; a
-`PressureRecord` holds the samples of one channel. Both have a constant sampling rate.
-Times in a file are replaced by the straight line through them (least
-squares), with the rate rounded as far as that moves no sample by 1 % of a step. Times
-more than a quarter of a step off that line, gaps and repeated times are refused.
+A `Recording` is a file that is open for reading, of which no samples have been read; a
+`PressureRecord` contains the samples of one channel. Both have a constant sampling
+rate. Times in a file are replaced by the straight line through them (least squares),
+with the rate rounded as far as that moves no sample by 1 % of a step. Times more than a
+quarter of a step off that line, gaps and repeated times are refused.
 
 Units are part of the names of channels (`pressure_kpa`, `Pressure (kPa)`) or given with
 them. Samples become pascals by their unit of pressure, or by the sensitivity or full
-scale that the user states. Without one, volts are refused, and counts and shares of
-full scale keep their unit and are marked as not calibrated.
+scale that the user specifies. Without one, volts are refused; counts and shares of full
+scale keep their unit and are marked as not calibrated.
 
 The time of the first sample is an epoch, a whole second in UTC, and seconds after it.
 Seconds since 1970 in double precision are 2.4e-7 s apart; seconds after the epoch are
@@ -30,30 +30,35 @@ from jaxtyping import Float
 from jblast.errors import InputError, argument, nearest, shown
 from jblast.units import si_factor, unit_spelt
 
-BLOCK = 2**20
-"""Samples of all channels together that are read at a time: eight megabytes."""
+BLOCK_SAMPLES = 2**20
+"""Number of samples of all channels that are read together: 8 MB, large enough that
+opening the file costs little, small enough for any memory."""
 RATES = ("rate_hz", "sampling_rate_hz", "sampling_rate", "sample_rate", "fs_hz", "fs")
-"""What samples a second are called where no times stand."""
+"""Names of the sampling rate in files without times."""
 VOLTS = {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6}
 PRESSURES = {"pascal": 1.0, "pascals": 1.0}
 TIMES = {
     "second": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9,
     "seconds": 1.0, "minutes": 60.0, "hours": 3600.0,
 }  # fmt: skip
-UNSAID = {"", "1", "count", "counts", "none", "unknown", "dimensionless", "fs"}
-"""What files write where they name no unit, or one that nobody can convert."""
+NO_UNIT_WORDS = {"", "1", "count", "counts", "none", "unknown", "dimensionless", "fs"}
+"""Units in files that are no units, or that cannot be converted."""
 IGNORED = ("note", "comment", "index", "sample", "number", "n", "")
-"""Words that a column which holds no measurement begins with, or is."""
-JITTER = 0.25
-"""Share of a step by which a printed time may be off an even clock."""
-GAP = 1.75
-"""A step longer than so many others lacks samples."""
+"""First words of columns without measurements."""
+MAX_JITTER = 0.25
+"""Largest deviation of a time from an even clock, over the step: rounded times deviate
+by up to half of their last digit, and a deviation of half a step could be another
+sample."""
+GAP_STEPS = 1.75
+"""Step from which on samples are missing, over the median step: one missing sample
+makes it 2, jitter at most 1.5."""
 RATE_TOLERANCE = 0.01
-"""Largest shift of the last sample by a rounded rate, in steps."""
+"""Largest shift of the last sample by a rounded rate, in steps: far below the error of
+any arrival."""
 START = datetime(1970, 1, 1, tzinfo=UTC)
-"""Zero of instants: POSIX time."""
+"""Zero of POSIX time."""
 BILLION = 1_000_000_000
-"""Nanoseconds of a second."""
+"""Nanoseconds per second."""
 
 
 @dataclass(frozen=True)
@@ -62,18 +67,18 @@ class PressureRecord:
 
     Attributes:
         name: The stem of its file, or stem.channel, channels counted from 1.
-        samples: In double precision: overpressure [Pa] if `calibrated`, else in a unit
-            that nobody said, as a share of full scale or counts.
-        rate_hz: Samples a second [Hz].
+        samples: Samples in double precision: overpressure [Pa] if `calibrated`, else in
+            an unknown unit, as shares of full scale or counts.
+        rate_hz: Sampling rate [Hz].
         start_s: Time of the first sample on the recorder's clock [s].
-        epoch: UTC of that clock's time zero; None where the file does not say.
-        calibrated: Whether the samples are pascals.
-        full_scale: Largest size that a sample can have, in their unit; None where
-            nothing clips, or nobody said at what.
-        high_pass_hz: Corner of the recorder's first-order high-pass [Hz]; None where
-            there is none, or nobody said.
+        epoch: UTC of that clock's time zero; None if unknown.
+        calibrated: True for samples in pascals.
+        full_scale: Largest absolute value of a sample, in their unit; None without
+            clipping, or if unknown.
+        high_pass_hz: Corner of the recorder's first-order high-pass [Hz]; None without
+            one, or if unknown.
         source: The file.
-        notes: What was done in reading, for the reader of an answer: a sentence each.
+        notes: Notes of the reader, a sentence each.
     """
 
     name: str
@@ -102,28 +107,29 @@ class PressureRecord:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts [s]."""
+        """Duration [s]."""
         return self.samples.size / self.rate_hz
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Channels of one file that share rate and start; nothing of them is read yet.
+    """Channels of one file with a common rate and start, before their samples are read.
 
     Attributes:
         source: The file.
-        names: Of the channels: the stem of the file, or stem.channel, counted from 1.
-        labels: What a message calls each: "channel 2", "column pressure_kpa".
-        rate_hz: Samples a second [Hz].
-        length: Samples of each channel.
-        read: Returns the samples from one to before another, in pascals if
-            `calibrated`; what is no number stands as NaN.
+        names: Names of the channels: the stem of the file, or stem.channel, counted
+            from 1.
+        labels: Names of the channels in messages: "channel 2", "column pressure_kpa".
+        rate_hz: Sampling rate [Hz].
+        length: Number of samples of each channel.
+        read: Function that returns the samples in a range, the last one excluded, in
+            pascals if `calibrated`; NaN for missing numbers.
         start_s: Time of the first sample on the recorder's clock [s].
-        epoch: UTC of that clock's time zero; None where the file does not say.
-        calibrated: Whether the samples are pascals.
-        full_scale: Largest size that a sample can have; None: nobody said.
-        notes: What was done in reading, a sentence each.
-        first_line: Line of the first sample in a text; None where samples are counted.
+        epoch: UTC of that clock's time zero; None if unknown.
+        calibrated: True for samples in pascals.
+        full_scale: Largest absolute value of a sample; None if unknown.
+        notes: Notes of the reader, a sentence each.
+        first_line: Line of the first sample in a text; None for other formats.
     """
 
     source: str
@@ -141,22 +147,23 @@ class Recording:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts [s]."""
+        """Duration [s]."""
         return self.length / self.rate_hz
 
     def samples(self, start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
-        """Return a stretch of every channel.
+        """Return an interval of every channel.
 
         Raises:
-            InputError: One of the samples is no finite number.
+            InputError: A sample is not finite.
         """
         samples = self.read(max(start, 0), min(stop, self.length))
         if np.isfinite(samples).all():
             return samples
+        # transposed, so that the first one in time is reported
         channel, sample = np.argwhere(~np.isfinite(samples.T))[0][::-1]
         where = f"{self.source}: {self.labels[channel]}"
         if not np.isfinite(samples[channel]).any():
-            raise InputError(f"{where}: expected samples, got no number in it")
+            raise InputError(f"{where}: expected samples, got no finite number")
         nth = max(start, 0) + int(sample)
         raise InputError(
             f"{where}, {self.place(nth)}: expected a finite sample, "
@@ -164,28 +171,28 @@ class Recording:
         )
 
     def place(self, sample: int) -> str:
-        """Name a sample in a message: its line, or which it is and when."""
+        """Return a sample's position for messages: its line, or number and time."""
         if self.first_line is not None:
             return f"line {self.first_line + sample}"
         return f"sample {sample + 1} ({self.start_s + sample / self.rate_hz:.6g} s)"
 
     def blocks(self) -> Iterator[tuple[int, Float[np.ndarray, "channel sample"]]]:
-        """Go through the file in constant memory: where a block begins, and it."""
-        size = max(BLOCK // len(self.names), 1)
+        """Yield the first sample of each block and the block, in constant memory."""
+        size = max(BLOCK_SAMPLES // len(self.names), 1)
         for start in range(0, self.length, size):
             yield start, self.samples(start, start + size)
 
     def record(
         self, channel: int, start: int = 0, stop: int | None = None
     ) -> PressureRecord:
-        """Return a stretch of one channel, counted from 0, as a `PressureRecord`."""
+        """Return an interval of one channel, counted from 0, as a `PressureRecord`."""
         start, stop = max(start, 0), self.length if stop is None else stop
         return self.stretch(channel, start, self.samples(start, stop)[channel])
 
     def stretch(
         self, channel: int, start: int, samples: Float[np.ndarray, " sample"]
     ) -> PressureRecord:
-        """Return samples of a channel that were read before, as a `PressureRecord`."""
+        """Return existing samples of a channel as a `PressureRecord`."""
         return PressureRecord(
             name=self.names[channel],
             samples=samples,
@@ -200,19 +207,19 @@ class Recording:
 
 
 def channel_names(stem: str, count: int) -> tuple[str, ...]:
-    """Name the channels of a file: by its stem, or stem.channel of several."""
+    """Return the names of a file's channels: its stem, or stem.channel of several."""
     if count == 1:
         return (stem,)
     return tuple(f"{stem}.{number}" for number in range(1, count + 1))
 
 
 class SampleClock(NamedTuple):
-    """When samples were taken.
+    """Times of samples.
 
     Attributes:
-        start_s: The first, on the recorder's clock [s].
-        rate_hz: Samples a second [Hz].
-        epoch: UTC of that clock's time zero; None where the file does not say.
+        start_s: Time of the first one on the recorder's clock [s].
+        rate_hz: Sampling rate [Hz].
+        epoch: UTC of that clock's time zero; None if unknown.
     """
 
     start_s: float
@@ -224,12 +231,12 @@ class Piece(NamedTuple):
     """An array of samples within a file.
 
     Attributes:
-        label: What a message calls it: "variable pressure_kpa".
-        unit: As it is written; "" where none is.
-        channels: How many it holds.
-        length: Samples of each.
-        read: Returns samples from one to before another, in its unit.
-        clock: When they were taken.
+        label: Its name in messages: "variable pressure_kpa".
+        unit: Its unit as written; "" without one.
+        channels: Number of channels.
+        length: Number of samples of each.
+        read: Function that returns the samples in a range, in that unit.
+        clock: Times of the samples.
     """
 
     label: str
@@ -241,11 +248,11 @@ class Piece(NamedTuple):
 
 
 class Scaling(NamedTuple):
-    """What the user says of the recorders.
+    """Scale of the recorders as specified by the user.
 
     Attributes:
-        full_scale_pa: What a sample of 1 in a sound file stands for [Pa].
-        sensitivity: Pascals a volt, or a count of formats that hold counts.
+        full_scale_pa: Overpressure of a sample of 1 in a sound file [Pa].
+        sensitivity: Pascals per volt, or per count for formats with counts.
     """
 
     full_scale_pa: float | None = None
@@ -258,7 +265,7 @@ def recordings_of(
     """Return a recording for each array, its channels numbered through the file.
 
     Raises:
-        InputError: One holds volts of a sensitivity that nobody said, or no pressure.
+        InputError: One contains volts without a sensitivity, or no pressure.
     """
     names = channel_names(path.stem, sum(piece.channels for piece in pieces))
     recordings, first = [], 0
@@ -288,7 +295,7 @@ def recordings_of(
 
 
 def left_out(labels: Sequence[str]) -> tuple[str, ...]:
-    """Say which arrays hold no pressure."""
+    """Return the note on arrays without pressure."""
     return (f"left out, not pressure: {', '.join(labels)}",) if labels else ()
 
 
@@ -302,72 +309,75 @@ def _scaled(
 
 
 class Scale(NamedTuple):
-    """What to multiply samples by, and whether that makes them pascals."""
+    """Factor on samples, and whether the result is in pascals."""
 
     factor: float
     calibrated: bool
 
 
 def plain_unit(text: str) -> str:
-    """Return a unit as the tables have it: `m/s` is m_s."""
+    """Return a unit in the spelling of the tables: `m/s` is m_s."""
+    # the micro sign and the Greek letter are two characters
     text = text.strip().replace("µ", "u").replace("μ", "u")
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
 def pressure_factor(unit: str) -> float | None:
-    """Return pascals a unit; None if it is none of pressure, or mpa in lower case."""
+    """Return pascals per unit; None for other units, and for mpa in lower case."""
     return PRESSURES.get(plain_unit(unit)) or _factor(unit, "pressure")
 
 
 def volts_factor(unit: str) -> float | None:
-    """Return volts a unit; None if it is none of voltage."""
+    """Return volts per unit; None for other units."""
     return VOLTS.get(plain_unit(unit))
 
 
 def time_factor(unit: str) -> float | None:
-    """Return seconds a unit; None if it is none of time."""
+    """Return seconds per unit; None for other units."""
     return TIMES.get(plain_unit(unit)) or _factor(unit, "time")
 
 
 def _factor(unit: str, dimension: str) -> float | None:
-    """Return what a unit is in ours; None if it is of another dimension, or of two."""
+    """Return the factor to SI units; None for other dimensions or ambiguous units."""
+    # mpa may be MPa or mPa, nine orders of magnitude apart: two meanings are none
     meant = [of for of in unit_spelt(unit) if of.dimension == dimension]
     return si_factor(meant[0].suffix) if len(meant) == 1 else None
 
 
 def holds_pressure(unit: str) -> bool:
-    """Return whether samples of a unit can be pressure: pascals, volts, or unsaid."""
+    """Return True if samples of a unit can be pressure: pascals, volts, or no unit."""
     return (
         pressure_factor(unit) is not None
         or volts_factor(unit) is not None
-        or plain_unit(unit) in UNSAID
+        or plain_unit(unit) in NO_UNIT_WORDS
     )
 
 
 def scale_of(unit: str, scaling: Scaling, where: str) -> Scale:
-    """Return what samples of a unit are to be multiplied by.
+    """Return the factor on samples of a unit.
 
     Args:
-        unit: As the file has it; "" where it has none.
-        scaling: What the user says.
-        where: The file, and the channel or column, for messages.
+        unit: Unit as in the file; "" without one.
+        scaling: Scale specified by the user.
+        where: File, and channel or column, for messages.
 
     Raises:
-        InputError: They are volts and nobody said how many pascals each is, or the
-            unit is none of pressure.
+        InputError: The unit is volts without a sensitivity, or not one of pressure.
     """
     pascals = pressure_factor(unit)
     if pascals is not None:
         return Scale(pascals, calibrated=True)
+    # without a sensitivity volts are an error, counts are not: those may be normalized
+    # sound
     volts = volts_factor(unit)
     if volts is not None:
         if scaling.sensitivity is None:
             raise InputError(
-                f"{where}: expected pressure, got {unit}; how many pascals a volt "
-                f"stands for is told by {argument('sensitivity')}"
+                f"{where}: expected pressure, got {unit}; add the pascals per volt, "
+                f"{argument('sensitivity')}"
             )
         return Scale(volts * scaling.sensitivity, calibrated=True)
-    if plain_unit(unit) in UNSAID:
+    if plain_unit(unit) in NO_UNIT_WORDS:
         if scaling.sensitivity is None:
             return Scale(1.0, calibrated=False)
         return Scale(scaling.sensitivity, calibrated=True)
@@ -379,14 +389,14 @@ def scale_of(unit: str, scaling: Scaling, where: str) -> Scale:
 
 
 class SampleColumns(NamedTuple):
-    """What the columns of a table of samples hold.
+    """Contents of the columns of a table of samples.
 
     Attributes:
-        time: Which column the times stand in.
-        seconds: Seconds a unit of them.
-        pressures: Which columns hold pressure, or volts.
-        units: Of each of these, as it is written.
-        left_out: Names of columns that hold neither.
+        time: Number of the column of times.
+        seconds: Seconds per unit of these.
+        pressures: Numbers of the columns of pressure, or volts.
+        units: Units of these as written.
+        left_out: Names of the other columns.
     """
 
     time: int
@@ -397,7 +407,7 @@ class SampleColumns(NamedTuple):
 
 
 def columns_of(names: list[str], where: str) -> SampleColumns:
-    """Return what columns hold, by the units that their names end in.
+    """Return the contents of columns by the units at the end of their names.
 
     Args:
         names: `time_ms`, `Pressure (kPa)`, `ch1_mV`, in any order.
@@ -479,9 +489,9 @@ def refuse_two_units(pressures: Iterable[tuple[str, str]], where: str) -> None:
 
 
 def word_and_unit(name: str) -> tuple[str, str]:
-    """Take a name apart: `Pressure (kPa)` or `pressure_kpa` into word and unit.
+    """Return word and unit of a name: `Pressure (kPa)` or `pressure_kpa`.
 
-    The unit is "" where the name ends in none that we know; a name may be a unit alone.
+    The unit is "" if the name does not end in a known one; a name may be a unit alone.
     """
     bracketed = re.fullmatch(r"\s*(.*?)[\s_]*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*", name)
     if bracketed:
@@ -501,19 +511,19 @@ def even_clock(
     """Return the first time [s] and the rate [Hz] of samples.
 
     The rate is that of the straight line through all times, rounded as far as that
-    moves none of them: what was printed with few digits is known better than a step.
+    moves none of them. It is more precise than the digits of a single step.
 
     Args:
-        times_s: When each sample was taken [s].
-        where: Names the file and a sample, for messages.
+        times_s: Time of each sample [s].
+        where: Function that names file and sample, for messages.
 
     Raises:
-        InputError: There are fewer than two; one is no number or not after the one
-            before; some are missing; or one is off an even clock by `JITTER`.
+        InputError: There are fewer than two times; one is not finite or not after the
+            one before; some are missing; or one is off an even clock by `MAX_JITTER`.
     """
     if times_s.size < 2:
         raise InputError(
-            f"{where(0)}: expected two samples at least, got {times_s.size}"
+            f"{where(0)}: expected at least two samples, got {times_s.size}"
         )
     bad = np.flatnonzero(~np.isfinite(times_s))
     if bad.size:
@@ -529,9 +539,10 @@ def even_clock(
             f"{where(at)}: expected a time after that of the sample before, "
             f"{times_s[at - 1]:.9g} s; got {times_s[at]:.9g} s{twice}"
         )
+    # the median is not changed by a gap, the mean is
     step = float(np.median(steps))
     gap = int(np.argmax(steps))
-    if steps[gap] > GAP * step:
+    if steps[gap] > GAP_STEPS * step:
         raise InputError(
             f"{where(gap + 1)}: expected a sample every {step:.6g} s, got a gap of "
             f"{steps[gap]:.6g} s after {times_s[gap]:.9g} s; cut the record there"
@@ -539,12 +550,13 @@ def even_clock(
     start, step = _line(times_s)
     off = np.abs(times_s - start - step * np.arange(times_s.size))
     worst = int(np.argmax(off))
-    if off[worst] > JITTER * step:
+    if off[worst] > MAX_JITTER * step:
         raise InputError(
             f"{where(worst)}: expected times {step:.6g} s apart, got "
             f"{times_s[worst]:.9g} s, {off[worst] / step:.2g} steps off; resample the "
             "record evenly"
         )
+    # the intercept of rounded times has noise in its last digits
     if abs(times_s[0] - start) < RATE_TOLERANCE * step:
         start = float(times_s[0])
     return start, _round(1.0 / step, times_s.size)
@@ -554,13 +566,15 @@ def _line(times_s: Float[np.ndarray, " sample"]) -> tuple[float, float]:
     """Return intercept and slope of times against their number, by least squares."""
     number = np.arange(times_s.size) - 0.5 * (times_s.size - 1)
     first = float(times_s[0])
-    since = times_s - first  # an epoch would lose digits
+    # relative to the first: times since 1970 would lose seven digits
+    since = times_s - first
     slope = float(number @ since / (number @ number))
     return first + float(since.mean() + slope * number[0]), slope
 
 
 def _round(rate_hz: float, samples: int) -> float:
-    """Return the rate with as few digits as leave every sample where it is."""
+    """Return the rate with the fewest digits that move no sample."""
+    # printed times give 47999.9998 Hz where the recorder has 48000
     for digits in range(1, 16):
         rounded = float(f"{rate_hz:.{digits}g}")
         if abs(rounded / rate_hz - 1.0) * samples < RATE_TOLERANCE:
@@ -569,10 +583,10 @@ def _round(rate_hz: float, samples: int) -> float:
 
 
 def epoch_and_start(nanoseconds: int) -> tuple[datetime, float]:
-    """Return the whole second of an instant (UTC), and how far after it that is [s].
+    """Return the whole second of a time (UTC), and the rest [s].
 
     Args:
-        nanoseconds: Since the beginning of 1970, without leap seconds.
+        nanoseconds: Nanoseconds since the beginning of 1970, without leap seconds.
     """
     whole, part = divmod(nanoseconds, BILLION)
     return START + timedelta(seconds=whole), part / BILLION

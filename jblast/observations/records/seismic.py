@@ -1,4 +1,4 @@
-"""miniSEED and SAC: traces with the time of day they began at, by ObsPy."""
+"""miniSEED and SAC: traces with the time of day of their first sample, by ObsPy."""
 
 from pathlib import Path
 from typing import Any
@@ -16,30 +16,31 @@ from jblast.observations.records.recording import (
 )
 
 IDEP = {6: "ground displacement", 7: "ground velocity", 8: "ground acceleration"}
-"""What SAC's header calls other than pressure (IDISP, IVEL, IACC)."""
+"""Codes of SAC's header for other quantities than pressure (IDISP, IVEL, IACC)."""
 IDEP_VOLTS = 50
-"""SAC's header for a velocity in volts (IVOLTS), which is what volts are called."""
-SINGLE = 2.0**-23
-"""Relative spacing of floats of 32 bits."""
+"""Code of SAC's header for a velocity in volts (IVOLTS), the only one for volts."""
+SINGLE_SPACING = 2.0**-23
+"""Relative spacing of floats of 32 bits, the precision of SAC's step."""
 
 
 def open_seismic(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     """Return the traces of a file of miniSEED or SAC.
 
-    They hold counts, of a size that stands in another file: pascals a count are the
-    user's to say.
+    The samples are counts, whose scale is in another file: the user specifies the
+    pascals per count.
 
     Raises:
-        InputError: ObsPy makes nothing of it; a trace has gaps or overlaps, or holds
-            the motion of the ground; or volts of a sensitivity that nobody said.
+        InputError: ObsPy cannot read the file; a trace has gaps or overlaps, or is a
+            ground motion, or volts without a sensitivity.
     """
     obspy = needed("obspy", "seismic", path, "miniSEED or SAC is read")
     try:
-        # unasked, ObsPy rounds SAC's step to a microsecond: 1.4 % at 44.1 kHz
+        # by default ObsPy rounds SAC's step to a microsecond: 1.4 % at 44.1 kHz
         traces = list(obspy.read(str(path), round_sampling_interval=False))
-    except Exception as error:  # of many kinds, by the parser that gave up
+    # each of ObsPy's parsers has exceptions of its own
+    except Exception as error:
         raise InputError(
-            f"{path}: expected miniSEED or SAC, which ObsPy cannot make of it "
+            f"{path}: expected miniSEED or SAC, got a file that ObsPy cannot read "
             f"({str(error) or type(error).__name__})"
         ) from None
     _check_whole(path, traces)
@@ -60,7 +61,7 @@ def _piece(path: Path, trace: Any) -> Piece:
     # SAC's step has 32 bits: the rate with the fewest digits that it cannot distinguish
     rate_hz = trace.stats.sampling_rate
     roundings = (float(f"{rate_hz:.{digits}g}") for digits in range(1, 17))
-    rate_hz = next(r for r in roundings if abs(r / rate_hz - 1.0) < SINGLE)
+    rate_hz = next(r for r in roundings if abs(r / rate_hz - 1.0) < SINGLE_SPACING)
     return Piece(
         label=label,
         unit=_unit(path, label, trace.stats),
@@ -72,7 +73,7 @@ def _piece(path: Path, trace: Any) -> Piece:
 
 
 def _unit(path: Path, label: str, stats: Any) -> str:
-    """Return the unit that a header tells: SAC's may, miniSEED's cannot."""
+    """Return the unit in a header; only SAC has one."""
     kind = int(stats["sac"].get("idep", 5)) if "sac" in stats else 5
     if kind in IDEP:
         raise InputError(
@@ -82,17 +83,18 @@ def _unit(path: Path, label: str, stats: Any) -> str:
 
 
 def _check_whole(path: Path, traces: list[Any]) -> None:
-    """Refuse what holds nothing, or one channel in several pieces."""
+    """Raise an error for a file without samples and for gaps within a channel."""
     if not any(len(trace.data) for trace in traces):
         raise InputError(f"{path}: expected samples, got none")
     before: dict[str, Any] = {}
     for trace in sorted(traces, key=lambda trace: trace.stats.starttime.ns):
         last = before.get(trace.id)
         if last is not None:
+            # the next sample is due one step after the last one
             apart = trace.stats.starttime - last.stats.endtime - last.stats.delta
             what = "a gap" if apart > 0 else "an overlap"
             raise InputError(
-                f"{path}: trace {trace.id}: expected one piece, got {what} of "
+                f"{path}: trace {trace.id}: expected one segment, got {what} of "
                 f"{abs(apart):.6g} s after {last.stats.endtime}; cut the record there"
             )
         before[trace.id] = trace

@@ -1,12 +1,12 @@
 """Sound files: WAV and FLAC of 8 to 32 bits or float, one to eight channels.
 
 Whole numbers are read as a share of full scale, floating-point numbers as they stand.
-Lossy compression, samples that are not finite and files that are cut short are refused;
-nothing is clipped or filled in. libsndfile reads the samples that are present and
-ignores the size in the header, so the header of a WAV file (RIFF, or RF64 by EBU Tech
-3306) is compared with the size of the file. Whole numbers are passed to libsndfile in
-the upper bits of 32, because its own conversion from floats is not the inverse of its
-reading. WAV files are written up to 4 GiB.
+Lossy compression, samples that are not finite and truncated files are refused; nothing
+is clipped or filled in. libsndfile reads the samples that are present and ignores the
+size in the header, so the header of a WAV file (RIFF, or RF64 by EBU Tech 3306) is
+compared with the size of the file. Whole numbers are passed to libsndfile in the upper
+bits of 32, because its own conversion from floats is not the inverse of its reading.
+WAV files are written up to 4 GiB.
 """
 
 import math
@@ -30,32 +30,33 @@ if TYPE_CHECKING:
     import soundfile
 
 Bits = int | Literal["float"]
-"""Of a sample: 8, 16, 24 or 32 as whole numbers, or floats of 32 bits."""
-MOST_CHANNELS = 8
-"""Largest number of channels; declared."""
+"""Bits of a sample: 8, 16, 24 or 32 for whole numbers, or floats of 32 bits."""
+MAX_CHANNELS = 8
+"""Largest number of channels, that of FLAC and of common field recorders."""
 SUBTYPES = {
     "WAV": {8: "PCM_U8", 16: "PCM_16", 24: "PCM_24", 32: "PCM_32", "float": "FLOAT"},
     "FLAC": {8: "PCM_S8", 16: "PCM_16", 24: "PCM_24"},
 }
-"""How a format holds samples of so many bits, as libsndfile calls it."""
-READ = {"DOUBLE"}.union(*(kinds.values() for kinds in SUBTYPES.values()))
+"""Names in libsndfile of the subtypes by format and bits."""
+READ_SUBTYPES = {"DOUBLE"}.union(*(kinds.values() for kinds in SUBTYPES.values()))
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 EXPECTED = "expected a sound file, WAV or FLAC"
-MOST_BYTES = 2**32 - 2**16
-"""That a WAV file may hold: its sizes have 32 bits, and its header needs some."""
+MAX_BYTES = 2**32 - 2**16
+"""Largest size of the samples of a WAV file: its sizes have 32 bits, and 64 KiB are
+left for the header."""
 STREAMED = 0xFFFFFFFF
-"""Size that says "until the end": written by what could not seek back, and in RF64,
-where the chunk `ds64` holds the true one."""
+"""Size in a header that means "until the end of the file": written by programs that
+cannot seek back, and in RF64, where the chunk `ds64` has the true size."""
 
 
 class SoundRecord(NamedTuple):
-    """What a sound file holds.
+    """Samples of a sound file.
 
     Attributes:
-        samples: Whole numbers as a share of full scale, -1 to 1; floats as they stand.
-        rate_hz: Samples a second of each channel.
-        subtype: How they were written, as libsndfile calls it: "PCM_24", "FLOAT".
-        dead_channels: Channels, counted from 0, that hold zeros alone.
+        samples: Whole numbers as a share of full scale, -1 to 1; floats unchanged.
+        rate_hz: Sampling rate of each channel [Hz].
+        subtype: Subtype in libsndfile: "PCM_24", "FLOAT".
+        dead_channels: Channels, counted from 0, that contain only zeros.
     """
 
     samples: Float[np.ndarray, "channel sample"]
@@ -65,26 +66,26 @@ class SoundRecord(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """How long it lasts [s]."""
+        """Duration [s]."""
         return self.samples.shape[1] / self.rate_hz
 
 
 def read_sound(path: str | os.PathLike[str]) -> SoundRecord:
-    """Return what a sound file holds, in double precision.
+    """Return the samples of a sound file, in double precision.
 
     Raises:
-        InputError: There is no such file; it is empty, cut short or no sound file; it
-            holds no samples, some that are no finite number, or more than eight
-            channels; or it is compressed with a loss.
+        InputError: There is no such file; it is empty, truncated or not a sound file;
+            it has no samples, some that are not finite, or more than eight channels; or
+            its compression is lossy.
     """
     path = Path(path)
     with opened_sound(path) as file:
-        rate_hz, subtype, promised = file.samplerate, file.subtype, file.frames
+        rate_hz, subtype, length = file.samplerate, file.subtype, file.frames
         samples = file.read(dtype="float64", always_2d=True).T
-    if samples.shape[1] < promised:
+    if samples.shape[1] < length:
         raise InputError(
-            f"{path}: is cut short: {samples.shape[1]:,} samples of the {promised:,} "
-            "that its header promises can be read"
+            f"{path}: is cut short: expected {length:,} samples as in its header, got "
+            f"{samples.shape[1]:,}"
         )
     _check_finite(path, samples, rate_hz)
     dead = tuple(int(i) for i in np.flatnonzero(~samples.any(axis=1)))
@@ -97,19 +98,18 @@ def write_sound(
     rate_hz: float | int,
     bits: Bits = "float",
 ) -> None:
-    """Write a sound file whole or not at all.
+    """Write a sound file completely or not at all.
 
     Args:
-        path: Ends in .wav or .flac; what is there is replaced.
-        samples: By channel and sample, or of one channel alone. Written as floats of 32
-            bits they stand as they are; as whole numbers they are a share of full
-            scale, -1 to 1, and rounded to the nearest. 1 itself is one step too much
-            and becomes the largest number there is.
-        rate_hz: Samples a second, a whole number.
-        bits: Of a sample; FLAC holds up to 24, and no floats.
+        path: Path ending in .wav or .flac; an existing file is replaced.
+        samples: Samples by channel and sample, or of one channel. Floats of 32 bits are
+            written unchanged. For whole numbers they are shares of full scale, -1 to 1,
+            rounded to the nearest; 1 itself becomes the largest code.
+        rate_hz: Sampling rate, a whole number [Hz].
+        bits: Bits of a sample; FLAC has up to 24, and no floats.
 
     Raises:
-        InputError: It cannot be written so, or the samples are none.
+        InputError: The format cannot store these samples, or there are none.
     """
     samples = np.atleast_2d(np.asarray(samples))
     if samples.ndim != 2 or samples.shape[1] == 0:
@@ -127,21 +127,21 @@ def write_sound_stream(
 ) -> int:
     """Write a sound file packet by packet, in constant memory.
 
-    If the packets break off by an error, or are interrupted, those that came are kept
-    as a whole file and the error goes on.
+    If the packets end with an error or an interruption, those before it are written as
+    a complete file, and the error is raised again.
 
     Args:
-        path: As `write_sound` takes it.
-        packets: Samples as `write_sound` takes them, all of as many channels.
-        rate_hz: Samples a second, a whole number.
-        bits: Of a sample.
+        path: As for `write_sound`.
+        packets: Samples as for `write_sound`, all with the same number of channels.
+        rate_hz: Sampling rate, a whole number [Hz].
+        bits: Bits of a sample.
 
     Returns:
-        How many samples each channel has.
+        Number of samples of each channel.
 
     Raises:
-        InputError: It cannot be written so, no packet came, or more than the format
-            holds.
+        InputError: The format cannot store these samples or this number of them, or
+            there are none.
     """
     import soundfile
 
@@ -153,10 +153,11 @@ def write_sound_stream(
         raise InputError(f"{path}: expected samples to write, got none")
     first = np.atleast_2d(np.asarray(first))
     channels, written = len(first), 0
-    if channels > MOST_CHANNELS:
+    if channels > MAX_CHANNELS:
         raise InputError(
-            f"{path}: expected at most {MOST_CHANNELS} channels, got {channels}"
+            f"{path}: expected at most {MAX_CHANNELS} channels, got {channels}"
         )
+    # bytes of one sample of all channels
     step = channels * (4 if bits == "float" else bits // 8)
     broken: BaseException | None = None
     with (
@@ -173,16 +174,17 @@ def write_sound_stream(
         try:
             for packet in chain([first], packets):
                 codes = encoded(path, np.atleast_2d(np.asarray(packet)), bits)
-                if (written + codes.shape[1]) * step > MOST_BYTES:
+                if (written + codes.shape[1]) * step > MAX_BYTES:
                     raise InputError(
-                        f"{path}: expected at most {MOST_BYTES // step:,} samples, "
-                        "which is what a WAV file holds; write a shorter one"
+                        f"{path}: expected at most {MAX_BYTES // step:,} samples, "
+                        "the limit of a WAV file, got more; write a shorter one"
                     )
                 file.write(codes.T)
                 written += codes.shape[1]
         except BaseException as error:
             if not written:
-                raise  # nothing to keep: what was there before stays
+                # nothing to keep: what was there before stays
+                raise
             broken = error
     if broken is not None:
         raise broken
@@ -194,20 +196,22 @@ def resampled(
     from_hz: float | int,
     to_hz: float | int,
 ) -> Float[np.ndarray, "*channel resampled"]:
-    """Return samples at another rate, free of aliases, each at the same time as before.
+    """Return samples at another rate, without aliases or a delay.
 
-    By `scipy.signal.resample_poly`: a linear-phase low-pass that is half down at the
-    lower of the two Nyquist frequencies; before and after the samples there is silence.
+    The filter is that of `scipy.signal.resample_poly`: a linear-phase low-pass, 6 dB
+    down at the lower of the two Nyquist frequencies, with silence before and after the
+    samples.
 
     Args:
-        samples: Along the last axis.
-        from_hz: Samples a second, a whole number.
-        to_hz: Samples a second to come, a whole number.
+        samples: Samples along the last axis.
+        from_hz: Sampling rate, a whole number [Hz].
+        to_hz: New sampling rate, a whole number [Hz].
 
     Raises:
-        InputError: A rate is not positive, or no whole number.
+        InputError: A rate is not positive, or not a whole number.
     """
     ratio = Fraction(whole_rate(to_hz), whole_rate(from_hz))
+    # without SciPy, whose import takes longer than reading most files
     if ratio == 1:
         return np.asarray(samples)
     from scipy.signal import resample_poly
@@ -218,25 +222,26 @@ def resampled(
 def _check_finite(
     path: Path, samples: Float[np.ndarray, "channel sample"], rate_hz: int
 ) -> None:
-    """Refuse samples that are no number, and say where the first one is."""
+    """Raise an error for samples that are not finite, with the first one."""
     if np.isfinite(samples).all():
         return
-    bad = np.argwhere(~np.isfinite(samples.T))  # in the order of time
+    # in the order of time
+    bad = np.argwhere(~np.isfinite(samples.T))
     sample, channel = (int(i) for i in bad[0])
     raise InputError(
         f"{path}: expected finite samples, got {samples[channel, sample]} in channel "
         f"{channel + 1} at {sample / rate_hz:.6g} s (sample {sample + 1}; "
-        f"{len(bad):,} of {samples.size:,} are so)"
+        f"{len(bad):,} of {samples.size:,} in total)"
     )
 
 
 def open_sound(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
-    """Return what a sound file holds, none of its samples read yet.
+    """Return the recording of a sound file, before its samples are read.
 
-    Whole numbers clip at their largest; floats clip nowhere that a file could tell.
+    Whole numbers clip at the largest code; the clipping level of floats is unknown.
 
     Raises:
-        InputError: It is no sound file, or one that cannot be used (`read_sound`).
+        InputError: As for `read_sound`, except for samples that are not finite.
     """
     with opened_sound(path) as file:
         channels, rate_hz, length = file.channels, file.samplerate, file.frames
@@ -266,14 +271,14 @@ def open_sound(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
 
 @contextmanager
 def opened_sound(path: Path) -> Iterator["soundfile.SoundFile"]:
-    """Open a sound file to be read, in part or whole.
+    """Open a sound file for reading.
 
     Raises:
-        InputError: There is no such file; it is empty, cut short or no sound file; it
-            holds no samples or more than eight channels; or it is compressed with a
-            loss.
+        InputError: There is no such file; it is empty, truncated or not a sound file;
+            it has no samples or more than eight channels; or its compression is lossy.
     """
-    import soundfile  # libsndfile: nobody else need wait for it
+    # imported here: loading libsndfile would delay readers of other formats
+    import soundfile
 
     _check_is_file(path)
     try:
@@ -305,35 +310,36 @@ def _check_is_file(path: Path) -> None:
 
 
 def _unreadable(path: Path, reason: str) -> str:
-    """Say why libsndfile makes nothing of a file."""
+    """Return the message for a file that libsndfile cannot read."""
     with path.open("rb") as file:
         start = file.read(4)
     if any(mark.startswith(start) for mark in (b"RIFF", b"RF64", b"fLaC")):
         return f"{path}: is cut short or damaged ({reason.strip().rstrip('.')})"
-    return f"{path}: is no sound file; {EXPECTED}"
+    return f"{path}: is not a sound file; {EXPECTED}"
 
 
 def check_kind(path: Path, kind: str, subtype: str, channels: int) -> None:
-    """Refuse what is compressed with a loss, or has too many channels.
+    """Raise an error for lossy compression or too many channels.
 
     Raises:
-        InputError: It is so.
+        InputError: The file has one of these.
     """
-    if kind not in FORMATS or subtype not in READ:
+    if kind not in FORMATS or subtype not in READ_SUBTYPES:
         raise InputError(
             f"{path}: {EXPECTED} of 8 to 32 bits or float, got {kind} {subtype}"
         )
-    if channels > MOST_CHANNELS:
+    if channels > MAX_CHANNELS:
         raise InputError(
-            f"{path}: expected at most {MOST_CHANNELS} channels, got {channels}"
+            f"{path}: expected at most {MAX_CHANNELS} channels, got {channels}"
         )
 
 
 def format_of(path: str | os.PathLike[str], bits: Bits) -> str:
-    """Return the format that a file's name asks for.
+    """Return the format by the name of a file.
 
     Raises:
-        InputError: There is none, or it holds no samples of so many bits.
+        InputError: The name has no known suffix, or the format no samples of these
+            bits.
     """
     kind = Path(path).suffix.lower().removeprefix(".").upper()
     if kind not in SUBTYPES:
@@ -341,17 +347,16 @@ def format_of(path: str | os.PathLike[str], bits: Bits) -> str:
     if bits not in SUBTYPES[kind]:
         expected = ", ".join(map(str, SUBTYPES[kind]))
         raise InputError(
-            f"{path}: expected bits as {kind} holds them ({expected}), "
-            f"got {shown(bits)}"
+            f"{path}: expected bits of {kind} ({expected}), got {shown(bits)}"
         )
     return kind
 
 
 def whole_rate(rate_hz: float | int, path: str | os.PathLike[str] | None = None) -> int:
-    """Return samples a second as a whole number.
+    """Return a sampling rate as a whole number [Hz].
 
     Raises:
-        InputError: They are none, or not positive.
+        InputError: The rate is not a whole number, or not positive.
     """
     if not (math.isfinite(rate_hz) and rate_hz == int(rate_hz) and 0 < rate_hz < 2**31):
         where = f"{path}: " if path else ""
@@ -365,19 +370,24 @@ def whole_rate(rate_hz: float | int, path: str | os.PathLike[str] | None = None)
 def encoded(
     path: str | os.PathLike[str], samples: Float[np.ndarray, "channel n"], bits: Bits
 ) -> Float[np.ndarray, "channel n"] | Int[np.ndarray, "channel n"]:
-    """Return samples as libsndfile is given them, so that it rounds nothing by itself.
+    """Return samples in a form that libsndfile writes without rounding.
 
-    It takes the upper bits of 32; given floats, it would make 32767 of 1, and when it
-    reads, 1 of 32768.
+    These are the upper bits of 32. From floats libsndfile would make 32767 of 1, while
+    it reads 1 from 32768.
 
     Raises:
-        InputError: One is no finite number, or of whole numbers beyond full scale.
+        InputError: A sample is not finite, or beyond full scale for whole numbers.
     """
     if bits == "float":
-        with np.errstate(over="ignore"):  # what is too large is refused below
+        # what is too large is refused below
+        with np.errstate(over="ignore"):
             samples = samples.astype(np.float32)
     if not np.isfinite(samples).all():
-        raise InputError(f"{path}: expected finite samples to write, got others")
+        channel, at = np.argwhere(~np.isfinite(samples))[0]
+        raise InputError(
+            f"{path}: expected finite samples to write, got {samples[channel, at]} at "
+            f"sample {at + 1} of channel {channel + 1}"
+        )
     if bits == "float":
         return samples
     most = float(np.abs(samples).max(initial=0.0))
@@ -386,15 +396,16 @@ def encoded(
             f"{path}: expected samples from -1 to 1 of full scale, got {most:g}"
         )
     scale = 2 ** (bits - 1)
+    # 64 bits, as full scale of 32 bits overflows before the limit below
     codes = np.rint(samples.astype(np.float64) * scale).astype(np.int64)
     return (np.minimum(codes, scale - 1) << (32 - bits)).astype(np.int32)
 
 
 def missing_bytes(path: Path) -> int:
-    """Return how many bytes, at least, a WAV file promises and does not hold.
+    """Return the smallest number of bytes missing at the end of a WAV file.
 
     Args:
-        path: A file that begins as RIFF or RF64.
+        path: A file that begins with RIFF or RF64.
 
     References:
         Multimedia Programming Interface and Data Specifications 1.0 (IBM, Microsoft,
@@ -402,6 +413,7 @@ def missing_bytes(path: Path) -> int:
     """
     there = path.stat().st_size
     with path.open("rb") as file:
+        # after "RIFF", the size and "WAVE"
         file.seek(12)
         long_size = STREAMED
         while len(head := file.read(8)) == 8:
@@ -412,7 +424,9 @@ def missing_bytes(path: Path) -> int:
                 continue
             if name == b"data":
                 size = long_size if size == STREAMED else size
-                promised = 0 if size == STREAMED else file.tell() + size
-                return max(promised - there, 0)
-            file.seek(size + size % 2, 1)  # chunks begin at even places
-    return 8 - len(head)  # not even the head of the samples
+                stated = 0 if size == STREAMED else file.seek(0, os.SEEK_CUR) + size
+                return max(stated - there, 0)
+            # chunks begin at even positions
+            file.seek(size + size % 2, 1)
+    # the file ends before the header of its samples
+    return 8 - len(head)

@@ -24,7 +24,7 @@ from jblast.observations.dialects import (
 )
 from jblast.observations.places import Frame, places_in_degrees
 from jblast.observations.records.recording import Recording
-from jblast.observations.rows import Fields, told_columns
+from jblast.observations.rows import Fields, converted_columns
 from jblast.observations.sources import Table, table_of
 from jblast.observations.table import Faults, Understood
 from jblast.units import spelt
@@ -36,14 +36,14 @@ COLUMNS = ("sensor", *PLACE, *DEGREES, "clock", START)
 
 
 class Station(NamedTuple):
-    """Where a microphone stood.
+    """Position and clock of a microphone.
 
     Attributes:
         position: East, north, up [m].
-        clock: Its recorder's; "" for the common clock.
-        frame: Where on the Earth that is counted from, of a table in degrees.
+        clock: Clock of its recorder; "" for the common clock.
+        frame: Origin of the position on the Earth, for a table in degrees.
         start: Nanoseconds since 1970, UTC, of the first sample of its record; None
-            where nobody said.
+            if unknown.
     """
 
     position: tuple[float, float, float]
@@ -55,20 +55,20 @@ class Station(NamedTuple):
 def read_stations(
     path: str | os.PathLike[str], understood: list[Understood] | None = None
 ) -> dict[str, Station]:
-    """Return where recorders stood, by name.
+    """Return the stations of a table by name.
 
     Columns are `sensor,east_m,north_m,up_m`, or `sensor,lat_deg,lon_deg,alt_m`, and
-    perhaps `clock` and `start_utc`, when the first sample of a file was that does not
-    say so itself (2020-08-04T15:08:18.310Z); a sensor is the stem of a file's name, or
-    stem.channel, channels counted from 1. `note` columns and lines that begin with #
-    are comments. Dialects and units of length are those of a log (`read`).
+    optionally `clock` and `start_utc`, the time of the first sample of a file without a
+    time stamp (2020-08-04T15:08:18.310Z). A sensor is the stem of a file's name, or
+    stem.channel, with channels counted from 1. `note` columns and lines that begin with
+    # are comments. Dialects and units of length are those of a log (`read`).
 
     Args:
         path: Text, a spreadsheet or Parquet.
-        understood: What was converted is appended here.
+        understood: Conversions are appended here.
 
     Raises:
-        InputError: The file is not as described; the message says where and how.
+        InputError: The file is not as described; the message has position and fault.
     """
     within = f"a header {','.join(COLUMNS[:4])} and a station a row"
     faults = Faults()
@@ -101,7 +101,7 @@ def read_stations(
             [not x for x in given], "lat_deg", lambda _: "a number, got nothing"
         )
     if understood is not None:
-        understood += [*table.understood, *told_columns(rows)]
+        understood += [*table.understood, *converted_columns(rows)]
     return {
         name: Station((float(east), float(north), float(up)), clock, frame, start)
         for name, east, north, up, clock, start in zip(
@@ -111,7 +111,7 @@ def read_stations(
 
 
 def _starts(rows: Fields) -> list[int | None]:
-    """Return when records began; None where nothing is said."""
+    """Return the start times of records; None without one."""
     starts: list[int | None] = []
     for row, text in enumerate(rows.text(START)):
         try:
@@ -119,15 +119,16 @@ def _starts(rows: Fields) -> list[int | None]:
         except NotAnInstant:
             bad = [at == row for at in range(len(rows.lines))]
             expected = f"a day, a time and a zone, as {EXAMPLE}, got {shown(text)}"
-            rows.refuse(bad, START, lambda _, said=expected: said)
+            # bound as a default, since a closure would read the last text of the loop
+            rows.refuse(bad, START, lambda _, message=expected: message)
     return starts
 
 
 def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
-    """Give a table's columns our names.
+    """Rename a table's columns to our names.
 
     Raises:
-        InputError: A column means nothing, is missing or is there twice.
+        InputError: A column is unknown, missing or repeated.
     """
     where = table.at(table.header_line)
     header = Header()
@@ -154,23 +155,22 @@ def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
 
 
 def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
-    """Return a recording whose first sample is at the time that its station tells.
+    """Return a recording with the start time of its station.
 
     Args:
-        recording: A file's.
-        stations: By name of channel.
+        recording: Recording of a file.
+        stations: Stations by name of channel.
 
     Raises:
-        InputError: The file tells the time of day itself, or its channels are told to
-            begin at several times.
+        InputError: The file has a time stamp, or its channels have several start times.
     """
     starts = {stations[name].start for name in recording.names if name in stations}
     if starts <= {None}:
         return recording
     if recording.epoch is not None:
         raise InputError(
-            f"{recording.source}: tells the time of day itself; expected nothing in "
-            f"column {START} of {shown(recording.names[0])}"
+            f"{recording.source}: expected no {START} for "
+            f"{shown(recording.names[0])}, as the file has a time stamp; got one"
         )
     start = starts.pop()
     if starts or start is None:
@@ -178,5 +178,6 @@ def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
             f"{recording.source}: expected one {START} for all channels of a file, got "
             "several"
         )
-    whole = start // SECOND * SECOND  # an epoch holds microseconds, samples finer ones
+    # a datetime has microseconds: the nanoseconds stay in the seconds after it
+    whole = start // SECOND * SECOND
     return replace(recording, epoch=moment(whole), start_s=(start - whole) / SECOND)

@@ -1,4 +1,4 @@
-"""TDMS, as LabVIEW writes it: channels in groups, units and steps as properties."""
+"""TDMS files of LabVIEW: channels in groups, with units and steps as properties."""
 
 import logging
 from pathlib import Path
@@ -23,32 +23,34 @@ from jblast.observations.records.recording import (
 
 UNIT, STEP = "unit_string", "wf_increment"
 OFFSET, START = "wf_start_offset", "wf_start_time"
-"""Properties of a wave form, as LabVIEW calls them."""
+"""LabVIEW's names of the properties of a waveform."""
 Properties = dict[str, Any]
 
 
 def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
-    """Return the channels of pressure or volts of a TDMS file, read stretch by stretch.
+    """Return the channels of pressure or volts of a TDMS file, read in segments.
 
-    Their clock is that of the wave form's properties, or else a channel of time in the
+    Their clock is that of the waveform's properties, or else a channel of time in the
     same group.
 
     Raises:
-        InputError: npTDMS makes nothing of it; no channel holds pressure; one has no
-            clock; or volts of a sensitivity that nobody said.
+        InputError: npTDMS cannot read the file; no channel is a pressure; one has no
+            clock, or volts without a sensitivity.
     """
     nptdms = needed("nptdms", "tdms", path, "TDMS is read")
     try:
-        nptdms.log.log_manager.set_level(logging.ERROR)  # a cut file is told below
+        # npTDMS would print a warning for a truncated file, which is an error here
+        nptdms.log.log_manager.set_level(logging.ERROR)
         with nptdms.TdmsFile.open(path) as file:
             if file.file_status.incomplete_final_segment:
                 raise InputError(
-                    f"{path}: is cut short: its last segment holds less than it says"
+                    f"{path}: is cut short: its last segment is incomplete"
                 )
             found = [
                 (channel.group_name, channel.name, dict(channel.properties))
                 for group in file.groups()
                 for channel in group.channels()
+                # LabVIEW writes channels without samples, too
                 if len(channel)
             ]
             wanted = [one for one in found if holds_pressure(str(one[2].get(UNIT, "")))]
@@ -62,9 +64,10 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
             pieces = [_piece(nptdms, path, file, *one) for one in wanted]
     except InputError:
         raise
-    except Exception as error:  # npTDMS has no error of its own
+    # npTDMS has no exception of its own
+    except Exception as error:
         raise InputError(
-            f"{path}: expected TDMS, which npTDMS cannot make of it ({error})"
+            f"{path}: expected TDMS, got a file that npTDMS cannot read ({error})"
         ) from None
     others = [
         _labelled(*one) for one in found if one not in wanted and not _seconds(one[2])
@@ -90,7 +93,7 @@ def _piece(
 
 
 def _seconds(properties: Properties) -> float | None:
-    """Return the factor to seconds of a channel of time; None: it is of none."""
+    """Return seconds per unit of a channel of time; None for other channels."""
     unit = str(properties.get(UNIT, ""))
     return time_factor(unit) if unit else None
 
@@ -103,7 +106,7 @@ def _labelled(group: str, name: str, properties: Properties) -> str:
 def _clock(
     path: Path, file: Any, group: str, name: str, properties: Properties
 ) -> SampleClock:
-    """Return where a channel starts [s], its rate [Hz], and its epoch."""
+    """Return the start of a channel [s], its rate [Hz], and its epoch."""
     step = properties.get(STEP)
     if step:
         offset, began = float(properties.get(OFFSET, 0.0)), properties.get(START)
@@ -122,5 +125,5 @@ def _clock(
             )
     raise InputError(
         f"{path}: channel {group}/{name}: expected its step as {STEP}, or a channel of "
-        "time beside it, got neither"
+        "time in its group, got neither"
     )

@@ -297,6 +297,7 @@ def _spot(
     from scipy import ndimage
 
     names = np.zeros(share.shape, np.int32)
+    # pixels that touch at a corner are connected, too
     ndimage.label(share > level, np.ones((3, 3)), output=names)
     sizes = np.bincount(names.ravel())
     touched = np.unique(names[seed])

@@ -206,6 +206,7 @@ def detect_flashes(
         if watch is None:
             binned = max(1, math.ceil(max(image.shape) / MAX_WIDTH))
             watch = Watch(_binned(image, binned).shape, stays=stays_for(rate))
+        # averaging before the logarithm: light adds up, its logarithm does not
         image = _binned(image, binned)
         seen = watch.change(image) if changes else watch.frame(image)
         none = np.zeros(image.shape, bool)
@@ -336,6 +337,7 @@ def _spots(
         return silhouettes(times, images, begun, seed)
     first = max(begun - 2, 0)
     shares = (np.cumsum(images[first:], axis=0) > LIT_SUM).astype(np.float32)
+    # a step earlier than the first, as the frame before it is unknown
     before = times[first - 1] if first else times[0] - (times[1] - times[0])
     return joined(times[first:], shares, seed, float(before))
 
@@ -438,6 +440,7 @@ def grows_on(seen: Sequence[Silhouette], earliest_s: float) -> bool:
     if np.count_nonzero(late) < MIN_FITTED:
         return False
     since, radius, error = since[late], radius[late], error[late]
+    # a power law is a line in logarithms
     slope, sigma = _slope(np.log(since), np.log(radius))
     fireball, _ = _slope(np.log(since), np.log(-np.expm1(-since / SLOWEST_S)))
     # errors of neighbouring silhouettes are common and do not average out
@@ -648,5 +651,6 @@ def _reported(flash: Flash) -> list[Silhouette]:
         return []
     if len(whole) <= MAX_RADII:
         return whole
+    # geometric spacing, since growth slows down
     which = np.unique(np.geomspace(1, len(whole), MAX_RADII).round().astype(int) - 1)
     return [whole[i] for i in which]

@@ -437,7 +437,7 @@ def own_change(change: Image) -> Image:
 
 
 def _mean(image: Image, axis: int) -> Image:
-    """Return the mean of `MEAN_SIDE` neighbours along an axis, of fewer at the edges."""
+    """Return the mean of `MEAN_SIDE` neighbours along an axis, fewer at the edges."""
     size = image.shape[axis]
     # running sums in double precision: single would lose the digits of small changes
     sums = np.insert(np.cumsum(image, axis=axis, dtype=np.float64), 0, 0.0, axis=axis)

@@ -142,7 +142,8 @@ def pick_lanes(
         )
         return found, duration
 
-    @jax.jit  # traced once for both its results and their shapes
+    # traced once for both its results and their shapes
+    @jax.jit
     def picked(*record):
         kind, count = samples.dtype, record[2]
         longest = jnp.full((), jnp.inf, kind)

@@ -551,6 +551,7 @@ def _on_one_clock(
             f"{undated[0]}: expected times of day, as in the records of the log; got "
             "seconds only"
         )
+    # the log's own epoch, since its other readings count from it
     zero = observations.epoch or min(epochs)
     moved = []
     for one in picks:

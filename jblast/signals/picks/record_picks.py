@@ -123,6 +123,7 @@ def pick_records(
     groups: dict[tuple[int, bool], list[int]] = defaultdict(list)
     for place, record in enumerate(records):
         _check(record)
+        # records of one padded length share a compiled program
         length = filled_length(min(record.samples.size, LONGEST_STRETCH))
         groups[length, record.high_pass_hz is not None].append(place)
     found: dict[int, Pick] = {}

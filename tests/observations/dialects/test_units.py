@@ -72,7 +72,7 @@ def test_a_quantity_beside_a_column_with_a_unit_needs_none_or_the_same(log, quan
     [
         ("value_kpa,sigma", "a,peak_overpressure_psi,5,,1", "two units for one column"),
         ("value_kpa,sigma", "a,air_arrival_s,5,,1", "two units for one column"),
-        ("value,sigma_percent", "a,air_arrival_s,5,1,1", "no share of it"),
+        ("value,sigma_percent", "a,air_arrival_s,5,1,1", "are not relative"),
         ("value,sigma_ms", "a,peak_overpressure_pa,5,1,1", "got one in ms"),
         ("value,sigma", "a,peak_overpressure_mpa,5,1,1", "MPa or mPa"),
         ("value,sigma", "a,peak_overpressure_psia,5,1,1", "absolute"),
@@ -189,5 +189,7 @@ def test_a_row_of_units_is_heeded_second_or_last(log):
 
 
 def test_a_row_of_units_may_not_contradict_a_name(log):
-    with pytest.raises(InputError, match="one unit a column, got m in its name and ft"):
+    with pytest.raises(
+        InputError, match="one unit per column, got m in its name and ft"
+    ):
         of(log, ",,s,s,ft", "a,air_arrival_s,1,1,30")

@@ -98,7 +98,7 @@ def test_a_row_of_units_says_which_errors_are_shares(log):
         (
             "sensor,range_m,air_arrival_s,sigma_percent\na,1,2,3\n",
             True,
-            "quantities whose errors are a share; got 'sigma_percent'",
+            "quantities whose errors are relative; got 'sigma_percent'",
         ),
         (
             "sensor,range_m,air_arrival_s,sigma_air_arrival_percent\na,1,2,3\n",

@@ -56,7 +56,7 @@ def test_two_sheets_are_refused(tmp_path, name):
 
 OTHER = pd.DataFrame({"station": ["x"], "weather": ["dry"], "who": ["me"]})
 TITLE = pd.DataFrame({"Shot 12": []})
-TWO = "expected one table, got two: headers stand in A1:E1 .* and "
+TWO = "expected one table, got two: headers are in A1:E1 .* and "
 
 
 @pytest.mark.parametrize(
@@ -69,10 +69,10 @@ TWO = "expected one table, got two: headers stand in A1:E1 .* and "
         ([(FRAME, {}), (FRAME, {"startcol": 28, "startrow": 2})], f"{TWO}AC3:AG3"),
         ([(FRAME, {}), (OTHER, {"startrow": 6})], "row 7: .*another header"),
         ([(FRAME, {}), (OTHER, {"startrow": 4})], "row 5: .*another header"),
-        ([(FRAME, {}), (OTHER, {"startcol": 6})], "row 1: .*two tables side by side"),
+        ([(FRAME, {}), (OTHER, {"startcol": 6})], "row 1: .*are these two tables"),
         ([(OTHER, {}), (FRAME, {"startrow": 3})], "row 1: .*got 'station', .* A4:E4"),
         ([(TITLE, {}), (FRAME, {"startrow": 1})], "row 1: .*got 'Shot 12', .* A2:E2"),
-        ([(pd.DataFrame(), {})], "none that holds anything"),
+        ([(pd.DataFrame(), {})], "only empty ones"),
     ],
 )
 @pytest.mark.parametrize("wide", [False, True])

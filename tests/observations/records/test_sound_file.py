@@ -128,12 +128,12 @@ def broken(path):
         path / "none.wav": "no such file; expected a sound file",
         path: "is a directory",
         empty: "is empty",
-        text: "is no sound file; expected a sound file, WAV or FLAC",
+        text: "is not a sound file; expected a sound file, WAV or FLAC",
         header: "expected a sound file with samples, got none",
         nine: "at most 8 channels, got 9",
         lossy: "8 to 32 bits or float, got WAV IMA_ADPCM",
         ogg: "got OGG VORBIS",
-        nan: "got nan in channel 2 at 0.05 s (sample 401; 2 of 2,000 are so)",
+        nan: "got nan in channel 2 at 0.05 s (sample 401; 2 of 2,000 in total)",
         infinite: "got -inf in channel 2 at 0.05 s",
     }
 

@@ -48,7 +48,7 @@ def test_what_cannot_be_read_is_one_message(jblast, name, content, said):
 
 def test_volts_are_told_the_option_by_its_name(jblast):
     volts = jblast.file("a.csv", "time_s,p_v\n0,1\n1,2\n")
-    assert "is told by --sensitivity" in jblast.refused("pick", volts)
+    assert "pascals per volt, --sensitivity" in jblast.refused("pick", volts)
     more = jblast.file("b.csv", "time_s,p_v\n0,1\n1,2\n")
     said = jblast.refused("pick", volts, more)
     assert said.count("is told by --sensitivity") == 2
@@ -72,7 +72,7 @@ def test_a_bad_file_costs_the_others_nothing(jblast):
     code, out, err = jblast("pick", good, bad)
     assert code == 2
     assert out == "Nothing found in 1 record\n"
-    assert "b.csv: line 2, column time_s: expected two samples at least" in err
+    assert "b.csv: line 2, column time_s: expected at least two samples" in err
     several = jblast.refused("pick", bad, jblast.file("c.csv", "x\n"))
     assert "2 files cannot be read: " in several
 
@@ -126,7 +126,7 @@ def test_sound_without_full_scale_tells_times_alone(jblast):
     ("name", "said"),
     [
         ("c.csv", "no UTF-8"),
-        ("c.wav", "is no sound file"),
+        ("c.wav", "is not a sound file"),
         ("c.mp3", "expected a record of samples, its name ending in"),
         ("huge.csv", "expected at most 2 GB of .csv, which is read whole, got 10"),
         ("absent.csv", "no such file"),

@@ -79,7 +79,7 @@ def test_a_trace_in_pieces_is_refused(tmp_path):
     path = tmp_path / "gate.mseed"
     obspy.Stream([first, second]).write(str(path), format="MSEED")
     with pytest.raises(
-        InputError, match=r"trace \S*: expected one piece, got a gap of 0.5"
+        InputError, match=r"trace \S*: expected one segment, got a gap of 0.5"
     ):
         open_record(path)
 

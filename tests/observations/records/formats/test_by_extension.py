@@ -18,7 +18,7 @@ def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
         ("a.mp3", b"ID3", r"a.mp3: expected a record of samples, its name ending in"),
         ("a.wave", b"RIFF", r"did you mean \.wav"),
         ("a.csv", b"", "a.csv: is empty"),
-        ("a.wav", b"time_s,p_pa\n0,1\n", "a.wav: is no sound file"),
+        ("a.wav", b"time_s,p_pa\n0,1\n", "a.wav: is not a sound file"),
         ("b.mseed", b"time_s,p_pa\n0,1\n", "b.mseed: expected miniSEED or SAC"),
         ("b.tdms", b"time_s,p_pa\n0,1\n", "b.tdms: expected TDMS"),
         ("b.nc", b"time_s,p_pa\n0,1\n", "b.nc: expected HDF5 or NetCDF"),
