@@ -1,11 +1,10 @@
-r"""Arrival at the speed of sound: where the blast wave ends up far away.
+r"""Arrival at the speed of sound, the limit of a blast wave far away.
 
-The strong shock near the charge runs ahead of sound and never loses that lead: by
-`shock_kinematics` 3.0 m/kg^(1/3) at Z = 20, 3.7 at 100 and 4.3 at 500 on the surface
-(2.6, 3.1 and 3.4 in free air), and it keeps growing, ever more slowly, as the square
-root of ln Z. An arrival says nothing about the mass by this law, and the law is late:
-by 18 % at Z = 20, 3.8 % at 100, 0.86 % at 500. `shock_kinematics` carries the lead
-along and is to be preferred.
+The strong shock near the charge is ahead of sound, and never loses that lead. By
+`shock_kinematics` it is 3.0 m/kg^(1/3) at Z = 20, 3.7 at 100 and 4.3 at 500 on the
+surface (2.6, 3.1 and 3.4 in free air). It grows slowly, as the square root of ln Z. By
+this law an arrival does not constrain the mass, and it is late: by 18 % at Z = 20,
+3.8 % at 100, 0.86 % at 500. Prefer `shock_kinematics`, which includes the lead.
 """
 
 from jaxtyping import Array, ArrayLike, Bool, Float
@@ -16,8 +15,9 @@ from jblast.types import as_float_arrays
 from jblast.waves.arguments import checked
 from jblast.waves.scaling import scaled_distance
 
+# Farther out the lead of the shock is less than the declared scatter of 1 %.
 NEAREST_SCALED_DISTANCE = 500.0
-"""Where the lead of the shock has become less than the declared 1 % [m/kg^(1/3)]."""
+"""Smallest scaled distance of the law [m/kg^(1/3)]."""
 
 
 @checked
@@ -42,7 +42,7 @@ def acoustic_valid(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Bool[Array, "..."]:
-    """Return where the shock's lead is less than 1 % of the way: Z of 500 and more."""
+    """Return True where the lead of the shock is below 1 % of the range: Z >= 500."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return z >= NEAREST_SCALED_DISTANCE
 

@@ -10,15 +10,15 @@ The first branch falls to 10 bar at Z = 0.9063, the second at 0.9295 only, and b
 them it is 7 % higher than the first. They change at the geometric mean, 0.9178, blended
 over 5 % in Z, which departs from either by at most 3.4 %. The slope d ln p/d ln Z,
 -2.7 before and -2.6 after, is as flat as -0.08 inside: still falling, but a pressure
-of 10 bar tells little about distance.
+of 10 bar hardly constrains the distance.
 
 The second branch ends at 0.1 bar, Z = 9.924; as printed it would be negative past
 52.9. From 9.924 on, and below 0.05, the law is a power law with the end slope.
 
-Range: the print names no near end, for its blast starts from a point and a charge has
-a size. It is 0.88 (Z = 1), 0.80 (2), 0.90 (5) and 0.89 (10) of Kingery's and Bulmash's
-pressure, but 1.4 times it at Z = 0.5, 2.8 at 0.3, 22 at 0.1. Valid from 0.5 is our
-choice.
+Range: the source states no near limit, because its blast starts from a point, while a
+charge has a size. The law is 0.88 (Z = 1), 0.80 (2), 0.90 (5) and 0.89 (10) of the
+pressure of Kingery and Bulmash, but 1.4 times it at Z = 0.5, 2.8 at 0.3, 22 at 0.1. The
+near limit of 0.5 is our choice.
 """
 
 import math
@@ -36,12 +36,16 @@ from jblast.waves.scaling import (
     scaled_distance,
 )
 
+# About the surface of a charge of TNT, 0.053.
 NEAREST_Z = 0.05
-"""Start of the curve [m/kg^(1/3)]: about the surface of a charge of TNT."""
+"""Start of the curve [m/kg^(1/3)]."""
 
+# Nearer, the law exceeds Kingery and Bulmash by more than 40 %.
 NEAREST_VALID = 0.5
+"""Smallest valid scaled distance [m/kg^(1/3)]."""
+# The two branches are 10 bar at these scaled distances.
 JOIN = math.sqrt(0.9063113756 * 0.9294529451)
-"""Between the scaled distances where the two branches are 10 bar [m/kg^(1/3)]."""
+"""Scaled distance of the join [m/kg^(1/3)]."""
 
 FARTHEST_Z = 9.9243959638
 """Scaled distance at which the second branch is 0.1 bar [m/kg^(1/3)]."""
@@ -79,7 +83,7 @@ def brode_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 0.5 to 9.92, in free air."""
+    """Return True for Z from 0.5 to 9.92 in free air."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= NEAREST_VALID) & (z <= FARTHEST_Z) & (burst == "free-air")
 

@@ -92,7 +92,7 @@ def dna_1kt_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "free-air",
 ) -> Bool[Array, "..."]:
-    """Return where the standard holds; on the surface it does not."""
+    """Return True where the standard is valid, in free air only."""
     r = _nuclear_range(slant_range, charge_mass, ambient_pressure)
     return (r >= 16.0) & (r <= 4000.0) & (burst == "free-air")
 

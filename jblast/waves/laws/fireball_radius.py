@@ -21,11 +21,9 @@ from jblast.waves.fireball import (
 )
 from jblast.waves.laws.sedov_taylor import EARLIEST_TIME
 
+# The outline is then 64 degrees off the centre; a camera inside the ball has none.
 NEAREST_RATIO = 0.9
-"""Radius over distance of the nearest camera: past it the outline is a continuation.
-
-The outline is then seen 64 degrees off the centre; a camera inside sees none.
-"""
+"""Largest ratio of radius to distance; above it the outline is extrapolated."""
 
 
 @checked
@@ -36,24 +34,25 @@ def fireball_law_radius(
 ) -> Float[Array, "..."]:
     """Return the radius of a fireball [m], positive at all times.
 
-    A missing time (NaN) gives NaN, and no gradient.
+    A missing time (NaN) gives NaN and a gradient of zero.
 
     Args:
         time_since_detonation: Time [s].
         charge_mass: TNT-equivalent mass [kg].
-        fireball_growth: Time constant of the expansion [s]; NaN for the law's own.
+        fireball_growth: Time constant of the expansion [s]; NaN for that of the law.
     """
     time, mass, growth = as_float_arrays(
         time_since_detonation, charge_mass, fireball_growth
     )
-    untold, missing = jnp.isnan(growth), jnp.isnan(time)
+    absent, missing = jnp.isnan(growth), jnp.isnan(time)
+    # the inner guard keeps the NaN out of the gradient
     growth = jnp.where(
-        untold, fireball_growth_time(mass), jnp.where(untold, 1.0, growth)
+        absent, fireball_growth_time(mass), jnp.where(absent, 1.0, growth)
     )
     time, earliest = jnp.where(missing, 1.0, time), EARLIEST_TIME * jnp.cbrt(mass)
     early = time < earliest
     radius = fireball_radius(mass, jnp.where(early, earliest, time), growth)
-    # guarded: where the branch is not taken its divisor must not be zero either
+    # the divisor must not be zero in the branch that is not used either
     share = jnp.where(early, earliest / jnp.where(early, 2 * earliest - time, 1.0), 1.0)
     return jnp.where(missing, jnp.nan, radius * share)
 
@@ -71,15 +70,15 @@ def fireball_law_radius_in_image(
     $$R_{px} = f \tan\alpha = \frac{f R}{\sqrt{d^2 - R^2}}, \qquad \sin\alpha = R/d$$
 
     with $\alpha$ the half-angle of the cone that touches the sphere. It is the radius
-    of the circle seen in the middle of the image; elsewhere a sphere is seen as an
-    ellipse, whose size has to be turned into $\alpha$ first. Past $R/d$ =
-    `NEAREST_RATIO` the law goes on as a power of $R/d$ with its slope there.
+    of the circle in the centre of the image. Elsewhere the image of a sphere is an
+    ellipse, whose size must be converted to $\alpha$ first. Above $R/d$ =
+    `NEAREST_RATIO` the law is a power of $R/d$ with its slope there.
 
     Args:
         time_since_detonation: Time [s].
         charge_mass: TNT-equivalent mass [kg].
-        fireball_growth: Time constant of the expansion [s]; NaN for the law's own.
-        slant_range: From the camera to the charge $d$ [m].
+        fireball_growth: Time constant of the expansion [s]; NaN for that of the law.
+        slant_range: Distance $d$ from the camera to the charge [m].
         camera_focal: Focal length $f$ [px].
     """
     distance, focal = as_float_arrays(slant_range, camera_focal)
@@ -98,7 +97,7 @@ def fireball_law_valid(
     time_since_detonation: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
 ) -> Bool[Array, "..."]:
-    """Return where the fireball has begun and still glows."""
+    """Return True from the begin to the end of the visible glow."""
     time, mass = as_float_arrays(time_since_detonation, charge_mass)
     begun = time >= EARLIEST_TIME * jnp.cbrt(mass)
     return begun & (time < fireball_duration(mass))
@@ -110,7 +109,7 @@ def fireball_law_valid_in_image(
     fireball_growth: Float[ArrayLike, "..."],
     slant_range: Float[ArrayLike, "..."],
 ) -> Bool[Array, "..."]:
-    """Return where it glows, seen by a camera that stands well outside."""
+    """Return True during the glow, for a camera well outside the fireball."""
     radius = fireball_law_radius(time_since_detonation, charge_mass, fireball_growth)
     valid = fireball_law_valid(time_since_detonation, charge_mass)
     return valid & (radius <= NEAREST_RATIO * jnp.asarray(slant_range))

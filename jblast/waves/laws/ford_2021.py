@@ -6,11 +6,11 @@ $h < 0$ is buried), $y$ in Pa s or s and $S$ Sachs' factor of it,
 
 $$\ln(y/S) = b_1 + b_2 \ln Z - b_4 \ln(1 + e^{-b_3 x})$$
 
-The printed form has $b_4 = 1$: the ground would halve the impulse of a charge lifted
-off it. The recordings give a fifth to a quarter, so $b_4$ is free for the impulse.
-Outside its range the curve remains this power law, marked invalid.
+The printed form has $b_4 = 1$: a charge above the ground would have half the impulse.
+The recordings show a reduction by a fifth to a quarter, so $b_4$ is free for the
+impulse. Outside its range the curve remains this power law, marked invalid.
 
-Coefficients, their covariance and the scatter of real blasts about the curve stand in
+Coefficients, their covariance and the scatter of real blasts about the curve are in
 `data/ford_2021.json`, written by `calibration/ford_2021.py` from 18 chemical shots of
 175 to 744 kg, R/W^(1/3) from 23 to 902 m/kg^(1/3), h/W^(1/3) from -0.61 to 0.81.
 """
@@ -38,22 +38,23 @@ from jblast.waves.scaling import (
 
 SOURCE = "form of Ford et al. 2021 (in GJI 245 ggag125), refitted to its recordings"
 RANGE = "Z = 20 to 1000 m/kg^(1/3), h/W^(1/3) = -0.2 to 1 m/kg^(1/3)"
+# One of the three deeper shots is missed by far (see `ford_2021_valid`).
 DEEPEST = -0.2
-"""Scaled height of the deepest charge the law is believed of [m/kg^(1/3)]."""
+"""Scaled height of the deepest charge within the range [m/kg^(1/3)]."""
 SCATTER_SOURCE = "measured by calibration/ford_2021.py"
 Number = Float[ArrayLike, "..."]
 Numbers = Float[Array, "..."]
 
 
 class FordCurve(eqx.Module):
-    """What recordings taught about one quantity.
+    """Fitted curve of one quantity, with its scatter.
 
     Attributes:
         coefficients: $b_1$ to $b_4$.
-        covariance: Theirs; zero for a coefficient that was not fitted.
+        covariance: Covariance of the coefficients; zero for one that was not fitted.
         site_sd: Scatter in ln shared by all shots of one site.
         shot_sd: Scatter in ln shared by all records of one shot at the surface.
-        burial_sd: What each unit of $-x$ below ground adds to it, in quadrature.
+        burial_sd: Additional scatter of a shot per unit of $-x$, in quadrature.
         path_sd: Scatter in ln shared by the records of one path.
         record_sd: Scale of the Student-t (4 degrees of freedom) of one record, in ln.
     """
@@ -75,8 +76,8 @@ class FordCurve(eqx.Module):
     ) -> tuple[Numbers, Numbers, Numbers]:
         """Return the scatter in ln of a new shot: of the shot, a path and a record.
 
-        What the site and the uncertain coefficients do to a shot, they do to all its
-        records; so they are counted with the shot.
+        The scatter of the site and of the uncertain coefficients is common to all
+        records of a shot, so it is part of the scatter of the shot.
         """
         log_range, height = log_scaled_place(
             slant_range, charge_mass, height_of_burst, ambient_pressure
@@ -93,18 +94,18 @@ class FordCurve(eqx.Module):
                 self.record_sd,
             )
         )
-        learned = jnp.einsum("...i,ij,...j->...", gradient, covariance, gradient)
+        fitted = jnp.einsum("...i,ij,...j->...", gradient, covariance, gradient)
         depth = jnp.maximum(-height, 0.0)
         shared = site**2 + shot**2 + (burial * depth) ** 2
-        return jnp.sqrt(shared + learned), path, own
+        return jnp.sqrt(shared + fitted), path, own
 
 
 class Ford2021(eqx.Module):
     """One calibration of both quantities.
 
     Attributes:
-        impulse: Of the positive impulse.
-        duration: Of the positive duration.
+        impulse: Curve of the positive impulse.
+        duration: Curve of the positive duration.
     """
 
     impulse: FordCurve
@@ -183,14 +184,14 @@ def ford_2021_duration(
 def ford_2021_valid(
     slant_range: Number, charge_mass: Number, height_of_burst: Number
 ) -> Bool[Array, "..."]:
-    """Return where the recordings reach and bear the law out: see `RANGE`.
+    """Return True within `RANGE`, where recordings confirm the law.
 
-    Left out of the coefficients, the fifteen shots at h/W^(1/3) = -0.18 and higher are
-    weighed within their 90 % intervals; of the three from -0.37 to -0.61 one is missed
-    by 0.55 in ln W with a claimed sd of 0.21 (`calibration/leave_out.py`), too few to
-    learn by how much the scatter should grow. So the range ends between, though the
-    coefficients learn from all. Above 0.81 there is no shot; there the ground term has
-    died out, and 1 is a charge's free height.
+    With each shot left out of the fit in turn, the 90 % intervals contain the masses of
+    the fifteen shots at h/W^(1/3) = -0.18 and higher. Of the three from -0.37 to -0.61
+    one is missed by 0.55 in ln W with a stated sd of 0.21 (`calibration/leave_out.py`).
+    Three shots are too few to estimate the growth of the scatter, so the range ends
+    between, although all shots are part of the fit. Above 0.81 there is no shot; there
+    the ground term has vanished, and at 1 a charge is free of the ground.
     """
     slant_range, height_of_burst = as_float_arrays(slant_range, height_of_burst)
     scale = sachs_distance_factor(charge_mass)
@@ -200,13 +201,13 @@ def ford_2021_valid(
 
 
 def ford_2021_laws(calibration: Ford2021 | None, name: str) -> list[Law]:
-    """Return the laws of a calibration under a name of its own, ready to register.
+    """Return the laws of a calibration under another name, ready to register.
 
-    So the shot under question can be left out of the coefficients that judge it.
+    This makes it possible to leave a shot out of the fit that it is compared with.
 
     Args:
-        calibration: Coefficients; None reads the packaged ones when first asked.
-        name: As in `--law NAME`.
+        calibration: Coefficients; None for the packaged ones, read at the first call.
+        name: Name of the laws, as in `--law NAME`.
     """
 
     def impulse(
@@ -267,6 +268,7 @@ def log_curve(
 ) -> Numbers:
     r"""Return $\ln(y/S)$ at $\ln Z$ and $x$: the equation above."""
     b1, b2, b3, b4 = jnp.asarray(coefficients, log_range.dtype)
+    # softplus does not overflow for a deep charge, as ln(1 + exp) would
     ground = b4 * jax.nn.softplus(-b3 * height)
     return b1 + b2 * log_range - ground
 

@@ -6,9 +6,9 @@ dependence on the air:
 
 $$\ln(y/S) = b_1 + b_2 \ln Z + \frac{b_3}{1 + e^{b_4 (x - b_5)}}$$
 
-A buried charge shakes the ground $e^{b_3}$ times as much as one above it; in between,
-at $x = b_5$, the coupling is half way in ln. Coefficients, their covariance and the
-scatter stand in `data/ground_motion.json`, written by `calibration/ground_motion.py`
+A buried charge moves the ground $e^{b_3}$ times as much as one above it; in between,
+at $x = b_5$, ln of the coupling is at the mean of both. Coefficients, their covariance
+and the scatter are in `data/ground_motion.json`, from `calibration/ground_motion.py`,
 from the P waves of 22 chemical shots of 74 to 744 kg at four sites (S. R. Ford et al.
 2021, as LANL's MultiPEM distributes them), Z from 28 to 902 m/kg^(1/3), x from -1.43 to
 0.81.
@@ -50,11 +50,11 @@ def _packaged() -> dict[str, Any]:
 
 
 class GroundMotionCurve(eqx.Module):
-    """What recordings taught about one quantity.
+    """Fitted curve of one quantity, with its scatter.
 
     Attributes:
         coefficients: $b_1$ to $b_5$.
-        covariance: Theirs; zero for a coefficient that was held.
+        covariance: Covariance of the coefficients; zero for one that was not fitted.
         site_sd: Scatter in ln shared by all shots of one site.
         shot_sd: Scatter in ln shared by all records of one shot.
         path_sd: Scatter in ln shared by the records of one path.
@@ -73,8 +73,8 @@ class GroundMotionCurve(eqx.Module):
     ) -> tuple[Numbers, Numbers, Numbers]:
         """Return the scatter in ln at a new site: of the shot, a path and a record.
 
-        What the site and the uncertain coefficients do to a shot, they do to all its
-        records; so they are counted with the shot.
+        The scatter of the site and of the uncertain coefficients is common to all
+        records of a shot, so it is part of the scatter of the shot.
         """
         place = log_scaled_place(slant_range, charge_mass, height_of_burst)
         gradient = log_gradient(self.coefficients, *place)
@@ -88,8 +88,8 @@ class GroundMotionCurve(eqx.Module):
                 self.record_sd,
             )
         )
-        learned = jnp.einsum("...i,ij,...j->...", gradient, covariance, gradient)
-        return jnp.sqrt(site**2 + shot**2 + learned), path, own
+        fitted = jnp.einsum("...i,ij,...j->...", gradient, covariance, gradient)
+        return jnp.sqrt(site**2 + shot**2 + fitted), path, own
 
 
 def ground_motion_curve(quantity: str) -> GroundMotionCurve:
@@ -134,7 +134,7 @@ def ground_motion_velocity(
 def ground_motion_valid(
     slant_range: Number, charge_mass: Number, height_of_burst: Number
 ) -> Bool[Array, "..."]:
-    """Return where the recordings reach: see `RANGE`."""
+    """Return True within the range of the recordings, `RANGE`."""
     log_range, height = log_scaled_place(slant_range, charge_mass, height_of_burst)
     scaled_range = jnp.exp(log_range)
     reached = (scaled_range >= 25.0) & (scaled_range <= 1000.0)
@@ -144,7 +144,7 @@ def ground_motion_valid(
 def ground_motion_displacement_scatter(
     slant_range: Number, charge_mass: Number, height_of_burst: Number
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Return how far displacements depart from the law at a new site, in ln."""
+    """Return the scatter of displacements at a new site, in ln."""
     curve = ground_motion_curve("ground_displacement_m")
     return curve.scatter(slant_range, charge_mass, height_of_burst)
 
@@ -152,7 +152,7 @@ def ground_motion_displacement_scatter(
 def ground_motion_velocity_scatter(
     slant_range: Number, charge_mass: Number, height_of_burst: Number
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Return how far velocities depart from the law at a new site, in ln."""
+    """Return the scatter of velocities at a new site, in ln."""
     curve = ground_motion_curve("ground_peak_velocity_m_s")
     return curve.scatter(slant_range, charge_mass, height_of_burst)
 

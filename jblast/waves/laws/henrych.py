@@ -37,7 +37,7 @@ PRINTED = (
     (0.3, 1.0, (0.0, 6.194, -0.326, 2.132)),
     (1.0, 10.0, (0.0, 0.662, 4.05, 3.288)),
 )
-"""From Z, to Z, and the terms in bar of Z^0, Z^-1, Z^-2, ..."""
+"""Lower and upper limit of Z, and the coefficients of Z^0, Z^-1, Z^-2, ... [bar]."""
 
 CURVE = LogCurve(
     tuple(
@@ -70,7 +70,7 @@ def henrych_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 0.05 to 10, in free air."""
+    """Return True for Z from 0.05 to 10 in free air."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= CURVE.z_min) & (z <= CURVE.z_max) & (burst == "free-air")
 

@@ -79,8 +79,9 @@ SI_UNITS = {
 }
 GROUND_FACTOR_RANGE = (0.2, 20.0)
 """Scaled distances of the table [m/kg^(1/3)]."""
+# The remaining error is below 1e-7 of the factor.
 GROUND_FACTOR_SPACING = 0.02
-"""Of the table in ln Z: it leaves less than 1e-7 of the factor."""
+"""Spacing of the table in ln Z."""
 
 
 @checked
@@ -181,7 +182,7 @@ def kingery_bulmash_arrival_time(
 ) -> Float[Array, "..."]:
     """Return the time from detonation to the arrival of the shock [s].
 
-    Do not differentiate it near Z = 40 to get a shock speed: that wiggles up to 7 %.
+    Its derivative is no shock speed near Z = 40: it oscillates by up to 7 %.
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
     curve = kingery_bulmash_curve("arrival_time", burst)
@@ -197,10 +198,10 @@ def kingery_bulmash_shock_speed(
     sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
     burst: str = "surface",
 ) -> Float[Array, "..."]:
-    """Return the speed of the shock front [m/s]; at a given Z it goes with $c_0$.
+    """Return the speed of the shock front [m/s], proportional to $c_0$ at a given Z.
 
-    Past Z = 40 the power law leaves the speed of sound slowly (352 m/s at Z = 1e6 on
-    the surface, 311 in free air): not valid there.
+    Beyond Z = 40 the power law departs slowly from the speed of sound (352 m/s at
+    Z = 1e6 on the surface, 311 in free air): not valid there.
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
     curve = kingery_bulmash_curve("shock_front_velocity", burst)
@@ -214,7 +215,7 @@ def kingery_bulmash_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where the tables of all quantities but duration hold."""
+    """Return True within the tables of all quantities except duration."""
     return _tabulated(
         "incident_pressure", burst, slant_range, charge_mass, ambient_pressure
     )
@@ -226,7 +227,7 @@ def kingery_bulmash_duration_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where the table of duration holds: it starts later than the others."""
+    """Return True within the table of duration, which starts later than the others."""
     return _tabulated(
         "positive_phase_duration", burst, slant_range, charge_mass, ambient_pressure
     )
@@ -235,7 +236,7 @@ def kingery_bulmash_duration_valid(
 def _tabulated(
     quantity: str, burst: str, slant_range, charge_mass, ambient_pressure
 ) -> Bool[Array, "..."]:
-    """Return where a curve has its table."""
+    """Return True within the table of a curve."""
     curve = kingery_bulmash_curve(quantity, burst)
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= curve.z_min) & (z <= curve.z_max)
@@ -243,7 +244,7 @@ def _tabulated(
 
 @cache
 def kingery_bulmash_joins() -> tuple[float, ...]:
-    """Return where any curve starts, joins or ends [m/kg^(1/3)]."""
+    """Return the scaled distances of limits and joins of all curves [m/kg^(1/3)]."""
     rows = data_rows("kingery_bulmash")
     return tuple(
         sorted({float(row[end]) for row in rows for end in ("z_min", "z_max")})
@@ -295,11 +296,11 @@ def kingery_bulmash_curve(quantity: str, burst: str) -> LogCurve:
     """Read one curve, as ln of the SI value at standard air and 1 kg against ln Z.
 
     Args:
-        quantity: As the table calls it: "incident_pressure", "arrival_time", ...
+        quantity: Name in the table: "incident_pressure", "arrival_time", ...
         burst: "surface" or "free-air".
 
     Raises:
-        ValueError: There is no such burst.
+        ValueError: The burst is unknown.
     """
     if burst not in TABLE_NAMES:
         raise ValueError(f"burst must be 'surface' or 'free-air', got {burst!r}")
@@ -315,7 +316,7 @@ def kingery_bulmash_curve(quantity: str, burst: str) -> LogCurve:
 
 
 def _segment(row: dict[str, str]) -> LogPolynomial:
-    """Turn a row of decimal logarithms in the table's unit into natural ones in SI."""
+    """Return the polynomial of a row, with natural logarithms and in SI."""
     coefficients = [
         float(row[f"C{i}"]) * math.log(10) for i in range(int(row["degree"]) + 1)
     ]
@@ -353,9 +354,9 @@ def ground_factor(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Float[Array, "..."]:
-    r"""Return by what the mass of a surface burst is to be multiplied in free air [-].
+    r"""Return the factor of the mass that has the same peak in free air [-].
 
-    Range: Z = 0.2 to 20 m/kg^(1/3); constant outside.
+    Range: Z = 0.2 to 20 m/kg^(1/3) of the surface burst; constant outside.
 
     Args:
         slant_range: Range $R$ [m], positive.
@@ -370,8 +371,8 @@ def ground_factor(
 def _log_ground_factor() -> HermiteCurve:
     """Tabulate ln f: in NumPy, always in float64, also under jit.
 
-    Where free air has at $Z_s$ the pressure of the surface at $Z$, $f = (Z/Z_s)^3$; its
-    slope follows from that of both curves.
+    If free air has at $Z_s$ the pressure of the surface at $Z$, then $f = (Z/Z_s)^3$.
+    The slope of f follows from those of both curves.
     """
     surface = kingery_bulmash_curve("incident_pressure", "surface").segments[0]
     free_air = kingery_bulmash_curve("incident_pressure", "free-air").segments[0]
@@ -380,8 +381,9 @@ def _log_ground_factor() -> HermiteCurve:
         start, end, math.ceil((end - start) / GROUND_FACTOR_SPACING) + 1
     )
     pressure = surface.log_value(nodes)
+    # f is 1.4 to 2.0; eight Newton steps from 1.6, of which five reach rounding
     log_z = nodes - math.log(1.6) / 3.0
-    for _ in range(8):  # Newton's steps; five reach rounding
+    for _ in range(8):
         log_z = log_z - (free_air.log_value(log_z) - pressure) / free_air.log_slope(
             log_z
         )

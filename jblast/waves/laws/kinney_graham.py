@@ -86,25 +86,24 @@ from jblast.waves.scaling import (
 )
 
 SOURCE = "Kinney & Graham 1985 (Explosive Shocks in Air), over two transcriptions"
+# The table of Kingery and Bulmash ends here: nothing to compare with farther out.
 LAST_COMPARED = 40.0
-"""Scaled distance to which there is a table to compare with [m/kg^(1/3)]."""
+"""Largest valid scaled distance of pressure and impulse [m/kg^(1/3)]."""
+# Within 30 % of the duration of Kingery and Bulmash; at 0.7 it is 23 % of theirs.
 DURATION_COMPARES = (4.2, 33.0)
-"""Scaled distances between which the duration is within 30 % of Kingery's and Bulmash's
-[m/kg^(1/3)]; at 0.7 it is 23 % of theirs."""
+"""Valid scaled distances of the duration [m/kg^(1/3)]."""
+# Farther out absorption changes an arrival (see `shock_kinematics`).
 LAST_UNABSORBED = 1e4
-"""Scaled distance up to which absorption may be forgotten [m/kg^(1/3)]."""
+"""Largest valid scaled distance of arrival and speed [m/kg^(1/3)]."""
 _RANGE = "free air, Z = 0.053 to 40 m/kg^(1/3) (ours)"
 _DURATION_RANGE = "free air, Z = 4.2 to 33 m/kg^(1/3) (ours)"
 _ARRIVAL_RANGE = "free air, Z = 0.06 to 1e4 m/kg^(1/3) (ours); no absorption"
+# The arrival of Kinney and Graham starts at the surface of the charge; from memory.
 CHARGE_RADIUS = 0.053
-"""Radius of 1 kg of TNT (1600 kg/m3) [m/kg^(1/3)], where Kinney's and Graham's arrival
-starts, as we remember it.
-"""
+"""Radius of 1 kg of TNT (1600 kg/m3) [m/kg^(1/3)]."""
+# At the surface the arrival is zero, and its logarithm has no slope.
 FIRST_ARRIVAL = 0.06
-"""Where the integral is first used [m/kg^(1/3)]: at the surface the arrival is zero.
-
-Its logarithm has no slope there; before this place it is a power law.
-"""
+"""Smallest scaled distance of the integral [m/kg^(1/3)]; below, it is a power law."""
 RELATIVE_PRESSURE = BrokenPowerLaw(
     808.0,
     0.0,
@@ -253,7 +252,7 @@ def kinney_graham_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "free-air",
 ) -> Bool[Array, "..."]:
-    """Return where pressure and impulse hold; on the surface nothing does."""
+    """Return True where pressure and impulse are valid, in free air only."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= CHARGE_RADIUS) & (z <= LAST_COMPARED) & (burst == "free-air")
 
@@ -264,7 +263,7 @@ def kinney_graham_duration_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "free-air",
 ) -> Bool[Array, "..."]:
-    """Return where the duration holds: not as near nor as far as the others."""
+    """Return True where the duration is valid, a narrower range than the pressure."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     first, last = DURATION_COMPARES
     return (z >= first) & (z <= last) & (burst == "free-air")
@@ -276,7 +275,7 @@ def kinney_graham_arrival_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "free-air",
 ) -> Bool[Array, "..."]:
-    """Return where arrival and shock speed hold: farther than the pressure."""
+    """Return True where arrival and shock speed are valid, beyond the pressure too."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= FIRST_ARRIVAL) & (z <= LAST_UNABSORBED) & (burst == "free-air")
 
@@ -298,7 +297,7 @@ def kinney_graham_arrival() -> Arrival:
 
 
 def _log_relative_pressure(log_z: np.ndarray) -> np.ndarray:
-    """Return ln(p/P0): NumPy's twin of the curve."""
+    """Return ln(p/P0) in NumPy, as the curve does in JAX."""
     value = np.full_like(log_z, math.log(RELATIVE_PRESSURE.factor))
     for z, power, share in RELATIVE_PRESSURE.breaks:
         value += share * np.logaddexp(0.0, power * (log_z - math.log(z)))
@@ -362,7 +361,7 @@ def kinney_graham_nuclear_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "free-air",
 ) -> Bool[Array, "..."]:
-    """Return where the formulas hold; on the surface they do not."""
+    """Return True where the formulas are valid, in free air only."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     z = z * NUCLEAR_SCALED_METRES
     return (z >= 16.0) & (z <= 4000.0) & (burst == "free-air")

@@ -54,15 +54,15 @@ def bearing(
 ) -> Float[Array, "..."]:
     r"""Return the direction of the charge, clockwise from north [rad], 0 to $2\pi$.
 
-    A charge straight above or below has none: zero is returned, with no slope.
+    A charge exactly above or below has none: the result is zero, with slope zero.
 
     Args:
-        toward_east: From the sensor to the charge [m].
-        toward_north: Likewise [m].
+        toward_east: East component from sensor to charge [m].
+        toward_north: North component from sensor to charge [m].
     """
     east, north = as_float_arrays(toward_east, toward_north)
     aside = (east != 0) | (north != 0)
-    # guarded before the function: its slope there is no number
+    # guarded on the input: the slope of arctan2 at (0, 0) is NaN
     angle = jnp.arctan2(jnp.where(aside, east, 0.0), jnp.where(aside, north, 1.0))
     return jnp.mod(angle, 2 * math.pi)
 
@@ -75,17 +75,18 @@ def elevation(
 ) -> Float[Array, "..."]:
     r"""Return the direction of the charge, above the horizon [rad].
 
-    The horizon is level: over a distance $d$ the Earth drops by $d^2/2R$, seen
-    $d/2R$ = 8e-5 rad lower a kilometre.
+    The horizon is level. Over a distance $d$ the Earth drops by $d^2/2R$, an angle of
+    $d/2R$ = 8e-5 rad per kilometre.
 
     Args:
-        toward_east: From the sensor to the charge [m].
-        toward_north: Likewise [m].
-        toward_up: Likewise [m].
+        toward_east: East component from sensor to charge [m].
+        toward_north: North component from sensor to charge [m].
+        toward_up: Upward component from sensor to charge [m].
     """
     east, north, up = as_float_arrays(toward_east, toward_north, toward_up)
     squared = jnp.square(east) + jnp.square(north)
-    aside = ~(squared <= 0)  # NaN stays NaN
+    # negated comparison, so that NaN stays NaN; guarded roots have a finite slope
+    aside = ~(squared <= 0)
     level = jnp.where(aside, jnp.sqrt(jnp.where(aside, squared, 1.0)), 0.0)
     apart = aside | (up != 0)
     return jnp.arctan2(jnp.where(apart, up, 0.0), jnp.where(apart, level, 1.0))
@@ -94,7 +95,7 @@ def elevation(
 def line_of_sight_valid(
     toward_east: Float[ArrayLike, "..."], toward_north: Float[ArrayLike, "..."]
 ) -> Bool[Array, "..."]:
-    """Return True but straight above or below, where a bearing says nothing."""
+    """Return False exactly above or below the charge, where no bearing exists."""
     east, north = as_float_arrays(toward_east, toward_north)
     return (east != 0) | (north != 0)
 

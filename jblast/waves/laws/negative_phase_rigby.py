@@ -166,7 +166,7 @@ def rigby_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where the fits are taken to hold: the range is assumed."""
+    """Return True within the assumed range of the fits."""
     first, last = ENDS[burst]
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= first) & (z <= last)
@@ -194,7 +194,7 @@ class _Parabola:
 
 
 def _curve(burst: str, printed: tuple[Any, ...]) -> LogCurve:
-    """Return the pieces, each from the one before to the next."""
+    """Return the curve of the printed segments and their joins."""
     first, last = ENDS[burst]
     ends = (first, *printed[1::2], last)
     segments = []
@@ -208,7 +208,7 @@ def _curve(burst: str, printed: tuple[Any, ...]) -> LogCurve:
 
 
 CURVES = {(what, burst): _curve(burst, PRINTED[what, burst]) for what, burst in PRINTED}
-"""By quantity and burst: ln of the value in the units above against ln Z."""
+"""ln of the value in the units above against ln Z, by quantity and burst."""
 for _quantity, _what, _function in (
     ("reflected_negative_pressure_pa", "pressure", rigby_reflected_negative_pressure),
     ("reflected_negative_impulse_pa_s", "impulse", rigby_reflected_negative_impulse),

@@ -42,9 +42,10 @@ from jblast.waves.scaling import (
 )
 
 FIRST, LAST = 0.05, 36.975
-"""Where the table starts and ends [m/kg^(1/3)]."""
+"""First and last scaled distance of the table [m/kg^(1/3)]."""
+# No suction exceeds the ambient pressure; 5 % keeps the change to few readings.
 AMBIENT_HALF_WIDTH = math.log(1.05)
-"""Width in ln, to each side of the ambient pressure, where readings are held."""
+"""Half width in ln of the smooth limit at the ambient pressure."""
 SI_UNITS = {"kPa": 1e3, "kPa_ms_kg13": 1.0, "ms_kg13": 1e-3}
 
 
@@ -53,7 +54,7 @@ def ufc_curve(column: str) -> HermiteCurve:
     """Read one curve, as ln of the SI value at standard air and 1 kg against ln Z.
 
     Args:
-        column: As the table calls it, with its unit: "Pso_neg_kPa", ...
+        column: Name in the table, with its unit: "Pso_neg_kPa", ...
     """
     rows = data_rows("negative_phase_ufc")
     unit = SI_UNITS[column.partition("_neg_")[2]]
@@ -64,7 +65,7 @@ def ufc_curve(column: str) -> HermiteCurve:
 
 
 def _held_below_ambient(pressure: np.ndarray) -> np.ndarray:
-    """Bring readings near and above the ambient pressure below it, smoothly."""
+    """Return readings with a smooth limit below the ambient pressure."""
     d = np.log(pressure / STANDARD_PRESSURE)
     t = np.clip((d + AMBIENT_HALF_WIDTH) / (2.0 * AMBIENT_HALF_WIDTH), 0.0, 1.0)
     d = np.minimum(d, AMBIENT_HALF_WIDTH) - 2.0 * AMBIENT_HALF_WIDTH * t**4 * (
@@ -160,7 +161,7 @@ def ufc_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "free-air",
 ) -> Bool[Array, "..."]:
-    """Return where the table holds: in free air, within its reach."""
+    """Return True within the range of the table, in free air."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= FIRST) & (z <= LAST) & (burst == "free-air")
 

@@ -73,11 +73,13 @@ LENGTH = (TNT_SPECIFIC_ENERGY / STANDARD_PRESSURE) ** (1.0 / 3.0)
 ENDS = (0.1, 100.0)
 r"""$\lambda$ of the first and the last node, where the curvature jumps."""
 RANGE = (ENDS[0] * LENGTH, 1e4)
-"""Scaled distances where the law holds [m/kg^(1/3)]."""
+"""Valid scaled distances [m/kg^(1/3)]."""
+# The remaining error is 1e-9 of the arrival.
 ARRIVAL_PARTS = 3
-"""Stretches of the table for each of the pressure: it leaves 1e-9 of the arrival."""
+"""Intervals of the arrival table for each of the pressure table."""
+# $x$ is 1e-5 there, and its square negligible.
 ARRIVAL_END = 1e4
-r"""$\lambda$ where the table ends: $x$ is 1e-5 there, and its square forgotten."""
+r"""Largest $\lambda$ of the arrival table."""
 SEDOV_ALPHA = 0.851071854758
 """$E t^2/(\rho_0 R^5)$ for gamma 1.4; `laws/sedov_taylor.py` computes it."""
 STRONG = 8.0 / (60.0 * SEDOV_ALPHA)
@@ -156,7 +158,7 @@ def point_source_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where arrival and speed hold: Z from 0.346 to 1e4, in free air."""
+    """Return True where arrival and speed are valid: Z = 0.346 to 1e4 in free air."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= RANGE[0]) & (z <= RANGE[1]) & (burst == "free-air")
 
@@ -167,7 +169,7 @@ def point_source_pressure_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where the pressure holds: Z from 0.346 to 300, in free air."""
+    """Return True where the pressure is valid: Z = 0.346 to 300 in free air."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= RANGE[0]) & (z <= FAR_END) & (burst == "free-air")
 
@@ -176,8 +178,8 @@ def point_source_pressure_valid(
 def point_source_arrival() -> Arrival:
     r"""Integrate 1/M: in NumPy, always in float64, also under jit.
 
-    The near curve goes through nodes that are evenly spaced and fall on those of the
-    pressure, a spline that no one series follows.
+    The near curve has evenly spaced nodes that include those of the pressure. The
+    pressure is a spline, which no single series reproduces.
     """
     curve = point_source_curve()
     first, step = float(curve.nodes[0]), np.diff(curve.nodes)[0] / ARRIVAL_PARTS
@@ -190,7 +192,7 @@ def point_source_arrival() -> Arrival:
     arrival = start + np.concatenate([[0.0], np.cumsum(parts)])
     slopes = np.exp(nodes) / (_mach_number(nodes) * arrival) - 1.0
     tail = point_source_tail()
-    # Of degree 0, so a straight line: the shock is weak enough.
+    # Degree 0 gives a straight line: the shock is weak enough there.
     weak = Tail(tail.log_pressure, degree=0, log_length=math.log(tail.length))
     last, lead = float(nodes[-1]), float(np.exp(nodes[-1]) - arrival[-1])
     return Arrival(
@@ -226,7 +228,7 @@ def _log_fraction_near(log_lambda):
 
 
 def _mach_number(log_lambda: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Return U/c from the first node on: NumPy's twin of `point_source_mach_number`."""
+    """Return U/c from the first node on, in NumPy (see `point_source_mach_number`)."""
     curve, tail = point_source_curve(), point_source_tail()
     last = curve.nodes[-1]
     far = np.maximum(log_lambda, last)
@@ -241,7 +243,7 @@ def point_source_curve() -> HermiteCurve:
     rows = data_rows("point_source_euler")
     table = np.array([[float(value) for value in row.values()] for row in rows])
     distance, pressure, slopes, _ = table.T
-    # Printed to eight digits, the nodes are even to 1e-7: less than the values' digits.
+    # With eight digits the nodes are even to 1e-7 only, fewer digits than the values.
     distance = np.geomspace(*ENDS, distance.size)
     # The slope of the strong limit and its constant; the solver's is 2e-4 steeper.
     start = -3.0 * STRONG / (distance[0] ** 3 * pressure[0])
@@ -250,14 +252,14 @@ def point_source_curve() -> HermiteCurve:
 
 @cache
 def point_source_tail() -> WeakShockTail:
-    r"""Return the law past the last node: $x$ against $\lambda$."""
+    r"""Return the weak-shock tail beyond the last node: $x$ against $\lambda$."""
     curve = point_source_curve()
     return tail_from(ENDS[1], math.exp(curve.coefficients[-1].sum()), curve.slope_after)
 
 
 @cache
 def strong_offset() -> float:
-    """Return the constant on top of the strong limit: what the first node has more."""
+    """Return the excess of the first node over the strong limit."""
     return math.exp(point_source_curve().coefficients[0, 0]) - STRONG / ENDS[0] ** 3
 
 

@@ -35,7 +35,7 @@ KGF_PER_CM2 = 98_066.5
 """One kilogram-force per square centimetre [Pa], exact."""
 
 RANGE = (1.0, 15.0)
-"""Scaled distances where the law holds [m/kg^(1/3)]: sources say 10, others 15."""
+"""Valid scaled distances [m/kg^(1/3)]; some sources state 10 as the upper limit."""
 
 
 def _cubic(first: float, second: float, third: float) -> LogCurve:
@@ -95,7 +95,7 @@ def sadovsky_valid(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 1 to 15."""
+    """Return True for Z from 1 to 15."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= RANGE[0]) & (z <= RANGE[1])
 
@@ -106,7 +106,7 @@ def sadovsky_duration_valid(
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 1 to 15, for a charge on the ground."""
+    """Return True for Z from 1 to 15 and a charge on the ground."""
     within = sadovsky_valid(slant_range, charge_mass, ambient_pressure)
     return within & (burst == "surface")
 

@@ -33,21 +33,19 @@ from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
 
+# The pressure is 10 % off at 21 to 26 atm (exact point-source solution).
 STRONG_SHOCK = 25.0
-"""Least overpressure over ambient pressure.
-
-The pressure is 10 % off at 21 to 26 atm already (exact point-source solution).
-"""
+"""Smallest valid ratio of overpressure to ambient pressure."""
+# The shock is then at 0.033 m/kg^(1/3), inside a charge of TNT (0.053), and the time is
+# a third of that of the first Trinity photograph.
 EARLIEST_TIME = 1e-7
-"""Time before which the radius is a continuation only [s/kg^(1/3)].
-
-The shock has gone 0.033 m/kg^(1/3) by then: less than the radius of a TNT charge,
-0.053, and a third of the time of the first Trinity photograph.
-"""
+"""Time before which the radius is a continuation only [s/kg^(1/3)]."""
+# The error falls as 6^-n; 24 nodes reach rounding for gamma from 1.05.
 NODES = 24
-"""Quadrature nodes. The error falls as 6^-n; 24 reach rounding for gamma from 1.05."""
+"""Quadrature nodes."""
+# The closed form has infinite exponents at gamma = 2 and is singular at 1.
 GAMMAS = (1.02, 1.9)
-"""Where the constant is computed; beyond, it goes on as a power of gamma."""
+"""Range of gamma of the constant; outside it is extrapolated as a power of gamma."""
 
 
 @checked
@@ -87,9 +85,9 @@ def sedov_taylor_shock_radius(
     A fit may move its origin time past the time of a photograph, where $t^{2/5}$ has
     no value, and no slope at zero. Before $t_e = 10^{-7}\,W^{1/3}$ s the law is
     therefore continued with $t_e^2/(2t_e - t)$ for $t$: equal to $t$ in value and slope
-    at $t_e$, positive and rising for all $t$, so ln R stays finite and its slope says
-    which way to go. Such rows are marked invalid. A missing time (NaN) gives NaN, and
-    no gradient, so a row that is masked out spoils no other.
+    at $t_e$, positive and rising for all $t$. Therefore ln R stays finite, and its
+    slope leads a fit back. Such rows are marked invalid. A missing time (NaN) gives NaN
+    and a gradient of zero, so that a masked row does not affect others.
 
     Args:
         time_since_detonation: Time $t$ [s].
@@ -135,7 +133,7 @@ def sedov_taylor_valid(
     sedov_gamma: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."],
 ) -> Bool[Array, "..."]:
-    r"""Return where the shock is strong, $p_s \ge 25 P_0$, and the time after $t_e$."""
+    r"""Return True for a strong shock, $p_s \ge 25 P_0$, and a time after $t_e$."""
     time, mass, ambient = as_float_arrays(
         time_since_detonation, charge_mass, ambient_pressure
     )
@@ -148,10 +146,11 @@ def sedov_taylor_valid(
 
 
 def _continued_time(time, mass):
-    """Time itself after `EARLIEST_TIME`, its positive continuation before."""
+    """Return the time after `EARLIEST_TIME`, and its positive continuation before."""
     earliest = EARLIEST_TIME * jnp.cbrt(mass)
     early = time < earliest
-    # Twice guarded: where the branch is not taken its divisor must not be zero either.
+    # Two guards: the divisor must not be zero in the branch that is not used either,
+    # because its gradient would be NaN.
     before = earliest**2 / jnp.where(early, 2.0 * earliest - time, 1.0)
     return jnp.where(early, before, time)
 
@@ -166,7 +165,7 @@ def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     \frac{\rho}{\rho_s}\frac{u^2}{u_s^2} + \frac{p}{p_s}\right]\lambda^2 d\lambda$$
 
     In $x = x_2$ the bracket is analytic, and $\lambda^2 d\lambda$ is $x^{k-1} dx$ times
-    something analytic, $k = 3(\gamma-1)/(2\gamma+1)$. So the analytic part is expanded
+    an analytic function, $k = 3(\gamma-1)/(2\gamma+1)$. The analytic part is expanded
     in Legendre polynomials of $2x-1$, and $x^{k-1}$ times each is integrated exactly.
 
     Args:
@@ -194,10 +193,10 @@ def _alpha(gamma: Float[Array, ""]) -> Float[Array, ""]:
 def _analytic_part(
     x2: Float[Array, " node"], gamma: Float[Array, ""]
 ) -> Float[Array, " node"]:
-    r"""Energy density times $\lambda^2 d\lambda/dx_2$, over $x_2^{k-1}$.
+    r"""Return the energy density times $\lambda^2 d\lambda/dx_2$, over $x_2^{k-1}$.
 
-    Density carries $x_2^{a_3}$ and $u^2$ carries $x_2^{-2a_2}$: together exactly $x_2$.
-    The powers of $x_1$ cancel, which leaves
+    The density has the factor $x_2^{a_3}$ and $u^2$ the factor $x_2^{-2a_2}$: together
+    exactly $x_2$. The powers of $x_1$ cancel, which leaves
 
     $$(x_2 + x_4)\,x_4^{a_5}\,x_3^{a_4-5a_1}\,\frac{d\ln\lambda}{d\ln x_2}$$
     """
@@ -217,7 +216,7 @@ def _analytic_part(
 
 
 def _legendre(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes on (0, 1), and the matrix from values there to Legendre coefficients."""
+    """Return nodes on (0, 1), and the matrix from values to Legendre coefficients."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     degree = np.arange(count)[:, None]
     values = np.polynomial.legendre.legvander(nodes, count - 1).T

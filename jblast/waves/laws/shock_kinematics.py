@@ -94,18 +94,20 @@ from jblast.waves.shock import (
     weak_shock_tail,
 )
 
+# Up to here absorption is negligible in an arrival (docstring of the module).
 LAST_VALID = 1e4
-"""Scaled distance up to which absorption may be neglected in an arrival
-[m/kg^(1/3)]."""
+"""Largest valid scaled distance of arrival and speed [m/kg^(1/3)]."""
 _FIRST = "Z = 0.0674 (free-air 0.0531)"
 _TO_SOUND = f"{_FIRST} to 1e4 m/kg^(1/3); no absorption"
 _RECORDED = f"{_FIRST} to 300 m/kg^(1/3); no absorption"
 END_OF_TABLE = 40.0
-"""Up to which the curves are Kingery's and Bulmash's [m/kg^(1/3)]."""
+"""Largest scaled distance of the Kingery-Bulmash curves [m/kg^(1/3)]."""
 BLEND = END_OF_TABLE * math.sqrt(1.0 + BLEND_WIDTH)
-"""Middle of the blend, which begins where the table ends [m/kg^(1/3)]."""
+"""Centre of the blend, which begins at the end of the table [m/kg^(1/3)]."""
+# Not at 40, where the table ends: its last segment departs from a weak shock
+# (`python -m calibration.laws tail`).
 JOIN = 20.0
-"""Scaled distance where the tail takes over [m/kg^(1/3)]."""
+"""Scaled distance at the start of the tail [m/kg^(1/3)]."""
 LOG_STANDARD_PRESSURE = math.log(STANDARD_PRESSURE)
 
 
@@ -173,28 +175,23 @@ def shock_kinematics_arrival_time(
     return sound_time * jnp.exp(log_sound_fraction(log_z, shock_arrival(burst)))
 
 
-def shock_kinematics_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "surface",
-) -> Bool[Array, "..."]:
-    """Return where arrival and speed hold: from the first tabulated Z to 1e4."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    first = kingery_bulmash_curve("incident_pressure", burst).z_min
-    return (z >= first) & (z <= LAST_VALID)
+def _validity(quantity: str, last: float) -> Callable[..., Bool[Array, "..."]]:
+    """Return the validity function: True from the first tabulated Z to `last`."""
+
+    def valid(
+        slant_range: Float[ArrayLike, "..."],
+        charge_mass: Float[ArrayLike, "..."],
+        ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
+        burst: str = "surface",
+    ) -> Bool[Array, "..."]:
+        z = scaled_distance(slant_range, charge_mass, ambient_pressure)
+        return (z >= kingery_bulmash_curve(quantity, burst).z_min) & (z <= last)
+
+    return valid
 
 
-def shock_kinematics_pressure_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "surface",
-) -> Bool[Array, "..."]:
-    """Return where the pressure holds: from the first tabulated Z to 300."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    first = kingery_bulmash_curve("incident_pressure", burst).z_min
-    return (z >= first) & (z <= FAR_END)
+shock_kinematics_valid = _validity("incident_pressure", LAST_VALID)
+"""Validity of arrival and speed: True from the first tabulated Z to 1e4."""
 
 
 @checked
@@ -220,6 +217,7 @@ def shock_kinematics_duration(
         "positive_phase_duration",
         burst,
         log_scaled_distance(slant_range, charge_mass, ambient_pressure),
+        # a weak shock lengthens as the root of ln(Z/b)
         lambda log_z: 0.5 * (jnp.log(log_z - length) - math.log(start)),
     )
     factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
@@ -247,6 +245,7 @@ def shock_kinematics_impulse(
         "incident_impulse",
         burst,
         log_scaled_distance(slant_range, charge_mass, ambient_pressure),
+        # peak times duration of a weak shock falls as 1/Z
         lambda log_z: math.log(END_OF_TABLE) - log_z,
     )
     factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
@@ -259,13 +258,13 @@ def _continued(
     log_z: Float[Array, "..."],
     log_growth: Callable[[Float[Array, "..."]], Float[Array, "..."]],
 ) -> Float[Array, "..."]:
-    """Return ln of a curve of the table, that goes on past its end.
+    """Return ln of a curve of the table with its continuation beyond the table.
 
     Args:
-        quantity: As the table calls it.
+        quantity: Name in the table.
         burst: "surface" or "free-air".
         log_z: ln of the scaled distance.
-        log_growth: ln of the far curve over its value at the end of the table, there.
+        log_growth: ln of the far curve over its value at the end of the table.
     """
     curve = kingery_bulmash_curve(quantity, burst)
     near = curve.log_value(log_z)
@@ -273,30 +272,6 @@ def _continued(
     at_end = curve.segments[-1].log_value(end)
     far = at_end + log_growth(jnp.maximum(log_z, end))
     return near + smooth_step(log_z, BLEND) * (far - near)
-
-
-def shock_kinematics_duration_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "surface",
-) -> Bool[Array, "..."]:
-    """Return where it holds: from the first tabulated duration to Z = 300."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    first = kingery_bulmash_curve("positive_phase_duration", burst).z_min
-    return (z >= first) & (z <= FAR_END)
-
-
-def shock_kinematics_impulse_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "surface",
-) -> Bool[Array, "..."]:
-    """Return where it holds: from the first tabulated impulse to Z = 300."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    first = kingery_bulmash_curve("incident_impulse", burst).z_min
-    return (z >= first) & (z <= FAR_END)
 
 
 @cache
@@ -333,6 +308,7 @@ def front_tail(burst: str) -> WeakShockTail:
 def front_log_pressure(log_z: Float[Array, "..."], burst: str) -> Float[Array, "..."]:
     """Return ln p (p in Pa) at standard ambient pressure."""
     near = log_z < math.log(JOIN)
+    # each branch has an input in its own range, so that no unused gradient is NaN
     near_curve = kingery_bulmash_curve("incident_pressure", burst)
     return jnp.where(
         near,
@@ -362,7 +338,7 @@ for _quantity, _function, _range, _valid, _sd, _far in (
         "peak_overpressure_pa",
         shock_kinematics_pressure,
         _RECORDED,
-        shock_kinematics_pressure_valid,
+        _validity("incident_pressure", FAR_END),
         0.10,
         measured_far_scatter("peak_overpressure_pa"),
     ),
@@ -394,13 +370,13 @@ for _phase_quantity, _phase_function, _phase_valid, _phase_first in (
     (
         "positive_duration_s",
         shock_kinematics_duration,
-        shock_kinematics_duration_valid,
+        _validity("positive_phase_duration", FAR_END),
         "0.178 (free-air 0.147)",
     ),
     (
         "positive_impulse_pa_s",
         shock_kinematics_impulse,
-        shock_kinematics_impulse_valid,
+        _validity("incident_impulse", FAR_END),
         "0.0674 (free-air 0.0531)",
     ),
 ):

@@ -48,7 +48,7 @@ from jblast.waves.scaling import (
 )
 
 END = {"incident_pressure": 40.0}
-"""Where a curve is left before its print ends [m/kg^(1/3)]."""
+"""Largest valid scaled distance of curves that are printed farther [m/kg^(1/3)]."""
 SOURCE = "Swisdak 1994 (ADA526744), metric, over three transcriptions"
 
 
@@ -162,10 +162,10 @@ def swisdak_shock_speed(
 
 
 def swisdak_valid(quantity: str) -> Callable[..., Bool[Array, "..."]]:
-    """Return the function that says where a quantity has its table.
+    """Return the validity function of a quantity.
 
     Args:
-        quantity: As the table calls it: "incident_pressure", "arrival_time", ...
+        quantity: Name in the table: "incident_pressure", "arrival_time", ...
     """
 
     def valid(
@@ -174,7 +174,7 @@ def swisdak_valid(quantity: str) -> Callable[..., Bool[Array, "..."]]:
         ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
         burst: str = "surface",
     ) -> Bool[Array, "..."]:
-        """Return where the table holds, and nature to it; in free air it does not."""
+        """Return True within the table up to `END`, for a surface burst."""
         curve = swisdak_curve(quantity)
         z = scaled_distance(slant_range, charge_mass, ambient_pressure)
         end = END.get(quantity, curve.z_max)
@@ -184,7 +184,7 @@ def swisdak_valid(quantity: str) -> Callable[..., Bool[Array, "..."]]:
 
 
 def swisdak_joins(quantity: str) -> tuple[float, ...]:
-    """Return where a curve starts, joins and ends [m/kg^(1/3)]."""
+    """Return the scaled distances of limits and joins of a curve [m/kg^(1/3)]."""
     curve = swisdak_curve(quantity)
     return (*(segment.z_min for segment in curve.segments), curve.z_max)
 
@@ -194,14 +194,14 @@ def swisdak_curve(quantity: str) -> LogCurve:
     """Read one curve, as ln of the SI value at standard air and 1 kg against ln Z.
 
     Args:
-        quantity: As the table calls it: "incident_pressure", "arrival_time", ...
+        quantity: Name in the table: "incident_pressure", "arrival_time", ...
     """
     rows = data_rows("swisdak_1994")
     return LogCurve(tuple(_segment(row) for row in rows if row["quantity"] == quantity))
 
 
 def _segment(row: dict[str, str]) -> LogPolynomial:
-    """Turn a row into a polynomial in SI; the table's logarithms are natural."""
+    """Return the polynomial of a row in SI; the logarithms of the table are natural."""
     coefficients = [float(row[letter]) for letter in "ABCDEFG"]
     while coefficients[-1] == 0.0:
         coefficients.pop()

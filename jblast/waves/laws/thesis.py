@@ -1,13 +1,14 @@
-r"""How loud the thesis lets a blast be: as one file is played, at any distance.
+r"""Sound level of a blast in the thesis: one file, played at every distance.
 
-Its sound is one recording for every charge, without pascals. It is absorbed by Stokes'
-law at 500 rad/s and spreads nowhere (Parab's thesis, eqs. 3.1 and 3.2), so that it is
-as loud far away as near by. What stands for the file here is declared: the pulse of
-eq. 3.5 (Friedlander, b = 1), with the peak and the duration that Kingery and Bulmash
-give for the charge of its table 4.1, 15 kg, at the nearest distance of its worlds,
-10 m.
+The sound is one recording for all charges, without a calibration in pascals. It is
+absorbed by Stokes' law at 500 rad/s and has no spreading (Parab's thesis, eqs. 3.1 and
+3.2), so that it is equally loud at all distances. The pulse that represents the file
+here is declared: eq. 3.5 (Friedlander, b = 1), with the peak and the duration by
+Kingery and Bulmash for the charge of table 4.1, 15 kg, at the nearest distance in the
+thesis, 10 m.
 
-Laws that no list offers and `auto` never takes; `jblast world --preset` names them.
+No list offers these laws, and `auto` never chooses them; `jblast world --preset` uses
+them by name.
 """
 
 import math
@@ -25,13 +26,15 @@ from jblast.waves.laws.kingery_bulmash import (
 from jblast.waves.laws.wu_hao import wu_hao_air_valid
 from jblast.waves.propagation import stokes_absorption
 
+# Charge of table 4.1, and the nearest distance in the worlds of the thesis; declared.
 MASS, RANGE = 15.0, 10.0
-"""Of the charge and the distance that the file is taken for, declared [kg], [m]."""
+"""Mass [kg] and distance [m] that the file represents."""
 OMEGA, DENSITY, SOUND_SPEED, KELVIN = 500.0, 1.2, 340.0, 313.0
-"""Of Stokes' law in the public plugin gazebo_blast3d (`e6dd04c`) [rad/s], [kg/m3],
-[m/s], [K]."""
+"""Constants of Stokes' law in the public plugin gazebo_blast3d (`e6dd04c`): frequency
+[rad/s], density [kg/m3], sound speed [m/s] and temperature [K]."""
+# Not zero, so that the logarithm of a law is finite.
 SILENCE = 1e-12
-"""Of the peak, in place of nothing: a law's logarithm is a number."""
+"""Share of the peak that represents silence [-]."""
 
 
 def _alike(like: Float[Array, "..."], *numbers: float) -> tuple[Float[Array, ""], ...]:
@@ -43,7 +46,7 @@ def _alike(like: Float[Array, "..."], *numbers: float) -> tuple[Float[Array, ""]
 def thesis_sound_pressure(
     slant_range: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Return the peak of the thesis's sound, as good as the same everywhere [Pa].
+    r"""Return the peak of the sound of the thesis, nearly the same everywhere [Pa].
 
     $$p = p_{10}\,e^{-\alpha (R - 10\,\mathrm{m})}, \quad
       \alpha = 6.75\times10^{-8}\ \mathrm{m^{-1}}$$
@@ -51,22 +54,22 @@ def thesis_sound_pressure(
     Args:
         slant_range: Range $R$ [m].
     """
-    away = as_float_array(slant_range) - RANGE
-    of_air = (OMEGA / (2 * math.pi), DENSITY, SOUND_SPEED, KELVIN)
-    alpha = stokes_absorption(*_alike(away, *of_air))
-    near, mass = _alike(away, RANGE, MASS)
+    path = as_float_array(slant_range) - RANGE
+    constants = (OMEGA / (2 * math.pi), DENSITY, SOUND_SPEED, KELVIN)
+    alpha = stokes_absorption(*_alike(path, *constants))
+    near, mass = _alike(path, RANGE, MASS)
     peak = kingery_bulmash_pressure(near, mass)
-    return peak * jnp.exp(-alpha * away)
+    return peak * jnp.exp(-alpha * path)
 
 
 @checked
 def coded_sound_pressure(
     slant_range: Float[ArrayLike, "..."], charge_mass: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:
-    r"""Return the same, and silence where the plugin drops the blast [Pa].
+    r"""Return the peak of the plugin's sound, with silence where it plays none [Pa].
 
-    Where the air shock by eq. 3.4 is slower than sound on average, past
-    $R = 14.8\sqrt{Q}$ m, the plugin plays no air blast, and says nothing.
+    The plugin plays no air blast, without a warning, where the air shock by eq. 3.4 is
+    slower than sound on average, that is beyond $R = 14.8\sqrt{Q}$ m.
 
     Args:
         slant_range: Range $R$ [m].
@@ -81,7 +84,7 @@ def coded_sound_pressure(
 def thesis_sound_duration(
     slant_range: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    """Return the positive duration of the thesis's sound, the same everywhere [s].
+    """Return the positive duration of the sound of the thesis, a constant [s].
 
     Args:
         slant_range: Range [m].
@@ -95,9 +98,9 @@ def thesis_sound_duration(
 def thesis_sound_impulse(
     slant_range: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    r"""Return the positive impulse of the thesis's sound: $p\,t_d/e$ [Pa s].
+    r"""Return the positive impulse of the sound of the thesis: $p\,t_d/e$ [Pa s].
 
-    That of $p (1 - t/t_d) e^{-t/t_d}$, its eq. 3.5.
+    It is the impulse of $p (1 - t/t_d) e^{-t/t_d}$, eq. 3.5.
 
     Args:
         slant_range: Range [m].
@@ -110,7 +113,7 @@ def thesis_sound_impulse(
 def coded_sound_impulse(
     slant_range: Float[ArrayLike, "..."], charge_mass: Float[ArrayLike, "..."]
 ) -> Float[Array, "..."]:
-    """Return the same, and as good as nothing where the plugin plays nothing [Pa s].
+    """Return the impulse of the plugin's sound, nearly zero where it is silent [Pa s].
 
     Args:
         slant_range: Range [m].
@@ -123,7 +126,7 @@ def coded_sound_impulse(
 def thesis_sound_valid(
     slant_range: Float[ArrayLike, "..."],
 ) -> Bool[Array, "..."]:
-    """Return True: nothing of nature is claimed, and no absorption is to be added."""
+    """Return True everywhere: the law is not physical, and needs no absorption."""
     return as_float_array(slant_range) >= 0
 
 

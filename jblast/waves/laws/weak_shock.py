@@ -79,11 +79,13 @@ from jblast.waves.scaling import (
 from jblast.waves.shock import FAR_END, measured_far_scatter
 
 RANGE = (JOIN, FAR_END)
-"""Scaled distances where the law holds [m/kg^(1/3)]."""
+"""Valid scaled distances [m/kg^(1/3)]."""
+# Farther away the weather determines what is recorded.
 LAST_RANGE = 5e3
-"""Where it ends for large charges [m]."""
+"""Largest valid range, for large charges [m]."""
+# The default of `scene.Air`.
 HUMIDITY = 0.5
-"""Of air that nothing is said of [-], as in `scene.Air`."""
+"""Relative humidity of air without a stated one [-]."""
 
 
 @checked
@@ -113,13 +115,14 @@ def weak_shock_iso_pressure(
     growth = (jnp.maximum(log_z, start) - log_length) / (start - log_length)
     time_factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
     duration = _duration_at_join(burst) * time_factor * jnp.sqrt(growth)
+    # one frequency stands for the pulse: half a period is the positive phase
     absorption = iso_9613_absorption(
         0.5 / duration, temperature, ambient_pressure, relative_humidity
     )
     first = JOIN * sachs_distance_factor(charge_mass, ambient_pressure)
-    way = jnp.maximum(as_float_array(slant_range) - first, 0.0)
+    path = jnp.maximum(as_float_array(slant_range) - first, 0.0)
     peak = shock_kinematics_pressure(slant_range, charge_mass, ambient_pressure, burst)
-    return peak * jnp.exp(-absorption * way)
+    return peak * jnp.exp(-absorption * path)
 
 
 @cache
@@ -134,7 +137,7 @@ def weak_shock_iso_valid(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 20 to 300, up to 5 km."""
+    """Return True for Z from 20 to 300 and ranges up to 5 km."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     near = as_float_array(slant_range) <= LAST_RANGE
     return (z >= RANGE[0]) & (z <= RANGE[1]) & near
@@ -157,7 +160,7 @@ def weak_shock_pressure(
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
     start = math.log(JOIN)
-    # The tail meets the curve in slope, so the curve's is its own.
+    # The tail joins the curve in slope, so the slope of the curve is that of the tail.
     curve = kingery_bulmash_curve("incident_pressure", burst)
     slope = curve.segments[-1].log_slope(start)
     far = jnp.maximum(log_z, start)
@@ -172,7 +175,7 @@ def weak_shock_valid(
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
 ) -> Bool[Array, "..."]:
-    """Return where Z lies in 20 to 300."""
+    """Return True for Z from 20 to 300."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return (z >= RANGE[0]) & (z <= RANGE[1])
 

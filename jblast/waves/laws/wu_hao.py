@@ -125,7 +125,7 @@ def wu_hao_ground_path_arrival_time(
     p_speed: Float[ArrayLike, "..."],
     ground_path: str = "head",
 ) -> Float[Array, "..."]:
-    """Return the travel time of the ground wave by the way a scene names [s].
+    """Return the travel time of the ground wave along the path of the scene [s].
 
     Args:
         slant_range: Straight distance [m], positive.
@@ -152,7 +152,7 @@ def wu_hao_ground_path_arrival_time(
 
 
 def wu_hao_ground_valid(ground_range: Float[ArrayLike, "..."]) -> Bool[Array, "..."]:
-    """Return True at every positive range: the paper states no limit we could read."""
+    """Return True at every positive range; no limit of the paper is known to us."""
     return as_float_array(ground_range) > 0
 
 
@@ -164,9 +164,9 @@ def wu_hao_ground_path_valid(
     ground_path: str = "head",
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
-    """Return where both legs hold; the way up needs an air shock faster than sound.
+    """Return True where both legs are valid; the air leg needs a supersonic shock.
 
-    Nowhere in free air: a charge there does not shake the rock as one on it does.
+    The law is not valid in free air: such a charge does not move the rock as one on it.
     """
     along = wu_hao_ground_valid(ground_range) & (burst == "surface")
     if ground_path == "head":
