@@ -1,4 +1,4 @@
-"""Differentiable blast physics: fit a blast from recordings, or simulate millions.
+"""Differentiable blast physics: fit blasts from recordings, or simulate them.
 
     import jblast
 

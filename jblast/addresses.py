@@ -1,11 +1,11 @@
-"""Network addresses: host and port in a text, and hosts of the loopback."""
+"""Network addresses: host and port, and loopback hosts."""
 
 import ipaddress
 
 from jblast.errors import InputError, shown, whole_number
 
 MOST_PORT = 65535
-"""The largest port of TCP and UDP: 16 bits (RFC 9293, RFC 768)."""
+"""Largest port of TCP and UDP: 16 bits (RFC 9293, RFC 768)."""
 
 
 def host_and_port(
@@ -15,9 +15,9 @@ def host_and_port(
 
     Args:
         text: HOST:PORT or [HOST]:PORT.
-        where: Beginning of a message.
-        expected: The form that a message names.
-        got: The text that a message quotes, where `text` is a part of it.
+        where: Beginning of messages.
+        expected: Expected form, for messages.
+        got: Text quoted in messages, if `text` is a part of it.
 
     Raises:
         InputError: The text has another form, or its port is larger than `MOST_PORT`.
@@ -33,9 +33,9 @@ def host_and_port(
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a host is this machine alone: `localhost` or a loopback address.
+    """Return whether a host is `localhost` or a loopback address.
 
-    Other names are not resolved, so they are none.
+    Other names are not resolved and give False.
     """
     if host == "localhost":
         return True

@@ -31,7 +31,7 @@ GRANITE_P_SPEED = 5660.0
 """P-wave speed of granite in situ [m/s]. Wu and Hao (2005); 6000 m/s is intact core."""
 
 FLIGHT_GRAVITY = 9.81
-"""Gravity of the vehicles [m/s2]: RotorPy 3.0.0's, so that its flights are repeated."""
+"""Gravity of the vehicles [m/s2]: that of RotorPy 3.0.0, to reproduce its flights."""
 
 FOOT = 0.3048
 """A foot [m], exact. NIST SP 811 (2008), appendix B."""

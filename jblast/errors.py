@@ -1,4 +1,4 @@
-"""Errors in input: one message with the place, what was expected and what was found."""
+"""Input errors: messages with the location, the expected and the actual input."""
 
 import difflib
 import os
@@ -11,14 +11,14 @@ from types import ModuleType
 from typing import Any
 
 MARK = "\0"
-"""Stands on both sides of an argument's name; no text that is read may hold it."""
+"""Delimiter of argument names in messages; `decoded` rejects it in input text."""
 _CONTROLS = {chr(code) for code in (*range(32), 127)} - {"\t", "\n", "\r"}
 
 
 class InputError(ValueError):
-    """Input cannot be used; the message is one line and complete in itself.
+    """Invalid input; the message is one self-contained line.
 
-    Arguments appear in it by their names in Python (see `argument`).
+    Arguments appear under their Python names (see `argument`).
     """
 
     def __init__(self, message: str):
@@ -26,13 +26,13 @@ class InputError(ValueError):
         super().__init__(self._marked.replace(MARK, ""))
 
     def worded(self, option: Callable[[str], str]) -> str:
-        """Return the message with other names of its arguments, as those of options."""
+        """Return the message with arguments renamed, for example to options."""
         parts = self._marked.split(MARK)
         return "".join(option(p) if i % 2 else p for i, p in enumerate(parts))
 
 
 def argument(name: str) -> str:
-    """Mark an argument in a message, as the command line has another name for it."""
+    """Mark an argument in a message, so that the command line can rename it."""
     return f"{MARK}{name}{MARK}"
 
 
@@ -46,11 +46,12 @@ def shown(value: Any, width: int = 60) -> str:
 
 
 def whole_number(text: str) -> int | None:
-    """Return the number that 1 to 18 digits state, zeros in front aside; else None.
+    """Return the number of 1 to 18 digits after leading zeros; else None.
 
-    `str.isdigit` also accepts digits that `int` refuses ("²") or reads as others ("٣"),
-    and `int` refuses thousands of digits. 18 digits fit into 64 bits.
+    18 digits fit into 64 bits.
     """
+    # `str.isdigit` also accepts "²", which `int` rejects, and "٣", which it converts,
+    # and `int` rejects thousands of digits with an error of its own.
     return int(text) if re.fullmatch("0{0,64}[0-9]{1,18}", text) else None
 
 
@@ -61,26 +62,26 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that a misspelt one is closest to; None if none is."""
+    """Return the known name closest to a misspelt one; None if none is close."""
     by_lower = {word.lower(): word for word in known}
     close = difflib.get_close_matches(name[:80].lower(), by_lower, n=1, cutoff=0.6)
     return by_lower[close[0]] if close else None
 
 
 def needed(module: str, extra: str, path: str | Path, what: str) -> ModuleType:
-    """Import a package that serves one format, an extra of ours.
+    """Import an optional package for one format.
 
     Args:
-        module: Its name.
+        module: Name of the module.
         extra: The extra of jblast that installs it.
-        path: The file that is to be read or written.
-        what: The format, and what is done with it: "TDMS is read".
+        path: The file to read or write.
+        what: Format and operation: "TDMS is read".
 
     Raises:
         InputError: It is not installed.
     """
     try:
-        with warnings.catch_warnings():  # of the package itself, not of our calls
+        with warnings.catch_warnings():  # warnings of the package itself at import
             warnings.simplefilter("ignore", DeprecationWarning)
             return import_module(module)
     except ImportError:
@@ -91,14 +92,14 @@ def needed(module: str, extra: str, path: str | Path, what: str) -> ModuleType:
 
 
 def read_text(path: str | os.PathLike[str], expected: str) -> str:
-    r"""Return the text of a file, its line ends made `\n`, without byte order mark.
+    r"""Return the text of a file with line ends `\n`, without byte order mark.
 
     Args:
         path: The file.
-        expected: What the file should be, for the messages: "a CSV file".
+        expected: Expected kind of file, for messages: "a CSV file".
 
     Raises:
-        InputError: There is no such file, it cannot be read, or is no UTF-8 text.
+        InputError: The file is missing, cannot be read, or is not UTF-8 text.
     """
     return decoded(read_bytes(path, expected), path, expected)
 
@@ -107,7 +108,7 @@ def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
     """Return the content of a file.
 
     Raises:
-        InputError: There is no such file, or it cannot be read.
+        InputError: The file is missing or cannot be read.
     """
     try:
         return Path(path).read_bytes()
@@ -129,16 +130,16 @@ def decoded(
     *,
     utf16: bool = False,
 ) -> str:
-    r"""Return bytes as text, line ends made `\n`, without byte order mark.
+    r"""Return bytes as text with line ends `\n`, without byte order mark.
 
     Args:
-        data: UTF-8, marked or not.
-        path: Where they come from, for the messages.
-        expected: What they should be, for the messages.
-        utf16: Whether UTF-16 with its mark is accepted, too.
+        data: UTF-8 with or without a byte order mark.
+        path: File of the bytes, for messages.
+        expected: Expected kind of file, for messages.
+        utf16: Also accept UTF-16 with a byte order mark.
 
     Raises:
-        InputError: They are not such a text.
+        InputError: The bytes are not text in this encoding.
     """
     if utf16 and data.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:
@@ -157,7 +158,7 @@ def decoded(
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        start = error.start + (len(data) - len(error.object))  # past the mark
+        start = error.start + (len(data) - len(error.object))  # after the mark
         line = data.count(b"\n", 0, start) + 1
         raise InputError(
             f"{path}: line {line}: expected UTF-8 text, got the byte "
@@ -167,6 +168,7 @@ def decoded(
     controls = sorted(set(text) & _CONTROLS)
     if controls:
         at = min(text.index(control) for control in controls)
+        # Every second byte of ASCII text in UTF-16 is zero, a third leaves a margin.
         wide = text[at] == "\0" and text.count("\0") * 3 > len(text)
         raise InputError(
             f"{path}: line {text.count(chr(10), 0, at) + 1}: expected {expected}, "

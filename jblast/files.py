@@ -1,8 +1,8 @@
-"""Files that are written whole or not at all.
+"""Atomic writing of files.
 
 The content is written to a temporary file in the same folder, which is renamed when it
-is complete. A reader, also after a crash, finds the old content or the new one, never a
-part. All files of jblast are written by this module.
+is complete. A reader, also after a crash, finds the old or the new content, never a
+part. This module writes all files of jblast.
 """
 
 import os
@@ -14,23 +14,23 @@ from pathlib import Path
 from jblast.errors import InputError, argument
 
 NAMED_AFTER = 40
-"""Characters of a file's name at the start of a temporary one: names have limits."""
+"""Characters of a file's name in that of its temporary file: names have limits, often
+255 bytes."""
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[Path]:
-    """Give the path of an empty file, which replaces a file unless an error occurs.
+    """Yield the path of an empty file that replaces a file unless an error occurs.
 
-    A link remains, and its target is replaced. A new file has the permissions that the
-    umask grants; an existing file keeps its own. Devices, pipes and files in a folder
+    A link remains, and its target is replaced. A new file has the permissions of the
+    umask; an existing file retains its own. Devices, pipes and files in a folder
     without write permission cannot be replaced and are written in place.
 
     Args:
         path: The file. Its folder must exist.
-        durable: Whether to wait until the content is on the disk before the file is
-            renamed, so that a power failure, too, leaves the old content or the new
-            one. It takes milliseconds a file: unsuitable for hundreds of files that
-            can be computed again.
+        durable: Wait until the content is on the disk before renaming the file, so that
+            it is atomic also in a power failure. This takes milliseconds per file:
+            unsuitable for hundreds of files that can be recomputed.
 
     Raises:
         OSError: The file cannot be written; its old content is unchanged, unless it is
@@ -39,7 +39,7 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
     target = Path(os.path.realpath(path))
     mode = _mode(Path(path))
     if mode is not None and not _is_replaceable(target, mode):
-        yield Path(path)  # as it is called: what a pipe's link names is no path
+        yield Path(path)  # not the target: the link of a pipe does not name a path
         return
     temporary = _created(target)
     try:
@@ -57,18 +57,18 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
 def write_bytes(
     path: str | os.PathLike[str], data: bytes, *, durable: bool = True
 ) -> None:
-    """Write a file whole or not at all; arguments and errors of `replacing`."""
+    """Write a file atomically; arguments and errors as in `replacing`."""
     with replacing(path, durable=durable) as temporary:
         temporary.write_bytes(data)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    r"""Write text as UTF-8, lines ending in `\n`, whole or not at all."""
+    r"""Write text as UTF-8 with line ends `\n`, atomically."""
     write_bytes(path, text.encode())
 
 
 def _mode(path: Path) -> int | None:
-    """Return type and permissions of a file; None if there is none.
+    """Return type and permissions of a file; None if it does not exist.
 
     Raises:
         OSError: Links form a circle, or a part of the path is not a folder.
@@ -80,16 +80,16 @@ def _mode(path: Path) -> int | None:
 
 
 def _is_replaceable(target: Path, mode: int) -> bool:
-    """Return whether another file may take the place of one that is there.
+    """Return whether an existing file can be replaced by another.
 
-    A file without write permission is opened itself, for the system's error message.
+    A file without write permission is opened directly, for the system's error message.
     """
     folder = os.access(target.parent, os.W_OK | os.X_OK)
     return stat.S_ISREG(mode) and folder and os.access(target, os.W_OK)
 
 
 def _created(target: Path) -> Path:
-    """Return a new hidden file next to another, with a unique name."""
+    """Create and return a hidden file with a unique name next to another."""
     while True:
         name = f".{target.name[:NAMED_AFTER]}.{os.urandom(4).hex()}.part"
         temporary = target.with_name(name)
@@ -101,7 +101,7 @@ def _created(target: Path) -> Path:
 
 
 def refuse_existing(path: str | os.PathLike[str], *, force: bool) -> None:
-    """Raise InputError if a file is there already and may not be overwritten."""
+    """Raise InputError if a file exists and may not be overwritten."""
     if Path(path).exists() and not force:
         raise InputError(
             f"{path}: exists already; expected a new file, or {argument('force')} to "
@@ -111,7 +111,7 @@ def refuse_existing(path: str | os.PathLike[str], *, force: bool) -> None:
 
 @contextmanager
 def writing(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Report in one line that a file or directory cannot be written, if it cannot.
+    """Convert an OSError in writing a file or directory to a message.
 
     Raises:
         InputError: The enclosed code raises an OSError.
@@ -136,7 +136,7 @@ def save_text(text: str, path: str | os.PathLike[str]) -> None:
 
 
 def check_log_paths(paths: Iterable[str | os.PathLike[str]]) -> None:
-    """Refuse scenes given as logs, and folders, which need a table of stations.
+    """Reject scenes in place of logs, and folders, which need a table of stations.
 
     Raises:
         InputError: A path is one of these.
@@ -144,10 +144,10 @@ def check_log_paths(paths: Iterable[str | os.PathLike[str]]) -> None:
     for path in paths:
         if Path(path).suffix.lower() == ".toml":
             raise InputError(
-                f"{path}: expected a log; a scene stands after {argument('scene')}"
+                f"{path}: expected a log, got a scene; pass it by {argument('scene')}"
             )
         if Path(path).is_dir():
             raise InputError(
-                f"{path}: is a folder; of records it takes {argument('positions')} "
-                "STATIONS.csv beside it, where they stood"
+                f"{path}: is a folder; for a folder of records also pass "
+                f"{argument('positions')} STATIONS.csv with the sensor positions"
             )

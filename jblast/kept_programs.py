@@ -1,17 +1,16 @@
 """Traced programs kept between runs.
 
-The compilation cache of JAX saves the compilation in a second run. To look a program up
+JAX's compilation cache saves the compilation in a second run. But to look a program up
 there, it must be traced and lowered again, which is half of the work of a warm `jblast
-fit`. `kept` stores the lowered program (`jax.export`) under a key made of all it
-depends on: the package's own files, versions, the shapes of arrays and the values of
-all other arguments. Arguments are spelled out as text for the key. The structure of a
-result is described in JSON beside the program, with its arrays by their index, so that
-another run can rebuild it. A function or class from outside the
-package, as a user's own law, is part of the key by its code and by the values that it
-refers to. A program that depends on something without a lasting description (an open
-file, an array spread over devices) is not kept.
-Nothing is kept before `keep_in` sets a folder, as commands do, or outside
-`kept_between_runs`, in which the long functions of the library run.
+fit`. `kept` stores the lowered program (`jax.export`) under a key of all that it
+depends on: the package's files, versions, shapes of arrays and values of all other
+arguments, spelled out as text. The structure of a result is stored next to the program
+in JSON, with arrays by index, so that another run can rebuild it. A function or class
+from outside the package, such as a user's law, enters the key with its code and the
+values that it refers to. A program that depends on something without a lasting
+description (an open file, an array spread over devices) is not stored. Nothing is
+stored before `keep_in` sets a folder, as commands do, or outside `kept_between_runs`,
+in which the long functions of the library run.
 """
 
 import contextlib
@@ -52,9 +51,9 @@ UNSTABLE = tuple(
     for kind in "sd"
     for name in LAPACK
 )
-"""Calls that another version of JAX may change: the version is part of the key."""
+"""Calls that JAX may change between versions; allowed, as the version is in the key."""
 CHECKERS = ("jaxtyping", "beartype")
-"""Their wrappers check arguments and change nothing: the function inside is keyed."""
+"""Packages whose wrappers only check arguments: the wrapped function is keyed."""
 SETTINGS = (
     "jax_enable_x64",
     "jax_default_matmul_precision",
@@ -67,12 +66,12 @@ CACHE_SETTINGS: dict[str, Any] = {
 }
 """Programs of a fit are small and many: JAX by default stores none below a second."""
 WIDE: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}}
-"""Options of `jax.jit`: XLA uses vectors of 256 bits by default. With 512, where the
-CPU has them, a flight is a quarter faster."""
+"""Options of `jax.jit` for flights: vectors of 512 bits instead of XLA's default of
+256. A flight is a quarter faster on CPUs with such vectors."""
 
 
 class _Store:
-    """Folder of kept programs, and the programs that were used already."""
+    """Folder of stored programs, and programs already used in this process."""
 
     folder: Path | None = None
     used: dict[str, Callable[..., Any] | None]
@@ -89,7 +88,7 @@ STORE = _Store()
 
 
 def keep_in(folder: str | Path | None) -> None:
-    """Keep traced programs in a folder from now on; None: no longer."""
+    """Store traced programs in a folder from now on; None: stop storing."""
     STORE.folder = None if folder is None else Path(folder)
     STORE.used = {}
 
@@ -132,7 +131,7 @@ def kept_between_runs() -> Iterator[None]:
 
 def _cache_used() -> dict[str, Any]:
     """Turn on the compilation cache unless the user did; return the former settings."""
-    if jax.config.jax_compilation_cache_dir:
+    if getattr(jax.config, "jax_compilation_cache_dir"):  # noqa: B009 (type checkers)
         return {}
     wanted = CACHE_SETTINGS | {"jax_compilation_cache_dir": str(STORE.folder)}
     before = {name: getattr(jax.config, name) for name in wanted}
@@ -169,15 +168,15 @@ def write_cache_atomically() -> None:
 
 
 def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    """Compile as `equinox.filter_jit` does, and keep the traced program between runs.
+    """Compile like `equinox.filter_jit`, and store the traced program between runs.
 
-    Where a program cannot be kept (inside another program, an argument that cannot be
-    spelled out) this is `filter_jit` alone. The key takes a few milliseconds for a
-    module that is new and 0.1 ms for one that was used before.
+    A program that cannot be stored (inside another program, or with an argument that
+    cannot be spelled out) uses `filter_jit` alone. The key takes a few milliseconds for
+    a new module and 0.1 ms for a known one.
 
     Args:
-        function: What to compile.
-        options: Of `jax.jit`.
+        function: Function to compile.
+        options: Options of `jax.jit`.
     """
     compiled = eqx.filter_jit(function, **options)
 
@@ -195,7 +194,7 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
             return compiled(*args, **kwargs)
         if key not in STORE.used:
             path = STORE.folder / f"traced-{key}"
-            STORE.used[key] = _read(path, options) or _made(
+            STORE.used[key] = _read(path, options) or _traced(
                 function, arguments, path, options
             )
         program = STORE.used[key]
@@ -206,10 +205,10 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     return keeping
 
 
-def _made(
+def _traced(
     function: Callable, arguments: Any, path: Path, options: Any
 ) -> Callable | None:
-    """Trace a program, write it down, and return it; None where it cannot be kept."""
+    """Trace, store and return a program; None if it cannot be stored."""
     leaves, tree = jax.tree.flatten(arguments)
     structure = []
 
@@ -229,27 +228,29 @@ def _made(
     except (Unkept, ValueError, NotImplementedError, ImportError):
         return None
     head = json.dumps(structure[-1]).encode()
-    with contextlib.suppress(OSError):  # a full disk: not kept
+    with contextlib.suppress(OSError):  # a full disk: not stored
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(path, head + b"\n" + data, durable=False)
-    # from the bytes, as in later runs: XLA's cache distinguishes it from `made`
+    # From the bytes, as in later runs: XLA's cache distinguishes it from `made`, so
+    # that the next run would compile again.
     return _program(data, structure[-1], options)
 
 
 def _read(path: Path, options: Any) -> Callable | None:
-    """Return a kept program, or None if there is none that can be read."""
+    """Return a stored program; None if there is none or it cannot be read."""
     try:
         head, data = path.read_bytes().split(b"\n", 1)
         return _program(data, json.loads(head), options)
-    except Exception:  # none, or not whole: it is made again
+    except Exception:  # missing or truncated: it is traced again
         return None
 
 
 def _program(data: bytes, structure: Any, options: Any) -> Callable:
     program = export.deserialize(bytearray(data))
     if b"lapack" not in program.mlir_module_serialized:
-        # JAX looks LAPACK up in SciPy for any program for a CPU, a third of an import
-        # of JAX; the backend is part of the key already
+        # For every CPU program JAX imports SciPy's LAPACK, a third of the import time
+        # of JAX. Without the platform check it does not; the backend is in the key.
+        # The platforms are emptied together with the check.
         free = export.DisabledSafetyCheck.platform(), *program.disabled_safety_checks
         program = dataclasses.replace(
             program, platforms=(), disabled_safety_checks=free
@@ -266,19 +267,21 @@ def _key(function: Callable, arguments: Any) -> str:
 
 @functools.cache
 def _source() -> str:
-    """Return a fingerprint of the package's files and the libraries' versions."""
+    """Return a digest of the package's files and the libraries' versions."""
     digest = hashlib.sha256(_contents(Path(__file__).parent).encode())
     digest.update(" ".join(version(name) for name in LIBRARIES).encode())
     return digest.hexdigest()
 
 
 def _contents(root: Path) -> str:
-    """Return the fingerprint of a folder's files, which are read if one was touched."""
+    """Return the digest of a folder's files, which are read only if one has changed."""
     if STORE.folder is None:
         return fingerprint(root)
     state = hashlib.sha256(str(root).encode())
     for path in _files(root):
         at = os.stat(path)
+        # Sizes, times and inodes: reading all files of the package takes longer than a
+        # warm start.
         touched = f" {path} {at.st_size} {at.st_mtime_ns} {at.st_ctime_ns} {at.st_ino}"
         state.update(touched.encode())
     known = STORE.folder / f"source-{state.hexdigest()}"
@@ -293,7 +296,7 @@ def _contents(root: Path) -> str:
 
 
 def fingerprint(root: Path) -> str:
-    """Return the fingerprint of all files below a folder, without compiled Python."""
+    """Return the digest of all files below a folder, without compiled Python."""
     digest = hashlib.sha256()
     for path in _files(root):
         digest.update(f" {os.path.relpath(path, root)} ".encode())
@@ -302,7 +305,7 @@ def fingerprint(root: Path) -> str:
 
 
 def _files(root: Path) -> Iterator[str]:
-    """Go through the files below a folder in their order."""
+    """Yield the files below a folder in sorted order."""
     for folder, folders, names in os.walk(root):
         folders[:] = sorted(set(folders) - {"__pycache__"})
         for name in sorted(names):
@@ -311,7 +314,7 @@ def _files(root: Path) -> Iterator[str]:
 
 
 def _surroundings() -> str:
-    """Return the settings, versions and laws of others that tracing depends on.
+    """Return settings, versions and foreign laws that tracing depends on.
 
     Raises:
         Unkept: A law from outside the package has no lasting description.
@@ -322,26 +325,26 @@ def _surroundings() -> str:
 
 
 class Unkept(Exception):
-    """A program cannot be kept: it depends on something without a lasting name."""
+    """A program depends on something without a lasting description."""
 
 
 def is_array(value: Any) -> bool:
-    """Return whether a value is given to a program, not part of it."""
+    """Return whether a value is an argument of a program, not a constant in it."""
     return isinstance(value, jax.Array | np.ndarray | np.generic)
 
 
-class _Spellings:
-    """Spellings of modules in use.
+class _SpellingCache:
+    """Spellings of modules in use, by identity.
 
-    A module is immutable, so that it is spelled out once. A search calls programs with
-    one posterior thousands of times; spelling it out took half of that time.
+    Modules are immutable, so each is spelled out once. A search calls programs with one
+    posterior thousands of times; spelling it out took half of that time.
     """
 
     def __init__(self) -> None:
         self.known: dict[int, tuple[weakref.ref, str]] = {}
 
     def of(self, module: eqx.Module) -> str:
-        """Return the spelling of a module that is not part of the program."""
+        """Return the spelling of a module that is an argument of a program."""
         name = id(module)
         there = self.known.get(name)
         if there is not None and there[0]() is module:
@@ -353,25 +356,26 @@ class _Spellings:
 
     def _forget(self, name: int, gone: weakref.ref) -> None:
         there = self.known.get(name)
-        if there is not None and there[0] is gone:  # the number may be in use again
+        # The identity may have been reused by another module.
+        if there is not None and there[0] is gone:
             del self.known[name]
 
 
-_SPELLINGS = _Spellings()
+_SPELLING_CACHE = _SpellingCache()
 
 
 def spelled(value: Any, fixed: bool = False) -> str:
-    """Spell an argument out: the shape of an array, the value of anything else.
+    """Return the text of an argument: shapes of arrays, values of anything else.
 
-    Functions and classes from outside the package are spelled by their source
+    Functions and classes from outside the package are represented by their source
     (`source_of`).
 
     Args:
         value: The argument, or a part of it.
-        fixed: Whether an array in it would be part of the program.
+        fixed: True if arrays in it would be constants of the program.
 
     Raises:
-        Unkept: It holds what has no lasting name, or is spread over devices.
+        Unkept: A part has no lasting description, or is spread over devices.
     """
     if isinstance(value, jax.Array) and len(value.devices()) > 1:
         raise Unkept
@@ -391,14 +395,14 @@ def spelled(value: Any, fixed: bool = False) -> str:
     if isinstance(value, tuple | list):
         return f"{spelled(type(value))}{[spelled(entry, fixed) for entry in value]}"
     if isinstance(value, eqx.Module) and not fixed:
-        return _SPELLINGS.of(value)
+        return _SPELLING_CACHE.of(value)
     if is_dataclass(value):
         return _of_fields(value, fixed=True)
     raise Unkept
 
 
 def _of_fields(value: Any, *, fixed: bool) -> str:
-    """Spell a data class out by its fields; see `spelled`."""
+    """Return the text of a data class by its fields; see `spelled`."""
     entries = [
         spelled(getattr(value, f.name), fixed or f.metadata.get("static", False))
         for f in fields(value)
@@ -407,13 +411,13 @@ def _of_fields(value: Any, *, fixed: bool) -> str:
 
 
 def is_plain(value: Any) -> bool:
-    """Return whether a value is a number, a text or nothing."""
+    """Return whether a value is a number, a text or None."""
     plain = bool | int | float | complex | str | bytes | EllipsisType | None
     return isinstance(value, plain)
 
 
 def is_packaged(value: type | FunctionType) -> bool:
-    """Return whether the key's versions and files fix a class or function by name."""
+    """Return whether the name of a class or function identifies it in a key."""
     if isinstance(value, FunctionType) and value.__closure__ is not None:
         return False
     package = value.__module__.partition(".")[0]
@@ -421,45 +425,46 @@ def is_packaged(value: type | FunctionType) -> bool:
 
 
 def name_of(value: type | FunctionType) -> str:
-    """Return where a class or function is defined.
+    """Return module and name of a class or function.
 
     Raises:
-        Unkept: Neither in this package nor in Python itself, or in a function.
+        Unkept: It is not in this package or in Python, or it is nested in a function.
     """
     if not is_packaged(value):
         raise Unkept
     return f"{value.__module__}:{value.__qualname__}"
 
 
-@functools.lru_cache(maxsize=512)  # at each call of a kept function: 0.5 ms for a law
+# Called for each law at each call of a kept function: 0.5 ms without the cache.
+@functools.lru_cache(maxsize=512)
 def source_of(value: Hashable) -> str:
-    """Return a fingerprint of a function or class from outside the package.
+    """Return a digest of a function or class from outside the package.
 
-    It holds the bytecode with its constants, the defaults, the values of a closure, and
-    likewise every function, class and number that the code refers to by a global name.
-    So a law edited in its own module, or one that is made again with another constant,
-    is another program, and the same law in another process is the same program. Other
-    installed packages are named with their version. Like a compiled program, a function
-    is described once a process: a global that is changed later is not noticed.
+    It covers the bytecode with its constants, defaults, values of a closure, and
+    recursively every function, class and number that the code refers to by a global
+    name. An edited law, or one created with another constant, is therefore another
+    program, and the same law in another process is the same program. Installed packages
+    enter with their version. Like a compiled program, a function is described once per
+    process; a later change of a global is not detected.
 
     Raises:
-        Unkept: It refers to an object that has no lasting description, as a file.
+        Unkept: It refers to an object without a lasting description, such as a file.
     """
     digest = hashlib.sha256()
-    for part in _Described().parts(value):
+    for part in _Description().parts(value):
         digest.update(part.encode() + b"\0")
     return f"source {digest.hexdigest()}"
 
 
-class _Described:
-    """Walk through everything that a function refers to; each object once."""
+class _Description:
+    """Traversal of everything that a function refers to; each object once."""
 
     def __init__(self) -> None:
         self.seen: dict[int, int] = {}
-        self.alive: list[Any] = []  # an id is of a living object alone
+        self.alive: list[Any] = []  # keeps objects alive, so that ids are not reused
 
     def parts(self, value: Any) -> Iterator[str]:
-        """Yield descriptions of a value and of what it refers to.
+        """Yield descriptions of a value and of everything that it refers to.
 
         Raises:
             Unkept: A value has no lasting description.
@@ -542,14 +547,14 @@ class _Described:
         for cell in function.__closure__ or ():
             try:
                 yield from self.parts(cell.cell_contents)
-            except ValueError:  # not filled yet
+            except ValueError:  # an empty cell, as in a recursive definition
                 yield "empty"
 
     def _names_in(self, known: Mapping[str, Any], names: set[str]) -> Iterator[str]:
         """Yield the values that code refers to by names of its module.
 
-        Of another module of the user's, the attributes of the same names: more than
-        the code refers to does no harm.
+        For another module of the user, all attributes of these names are included:
+        superfluous ones only make the key stricter.
         """
         for name in sorted(names & set(known)):
             value = known[name]
@@ -586,7 +591,7 @@ def _names(code: CodeType) -> set[str]:
 
 @functools.cache
 def _is_installed(module: str) -> bool:
-    """Return whether a version, or the key, fixes the contents of a module."""
+    """Return whether a version or the key identifies the contents of a module."""
     top = module.partition(".")[0]
     if top in ("jblast", "builtins") or top in sys.stdlib_module_names:
         return True
@@ -603,10 +608,10 @@ def _versioned(module: str) -> str:
 
 
 def described(value: Any, found: list[Any]) -> Any:
-    """Describe an answer in JSON, its arrays by their place in `found`.
+    """Describe a result in JSON, with its arrays as indices into `found`.
 
     Raises:
-        Unkept: It holds what JSON does not.
+        Unkept: A part has no representation in JSON.
     """
     if is_array(value):
         found.append(value)
@@ -627,7 +632,7 @@ def described(value: Any, found: list[Any]) -> Any:
 
 
 def rebuilt(description: Any, arrays: list[Any]) -> Any:
-    """Return the answer that was described."""
+    """Return the result of a description."""
     kind, *rest = description
     if kind == "array":
         return arrays[rest[0]]
@@ -641,6 +646,7 @@ def rebuilt(description: Any, arrays: list[Any]) -> Any:
     if kind == "sequence":
         entries = [rebuilt(entry, arrays) for entry in rest[1]]
         return made(*entries) if hasattr(made, "_fields") else made(entries)
+    # Without `__init__`, whose converters and checks would run on every result.
     answer = object.__new__(made)
     for field, entry in rest[1]:
         object.__setattr__(answer, field, rebuilt(entry, arrays))

@@ -1,12 +1,12 @@
-"""Names that are imported at their first use: the one form of laziness of the package.
+"""Lazy imports: names that are imported at their first use.
 
-It has two uses. A face (`jblast`, `jblast.sensors`, `jblast.study`, ...) lists its
-names with their modules and sets `__getattr__ = lazy_face(__name__, HOMES)`, so that a
-command imports the modules it uses and no others. An entry of a registry
-(`registry.Registry`) may name a function or module by its place, as
-"jblast.sensors.geophone" or "jblast.vehicle.warp.position_hold:hold_functions", and
-`resolved` imports it when it is used. So the reader of scene files knows all kinds of
-sensors without importing their physics.
+There are two uses. A package with lazy names (`jblast`, `jblast.sensors`,
+`jblast.study`, ...) lists them with their modules and sets
+`__getattr__ = lazy_face(__name__, HOMES)`, so that a command imports only the modules
+that it uses. An entry of a registry (`registry.Registry`) may name a function or module
+by its import path, as "jblast.sensors.geophone" or
+"jblast.vehicle.warp.position_hold:hold_functions", and `resolved` imports it at its
+use. The reader of scene files thus has all kinds of sensors without their physics.
 """
 
 import sys
@@ -16,12 +16,11 @@ from typing import Any
 
 
 def lazy_face(face: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a face.
+    """Return the `__getattr__` of a package with lazy names.
 
     Args:
         face: Name of the package.
-        homes: Module of each name; a module of the face itself is listed under its own
-            name.
+        homes: Module of each name; a submodule is listed under its own name.
     """
 
     def imported(name: str) -> Any:
@@ -29,6 +28,7 @@ def lazy_face(face: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
             raise AttributeError(f"module {face!r} has no attribute {name!r}")
         home = import_module(homes[name])
         value = home if homes[name] == f"{face}.{name}" else getattr(home, name)
+        # Stored, so that `__getattr__` is called once per name.
         setattr(sys.modules[face], name, value)
         return value
 
@@ -36,7 +36,7 @@ def lazy_face(face: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
 
 
 def resolved(entry: Any) -> Any:
-    """Return an entry itself, or the object at the place that a text names.
+    """Return an entry, or the object at the import path that a text names.
 
     Args:
         entry: Any object, or "module" or "module:name".

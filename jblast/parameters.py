@@ -1,10 +1,10 @@
-"""Every number of a scene that may be fixed, free or uncertain, described once.
+"""Table of all numbers of a scene that may be fixed, free or uncertain.
 
-A row has the name, the SI unit, the place in a scene file, the default and the bounds
-of a number, and how far apart the starts of a search for it lie. The table is pure data
-and is read without JAX: by the reader of scene files, by `--help`, by fits for their
-starting points, and by reports for names. A number of one of several charges is named
-`NAME.CHARGE`; the offset of a sensor's or recorder's clock is `clock_offset_s.CLOCK`.
+A row has the name, the SI unit, the position in a scene file, the default and the
+bounds of a number, and the spread of the starts of a search. The table is pure data
+without JAX. Its users are the reader of scene files, `--help`, fits (starting points)
+and reports (names). A number of one of several charges is named `NAME.CHARGE`; the
+offset of a sensor's or recorder's clock is `clock_offset_s.CLOCK`.
 """
 
 import math
@@ -19,7 +19,8 @@ from jblast.constants import (
     STANDARD_TEMPERATURE,
 )
 
-if TYPE_CHECKING:  # options of the command line are bounded too, and wait for no NumPy
+# The command line checks options by these bounds before NumPy is imported.
+if TYPE_CHECKING:
     import numpy as np
 
 CHARGE_POSITION = ("charge_east_m", "charge_north_m", "charge_up_m")
@@ -29,12 +30,12 @@ CLOCK_OFFSET = "clock_offset_s"
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of a number. An absent bound refuses nothing, not even NaN.
+    """Bounds of a number. An absent bound accepts everything, also NaN.
 
     Attributes:
-        above: It is larger than this.
-        at_least: It is at least this.
-        at_most: It is at most this.
+        above: Exclusive lower bound.
+        at_least: Lower bound.
+        at_most: Upper bound.
     """
 
     above: float = -math.inf
@@ -48,7 +49,7 @@ class Bounds:
     def allows(self, value: "np.ndarray") -> "np.ndarray": ...
 
     def allows(self, value):
-        """Return whether a number lies within the bounds; of an array, where."""
+        """Return whether a number is within the bounds, elementwise for arrays."""
         return (
             ((value > self.above) | (self.above == -math.inf))
             & ((value >= self.at_least) | (self.at_least == -math.inf))
@@ -68,7 +69,7 @@ class Bounds:
 
 POSITIVE = Bounds(above=0.0)
 UNBOUNDED = Bounds()
-# Air temperatures are those of Earth's troposphere, with room to spare; the standard
+# Air temperatures are those of Earth's troposphere, with a margin; the standard
 # atmosphere's lowest layer ends at 11 km. No wind on the ground reaches 100 m/s.
 TEMPERATURES = Bounds(at_least=150.0, at_most=400.0)
 ALTITUDES = Bounds(at_least=-500.0, at_most=11_000.0)
@@ -87,8 +88,8 @@ class Key:
 
     Attributes:
         table: The table, or tables.
-        name: Of the key.
-        index: Its index in the key's list; None where the key has one number.
+        name: Name of the key.
+        index: Index in the key's list; None for a key with a single number.
     """
 
     table: str
@@ -115,18 +116,18 @@ class Parameter:
     """A number of a scene.
 
     Attributes:
-        name: As in answers and on the command line; it ends in the unit.
+        name: Name in results and on the command line; its suffix is the unit.
         unit: SI unit, "1" if there is none.
-        words: Its name in sentences.
-        attribute: Its path in a scene of one charge; in a tuple there, its index is the
-            key's.
-        key: Its position in a scene file.
-        spread: Of the starts of a search for it.
+        words: Name in sentences.
+        attribute: Attribute path in a scene of one charge; a tuple there is indexed by
+            the key's index.
+        key: Position in a scene file.
+        spread: Spread of the starts of a search.
         default: Start of a fit unless the scene gives another.
-        bounds: Of its values.
-        takes_the_place_of: Numbers that are not used where it is given.
-        decides: Whether the choice of a sufficient method for a scene depends on it.
-        opening: Start of a sentence about it; "" for one made of the words.
+        bounds: Bounds of its values.
+        takes_the_place_of: Numbers that it replaces if it is given.
+        decides: True if the choice of a sufficient method for a scene depends on it.
+        opening: Start of a sentence about it; "" for one formed from `words`.
     """
 
     name: str
@@ -143,15 +144,17 @@ class Parameter:
 
     @property
     def of_charge(self) -> bool:
-        """Whether each charge has its own."""
+        """True if each charge has its own value."""
         return self.key.table == "charge"
 
     @property
     def positive(self) -> bool:
-        """Whether it is fitted in ln: positive numbers are searched by factors."""
+        """True if it is fitted in ln: positive numbers are searched by factors."""
         return self.spread.of == "factor"
 
 
+# Spreads are declared: wide for a mass, which may be grams or kilotonnes, narrow for a
+# state of the air, which is known to a few per cent.
 _ROWS = (
     Parameter(
         name="charge_mass_kg",
@@ -327,12 +330,12 @@ _ROWS = (
         attribute="fireball_growth",
         key=Key("law", "fireball_growth_s"),
         spread=Spread(10.0, "factor"),
-        default=2.5e-3,  # that of the fireball of 15 kg
+        default=2.5e-3,  # growth time of a fireball of 15 kg
         bounds=POSITIVE,
     ),
 )
 PARAMETERS: dict[str, Parameter] = {row.name: row for row in _ROWS}
-"""Every number of a scene of one charge but those of clocks, by name."""
+"""Numbers of a scene of one charge by name, except those of clocks."""
 CLOCK = Parameter(
     name=CLOCK_OFFSET,
     unit="s",
@@ -341,7 +344,7 @@ CLOCK = Parameter(
     key=Key("sensor", "clock_offset_s"),
     spread=Spread(1.0, "travel"),
 )
-"""The offset of a clock, of which a scene may have many."""
+"""Offset of a clock; a scene may have several."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -374,11 +377,11 @@ DERIVED_NUMBERS: dict[str, DerivedNumber] = {
         ),
     )
 }
-"""Numbers that an answer adds to a fitted mass."""
+"""Numbers that a result adds to a fitted mass."""
 
 
 def described(name: str) -> Parameter | DerivedNumber | None:
-    """Return the row of a number by any of its names; None if there is none."""
+    """Return the row of a number by any of its names; None if the name is unknown."""
     base = name.partition(".")[0]
     if base == CLOCK_OFFSET:
         return CLOCK

@@ -1,10 +1,10 @@
-"""Progress of long tasks: the current stage, or the number of finished items.
+"""Progress reports of long tasks: current stage, or number of finished items.
 
 A long function reports its progress by `stages`, `counted`, `each` or `in_words`. The
-reports go to the `Listener` set by `heard_by`, as the command line does
+reports go to the `Listener` set by `heard_by`, for example by the command line
 (`cli/progress_line.py`); without one they are discarded. A task within a task is one
-level deeper. It ends at the next report of the task above it, or when its `Task` object
-is deleted.
+level deeper. It ends with the next report of its parent, or when its `Task` object is
+deleted.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -19,8 +19,8 @@ class Level(NamedTuple):
     """Progress of one task.
 
     Attributes:
-        stage: In words: "searching (3 of 5)"; "" for a counted task.
-        number: "12 of 40 logs"; "" where nothing is counted.
+        stage: Description: "searching (3 of 5)"; "" for a counted task.
+        number: "12 of 40 logs"; "" for a task without a count.
         through: Finished share of the task.
         current: Share in progress; a deeper level divides it further.
     """
@@ -32,17 +32,17 @@ class Level(NamedTuple):
 
 
 class Listener:
-    """Receiver of reports of progress.
+    """Receiver of progress reports.
 
     Attributes:
-        levels: Progress of the task, then of the tasks within it.
+        levels: Progress of the task, followed by that of nested tasks.
     """
 
     def __init__(self):
         self.levels: tuple[Level, ...] = ()
 
-    def tell(self, depth: int, level: Level) -> None:
-        """Store the progress of the task at a depth; the tasks below it have ended."""
+    def update(self, depth: int, level: Level) -> None:
+        """Store the progress of the task at a depth; deeper tasks have ended."""
         self.levels = (*self.levels[:depth], level)
         self.heard()
 
@@ -89,25 +89,25 @@ def stages(shares: Mapping[str, float]) -> Callable[[str], None]:
     Args:
         shares: Approximate duration of each stage, in any unit, in order.
     """
-    teller = Task()
+    task = Task()
     names, whole = list(shares), sum(shares.values())
 
     def begin(name: str) -> None:
         nth = names.index(name)
         through = sum(list(shares.values())[:nth])
         words = f"{name} ({nth + 1} of {len(names)})"
-        teller(Level(words, "", through / whole, shares[name] / whole))
+        task(Level(words, "", through / whole, shares[name] / whole))
 
     return begin
 
 
 def counted(total: int, what: str) -> Callable[[float | int], None]:
     """Return a function to call with the number of finished items."""
-    teller = Task()
+    task = Task()
 
     def through(done: float | int) -> None:
         words = f"{done:,.0f} of {total:,.0f} {what}"
-        teller(Level("", words, done / total, min(1.0, total - done) / total))
+        task(Level("", words, done / total, min(1.0, total - done) / total))
 
     if total > 0:
         through(0)
@@ -116,8 +116,8 @@ def counted(total: int, what: str) -> Callable[[float | int], None]:
 
 def in_words() -> Callable[[str], None]:
     """Return a function to call with the state of a task in words, without a count."""
-    teller = Task()
-    return lambda words: teller(Level(words, "", 0.0, 0.0))
+    task = Task()
+    return lambda words: task(Level(words, "", 0.0, 0.0))
 
 
 def each(items: Collection[Item], what: str) -> Iterator[Item]:
@@ -143,7 +143,7 @@ class Task:
         """Report the progress of the task."""
         if self._listener is not None:
             self._last = level
-            self._listener.tell(self._depth, level)
+            self._listener.update(self._depth, level)
 
     def __del__(self):
         if self._listener is not None:

@@ -1,4 +1,4 @@
-"""Table of all quantities that a sensor may record or a law gives.
+"""Table of all quantities that sensors record or laws predict.
 
 A row has the name, the SI unit, the meaning and the kind of a quantity. The groups
 below the table (clock times, directions, quantities with errors in their own unit)
@@ -30,22 +30,23 @@ PULSE_KINDS = ("impulse", "duration")
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """Something that can be measured, or calculated.
+    """A quantity that can be measured or predicted.
 
     Attributes:
-        name: As in observation files, scene files and answers; it ends in the unit.
+        name: Name in observation files, scene files and results; its suffix is the
+            unit.
         unit: SI unit, "1" if there is none.
-        words: Its name in sentences.
+        words: Name in sentences.
         meaning: Definition.
-        kind: Its kind; flashes and arrivals are readings of a clock.
+        kind: Kind; flashes and arrivals are readings of a clock.
         largest: Largest magnitude, in its unit.
-        circular: Whether it is the same after a full circle.
-        placeless: Whether it is the same wherever its sensor stands.
-        by_camera: Whether it is read off images of the scene's camera.
-        by_vehicle: Whether it is a response of the scene's vehicle.
-        default_sigma: Error of an additional datum where no sensor has one, in seconds
-            or relative; None where no datum of it is proposed.
-        parts: Quantities with a law, and their signs, whose sum it is.
+        circular: True for an angle that is periodic in a full circle.
+        placeless: True if it does not depend on the sensor's position.
+        by_camera: True if it is measured in images of the scene's camera.
+        by_vehicle: True if it is a response of the scene's vehicle.
+        default_sigma: Error of a proposed additional reading if no sensor has one, in
+            seconds or relative; None if such readings are not proposed.
+        parts: Pairs of a quantity with a law and a sign, whose sum it is.
     """
 
     name: str
@@ -62,23 +63,21 @@ class Quantity:
     parts: tuple[tuple[str, float], ...] = ()
 
     def with_article(self) -> str:
-        """Return its name with an article: "an air arrival"."""
+        """Return the name with an indefinite article: "an air arrival"."""
         return f"{'an' if self.words[0] in 'aeiou' else 'a'} {self.words}"
 
     @property
     def tnt_factor(self) -> Literal["pressure", "impulse", "energy"]:
-        """The factor of TNT equivalence of an explosive that holds for it.
-
-        That of an arrival is the factor for pressure, since the pressure determines the
-        speed of the shock; that of a duration is the factor for impulse.
-        """
+        """Name of the TNT equivalence factor that applies to the quantity."""
+        # An arrival has the factor for pressure, because pressure determines the speed
+        # of the shock; a duration has the factor for impulse, its integral over time.
         if self.kind in PULSE_KINDS:
             return "impulse"
         return "energy" if self.kind == "shock radius" else "pressure"
 
     @property
     def feels_wind(self) -> bool:
-        """Whether it depends on the speed of sound, and so on the wind."""
+        """True if it depends on the speed of sound, and therefore on the wind."""
         return self.kind in (*TIME_KINDS, *PULSE_KINDS)
 
 
@@ -301,13 +300,13 @@ _DERIVED = (
     ),
 )
 QUANTITIES: dict[str, Quantity] = {row.name: row for row in _RECORDED}
-"""Every quantity that a row of a log may hold, by name."""
+"""Quantities of the rows of logs, by name."""
 DERIVED_QUANTITIES: dict[str, Quantity] = {row.name: row for row in _DERIVED}
-"""Quantities that laws give and no row of a log may hold, by name."""
+"""Quantities that laws predict but logs cannot contain, by name."""
 
 
 def quantity_named(name: str) -> Quantity | None:
-    """Return the row of a quantity; None if there is none."""
+    """Return a quantity; None if the name is unknown."""
     return QUANTITIES.get(name) or DERIVED_QUANTITIES.get(name)
 
 
@@ -316,34 +315,34 @@ CLOCK_TIMES = tuple(q.name for q in _RECORDED if q.kind in CLOCK_KINDS)
 ARRIVALS = tuple(q.name for q in _RECORDED if q.kind == "arrival")
 """Clock times of the arrival of a wave."""
 TIMES = tuple(q.name for q in _RECORDED if q.kind in TIME_KINDS)
-"""Quantities in seconds whose laws' scatter is a share of the travel time."""
+"""Quantities in seconds; the scatter of their laws is a share of the travel time."""
 FIREBALL_RADII = tuple(q.name for q in _RECORDED if q.kind == "fireball radius")
 TIMED = (*(q.name for q in _RECORDED if q.kind == "shock radius"), *FIREBALL_RADII)
-"""Quantities taken at a time: their rows have a `time_s`."""
+"""Quantities measured at a time: their rows have a `time_s`."""
 PLACELESS = tuple(q.name for q in _RECORDED if q.placeless)
-"""Quantities that are the same wherever their sensor stands."""
+"""Quantities that do not depend on the sensor's position."""
 BY_CAMERA = tuple(q.name for q in _RECORDED if q.by_camera)
-"""Quantities read off images of the scene's camera."""
+"""Quantities measured in images of the scene's camera."""
 BY_VEHICLE = tuple(q.name for q in _RECORDED if q.by_vehicle)
 """Responses of the scene's vehicle: they depend on its model and position."""
 DIRECTIONS = {q.name: q.largest for q in _RECORDED if q.kind == "direction"}
-"""Angles seen from a sensor's position, and the largest value either way [rad]."""
+"""Angles at a sensor's position, with their largest magnitude [rad]."""
 CIRCULAR = tuple(q.name for q in _RECORDED if q.circular)
-"""Quantities that are the same after a full circle."""
+"""Angles that are periodic in a full circle."""
 ADDITIVE = (*TIMES, *DIRECTIONS)
 """Quantities with errors in their own unit; errors of others are in ln (positive)."""
 FEEL_WIND = tuple(q.name for q in _RECORDED if q.feels_wind)
-"""Quantities that change with the wind."""
+"""Quantities that depend on the wind."""
 ADDABLE = {q.name: q.default_sigma for q in _RECORDED if q.default_sigma is not None}
-"""Quantities of an additional datum, and its error: seconds, or relative."""
+"""Quantities of proposed additional readings, with their error: seconds or relative."""
 
 
 def components(quantity: str) -> tuple[tuple[str, float], ...]:
-    """Return the quantities with a law, and their signs, that make up a quantity."""
+    """Return pairs of a quantity with a law and a sign, whose sum is the quantity."""
     known = QUANTITIES.get(quantity)
     return (known.parts if known else ()) or ((quantity, 1.0),)
 
 
 def made_with(part: str) -> tuple[str, ...]:
-    """Return the quantities that a quantity with a law makes up, itself among them."""
+    """Return the quantities that have a quantity as a part, including itself."""
     return tuple(name for name in QUANTITIES if part in dict(components(name)))

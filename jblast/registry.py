@@ -1,12 +1,12 @@
-"""Registries by name: of laws, and the form of all others.
+"""Registries: laws by quantity and name, and a class for all other records.
 
-`Registry` holds the records of one kind of extension (sensor kinds, controllers,
-formats of files) by their names. A record from outside the package is registered in the
-same call as the package's own.
+`Registry` has the records of one kind of extension (sensor kinds, controllers, file
+formats) by name. A record from outside the package is registered by the same call as
+the package's own.
 
-Laws are found by quantity and name, with range, source and scatter, and register
-themselves where they are defined. The names of a law's arguments are the attributes of
-`waves.paths.Path`, so a law is called with the attributes of a path.
+Laws have a range of validity, a source and a scatter, and register themselves where
+they are defined. The names of a law's arguments are attributes of `waves.paths.Path`,
+so a law is called with the attributes of a path.
 """
 
 import inspect
@@ -23,7 +23,7 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name, as users write it."""
+        """Name of the record, as users write it."""
         ...
 
 
@@ -38,17 +38,17 @@ class Registry(Mapping[str, R], Generic[R]):
     """
 
     def __init__(self, what: str, *records: R):
-        """Make a registry.
+        """Create a registry.
 
         Args:
-            what: The kind of record, for messages: "controller".
-            records: Those of the package itself.
+            what: Kind of record, for messages: "controller".
+            records: Records of the package itself.
         """
         self._what = what
         self._records = {record.name: record for record in records}
 
     def register(self, record: R) -> R:
-        """Enter a record and return it; one of the same name is replaced."""
+        """Add and return a record; a record of the same name is replaced."""
         self._records[record.name] = record
         return record
 
@@ -56,7 +56,7 @@ class Registry(Mapping[str, R], Generic[R]):
         """Return a record.
 
         Raises:
-            InputError: There is none of that name; the message names the nearest.
+            InputError: The name is unknown; the message names the nearest.
         """
         if name not in self._records:
             raise InputError(
@@ -80,22 +80,22 @@ class Law:
     """One law for one quantity.
 
     Attributes:
-        quantity: The quantity it gives, by its name in observation files.
-        name: The law's name, as in `--law NAME`.
-        function: The law. Its arguments are named as in `waves.paths.Path`.
+        quantity: Predicted quantity, by its name in observation files.
+        name: Name of the law, as in `--law NAME`.
+        function: The law; its arguments are attributes of `waves.paths.Path`.
         range: Range of validity, in words.
         source: Reference.
-        valid: True within the range of validity; its arguments are named likewise.
+        valid: Function with such arguments, True within the range of validity.
         scatter: Scatter of real blasts about the law, in ln of the quantity (of the
             travel time for arrivals): standard deviations between shots, between paths
-            of a shot and between records of a path. Arguments named likewise.
+            of a shot and between records of a path. A function with such arguments.
         scatter_source: Source of the scatter: the script that measured it, or
             "declared".
         joins: Scaled distances [m/kg^(1/3)] where slope or curvature is not continuous
-            (scaled times [s/kg^(1/3)] for what is taken at a time).
-        far_scatter: Scatter added far away, likewise in ln: standard deviations of an
-            effect that the far rows of a shot share, independent of the shot's own,
-            and of each record. None: nothing is added.
+            (scaled times [s/kg^(1/3)] for timed quantities).
+        far_scatter: Additional scatter at large distances, in ln: standard deviations
+            of an effect common to the far rows of a shot, independent of the shot's
+            own, and of each record. None: no addition.
     """
 
     quantity: str
@@ -140,19 +140,19 @@ class Law:
 
 LAWS: dict[tuple[str, str], Law] = {}
 RESERVED: dict[tuple[str, str], Law] = {}
-"""Laws that are found by name and not listed: wrong, kept to reproduce a source."""
+"""Laws found by name only and never listed: wrong, but needed to reproduce a source."""
 PACKAGED: dict[tuple[str, str], Law] = {}
 """Laws of the package itself."""
 
 
 def register(law: Law) -> Law:
-    """Enter a law into the table; a law of the same quantity and name is replaced."""
+    """Add a law to the table; a law of the same quantity and name is replaced."""
     LAWS[law.quantity, law.name] = law
     return law
 
 
 def reserve(law: Law) -> Law:
-    """Enter a law that is found by name only, not in any list, choice or chart."""
+    """Add a law that is found by name only, not in any list, choice or chart."""
     RESERVED[law.quantity, law.name] = law
     return law
 
@@ -172,10 +172,10 @@ def others() -> tuple[Law, ...]:
 
 
 def law_for(quantity: str, name: str) -> Law:
-    """Look a law up.
+    """Return a law.
 
     Raises:
-        ValueError: No such law gives that quantity; the message lists those that do.
+        ValueError: The law is unknown; the message lists the laws of the quantity.
     """
     if not is_law(quantity, name):
         raise ValueError(
@@ -186,24 +186,25 @@ def law_for(quantity: str, name: str) -> Law:
 
 
 def is_law(quantity: str, name: str) -> bool:
-    """Return whether a law of that name gives a quantity, offered or not."""
+    """Return whether a law exists for a quantity, listed or not."""
     return (quantity, name) in LAWS or (quantity, name) in RESERVED
 
 
 def names_for(quantity: str) -> tuple[str, ...]:
-    """Names of all laws that give a quantity."""
+    """Return the names of all laws of a quantity."""
     return tuple(name for q, name in LAWS if q == quantity)
 
 
 def names() -> tuple[str, ...]:
-    """Names of all laws, each once, in order of registration."""
+    """Return the names of all laws, each once, in order of registration."""
     return tuple(dict.fromkeys(name for _, name in LAWS))
 
 
 def call(function: Callable[..., Any], path: Any) -> Any:
     """Call a law (or its `valid` or `scatter`) with the attributes of a path.
 
-    Where the path has no one curve set, the height of burst selects it at each place.
+    Without a single curve set for the path, the height of burst selects it per
+    position.
     """
     names = inspect.signature(function).parameters
     if "burst" in names and path.burst is None:
@@ -216,6 +217,7 @@ def total_scatter(law: Law, path: Any) -> Any:
     parts = call(law.scatter, path)
     if law.far_scatter is not None:
         parts = (*parts, *call(law.far_scatter, path))
+    # The parts are independent, so their variances add.
     return sum(part**2 for part in parts) ** 0.5
 
 

@@ -1,4 +1,4 @@
-"""Shared types: float arrays as fields, and modules that check their keywords."""
+"""Shared converters to float arrays, and a base of modules that check keywords."""
 
 from dataclasses import fields
 from typing import Any
@@ -19,32 +19,32 @@ def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
     and is skipped by `eqx.filter_grad`, so every field with a unit goes through here.
     """
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.floating):
-        return value  # thirty of a vehicle, each flight: `asarray` of one takes 0.1 ms
-    # of NumPy's `asarray` compiles a program for each shape, where a copy will do
+        # A vehicle has thirty such fields per flight, and `asarray` takes 0.1 ms each.
+        return value
+    # For NumPy arrays `jnp.asarray` compiles a program per shape; a copy does not.
     put = jax.device_put if isinstance(value, np.ndarray) else jnp.asarray
     array = put(value)
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
 def as_optional_float_array(value: ArrayLike | None) -> Float[Array, "..."] | None:
-    """Convert a number that may be left out: None stays None."""
+    """Convert an optional number; None remains None."""
     return None if value is None else as_float_array(value)
 
 
 def as_float_arrays(*values: ArrayLike) -> tuple[Float[Array, "..."], ...]:
-    """Convert several numbers: the first line of a law that takes plain numbers too."""
+    """Convert several numbers; used by laws that also accept plain numbers."""
     return tuple(as_float_array(value) for value in values)
 
 
 class Described(eqx.Module):
-    """A part of a scene; its keywords are the keys of its table in a scene file."""
+    """Base of parts of a scene; keywords are the keys of its table in a scene file."""
 
     def __new__(cls, *values: Any, **named: Any):
-        """Refuse a keyword that is no attribute, and text in place of a number.
+        """Reject unknown keywords, and text in place of a number.
 
         Raises:
-            TypeError: As those of Python and JAX, but with the accepted keywords and
-                the class and attribute.
+            TypeError: With the class, the attribute and the accepted keywords.
         """
         known = [field.name for field in fields(cls)]
         for keyword in named:

@@ -1,16 +1,16 @@
 r"""Units at the end of names, and the conversion of values to SI.
 
 A name of a column or quantity from another tool ("Peak Overpressure (kPa)") is split
-into words and a unit, and matched with our names. `CALLED` lists foreign words with one
-meaning; these are converted. `SIMILAR_NAMES` lists words with several meanings (an
-impulse may be reflected, a radius may be that of a fireball); these are refused, and
-the message names our quantity. Unit endings are matched in lower case, because column
-names are typed by hand, except MPa and mPa, which only case distinguishes. Factors of
-units that are not SI come from pint, in fractions.
+into words and a unit, and matched with jblast's names. `CALLED` lists foreign words
+with one meaning, which are converted. `SIMILAR_NAMES` lists words with several meanings
+(an impulse may be reflected, a radius may be that of a fireball). These are rejected,
+and the message names jblast's quantity. Unit suffixes are matched in lower case,
+because column names are typed by hand, except MPa and mPa, which differ in case only.
+Factors of units that are not SI come from pint, in fractions.
 
 A product of a factor and a number as written is rounded once. 12.4 ms is 0.0124 s, but
-in floating point 12.4 and 0.001 are rounded before they are multiplied, and the product
-is 0.012400000000000001. Decimal arithmetic on the text loses nothing before the last
+in floating point 12.4 and 0.001 are rounded before the multiplication, and the product
+is 0.012400000000000001. Decimal arithmetic on the text is exact up to the last
 step.
 
 Peak levels in decibels are not converted by a factor:
@@ -45,20 +45,20 @@ from jblast.errors import InputError, nearest, shown
 from jblast.quantities import QUANTITIES
 
 ANY = ("value", "sigma")
-"""Columns whose unit is that of the quantity measured in each row."""
+"""Columns with the unit of the row's quantity."""
 MAX_LISTED = 12
-"""Largest number of units that a message lists."""
+"""Maximum number of units that a message lists: about one line."""
 _DIGITS = Context(prec=40)
-"""More than twice the digits of a float, so that a product is rounded only once."""
+"""Decimal context with over twice a float's digits: a product is rounded only once."""
 REFERENCE_PA = 20e-6
-"""Pressure of a level of 0 dB [Pa]."""
+"""Pressure of a level of 0 dB [Pa], IEC 61672-1."""
 LN_PER_DB = math.log(10.0) / 20.0
 """One decibel in the logarithm of a pressure."""
 SIGNS = {"µ": "u", "μ": "u", "°": " deg ", "%": " percent ", "/": " per ", "′": "'"}
 REFERENCE = re.compile(r"(?<=db)[^a-z0-9]*re[^a-z0-9]*20[^a-z0-9]*upa", re.IGNORECASE)
 """The only reference of levels that is accepted: "dB re 20 uPa" is dB."""
 MAX_ENDING_WORDS = 3
-"""Words of the longest ending: m_per_s."""
+"""Number of words of the longest suffix: m_per_s."""
 CALLED: dict[str, dict[str, str]] = {
     "pressure": {
         "overpressure": "peak_overpressure_pa",
@@ -130,17 +130,17 @@ SIMILAR_NAMES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "level": (("", "peak_level_db"),),
 }
-"""By dimension: part of a foreign name, and our name that may be meant."""
+"""By dimension: parts of foreign names, and the jblast names that may be meant."""
 COLUMNS: dict[str, tuple[str, ...]] = {
     "length": ("east_m", "north_m", "up_m", "range_m", "alt_m"),
     "time": ("time_s",),
 }
-"""Our columns that have a unit, by dimension; latitudes have one unit only."""
+"""Columns of logs with a unit, by dimension; latitudes have one unit only."""
 PRESSURES = {
     "pa": "Pa", "upa": "uPa", "hpa": "hPa", "kpa": "kPa", "gpa": "GPa",
     "bar": "bar", "mbar": "mbar", "atm": "atm", "torr": "torr", "mmhg": "mmHg",
     "inhg": "inHg", "psi": "psi", "ksi": "ksi", "psf": "lbf/ft**2",
-    # gauge readings are above ambient, which is what an overpressure is
+    # Gauge readings are relative to ambient pressure, like overpressures.
     "psig": "psi", "kpag": "kPa", "barg": "bar",
 }  # fmt: skip
 TIMES = {
@@ -163,13 +163,13 @@ WRITTEN_OUT = {
     "kilogram": "kg", "gram": "g", "tonne": "t", "pound": "lb", "lbs": "lb",
     "ounce": "oz", "knot": "kn", "pixel": "px",
 }  # fmt: skip
-"""Units by their full names, in the singular, and shortened otherwise."""
+"""Full names of units, in the singular, and other abbreviations."""
 ABSOLUTE = ("psia", "kpaa", "bara", "mbara")
-"""Endings of readings from vacuum, which are no overpressures."""
+"""Suffixes of absolute pressures, which are not overpressures."""
 WEIGHTED = ("dba", "db_a", "dbb", "db_b", "dbc", "db_c", "laeq", "leq")
-"""Endings of levels that are none of the unweighted peak."""
+"""Suffixes of levels other than the unweighted peak."""
 MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
-"""Endings that mean two units unless their case is right."""
+"""Suffixes with two meanings that differ in case only."""
 SHARE, LEVEL = "share", "level"
 """Dimensions without an SI unit: per cent, and levels, which are logarithms."""
 SUFFIXES: dict[str, dict[str, str]] = {
@@ -195,23 +195,23 @@ SUFFIXES: dict[str, dict[str, str]] = {
     SHARE: {"percent": "percent"},
     LEVEL: {"db": "dB"},
 }  # fmt: skip
-"""Endings by dimension, with pint's units; levels have no factor (`overpressure`)."""
+"""Suffixes by dimension with pint's units; levels have no factor (`overpressure`)."""
 SI = {
     "pressure": "pa", "impulse": "pa_s", "time": "s", "length": "m", "speed": "m_s",
     "angle": "rad", "mass": "kg", "image": "px",
 }  # fmt: skip
-"""Ending of our names, by dimension."""
+"""Suffix of jblast's names by dimension."""
 DIMENSIONS = tuple(SUFFIXES)
 
 
 class OurName(NamedTuple):
-    """Our name and unit for a foreign name.
+    """jblast's name and unit for a foreign name.
 
     Attributes:
-        name: Our column or quantity; `value` and `sigma` are columns of any dimension.
-        factor: Factor that converts values to our unit; NaN of a level in dB.
-        dimension: Of the unit, a key of `SUFFIXES`.
-        unit: Ending of a name in this unit: "psi_ms".
+        name: Column or quantity; `value` and `sigma` are columns of any dimension.
+        factor: Factor from the foreign to the SI unit; NaN for a level in dB.
+        dimension: Dimension of the unit, a key of `SUFFIXES`.
+        unit: Suffix of a name in this unit: "psi_ms".
     """
 
     name: str
@@ -221,11 +221,11 @@ class OurName(NamedTuple):
 
 
 class Unit(NamedTuple):
-    """A unit that a name ends in.
+    """A unit as the suffix of a name.
 
     Attributes:
         dimension: A key of `SUFFIXES`.
-        suffix: Ending of a name: "kpa_ms".
+        suffix: Suffix of a name: "kpa_ms".
         pint: Name in pint.
     """
 
@@ -235,9 +235,9 @@ class Unit(NamedTuple):
 
 
 def our_name(foreign: str) -> OurName | None:
-    """Return our column or quantity that a name means, and its unit.
+    """Return the column or quantity of a foreign name, with its unit.
 
-    Blanks, case, brackets and signs do not count: "Peak Overpressure (kPa)" is
+    Blanks, case, brackets and signs are ignored: "Peak Overpressure (kPa)" is
     `peak_overpressure_kpa`. An ambiguous name has no meaning: None is returned.
 
     Args:
@@ -253,7 +253,7 @@ def our_name(foreign: str) -> OurName | None:
 
 
 def dimension_of(name: str) -> str | None:
-    """Return the dimension of one of our columns or quantities; None of names."""
+    """Return the dimension of a column or quantity; None for columns of names."""
     for dimension, suffix in SI.items():
         if name in _names(dimension).values() and name.endswith(f"_{suffix}"):
             return dimension
@@ -263,7 +263,8 @@ def dimension_of(name: str) -> str | None:
 def what_to_write(foreign: str) -> str:
     """Return "; ..." with a replacement for a name that is not identified.
 
-    It is a unit whose case is ambiguous, the nearest unit, or our name and the factor.
+    The replacement is a unit in the right case, the nearest unit, or jblast's name and
+    the factor.
     """
     words, whole = words_of(foreign), spelt(foreign)
     if weighted := _level_of_another_kind(whole):
@@ -274,7 +275,7 @@ def what_to_write(foreign: str) -> str:
         if len(meant) > 1:
             either = [f"{word}_{unit.suffix}" for unit in meant]
             return (
-                "; its unit may be MPa or mPa, which case tells apart: write "
+                "; its unit may be MPa or mPa, which differ in case only: write "
                 f"{' or '.join(either)}"
             )
         ours = any(word in _names(of) for of in SUFFIXES)
@@ -301,10 +302,10 @@ def si_ratio(suffix: str) -> Fraction:
     """Return the exact factor from a unit to SI.
 
     Args:
-        suffix: An ending of a name: "psi_ms", "kPa", "percent".
+        suffix: Suffix of a name: "psi_ms", "kPa", "percent".
 
     Raises:
-        InputError: It is not a known unit, one of several that differ in case only, or
+        InputError: The unit is unknown, is one of several that differ in case only, or
             a level, which no factor converts.
     """
     found = {(unit.dimension, unit.pint) for unit in unit_spelt(suffix)}
@@ -313,7 +314,7 @@ def si_ratio(suffix: str) -> Fraction:
         either = " or ".join(sorted(pint for _, pint in found))
         raise InputError(
             f"unit {shown(suffix)}: "
-            + (f"expected {either}, which case tells apart" if either else "")
+            + (f"expected {either}, which differ in case only" if either else "")
             + ("" if either else f"expected a known unit{nearest(suffix, known)}")
         )
     ((dimension, pint),) = found
@@ -325,12 +326,12 @@ def si_ratio(suffix: str) -> Fraction:
 def products(
     ratio: Fraction, texts: Sequence[str], *others: Sequence[str]
 ) -> Float[np.ndarray, " row"]:
-    """Return written numbers times a ratio, each the float nearest to the product.
+    """Return decimal numbers times a ratio, correctly rounded.
 
     Args:
-        ratio: What they are multiplied by.
-        texts: The numbers, by row; what is none gives NaN.
-        *others: More numbers to multiply by, by row.
+        ratio: Common factor.
+        texts: The numbers, by row; other text gives NaN.
+        *others: Additional factors, by row.
     """
     denominator = Decimal(ratio.denominator)
     factor = _DIGITS.divide(Decimal(ratio.numerator), denominator)
@@ -350,7 +351,7 @@ def overpressure(level_db: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]
 
 
 def words_of(name: str) -> list[str]:
-    """Return the words of a name, their case kept: "Peak (kPa·ms)", Peak kPa ms."""
+    """Return the words of a name in their case: Peak, kPa, ms of "Peak (kPa·ms)"."""
     for sign, word in SIGNS.items():
         name = name.replace(sign, word)
     name = REFERENCE.sub(" ", name)
@@ -358,12 +359,12 @@ def words_of(name: str) -> list[str]:
 
 
 def spelt(name: str) -> str:
-    """Return a name as ours are written: lower case, words between low lines."""
+    """Return a name in snake case."""
     return "_".join(words_of(name)).lower()
 
 
 def unit_spelt(suffix: str) -> tuple[Unit, ...]:
-    """Return the units an ending may mean: none, one, or several that differ in case.
+    """Return the possible units of a suffix: none, one, or two that differ in case.
 
     Args:
         suffix: "kPa", "psi-ms", "mm/s", "m_s", "feet", "degrees".
@@ -386,7 +387,7 @@ def unit_spelt(suffix: str) -> tuple[Unit, ...]:
 
 
 def _level_of_another_kind(whole: str) -> str:
-    """Return the advice for a level that is weighted, or re another pressure."""
+    """Return advice for a weighted level, or one with another reference."""
     expected = "expected peak_level_db, of the unweighted peak, re 20 uPa"
     if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
         return f"; it is a weighted or an equivalent level, not a peak: {expected}"
@@ -394,7 +395,7 @@ def _level_of_another_kind(whole: str) -> str:
 
 
 def _no_unit(ending: str, ours: str, dimension: str) -> str:
-    """Return the advice for a name of ours with an unknown unit: the nearest ones."""
+    """Return advice for a known name with an unknown unit: the nearest ones."""
     if ours in ANY:
         known = [suffix for of in SUFFIXES.values() for suffix in of]
         return f"; {ending!r} is no unit{nearest(ending, known)}"
@@ -404,7 +405,7 @@ def _no_unit(ending: str, ours: str, dimension: str) -> str:
 
 
 def _near(word: str, unit: Unit) -> str:
-    """Return the advice for a word before a unit: our name that may be meant."""
+    """Return advice for the words before a unit: a similar name."""
     for contained, ours in SIMILAR_NAMES.get(unit.dimension, ()):
         if contained in word:
             if unit.dimension == LEVEL:
@@ -419,9 +420,9 @@ def _near(word: str, unit: Unit) -> str:
 
 
 def _taken_apart(foreign: str) -> list[tuple[str, Unit]]:
-    """Return all divisions of a name into words and unit, longest unit first.
+    """Return all splits of a name into words and unit, longest unit first.
 
-    There is none for an ending whose case is ambiguous.
+    There is none for a suffix of ambiguous case.
     """
     words = words_of(foreign)
     found = []
@@ -435,7 +436,7 @@ def _taken_apart(foreign: str) -> list[tuple[str, Unit]]:
 
 @cache
 def _names(dimension: str) -> dict[str, str]:
-    """Return what names of a dimension mean, by the words before the unit."""
+    """Return the names of a dimension by the words before the unit."""
     names = {name: name for name in ANY}
     suffix = SI.get(dimension)
     if suffix is not None:
@@ -450,7 +451,7 @@ def _names(dimension: str) -> dict[str, str]:
 
 
 def _dimension(name: str) -> str:
-    """Return the dimension whose ending one of our names has, the longest first."""
+    """Return the dimension of a name's suffix; the longest suffix wins."""
     endings = sorted(SI.items(), key=lambda item: -len(item[1]))
     return next(of for of, suffix in endings if name.endswith(f"_{suffix}"))
 
@@ -469,8 +470,8 @@ def _ratio(dimension: str, unit: str) -> Fraction:
 def _registry():
     import pint
 
-    # in fractions a foot is 0.3048 m; in floats it is 0.30479999999999996 m
-    exact: Any = Fraction  # which pint's types do not name, though its manual does
+    # In fractions a foot is 0.3048 m; in floats it would be 0.30479999999999996 m.
+    exact: Any = Fraction  # documented by pint, but missing in its type annotations
     return pint.UnitRegistry(non_int_type=exact)
 
 
@@ -479,11 +480,11 @@ def _product(factor: Decimal, texts: tuple[str, ...]) -> float:
         for text in texts:
             factor = _DIGITS.multiply(factor, Decimal(text))
         return float(factor)
-    except (ArithmeticError, ValueError):  # no number, or no finite one
+    except (ArithmeticError, ValueError):  # not a number, or not finite
         return math.nan
 
 
 def _short(word: str) -> str:
-    """Return a unit's short name where a word is its full one, else the word."""
+    """Return the short name of a unit, or the word itself."""
     singular = word.removesuffix("s")
     return WRITTEN_OUT.get(word) or WRITTEN_OUT.get(singular) or word

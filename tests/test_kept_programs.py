@@ -209,7 +209,7 @@ def test_a_users_function_is_named_by_its_source_and_all_it_refers_to(written):
 
 def fingerprints(module):
     """The fingerprint of a user's law, without the name of its module."""
-    parts = [*kept_programs._Described().parts(module.law)]
+    parts = [*kept_programs._Description().parts(module.law)]
     return [part.replace(module.__name__, "") for part in parts]
 
 

@@ -11,8 +11,8 @@ from jblast.quantities import ADDITIVE, QUANTITIES
 from jblast.scene.camera import MOUNTS
 from jblast.scene.charge import BURSTS
 from jblast.scene.random_blasts import ABOUT, WORLD_NUMBERS
-from jblast.scene.reader.random_blasts import MOST_BLASTS
-from jblast.scene.reader.scene import STEEPEST
+from jblast.scene.reader.random_blasts import MAX_BLASTS
+from jblast.scene.reader.scene import MAX_SLOPE_DB_OCTAVE
 from jblast.scene.reader.tables import (
     GROUND_PATHS,
     KEYS,
@@ -76,8 +76,8 @@ KNOWN: dict[tuple[str, str], dict[str, Any]] = {
     ("ambient", "level_pa"): NOT_NEGATIVE,
     ("ambient", "slope_db_octave"): {
         "type": "number",
-        "minimum": -STEEPEST,
-        "maximum": STEEPEST,
+        "minimum": -MAX_SLOPE_DB_OCTAVE,
+        "maximum": MAX_SLOPE_DB_OCTAVE,
     },
     **{("ambient", key): POSITIVE for key in ("full_scale_pa", "height_m")},
     ("air", "absorption"): TRUTH,
@@ -88,7 +88,7 @@ KNOWN: dict[tuple[str, str], dict[str, Any]] = {
     ("law", "scatter"): TRUTH,
     ("camera", "mount"): {"enum": list(MOUNTS)},
     ("sensor", "mount"): {"enum": list(MOUNTS)},
-    ("world", "count"): {"type": "integer", "minimum": 1, "maximum": MOST_BLASTS},
+    ("world", "count"): {"type": "integer", "minimum": 1, "maximum": MAX_BLASTS},
     ("world", "probability"): {
         "type": "number",
         "exclusiveMinimum": 0,

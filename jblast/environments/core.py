@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.environments.episode import (
     COMMANDS,
-    OF_IMU,
+    IMU_KEY,
     Action,
     EnvironmentParams,
     EnvironmentState,
@@ -479,7 +479,7 @@ def observed(params: EnvironmentParams, state: EnvironmentState) -> Seen:
     if params.imu is None:
         return seen
     episode, imu, motion = state.episode, params.imu, state.now.motion
-    key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), OF_IMU)
+    key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), IMU_KEY)
     key = jax.random.fold_in(jax.random.fold_in(key, 1), state.steps)
     noise = jax.random.normal(key, (2, 3), params.step_s.dtype)
     forces = [

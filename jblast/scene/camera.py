@@ -1,7 +1,7 @@
-"""The camera: position, orientation, lens and image sensor.
+"""Camera: position, orientation, lens and image sensor.
 
 World axes are east, north, up. Camera axes are those of OpenCV: x to the image's right,
-y to its foot, z into the scene. A rotation takes camera axes to world axes.
+y to its bottom, z into the scene. A rotation takes camera axes to world axes.
 
 A quaternion is (x, y, z, w), scalar last, in all of jblast: for cameras and vehicles,
 in files, arrays and columns, as in SciPy and ROS.
@@ -31,25 +31,25 @@ NUMBERS = ("position", "quaternion", "center", "distortion", "exposure_s", *POSI
 
 
 class Camera(eqx.Module):
-    """A pinhole camera with radial-tangential distortion, as OpenCV has it.
+    """A pinhole camera with OpenCV's radial-tangential distortion.
 
     World axes are east, north, up; camera axes are x right, y down, z into the scene.
-    The centre of a pixel has whole numbers for coordinates, that of the first (0, 0).
+    Pixel centres have integer coordinates; the first pixel is (0, 0).
 
     Attributes:
         position: East, north, up [m].
         quaternion: Camera to world (x, y, z, w), scalar last; its length is ignored.
         focal: Focal lengths along x and y [px].
         center: Principal point (x, y) [px].
-        width: Of the image [px].
-        height: Of the image [px].
+        width: Width of the image [px].
+        height: Height of the image [px].
         distortion: k1, k2, p1, p2, k3 [-], in OpenCV's order.
         frames_hz: Frames in a second [1/s].
         exposure_s: Exposure time of a frame [s]; 0 is an instant.
         threshold: Steps of log intensity that make an event: brighter, darker; both
             positive [-].
-        daylight: Illuminance of the ground by sky and sun that pictures are exposed for
-            [lx]; None: full sun.
+        daylight: Illuminance of the ground by sky and sun, to which pictures are
+            exposed [lx]; None: full sun.
         mount: "" for none, "vehicle" for the scene's vehicle. Then position and
             quaternion are those in the axes of its body (forward, left, up).
 
@@ -89,7 +89,8 @@ class Camera(eqx.Module):
             value = getattr(self, name)
             if isinstance(value, Tracer):
                 continue
-            number = np.asarray(value)  # what JAX computes inside jit is traced
+            # NumPy, because JAX operations on constants inside jit would be traced.
+            number = np.asarray(value)
             if not np.isfinite(number).all():
                 raise _refused(name, "finite numbers", value)
             if name in POSITIVE and not (number > 0).all():
@@ -153,6 +154,8 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
         matrix: Orthonormal, of determinant 1.
     """
     m = as_float_array(matrix)
+    # Only four of ten entries are used, but all are computed: a branch would depend on
+    # data.
     (a, b, c), skew, even = jnp.diagonal(m), m - m.T, m + m.T
     wx, wy, wz = skew[2, 1], skew[0, 2], skew[1, 0]
     xy, xz, yz = even[0, 1], even[0, 2], even[1, 2]
@@ -164,6 +167,7 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
             [wx, wy, wz, 1 + a + b + c],
         ]
     )
+    # The row with the largest diagonal has the best relative precision.
     unit = _unit(outer[jnp.argmax(jnp.diagonal(outer))])
     return jnp.where(unit[3] < 0, -unit, unit)
 
@@ -188,6 +192,7 @@ def look_at(
     """
     ahead = as_float_array(target) - as_float_array(position)
     apart = jnp.any(ahead != 0)
+    # The input is replaced, not the result, so that no branch has a NaN gradient.
     forward = _unit(jnp.where(apart, ahead, 1.0))
     level = jnp.array([forward[1], -forward[0], 0.0], forward.dtype)
     tilted = jnp.any(level != 0)

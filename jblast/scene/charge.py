@@ -1,9 +1,9 @@
-"""The charge: mass, position, time and TNT equivalence.
+"""Charge: mass, position, time and TNT equivalence.
 
-The TNT equivalence of an explosive is the mass of TNT that makes the same blast as one
-kilogram of it. A mass factor holds for one quantity over a range of distances, and
-handbooks print one factor for pressure and one for impulse. `Quantity.tnt_factor` names
-the factor for each quantity.
+The TNT equivalence of an explosive is the mass of TNT with the same blast as one
+kilogram of the explosive. A mass factor applies to one quantity over a range of
+distances; handbooks print one factor for pressure and one for impulse.
+`Quantity.tnt_factor` names the factor for each quantity.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,8 @@ from jblast.types import Described, as_float_array, as_optional_float_array
 Burst = Literal["surface", "free-air"]
 BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 EastNorthUp = tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]
-"""East, north and up [m], a leaf each, since one may be traced and the others not; in a
-batch of charges each is an array."""
+"""East, north and up [m] as separate leaves, because one may be traced and the others
+not; in a batch of charges each is an array."""
 IATG = "UN IATG 01.80, read in one port of its calculator"
 UFC = "UFC 3-340-02, from memory"
 HEAT = "ratio of heats of detonation, one port"
@@ -34,7 +34,7 @@ C2N = "half of the energy goes into the air blast (MultiPEM: C2N = 2)"
 
 
 def _place(value: ArrayLike | Sequence[ArrayLike]) -> EastNorthUp:
-    if getattr(value, "ndim", 1) == 1:  # an array of three positions is refused
+    if getattr(value, "ndim", 1) == 1:  # rejects an array of three positions
         with suppress(TypeError, ValueError):
             east, north, up = cast(Sequence[ArrayLike], value)
             return as_float_array(east), as_float_array(north), as_float_array(up)
@@ -102,7 +102,8 @@ class Charge(Described):
     def __check_init__(self):
         if isinstance(self.time_s, Tracer):
             return
-        time = np.asarray(self.time_s)  # what JAX computes inside jit is traced
+        # NumPy, because JAX operations on constants inside jit would be traced.
+        time = np.asarray(self.time_s)
         if not (time > -np.inf).all():
             raise InputError(
                 "charge time_s: expected a number, or inf for never [s], got "
@@ -177,6 +178,7 @@ def _by_mass(pressure: float, impulse: float, source: str = IATG) -> Explosive:
     return Explosive(pressure, impulse, source, energy=pressure)
 
 
+# Pressure and impulse factors of IATG 01.80 unless another source is named.
 EXPLOSIVES: dict[str, Explosive] = {
     "TNT": _by_mass(1.0, 1.0),
     "Amatol": _by_mass(0.99, 0.98),
@@ -194,17 +196,18 @@ EXPLOSIVES: dict[str, Explosive] = {
     "dynamite 60 %": _by_mass(0.6, 0.6, HEAT),
     "nitroglycerin": _by_mass(1.481, 1.481, HEAT),
     "Semtex": _by_mass(1.25, 1.25, HEAT),
-    # The mass is the yield: 1 kt is 1e6 kg. The fireball's strong shock has it all.
+    # The mass is the yield: 1 kt is 1e6 kg. The strong shock has all of its energy, the
+    # air blast farther away half of it.
     "nuclear": Explosive(0.5, 0.5, C2N, energy=1.0),
 }
-"""By name. The mass of "nuclear" is the yield in kilograms of TNT."""
+"""Explosives by name. The mass of "nuclear" is the yield in kilograms of TNT."""
 
 
 def explosive_named(name: str, where: str) -> str:
     """Return an explosive's name as in `EXPLOSIVES`, from any case and punctuation.
 
     Raises:
-        InputError: It is none of them; the message lists all.
+        InputError: The name is unknown; the message lists all.
     """
 
     def plain(text: str) -> str:

@@ -13,11 +13,11 @@ from jblast.types import as_float_array
 
 About = Literal["world", "vehicle"]
 ABOUT: tuple[About, ...] = ("world", "vehicle")
-"""Centres of a region: the origin, or the position that the vehicle holds."""
+"""Centres of a region: the origin, or the target position of the vehicle."""
 COUNT = 5
-"""Default number of blasts."""
+"""Default number of blasts; declared."""
 Number = Float[Array, ""] | Prior
-"""A number of a world: fixed, or with the distribution that it is drawn from."""
+"""A number of a world: fixed, or the prior that it is sampled from."""
 WORLD_NUMBERS: dict[str, Parameter] = {
     row.key.name: row
     for row in (
@@ -44,7 +44,7 @@ WORLD_NUMBERS: dict[str, Parameter] = {
         Parameter(
             name="world_gap_s",
             unit="s",
-            words="least time between random blasts",
+            words="minimum time between random blasts",
             attribute="gap",
             key=Key("world", "gap_s"),
             spread=Spread(1.0, "unit"),
@@ -71,11 +71,11 @@ def _number(value: ArrayLike | Prior) -> Number:
 
 
 class Box(eqx.Module):
-    """Places are uniform between two corners.
+    """Region of positions, uniform between two corners.
 
     Attributes:
-        low: Least east, north, up [m].
-        high: Greatest [m]; up may be the same.
+        low: Minimum east, north, up [m].
+        high: Maximum east, north, up [m]; up may equal the minimum.
     """
 
     low: Float[Array, "3"] = eqx.field(converter=as_float_array)
@@ -83,11 +83,11 @@ class Box(eqx.Module):
 
 
 class Ring(eqx.Module):
-    """Places on the ground, uniform over the area of a ring.
+    """Region of positions on the ground, uniform over the area of a ring.
 
     Attributes:
-        inner: Least horizontal distance [m].
-        outer: Greatest [m].
+        inner: Minimum horizontal distance [m].
+        outer: Maximum horizontal distance [m].
     """
 
     inner: Float[Array, ""] = eqx.field(converter=as_float_array)
@@ -108,7 +108,7 @@ class ByRate(eqx.Module):
     """Waiting times beyond the gap are exponential.
 
     Attributes:
-        rate: Of the exponential: 1 over its mean [1/s].
+        rate: Rate of the exponential distribution, 1 over its mean [1/s].
     """
 
     rate: Number = eqx.field(converter=_number)
@@ -118,7 +118,7 @@ class ByTick(NamedTuple):
     """At each tick a blast occurs with a fixed probability (thesis, algorithm 4).
 
     Attributes:
-        probability: Of a blast at a tick, at least the gap after the last blast [-].
+        probability: Probability of a blast at a tick after the gap [-].
         tick: Time between ticks [s].
     """
 
@@ -131,12 +131,12 @@ class WorldSpec(eqx.Module):
 
     Attributes:
         occurrence: Their number and the distribution of their times.
-        region: Of their positions.
+        region: Region of their positions.
         about: Centre of the region.
-        mass: Of each charge [kg].
-        time: On the common clock [s]: of each blast; for `ByRate` and `ByTick` a
+        mass: Mass of each charge [kg].
+        time: Time of each blast on the common clock [s]; for `ByRate` and `ByTick` a
             `Uniform` over the interval with blasts.
-        gap: Least time between two blasts [s]; one number a world.
+        gap: Minimum time between two blasts [s]; one number per world.
     """
 
     occurrence: ByCount | ByRate | ByTick = ByCount(COUNT)

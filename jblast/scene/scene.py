@@ -1,7 +1,7 @@
-"""The scene: charge, air, ground, sensors, camera, vehicle, in one argument.
+"""Scene: charge, air, ground, sensors, camera and vehicle in one value.
 
-Air and ground are uniform. What follows from the state of the air (sound speed,
-density, absorption) is computed in `waves`.
+Air and ground are uniform. Properties that follow from the state of the air (sound
+speed, density, absorption) are computed in `waves`.
 """
 
 import math
@@ -19,25 +19,26 @@ from jblast.types import as_float_array, as_optional_float_array
 
 GroundPath = Literal["head", "thesis"]
 HEIGHT_M = 30.0
-"""Default scale height of the ambient sound above ground [m]."""
+"""Default scale height of the ambient sound above ground [m]; declared, the height of
+trees and houses as sources."""
 
 
 class Air(eqx.Module):
-    """Air, the same everywhere.
+    """Uniform air.
 
     Attributes:
         temperature: Temperature [K].
         pressure: Ambient pressure [Pa].
         relative_humidity: Fraction, 0 to 1.
-        altitude: Height above sea level [m]; where given, temperature and pressure
-            are those of the standard atmosphere there and the two above unused.
+        altitude: Height above sea level [m]; if given, temperature and pressure are
+            those of the standard atmosphere, and the two above are unused.
         sound_speed: Measured or fitted sound speed [m/s]; None derives it from
             temperature and humidity.
-        wind_east: Speed of the air towards east [m/s].
-        wind_north: Towards north [m/s].
-        absorption: Whether it also absorbs sound within the range of a pressure law,
-            whose peaks already include the absorption at their measurement.
-        absorption_scale: Nepers a metre of this air over those of ISO 9613-1 [-].
+        wind_east: Wind towards east [m/s].
+        wind_north: Wind towards north [m/s].
+        absorption: Apply absorption also within the range of a pressure law, although
+            its measured peaks already include some.
+        absorption_scale: Absorption over that of ISO 9613-1 [-].
     """
 
     temperature: Float[Array, ""] = eqx.field(
@@ -115,21 +116,21 @@ class Ground(eqx.Module):
 
 
 class VehicleSpec(eqx.Module):
-    """A vehicle that holds its position, or flies a mission.
+    """A vehicle with position control, or on a mission.
 
     Its model is defined in `jblast.vehicle`.
 
     Attributes:
         model: A name of `reader.tables.VEHICLE_MODELS`.
-        position: Of the start: east, north, up [m].
-        target: Position to hold: east, north, up [m]; None: that of the start.
-        velocity: At the start: east, north, up [m/s].
-        yaw: Heading at the start and held, from east to north [rad].
-        integral: Whether the controller has integral action; None: not given.
-        gains: Of the controller, by the names kp_pos, kd_pos, ki_pos (3), kp_att,
+        position: Initial position: east, north, up [m].
+        target: Target position: east, north, up [m]; None: the initial position.
+        velocity: Initial velocity: east, north, up [m/s].
+        yaw: Initial and target heading, from east to north [rad].
+        integral: Integral action of the controller; None: unspecified.
+        gains: Controller gains, by the names kp_pos, kd_pos, ki_pos (3), kp_att,
             kd_att, integral_limit and motor_lead; others are those of the model.
-        mission: File of its flight plan; None: it holds its position.
-        placed: Whether `position` is given; else a mission starts at its plan's home.
+        mission: File of its flight plan; None: position control.
+        placed: True if `position` is given; else a mission starts at its plan's home.
     """
 
     model: str = eqx.field(static=True)
@@ -146,7 +147,7 @@ class VehicleSpec(eqx.Module):
 
     @property
     def held(self) -> Float[Array, "3"]:
-        """Position that it holds: east, north, up [m]."""
+        """Target position: east, north, up [m]."""
         return self.position if self.target is None else self.target
 
 
@@ -159,13 +160,13 @@ class Scene(eqx.Module):
         air: Medium of the air shock.
         ground: Medium of the ground wave.
         sensors: All sensors but the camera.
-        ambient: Sound without a blast, if any.
-        camera: The camera, if there is one.
-        vehicle: The vehicle, if there is one.
+        ambient: Sound without a blast, or None.
+        camera: The camera, or None.
+        vehicle: The vehicle, or None.
         clocks: Recorders' clocks, which may differ from the common one.
         law: Pairs of quantity and law name; a quantity without one is "auto".
-        scatter: Whether real blasts scatter about the laws, or these are exact.
-        instant_light: Whether the travel time of light is neglected.
+        scatter: False for exact laws, without scatter of real blasts.
+        instant_light: Neglect the travel time of light.
         sedov_gamma: Ratio of specific heats in the Sedov-Taylor law [-].
         fireball_growth: Time constant of fireballs' expansion [s]; None: that of
             the law.
@@ -189,6 +190,8 @@ class Scene(eqx.Module):
     sedov_gamma: Float[Array, ""] = eqx.field(
         converter=as_float_array, default=PARAMETERS["sedov_gamma"].default
     )
+    # None = eqx.field( | None differs from a number: a fit can free it only if it is
+    # given.
     fireball_growth: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
     )

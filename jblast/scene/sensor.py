@@ -1,8 +1,7 @@
 """Sensors, their instruments and their clocks.
 
-An instrument is what lies between the signal, or the motion, at a sensor's position and
-the samples that are recorded: sample rate, range, noise, filters. A clock may be shared
-by several sensors.
+An instrument converts the signal or motion at a sensor's position to recorded samples:
+sample rate, range, noise, filters. Several sensors may share a clock.
 """
 
 import math
@@ -26,7 +25,7 @@ VECTORS = {
 }
 """Components of a sensor's vectors."""
 RATE_HZ = 48_000.0
-"""Default sample rate [Hz]."""
+"""Default sample rate [Hz]: that of audio recorders."""
 # Converters of 8 bits are the coarsest in use; 32 bits exceed any noise floor.
 FEWEST_BITS, MOST_BITS = 8, 32
 Saturation = Literal["clip", "compress"]
@@ -37,7 +36,7 @@ def _vector(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
 
 
 class Imu(eqx.Module):
-    """Accelerometer and gyroscope, three axes each; a sample is the mean over its time.
+    """Accelerometer and gyroscope of three axes; samples are means over their interval.
 
     The defaults are those of a Bosch BMI088, which is on Crazyflie 2.1 and Pixhawk
     boards (data sheet BST-BMI088-DS001: range and bits; noise and offsets are quoted
@@ -46,18 +45,20 @@ class Imu(eqx.Module):
     random walk is not in the data sheet: declared, a tenth of the offset in 1000 s.
 
     Attributes:
-        rate: Samples a second [Hz].
+        rate: Samples per second [Hz].
         accelerometer_range: Largest magnitude of an axis [m/s2].
-        gyroscope_range: Likewise [rad/s].
+        gyroscope_range: Largest magnitude of an axis [rad/s].
         accelerometer_noise: One-sided density of white noise [m/s2/sqrt(Hz)].
-        gyroscope_noise: Likewise [rad/s/sqrt(Hz)].
+        gyroscope_noise: One-sided density of white noise [rad/s/sqrt(Hz)].
         accelerometer_bias: Standard deviation of the offset of an axis at switch-on
             [m/s2].
-        gyroscope_bias: Likewise [rad/s].
+        gyroscope_bias: Standard deviation of the offset of an axis at switch-on
+            [rad/s].
         accelerometer_walk: Standard deviation of the random walk of the offset in one
             second [m/s2/sqrt(s)].
-        gyroscope_walk: Likewise [rad/s/sqrt(s)].
-        bits: Of a sample; None: floating-point numbers.
+        gyroscope_walk: Standard deviation of the random walk of the offset in one
+            second [rad/s/sqrt(s)].
+        bits: Bits of a sample; None: floating-point numbers.
     """
 
     rate: float = eqx.field(static=True, converter=float, default=1000.0)
@@ -89,9 +90,10 @@ class Imu(eqx.Module):
     bits: int | None = eqx.field(static=True, default=16)
 
     def sample_noise(self) -> Float[Array, "2"]:
-        """Return the sd of one sample's white noise, of both instruments.
+        """Return standard deviations of a sample's noise: accelerometer, gyroscope.
 
-        The mean over a time 1/f passes half of f of a one-sided spectrum.
+        The mean over an interval 1/f has the noise bandwidth f/2 of a one-sided
+        spectrum.
         """
         half = math.sqrt(self.rate / 2)
         return half * jnp.stack([self.accelerometer_noise, self.gyroscope_noise])
@@ -104,7 +106,7 @@ class Instrument(eqx.Module):
     for a geophone (`scene.sensor_kinds`).
 
     Attributes:
-        rate: Samples a second [Hz].
+        rate: Samples per second [Hz].
         full_scale: Largest magnitude of a sample; None: unlimited.
         noise: Its own noise, rms; None: no noise.
         bits: Bits of a sample over the range of the full scale; None: samples are
@@ -165,14 +167,14 @@ class Sensor(Described):
         instrument: Response to the signal that it samples, if it is given.
         imu: Response to the motion that it samples, if it is given.
         mount: "" for none, "vehicle" for the scene's vehicle. Then its position is NaN,
-            as that of any sensor without a given position.
-        offset_m: From the middle of its mount, in the axes of that body: forward, left,
-            up [m].
+            like that of any sensor without a given position.
+        offset_m: Position relative to the centre of its mount, body axes: forward,
+            left, up [m].
         quaternion: Sensor to body (x, y, z, w), scalar last.
-        settings: Numbers that sensors of its kind alone have, by key of a scene file.
+        settings: Numbers specific to its kind, by key of a scene file.
 
     Raises:
-        InputError: A vector has not as many numbers as it needs.
+        InputError: A vector has the wrong number of components.
         TypeError: A keyword that no attribute has, or text in place of a number.
 
     Example:
@@ -189,7 +191,10 @@ class Sensor(Described):
     imu: Imu | None = None
     mount: str = eqx.field(static=True, default="")
     offset_m: Float[Array, "3"] = eqx.field(
-        converter=_vector, default_factory=lambda: jax.device_put(np.zeros(3))
+        # `device_put` of a NumPy array: `jnp.zeros` would compile a program at the
+        # first import of a scene.
+        converter=_vector,
+        default_factory=lambda: jax.device_put(np.zeros(3)),
     )
     quaternion: Float[Array, "4"] = eqx.field(
         converter=_vector, default_factory=lambda: jax.device_put(np.eye(4)[3])

@@ -1,6 +1,6 @@
-"""Kinds of sensors: one record for each, by name.
+"""Registry of the kinds of sensors, one record each.
 
-A record holds everything that the package needs to know of a kind: the keys of a scene
+A record has all properties of a kind: the keys of a scene
 file (read by `scene.reader.sensors`), the recorder of its samples and the columns of
 its file (`jblast listen`, `jblast world`), the waves that it perceives (`jblast
 world`), and whether it moves with a vehicle, is picked and is tuned. `register` adds a
@@ -27,7 +27,7 @@ class SensorKey:
 
     Attributes:
         name: With its unit: "response_time_s".
-        words: Noun phrase for messages and the manual.
+        words: Noun phrase for messages and documentation.
         default: Value without the key; None: the sensor has no such number.
         bounds: Accepted values.
     """
@@ -62,28 +62,27 @@ class Recorder(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorKind:
-    """All that the package needs to know of one kind of sensor.
+    """Registry entry of one kind of sensor.
 
     Attributes:
         name: `kind` in a scene file.
-        words: Noun phrase for the manual.
-        unit: Unit of its samples, as names of keys and columns end: "pa".
-        columns: Of its file, one for each component of a sample; () without samples.
-        recorder: Its samples: a recorder, or the module that is one; None without
-            samples from the scene alone.
-        magnitude: Column that is printed and drawn, the magnitude of several
-            components; "" where the only component is.
+        words: Noun phrase for documentation.
+        unit: Unit of its samples, in the spelling of keys and columns: "pa".
+        columns: Columns of its file, one per component; () without samples.
+        recorder: Recorder of its samples, or the name of the recorder's module; None
+            without samples from the scene alone.
+        magnitude: Column to print and draw, the magnitude of several components; ""
+            for a single component.
         file: Suffix of its file: ".wav" in pascals, or ".csv".
-        keys: Its own keys in a scene file, beside those of an instrument.
-        site: Side of the ground on which it is placed; "" either.
-        unmounted: Reason why a vehicle cannot carry it; "" where it can.
-        senses: Waves that it perceives and the names of these sensations, by the
-            quantity that times the wave.
-        by_pressure: Whether the pressure of a blast reaches it, not its sound: a preset
-            of `jblast world` may have another speed for it.
-        is_picked: Whether `jblast world` picks readings from its samples.
-        is_tuned: Whether `jblast tune` fits its records.
-        hears_ambient: Whether its samples contain the ambient sound.
+        keys: Keys in a scene file, except those of an instrument.
+        site: Side of the ground on which it is placed; "": either.
+        unmounted: Reason why a vehicle cannot carry it; "" if it can.
+        senses: Pairs of wave (named by its arrival time) and sense.
+        by_pressure: True if it responds to the pressure of a blast, not to its sound; a
+            preset of `jblast world` may have another speed for it.
+        is_picked: True if `jblast world` picks readings from its samples.
+        is_tuned: True if `jblast tune` fits its records.
+        hears_ambient: True if its samples contain the ambient sound.
     """
 
     name: str
@@ -104,12 +103,12 @@ class SensorKind:
 
     @property
     def has_samples(self) -> bool:
-        """Whether it writes samples over time, of the scene alone."""
+        """True if it writes samples over time, computed from the scene alone."""
         return self.recorder is not None
 
     @property
     def column(self) -> str:
-        """Column that is printed and drawn."""
+        """Column to print and draw."""
         return self.magnitude or self.columns[0]
 
     def instrument_keys(self) -> tuple[str, ...]:
@@ -120,7 +119,7 @@ class SensorKind:
         return (*keys, SATURATION)
 
     def samples(self) -> Recorder:
-        """Return its recorder, imported now."""
+        """Import and return its recorder."""
         return resolved(self.recorder)
 
 
@@ -137,7 +136,7 @@ def all_instrument_keys() -> tuple[str, ...]:
 
 
 def own_keys() -> tuple[str, ...]:
-    """Return the keys of all kinds besides those of instruments."""
+    """Return the keys of all kinds, except those of instruments."""
     every = (key.name for kind in SENSOR_KINDS.values() for key in kind.keys)
     return tuple(dict.fromkeys(every))
 
@@ -148,7 +147,7 @@ def has_key(kind: SensorKind, key: str) -> bool:
 
 
 def hears_ambient(kind: str) -> bool:
-    """Return whether samples contain the ambient sound; those of no kind do."""
+    """Return whether a kind's samples contain ambient sound; True without a kind."""
     return kind not in SENSOR_KINDS or SENSOR_KINDS[kind].hears_ambient
 
 
@@ -233,5 +232,5 @@ SENSOR_KINDS = Registry[SensorKind](
         by_pressure=True,
     ),
 )
-"""By name; `register` adds one from any module."""
+"""Kinds by name; `register` adds one from any module."""
 register = SENSOR_KINDS.register

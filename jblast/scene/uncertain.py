@@ -1,9 +1,9 @@
 """Scenes with uncertain numbers, which are free or have a prior.
 
 Numbers are read from a scene and replaced in it by name (`jblast.parameters`). Each
-belief has its own coordinate $z$ for the fit. Every prior here is a standard normal in
-its $z$, so the log-determinant of the transform is already included. A free number is
-flat in its $z$, which is its logarithm where it is positive.
+uncertain number has a coordinate $z$ for the fit. Every prior is a standard normal in
+its $z$, so the log-determinant of the transform is included. A free number is flat in
+its $z$, which is its logarithm for positive numbers.
 """
 
 from abc import abstractmethod
@@ -26,17 +26,16 @@ from jblast.scene.sensor import Clock
 from jblast.types import as_float_array
 
 NO_SCENE = "the default scene"
-"""Source of the scene that is used where none is given."""
+"""Source of the scene that is used if none is given."""
 
 
 class Place(NamedTuple):
-    """A place on the Earth, WGS84.
+    """A position on the Earth, WGS84.
 
     Attributes:
         lat_deg: Geodetic latitude [degree].
         lon_deg: Longitude, east positive [degree].
-        alt_m: Height above the ellipsoid, or above the one datum that all heights are
-            counted from [m].
+        alt_m: Height above the ellipsoid, or above the common datum of all heights [m].
     """
 
     lat_deg: float
@@ -69,12 +68,12 @@ class UncertainScene:
     """A scene, and a belief about each of its numbers that is not fixed.
 
     Attributes:
-        scene: The scene; the value of an uncertain number is its prior's median, or a
-            start of the fit where it is free.
-        beliefs: By name of `scene.PARAMETERS`. Other numbers are fixed.
-        source: The file it was read from; `NO_SCENE` for the default one, "" for one
-            made in Python.
-        place: Its origin on the Earth, if it is given.
+        scene: The scene; an uncertain number has its prior's median, a free one the
+            start of the fit.
+        beliefs: Priors and free numbers, by name in `PARAMETERS`; others are fixed.
+        source: File of the scene; `NO_SCENE` for the default one, "" for one made in
+            Python.
+        place: Geodetic position of its origin, if it is given.
     """
 
     scene: Scene
@@ -84,7 +83,7 @@ class UncertainScene:
 
 
 def default_scene() -> UncertainScene:
-    """Return the scene that is used where none is given.
+    """Return the scene that is used if none is given.
 
     A surface charge at the origin at time 0, its mass free, in sea-level air.
     """
@@ -92,7 +91,7 @@ def default_scene() -> UncertainScene:
 
 
 def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
-    """Draw every uncertain number of a scene from its prior.
+    """Sample every uncertain number of a scene from its prior.
 
     Raises:
         InputError: A number is free, so it has no distribution.
@@ -117,11 +116,11 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
 
     Args:
         uncertain: The scene.
-        names: As in the answer. `clock_offset_s.NAME`, where no sensor has that name,
-            is the clock with this name in the `clock` column of a log.
+        names: Names of parameters. `clock_offset_s.NAME` without a sensor NAME is the
+            clock with this name in the `clock` column of a log.
 
     Raises:
-        InputError: There is no such number, or it has no meaning in this scene.
+        InputError: A name is unknown, or has no meaning in this scene.
     """
     scene = uncertain.scene
     clocks = [n.partition(".")[2] for n in names if n.startswith(f"{CLOCK_OFFSET}.")]
@@ -134,10 +133,11 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
                 f"{argument('freed')} {name}: expected one of {', '.join(known)} or "
                 f"{CLOCK_OFFSET}.NAME; got {name!r}{nearest(name, known)}"
             )
-        _refuse_unused(name, uncertain, names)
+        _check_exclusive(name, uncertain, names)
     beliefs = dict(uncertain.beliefs) | {
         name: Free(positive=parameter_named(name).positive) for name in names
     }
+    # A number that the scene derives from others gets its default as a start.
     unset = {
         name: parameter_named(name).default
         for name in names
@@ -146,8 +146,10 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
     return replace(uncertain, scene=with_values(scene, unset), beliefs=beliefs)
 
 
-def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -> None:
-    """Refuse to free a number together with one that replaces it."""
+def _check_exclusive(
+    name: str, uncertain: UncertainScene, names: Sequence[str]
+) -> None:
+    """Reject freeing a number together with one that replaces it."""
     scene = uncertain.scene
     _, dot, label = name.partition(".")
     for base, parameter in PARAMETERS.items():
@@ -166,7 +168,7 @@ def _refuse_unused(name: str, uncertain: UncertainScene, names: Sequence[str]) -
         if rivals:
             raise InputError(
                 f"{argument('freed')} {name}: expected {one} alone or "
-                f"{' and '.join(others)}, got {name} beside {' and '.join(rivals)}"
+                f"{' and '.join(others)}, got {name} and {' and '.join(rivals)}"
             )
 
 
@@ -215,7 +217,7 @@ def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
 
 
 def value_of(scene: Scene, name: str) -> Float[Array, ""] | None:
-    """Return one of a scene's numbers; None where the scene leaves it derived."""
+    """Return one of a scene's numbers; None if the scene derives it from others."""
     return leaf_of(scene, name)
 
 
@@ -293,7 +295,7 @@ class LogNormal(eqx.Module):
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
-        # not a power: XLA has none in vector instructions
+        # exp(z ln f), because XLA does not vectorize powers on a CPU.
         return self.median * jnp.exp(z * jnp.log(self.factor))
 
     def unconstrain(self, value):
@@ -351,5 +353,5 @@ def _standard_normal(z):
 
 
 def draw(key: PRNGKeyArray, prior: Prior) -> Float[Array, ""]:
-    """Draw one number from a prior."""
+    """Sample one number from a prior."""
     return prior.constrain(jax.random.normal(key))

@@ -46,7 +46,7 @@ from jblast.scene.random_blasts import (
     Ring,
     WorldSpec,
 )
-from jblast.scene.reader.random_blasts import MOST_BLASTS, check_fits
+from jblast.scene.reader.random_blasts import MAX_BLASTS, check_fits
 from jblast.scene.uncertain import Belief, Prior, Uniform, draw
 from jblast.sensors import Track, record_laws
 from jblast.vehicle import Trajectory
@@ -342,7 +342,7 @@ def draw_blasts(
         The blasts that happen; by rate or tick there may be none.
 
     Raises:
-        InputError: There are more than `MOST_BLASTS`, or they do not fit with the
+        InputError: There are more than `MAX_BLASTS`, or they do not fit with the
             sampled gap.
 
     Example:
@@ -364,9 +364,9 @@ def draw_blasts(
         if times[-1] > end:
             happen = int(np.sum(times <= end))
             return Blasts(*(numbers[:happen] for numbers in blasts))
-        if count > MOST_BLASTS:
+        if count > MAX_BLASTS:
             raise InputError(
-                f"{where}: expected at most {MOST_BLASTS:,} blasts, got more until "
+                f"{where}: expected at most {MAX_BLASTS:,} blasts, got more until "
                 f"{end:g} s with seed {seed}"
             )
         count *= 2

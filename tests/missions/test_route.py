@@ -78,7 +78,7 @@ REFUSED = {
     "loiters on": ([UP, (17, (9, 0, 6), {})], "landing .21. or a return .20."),
     "after the end": (
         [UP, LAND, (16, (9, 0, 6), {})],
-        "item 3, waypoint.*end of the mission",
+        "item 3, waypoint.*expected no item",
     ),
     "far": ([UP, FAR, LAND], "item 2, waypoint.*within 20 km.*30 km away: unreachable"),
     "below": ([UP, (16, (9, 0, -6), {}), LAND], "-6 m above home.*below ground"),

@@ -1,4 +1,4 @@
-"""The reader of a scene's random blasts."""
+"""Reader of a scene's random blasts."""
 
 from typing import Any
 
@@ -30,29 +30,28 @@ from jblast.scene.reader.tables import (
 from jblast.scene.uncertain import Free, Uniform
 from jblast.types import as_float_array
 
-MOST_BLASTS = 10_000
-"""Of one world: more are probably a slip of the pen."""
+MAX_BLASTS = 10_000
+"""Maximum number of blasts of a world; declared: more are probably a mistake."""
 OCCURRENCES = ("count", "rate_hz", "probability")
 
 
 def read_random_blasts(document: dict[str, Any], source: str) -> WorldSpec:
-    """Read what a scene file says of random blasts.
+    """Read the table [world] of a scene file.
 
     Args:
         document: The tables of the file.
-        source: Its name, for the messages.
+        source: Name of the file, for messages.
 
     Raises:
-        InputError: There is no [world], a key in it cannot be used, its region has no
-            extent, more blasts are asked for than fit at their gap, or it is about a
-            vehicle that is not there.
+        InputError: There is no [world], a value in it is invalid, its region has no
+            extent, the blasts do not fit with their gap, or its vehicle is missing.
     """
     where = f"{source}: [world]"
     if "world" not in document:
         raise InputError(f"{where}: expected a table of random blasts, got none")
     entry = table(document, "world", source)
     occurrence = _occurrence(entry, where)
-    said: dict[str, Any] = {
+    values: dict[str, Any] = {
         key.partition("_")[0]: _number(entry[key], key, f"{where} {key}")
         for key in ("mass_kg", "time_s", "gap_s")
         if key in entry
@@ -65,15 +64,15 @@ def read_random_blasts(document: dict[str, Any], source: str) -> WorldSpec:
         )
     known_keys(region, "region", f"{where} region_m")
     if (about := _about(entry, region, where)) is not None:
-        said["about"] = about
+        values["about"] = about
     if about == "vehicle" and "vehicle" not in document:
         raise InputError(
-            f"{where} about: expected a [vehicle] that the region is about, got "
-            '"vehicle" and no such table'
+            f"{where} about: expected a [vehicle] as centre of the region, got "
+            '"vehicle" without that table'
         )
     if {"box", "ring"} & set(region):
-        said["region"] = _region(region, f"{where} region_m")
-    world = WorldSpec(occurrence=occurrence, **said)
+        values["region"] = _region(region, f"{where} region_m")
+    world = WorldSpec(occurrence=occurrence, **values)
     _check_times(world, where)
     return world
 
@@ -87,8 +86,8 @@ def _occurrence(entry: dict[str, Any], where: str) -> ByCount | ByRate | ByTick:
         )
     if "tick_s" in entry and "probability" not in given:
         raise InputError(
-            f"{where} tick_s: expected probability with it, that of a blast at a tick, "
-            "got none"
+            f"{where} tick_s: expected probability (of a blast at a tick) with it, got "
+            "none"
         )
     if "rate_hz" in given:
         return ByRate(_number(entry["rate_hz"], "rate_hz", f"{where} rate_hz"))
@@ -113,19 +112,19 @@ def _occurrence(entry: dict[str, Any], where: str) -> ByCount | ByRate | ByTick:
     if "count" not in given:
         return WorldSpec().occurrence
     count = entry["count"]
-    if type(count) is not int or not 1 <= count <= MOST_BLASTS:
+    if type(count) is not int or not 1 <= count <= MAX_BLASTS:
         raise InputError(
-            f"{where} count: expected a whole number, 1 to {MOST_BLASTS:,}, got "
+            f"{where} count: expected a whole number, 1 to {MAX_BLASTS:,}, got "
             f"{shown(count)}"
         )
     return ByCount(count)
 
 
 def _number(value: Any, key: str, where: str) -> Number:
-    """Return a number, or its prior; a pair stands for a uniform one."""
+    """Return a number or its prior; a pair is a uniform prior."""
     if value == "free":
         raise InputError(
-            f"{where}: expected a number or a prior to draw it from, got 'free'"
+            f"{where}: expected a number or a prior to sample from, got 'free'"
         )
     if isinstance(value, list):
         value = {"uniform": value}
@@ -136,7 +135,7 @@ def _number(value: Any, key: str, where: str) -> Number:
 
 
 def _about(entry: dict[str, Any], region: dict[str, Any], where: str) -> Any:
-    """Return what the region is about, said in it or beside it; None if unsaid."""
+    """Return the centre of the region, from either table; None if unspecified."""
     if "about" in entry and "about" in region:
         raise InputError(f"{where} about: expected it once, got it in region_m, too")
     for holder, at in ((entry, f"{where} about"), (region, f"{where} region_m about")):
@@ -172,7 +171,7 @@ def _check_box(
     low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"], where: str, got: Any
 ) -> None:
     for axis, (least, most) in enumerate(zip(low, high, strict=True)):
-        flat = axis == 2 and least == most  # all on one height is no mistake
+        flat = axis == 2 and least == most  # a region of constant height is valid
         if not (least < most or flat):
             name = ("east", "north", "up")[axis]
             raise InputError(
@@ -182,7 +181,7 @@ def _check_box(
 
 
 def _check_times(world: WorldSpec, where: str) -> None:
-    """Refuse times that no blast, or fewer blasts than asked for, can have."""
+    """Reject times that do not fit the requested blasts."""
     gap = world.gap
     least = float(gap) if isinstance(gap, Array) else float(getattr(gap, "lo", 0.0))
     first, last = world.window
@@ -190,7 +189,7 @@ def _check_times(world: WorldSpec, where: str) -> None:
         if not isinstance(world.time, Uniform):
             raise InputError(
                 f"{where} time_s: expected {{ uniform = [from, to] }} with rate_hz or "
-                "probability: from when to when there are blasts; got another"
+                "probability, the interval with blasts, got another form"
             )
         return
     if not isinstance(world.time, Array | Uniform) and (
@@ -202,13 +201,13 @@ def _check_times(world: WorldSpec, where: str) -> None:
 
 
 def check_fits(count: int, first: float, last: float, gap: float, where: str) -> None:
-    """Refuse more blasts than fit at their gap.
+    """Reject more blasts than fit into an interval with their gap.
 
     Args:
-        count: Blasts.
-        first: The earliest that one may come [s].
-        last: The latest [s].
-        gap: Least time between two [s].
+        count: Number of blasts.
+        first: Beginning of the interval [s].
+        last: End of the interval [s].
+        gap: Minimum time between two blasts [s].
         where: File and table, for the message.
 
     Raises:

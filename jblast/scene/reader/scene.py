@@ -1,6 +1,6 @@
-"""The reader of scene files: TOML to a scene and beliefs about its numbers.
+"""Reader of scene files: from TOML to a scene with priors of its numbers.
 
-Every table of the file but those of sensors, clocks and random blasts is read here:
+All tables except those of sensors, clocks and random blasts are read here:
 charges (one, or several with names), air, ground, position on the Earth, ambient sound,
 camera and vehicle.
 """
@@ -45,12 +45,12 @@ from jblast.scene.scene import Air, Ambient, Ground, Scene, VehicleSpec
 from jblast.scene.uncertain import Place, UncertainScene, with_values
 from jblast.types import as_float_array
 
-STEEPEST = 12.0
-"""Slope beyond which a spectrum is one frequency and no colour [dB/octave]."""
-LARGEST_IMAGE = 65_535
-"""Pixels along a side: files of events keep x and y in 16 bits."""
-ALONG_AXES = ("kp_pos", "kd_pos", "ki_pos")
-ALONE = ("kp_att", "kd_att", "integral_limit", "motor_lead")
+MAX_SLOPE_DB_OCTAVE = 12.0
+"""Maximum slope of ambient noise [dB/octave]: a steeper spectrum is nearly a tone."""
+MAX_IMAGE_PX = 65_535
+"""Maximum side of an image in pixels: event files have 16 bits for x and y."""
+VECTOR_GAINS = ("kp_pos", "kd_pos", "ki_pos")
+SCALAR_GAINS = ("kp_att", "kd_att", "integral_limit", "motor_lead")
 
 
 def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
@@ -60,11 +60,11 @@ def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
         path: A TOML file; `jblast scene` writes one to start from.
 
     Returns:
-        The scene, with the priors of what is not known.
+        The scene with the priors of its uncertain numbers.
 
     Raises:
-        InputError: The file is no scene; the message names the table and key, what was
-            expected there and what came.
+        InputError: The file is not a valid scene; the message names table, key,
+            expected and actual value.
 
     Example:
         `uncertain = jblast.read_scene("scene.toml")`
@@ -79,8 +79,8 @@ def read_world(path: str | os.PathLike[str]) -> tuple[UncertainScene, WorldSpec]
         path: A TOML file with [world].
 
     Returns:
-        The scene without them, and what they are drawn by. Without [charge] its one
-        charge never happens.
+        The scene without random blasts, and their distribution. Without [charge] the
+        scene has one charge that never detonates.
 
     Raises:
         InputError: As in `read_scene`, or there is no [world].
@@ -97,7 +97,7 @@ def read_scene_or_world(
         path: A TOML file.
 
     Returns:
-        The scene; and what random blasts are drawn by, None where there are none.
+        The scene, and the distribution of its random blasts, or None.
 
     Raises:
         InputError: As in `read_scene` and `read_world`.
@@ -109,24 +109,25 @@ def read_scene_or_world(
 
 
 def document_of(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the tables of a scene file as they stand, nothing checked.
+    """Return the unchecked tables of a scene file.
 
     Raises:
-        InputError: It cannot be read, or is no TOML.
+        InputError: It cannot be read, or is not TOML.
     """
     text = read_text(path, "a scene in TOML")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: broken TOML: {error}") from None
-    except (ValueError, RecursionError) as error:  # numbers of 5000 digits; [[[[[[
+    # A number of thousands of digits; deep nesting, as [[[[[[.
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: broken TOML: {error}") from None
 
 
 def world_from_document(
     document: dict[str, Any], source: str
 ) -> tuple[UncertainScene, WorldSpec]:
-    """Build a scene and its random blasts from what TOML says.
+    """Build a scene and its random blasts from the tables of a file.
 
     Args:
         document: The tables of the file.
@@ -140,12 +141,13 @@ def world_from_document(
     if "charge" in document:
         return scene_from_document(rest, source), world
     uncertain = scene_from_document(rest | {"charge": {"mass_kg": 1.0}}, source)
+    # A scene needs a charge: one that never detonates has no effect.
     never = replace(uncertain.scene.charge, time_s=math.inf)
     return replace(uncertain, scene=replace(uncertain.scene, charge=never)), world
 
 
 def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene:
-    """Build a scene from what TOML says.
+    """Build a scene from the tables of a file.
 
     Args:
         document: The tables of the file.
@@ -157,9 +159,8 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     known_keys(document, "", source)
     if "world" in document:
         raise InputError(
-            f"{source}: [world]: expected blasts that are told one by one, in "
-            "[charge], got random ones: jblast world draws them, and jblast fit fits "
-            "what it wrote"
+            f"{source}: [world]: expected single blasts in [charge], got random ones; "
+            "run jblast world on this scene, and jblast fit on the files that it writes"
         )
     schema = document.get("schema", 1)
     if isinstance(schema, bool) or schema != 1:
@@ -206,7 +207,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
 
 
 def _scale(air: dict[str, Any], source: str) -> float:
-    """Return what the absorption of ISO 9613-1 is to be multiplied by."""
+    """Return the factor on the absorption of ISO 9613-1."""
     where, value = f"{source}: [air] absorption_scale", air.get("absorption_scale", 1.0)
     number = fixed_number(value, where)
     if number < 0:
@@ -217,10 +218,8 @@ def _scale(air: dict[str, Any], source: str) -> float:
 
 
 def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], bool]:
-    """Return the laws asked for, and whether they scatter.
-
-    Whether there is such a law is asked where laws are known: `sensors.resolve_laws`.
-    """
+    """Return the requested laws and their scatter flag."""
+    # The reader imports no laws: unknown names are rejected by `sensors.resolve_laws`.
     names = []
     for key in (key for key in law if key in QUANTITIES):
         name = name_of(law[key], f"{where} {key}")
@@ -234,7 +233,7 @@ def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], 
 def read_charges(
     document: dict[str, Any], source: str, n_sensors: int
 ) -> tuple[tuple[Charge, ...], dict[str, Uncertain]]:
-    """Read the charges of a scene file, and every number that the file says of them.
+    """Read the charges of a scene file and their numbers.
 
     Raises:
         InputError: As in `read_scene`.
@@ -265,7 +264,7 @@ def read_charges(
 
 
 def _entries(document: dict[str, Any], source: str) -> list[dict[str, Any]]:
-    """Return the charges as written: [charge], [[charge]], or nothing for one."""
+    """Return the tables of charges: [charge], [[charge]], or an empty default."""
     if not isinstance(document.get("charge"), list):
         return [table(document, "charge", source)]
     entries = tables(document, "charge", source)
@@ -275,7 +274,7 @@ def _entries(document: dict[str, Any], source: str) -> list[dict[str, Any]]:
 
 
 def _charge(entry: dict[str, Any], where: str, n_sensors: int) -> Charge:
-    """Read what of a charge is no number, and check what may not stand together."""
+    """Read the words of a charge, and reject exclusive keys."""
     name = name_of(entry["name"], f"{where} name") if "name" in entry else ""
     if "burst" in entry:
         choice(entry["burst"], BURSTS, f"{where} burst")
@@ -291,8 +290,8 @@ def _charge(entry: dict[str, Any], where: str, n_sensors: int) -> Charge:
         )
     if entry.get("time_s") == math.inf:
         raise InputError(
-            f"{where} time_s: expected a finite number, got inf: leave a charge that "
-            "never happens out of the file; only a scene made in Python can have one"
+            f"{where} time_s: expected a finite number, got inf; omit a charge that "
+            "never happens (only scenes made in Python can have one)"
         )
     if "range_m" in entry and "position_m" in entry:
         raise InputError(
@@ -300,14 +299,14 @@ def _charge(entry: dict[str, Any], where: str, n_sensors: int) -> Charge:
         )
     if "range_m" in entry and n_sensors > 1:
         raise InputError(
-            f"{where} range_m: expected one sensor, to which it is the distance, "
-            f"got {n_sensors}"
+            f"{where} range_m: expected one sensor (it is the distance to it), got "
+            f"{n_sensors}"
         )
     return Charge(name=name, explosive=explosive, burst=entry.get("burst"))
 
 
 def read_place(document: dict[str, Any], source: str) -> Place | None:
-    """Read the table [place] of a scene file; None where there is none.
+    """Read the table [place] of a scene file; None without one.
 
     Raises:
         InputError: As in `read_scene`.
@@ -330,9 +329,9 @@ def read_place(document: dict[str, Any], source: str) -> Place | None:
 
 
 def read_ambient(document: dict[str, Any], source: str) -> Ambient | None:
-    """Read the ambient sound of a scene file; None where it has none.
+    """Read the ambient sound of a scene file; None without one.
 
-    A recording is named here, by its place beside the scene file, and read elsewhere.
+    A recording is only named, by its path relative to the scene file.
 
     Raises:
         InputError: As in `read_scene`.
@@ -354,8 +353,8 @@ def read_ambient(document: dict[str, Any], source: str) -> Ambient | None:
         )
     if "level_pa" in entry and "full_scale_pa" in entry:
         raise InputError(
-            f"{where} full_scale_pa: expected a file, whose samples it scales, "
-            "got level_pa"
+            f"{where} full_scale_pa: expected a file (it scales its samples), got "
+            "level_pa"
         )
     numbers = {
         name: fixed_number(entry[key], f"{where} {key}")
@@ -378,10 +377,10 @@ def read_ambient(document: dict[str, Any], source: str) -> Ambient | None:
                 f"{where} {key}: expected a number that is positive, "
                 f"got {shown(entry[key])}"
             )
-    if abs(numbers.get("slope", 0.0)) > STEEPEST:
+    if abs(numbers.get("slope", 0.0)) > MAX_SLOPE_DB_OCTAVE:
         raise InputError(
-            f"{where} slope_db_octave: expected {-STEEPEST:g} to {STEEPEST:g}, "
-            f"got {shown(entry['slope_db_octave'])}"
+            f"{where} slope_db_octave: expected {-MAX_SLOPE_DB_OCTAVE:g} to "
+            f"{MAX_SLOPE_DB_OCTAVE:g}, got {shown(entry['slope_db_octave'])}"
         )
     file = ""
     if "file" in entry:
@@ -390,11 +389,10 @@ def read_ambient(document: dict[str, Any], source: str) -> Ambient | None:
 
 
 def read_camera(document: dict[str, Any], source: str) -> Camera | None:
-    """Read the camera of a scene file; None where it has none.
+    """Read the camera of a scene file; None without one.
 
-    Place, direction, size and focal length have no default; on a vehicle the place is
-    its own and the direction forward. The principal point is the middle of the image if
-    nothing else is said.
+    Position, direction, size and focal length have no default, except on a vehicle: at
+    its centre, looking forward. The default principal point is the centre of the image.
 
     Raises:
         InputError: As in `read_scene`.
@@ -402,7 +400,7 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     if "camera" not in document:
         return None
     where = f"{source}: [camera]"
-    _refuse_old_order(document["camera"], where)
+    _check_quaternion_key(document["camera"], where)
     entry = table(document, "camera", source)
     mount = _mount(entry, document, where)
     place = "offset_m" if mount else "position_m"
@@ -439,7 +437,7 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
 
 
 def _mount(entry: dict[str, Any], document: dict[str, Any], where: str) -> str:
-    """Return what carries the camera; "" where nothing does."""
+    """Return the mount of the camera; "" without one."""
     if "mount" not in entry:
         if "offset_m" in entry:
             raise InputError(
@@ -459,14 +457,14 @@ def _mount(entry: dict[str, Any], document: dict[str, Any], where: str) -> str:
             )
     if "vehicle" not in document:
         raise InputError(
-            f'{where} mount: expected a [vehicle] that carries it, got "{mount}" and '
-            "no such table"
+            f'{where} mount: expected a [vehicle] as mount, got "{mount}" without that '
+            "table"
         )
     return mount
 
 
 def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: str):
-    """Return camera to world as a unit quaternion, from whichever is given."""
+    """Return the unit quaternion, camera to world, from either key."""
     given = [key for key in ("look_at_m", "quaternion_xyzw") if key in entry]
     if len(given) != 1:
         raise InputError(
@@ -477,7 +475,7 @@ def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: 
     if given == ["look_at_m"]:
         if np.array_equal(numbers, position):
             raise InputError(
-                f"{where} look_at_m: expected a place other than position_m, "
+                f"{where} look_at_m: expected a position other than position_m, "
                 f"got {shown(entry['look_at_m'])}"
             )
         return look_at(position, numbers)
@@ -492,16 +490,16 @@ def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: 
     return scaled / np.linalg.norm(scaled)
 
 
-def _refuse_old_order(entry: Any, where: str) -> None:
-    """Refuse the key that had the scalar first, with what to write in its place."""
+def _check_quaternion_key(entry: Any, where: str) -> None:
+    """Reject the old key with the scalar first, and name the replacement."""
     if not isinstance(entry, dict) or "quaternion" not in entry:
         return
     old, new = entry["quaternion"], LISTS["quaternion_xyzw"]
     if isinstance(old, list) and len(old) == 4:
         new = str([*old[1:], old[0]])
     raise InputError(
-        f"{where} quaternion: expected quaternion_xyzw, scalar last, in its place, got "
-        f"{shown(old)}, which was read scalar first: write quaternion_xyzw = {new}"
+        f"{where} quaternion: expected quaternion_xyzw, scalar last, got {shown(old)}, "
+        f"formerly scalar first; write quaternion_xyzw = {new}"
     )
 
 
@@ -512,7 +510,7 @@ def _list(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, " nu
 
 
 def _pair(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, "2"]:
-    """Return two positive numbers; one stands for both."""
+    """Return two positive numbers; a single one is used for both."""
     value, where = entry.get(key), f"{where} {key}"
     if value is None:
         raise InputError(f"{where}: expected a number or {LISTS[key]}, got nothing")
@@ -532,7 +530,7 @@ def _positive(value: Any, where: str) -> float:
 
 
 def _exposure(value: Any, interval: float, where: str) -> float:
-    """Return the exposure: no frame begins before the last has ended."""
+    """Return the exposure time, at most the time between frames."""
     exposure = finite(value, f"{where} exposure_s")
     if not 0 <= exposure <= interval:
         raise InputError(
@@ -544,20 +542,20 @@ def _exposure(value: Any, interval: float, where: str) -> float:
 
 def _pixels(entry: dict[str, Any], key: str, where: str) -> int:
     value = entry.get(key)
-    if type(value) is not int or not 1 <= value <= LARGEST_IMAGE:  # True is an int too
+    # `type`, not `isinstance`: True is an int, too.
+    if type(value) is not int or not 1 <= value <= MAX_IMAGE_PX:
         raise InputError(
-            f"{where} {key}: expected a whole number of pixels, 1 to {LARGEST_IMAGE}, "
+            f"{where} {key}: expected a whole number of pixels, 1 to {MAX_IMAGE_PX}, "
             f"got {shown(value) if key in entry else 'nothing'}"
         )
     return value
 
 
 def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
-    """Read the vehicle of a scene file; None where it has none.
+    """Read the vehicle of a scene file; None without one.
 
-    Model and place have no default; but a mission begins at its plan's home. Its
-    numbers are fixed: what is uncertain of where it stands to a blast is told of the
-    charge.
+    Model and position have no default, except that a mission begins at its plan's home.
+    Its numbers are fixed; an uncertain relative position is a prior of the charge.
 
     Raises:
         InputError: As in `read_scene`.
@@ -585,8 +583,8 @@ def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
         ):
             if given:
                 raise InputError(
-                    f"{where} {key}: expected none beside a mission, which begins at "
-                    "rest and says where to go, got one"
+                    f"{where} {key}: expected no value with a mission, which begins at "
+                    "rest and has its own targets, got one"
                 )
         name = name_of(entry["mission"], f"{where} mission")
         control["mission"] = str(Path(source).parent / name)
@@ -600,32 +598,32 @@ def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
 
 
 def _control(entry: Any, where: str) -> dict[str, Any]:
-    """Return what the table of the hold says."""
+    """Return the options of the table [vehicle] control."""
     if not isinstance(entry, dict):
         raise InputError(
             f"{where}: expected a table such as {{ integral = true }}, "
             f"got {shown(entry)}"
         )
     known_keys(entry, "control", where)
-    said: dict[str, Any] = {"gains": _gains(entry, where)}
+    options: dict[str, Any] = {"gains": _gains(entry, where)}
     if "integral" in entry:
-        said["integral"] = true_or_false(entry["integral"], f"{where} integral")
+        options["integral"] = true_or_false(entry["integral"], f"{where} integral")
     if "target_m" in entry:
         target = fixed_list(entry["target_m"], f"{where} target_m", LISTS["target_m"])
-        said["target"] = as_float_array(target)
+        options["target"] = as_float_array(target)
     if "yaw_rad" in entry:
-        said["yaw"] = fixed_number(entry["yaw_rad"], f"{where} yaw_rad")
-    return said
+        options["yaw"] = fixed_number(entry["yaw_rad"], f"{where} yaw_rad")
+    return options
 
 
 def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
-    """Return the gains, none of them negative."""
+    """Return the gains, checked to be non-negative."""
     gains: dict[str, Any] = {}
-    for key in (*ALONG_AXES, *ALONE):
+    for key in (*VECTOR_GAINS, *SCALAR_GAINS):
         if key not in entry:
             continue
         at = f"{where} {key}"
-        along = key in ALONG_AXES
+        along = key in VECTOR_GAINS
         numbers = np.asarray(
             fixed_list(entry[key], at, LISTS[key])
             if along
@@ -642,8 +640,8 @@ def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
             )
         if key == "ki_pos" and not numbers.any():
             raise InputError(
-                f"{at}: expected one above zero, got {shown(entry[key])}; without "
-                "integral action is integral = false"
+                f"{at}: expected a number above zero, got {shown(entry[key])}; for no "
+                "integral action write integral = false"
             )
         gains[key] = as_float_array(numbers)
     return gains

@@ -1,7 +1,7 @@
-"""The reader of a scene's sensors: positions, records with their errors, instruments.
+"""Reader of a scene's sensors: positions, records with their errors, instruments.
 
-An error that is a share of the value carries a % sign. Clocks of recorders, named in
-the column `clock` of a log, are read here, too.
+A relative error has a % sign. Clocks of recorders, named in the column `clock` of a
+log, are also read here.
 """
 
 import re
@@ -58,7 +58,8 @@ from jblast.scene.sensor_kinds import (
 )
 
 QUATERNION = "quaternion_xyzw"
-MOST_HZ = 1e5
+MAX_IMU_RATE_HZ = 1e5
+"""Maximum sampling rate of an IMU [Hz]; declared: MEMS units reach some 10 kHz."""
 FIELDS = {
     "full_scale_m_s2": "accelerometer_range",
     "full_scale_rad_s": "gyroscope_range",
@@ -69,7 +70,7 @@ FIELDS = {
     "bias_walk_m_s2_sqrt_s": "accelerometer_walk",
     "bias_walk_rad_s_sqrt_s": "gyroscope_walk",
 }
-"""Keys of the file, and what `Imu` calls them."""
+"""Keys of the file and the fields of `Imu`."""
 SHARE = re.compile(r"\s*(\d+\.?\d*(?:e[+-]?\d+)?|\.\d+(?:e[+-]?\d+)?)\s*%\s*", re.I)
 """A sigma as a share of the value: "5%"."""
 
@@ -106,7 +107,7 @@ def read_sensors(
 def _sensor(
     name: str, entry: dict[str, Any], document: dict[str, Any], where: str
 ) -> Sensor:
-    """Read one sensor; a position that is not there is NaN until a log gives it."""
+    """Read one sensor; a missing position is NaN until a log gives it."""
     kind = ""
     if "kind" in entry:
         kind = choice(entry["kind"], tuple(SENSOR_KINDS), f"{where} kind")
@@ -114,13 +115,13 @@ def _sensor(
     times = _times(entry["times_s"], f"{where} times_s") if "times_s" in entry else ()
     if times and not any(quantity in TIMED for quantity, _ in records):
         raise InputError(
-            f"{where} times_s: expected one of {', '.join(TIMED)} in records, which "
-            "alone are taken at a time; got none"
+            f"{where} times_s: expected one of {', '.join(TIMED)} in records (only "
+            "these have times), got none"
         )
     mount = _mount(entry, document, where)
     carried = {}
     if mount:
-        _refuse_unmountable(kind_of(kind), records, where)
+        _check_mountable(kind_of(kind), records, where)
         carried = {"offset_m": np.zeros(3)} | {
             name: fixed_list(entry[key], f"{where} {key}", LISTS[key])
             for name, key in (("offset_m", "offset_m"), ("quaternion", QUATERNION))
@@ -163,16 +164,16 @@ def _times(value: Any, where: str) -> tuple[float, ...]:
 
 
 def _mount(entry: dict[str, Any], document: dict[str, Any], where: str) -> str:
-    """Return what carries a sensor; "" where nothing does.
+    """Return the mount of a sensor; "" without one.
 
     Args:
-        entry: Its keys and values.
+        entry: Keys and values of the sensor.
         document: The whole file.
-        where: File, table and sensor, for the messages.
+        where: File, table and sensor, for messages.
 
     Raises:
-        InputError: It has a place of its own beside its mount, or an offset from
-            nothing, or nothing of that name carries it.
+        InputError: It has a position and a mount, an offset without a mount, or the
+            mount is missing.
     """
     if "mount" not in entry:
         for key in ("offset_m", QUATERNION):
@@ -189,28 +190,28 @@ def _mount(entry: dict[str, Any], document: dict[str, Any], where: str) -> str:
         )
     if "vehicle" not in document:
         raise InputError(
-            f'{where} mount: expected a [vehicle] that carries it, got "{mount}" and '
-            "no such table"
+            f'{where} mount: expected a [vehicle] as mount, got "{mount}" without that '
+            "table"
         )
     return mount
 
 
-def _refuse_unmountable(
+def _check_mountable(
     kind: SensorKind | None, records: Sequence[tuple[str, float]], where: str
 ) -> None:
-    """Refuse a sensor that cannot ride along.
+    """Reject a sensor that a vehicle cannot carry.
 
     Args:
-        kind: Of sensor; None without one.
-        records: What it records, and the sigma of each.
-        where: File, table and sensor, for the messages.
+        kind: Kind of the sensor; None without one.
+        records: Recorded quantities with their sigmas.
+        where: File, table and sensor, for messages.
 
     Raises:
-        InputError: It stands in the ground, or nothing is built for it.
+        InputError: It belongs in the ground, or its motion is not supported.
     """
     if kind is not None and kind.unmounted:
         raise InputError(
-            f"{where} mount: expected a sensor that can ride along, got "
+            f"{where} mount: expected a sensor that a vehicle can carry, got "
             f"{kind.unmounted}"
         )
     for quantity, _ in records:
@@ -223,11 +224,11 @@ def _refuse_unmountable(
 def read_instrument(
     entry: dict[str, Any], kind: str, position: np.ndarray, where: str
 ) -> Instrument | None:
-    """Read the instrument of a sensor; None where the file says nothing of one.
+    """Read the instrument of a sensor; None without one in the file.
 
     Args:
         entry: The sensor's keys and values.
-        kind: Kind of the sensor, "" if unsaid.
+        kind: Kind of the sensor; "" without one.
         position: East, north, up [m].
         where: File, table and sensor, for the messages.
 
@@ -242,7 +243,7 @@ def read_instrument(
     given = [key for key in all_instrument_keys() if key in entry]
     if not given:
         return None
-    if kind == "imu":  # has a reader of its own
+    if kind == "imu":  # read by `read_imu`
         return None
     known = kind_of(kind)
     if known is not None and not known.has_samples:
@@ -255,8 +256,8 @@ def read_instrument(
         stem = next((s for s in ("full_scale", "noise") if key.startswith(s)), None)
         if stem is not None and key != f"{stem}_{unit}":
             raise InputError(
-                f"{where} {key}: expected {stem}_{unit}, the unit "
-                f"that a sensor of kind {shown(kind)} measures in, got {key}"
+                f"{where} {key}: expected {stem}_{unit}, the unit of a sensor of kind "
+                f"{shown(kind)}, got {key}"
             )
     rate = RATE_HZ
     if "rate_hz" in entry:
@@ -274,8 +275,8 @@ def read_instrument(
     bits = _bits(entry.get("bits", "float"), f"{where} bits")
     if bits is not None and full_scale is None:
         raise InputError(
-            f"{where} bits: expected full_scale_{unit} with bits, the range that they "
-            f"divide, got {bits} bits alone"
+            f"{where} bits: expected full_scale_{unit} (the range of the bits) with "
+            f"them, got {bits} bits alone"
         )
     if "saturation" in entry:
         choice(entry["saturation"], SATURATIONS, f"{where} saturation")
@@ -293,12 +294,12 @@ def read_instrument(
 
 
 def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | None:
-    """Read the IMU of a sensor; None where the file says nothing of its samples.
+    """Read the IMU of a sensor; None without sampling options in the file.
 
     Args:
         entry: The sensor's keys and values.
-        kind: Kind of the sensor, "" if unsaid.
-        mount: What carries it, "" if nothing.
+        kind: Kind of the sensor; "" without one.
+        mount: Mount of the sensor; "" without one.
         where: File, table and sensor, for the messages.
 
     Raises:
@@ -311,15 +312,15 @@ def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | 
     for key in all_instrument_keys():
         if key in entry and key not in keys:
             raise InputError(
-                f"{where} {key}: expected one of {', '.join(keys)}, which an imu "
-                f"has, got {key}"
+                f"{where} {key}: expected one of {', '.join(keys)} for an imu, got "
+                f"{key}"
             )
     if not own:
         return None
     if not mount:
         raise InputError(
-            f'{where} {own[0]}: expected mount = "vehicle", which moves it, with the '
-            "samples of an imu; got no mount"
+            f'{where} {own[0]}: expected mount = "vehicle" for the samples of an imu, '
+            "got no mount"
         )
     found: dict[str, Any] = {}
     for key, field in FIELDS.items():
@@ -327,10 +328,10 @@ def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | 
             found[field] = _number(entry[key], key.startswith("full"), f"{where} {key}")
     if "rate_hz" in entry:
         found["rate"] = _number(entry["rate_hz"], True, f"{where} rate_hz")
-        if found["rate"] > MOST_HZ:
+        if found["rate"] > MAX_IMU_RATE_HZ:
             raise InputError(
-                f"{where} rate_hz: expected at most {MOST_HZ:g} of an imu, got "
-                f"{shown(entry['rate_hz'])}"
+                f"{where} rate_hz: expected at most {MAX_IMU_RATE_HZ:g} for an imu, "
+                f"got {shown(entry['rate_hz'])}"
             )
     if "bits" in entry:
         found["bits"] = _bits(entry["bits"], f"{where} bits")
@@ -338,12 +339,12 @@ def read_imu(entry: dict[str, Any], kind: str, mount: str, where: str) -> Imu | 
 
 
 def read_settings(entry: dict[str, Any], kind: str, where: str) -> dict[str, float]:
-    """Read the numbers that the sensors of a kind alone have; defaults are filled in.
+    """Read the numbers specific to a sensor's kind, with defaults for missing ones.
 
     Args:
         entry: The sensor's keys and values.
-        kind: Kind of the sensor, "" if unsaid.
-        where: File, table and sensor, for the messages.
+        kind: Kind of the sensor; "" without one.
+        where: File, table and sensor, for messages.
 
     Raises:
         InputError: A key belongs to another kind, or its number is out of bounds.
@@ -405,7 +406,7 @@ def _bits(value: Any, where: str) -> int | None:
 
 
 def _corners(value: Any, rate: float, where: str) -> tuple[float | None, float | None]:
-    """Return the corners of high- and low-pass; None for one that there is not."""
+    """Return the corner frequencies of high- and low-pass; None without a filter."""
     high_pass, low_pass = (
         None if corner == "none" else _positive(corner, f"{where}[{index}]")
         for index, corner in enumerate(number_list(value, where, LISTS["filter_hz"]))
@@ -425,21 +426,22 @@ def _corners(value: Any, rate: float, where: str) -> tuple[float | None, float |
 
 
 def read_records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
-    """Read what a sensor records, and the sigma of each.
+    """Read the recorded quantities of a sensor and their sigmas.
 
-    A sigma is a plain number in seconds for times and in radians for directions; of all
-    else it is a share of the value, "5%". A plain number there could be a share or an
-    error in the unit of the quantity, as it is in a log, so it is refused.
+    A sigma is a plain number in seconds for times and in radians for directions. For
+    other quantities it is a share of the value, "5%". A plain number there could also
+    be an error in the unit of the quantity, as in a log, so it is rejected.
 
     Args:
-        records: What stands in the file.
-        where: File, table and key, for the messages.
+        records: Value in the file.
+        where: File, table and key, for messages.
 
     Returns:
-        Quantity and sigma; seconds, radians, or relative.
+        Pairs of quantity and sigma: seconds, radians, or relative.
 
     Raises:
-        InputError: It is no table, a quantity is unknown, or a sigma is not as said.
+        InputError: It is not a table, a quantity is unknown, or a sigma has another
+            form.
     """
     if not isinstance(records, dict):
         raise InputError(
@@ -460,7 +462,7 @@ def read_records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
 
 
 def share_text(share: float) -> str:
-    """Write a share of the value as a scene file has it: 0.05 is "5%"."""
+    """Return a share in the form of a scene file: 0.05 is "5%"."""
     return f'"{100 * share:.3g}%"'
 
 
@@ -496,7 +498,7 @@ def read_clocks(
     Args:
         document: The tables of the file.
         source: Its name, for the messages.
-        sensors: Names of sensors that have an offset of their own.
+        sensors: Names of sensors with their own clock offset.
 
     Raises:
         InputError: As in `read_scene`.

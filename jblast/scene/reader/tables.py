@@ -1,10 +1,10 @@
 """Keys, tables and numbers of a scene file.
 
-One table lists every key a scene file may have (`KEYS`; `keys_of` adds those of kinds
-of sensors). A number of a file is fixed,
-free, or has a prior (`PRIORS`). A key accepts one unit only, so that the value read is
-the value written; a key in another unit is refused with the conversion factor. Logs, in
-contrast, are written by instruments and are converted.
+One table lists every key of a scene file (`KEYS`; `keys_of` adds those of kinds of
+sensors). A number of a file is fixed, free, or has a prior (`PRIORS`). A key accepts
+one unit only, so that the value read is the value written; a key in another unit is
+rejected with the conversion factor. Logs, in contrast, are written by instruments and
+are converted.
 """
 
 import math
@@ -21,14 +21,14 @@ from jblast.scene.sensor_kinds import all_instrument_keys, own_keys
 from jblast.scene.uncertain import Free, LogNormal, LogUniform, Normal, Prior, Uniform
 
 Uncertain = tuple[float, Prior | Free | None]
-"""Where a fit of a number starts, and what is believed of it; None: it is fixed."""
+"""Start of a fit of a number, and its prior or freedom; None: fixed."""
 PRIORS = {
     "lognormal": "[median, factor]",
     "normal": "[mean, sd]",
     "uniform": "[lo, hi]",
     "loguniform": "[lo, hi]",
 }
-"""Kinds of prior, and the two numbers each is written with."""
+"""Kinds of prior and their two numbers."""
 LISTS = {
     "position_m": "[east, north, up]",
     "wind_m_s": "[east, north]",
@@ -48,10 +48,12 @@ LISTS = {
     "box": "[[east, north, up], [east, north, up]]",
     "ring": "[inner, outer]",
 }
-"""Keys that hold a list of numbers, and how it is written."""
-CLEAR_OF_ZERO = 3.0
-"""A normal prior of a positive number keeps this many sds clear of zero: 0.13 % of the
-probability is below zero at most."""
+"""Keys with a list of numbers, and its form."""
+MIN_MEAN_SDS = 3.0
+"""Minimum mean of a normal prior of a positive number, in standard deviations.
+
+At most 0.13 % of the probability is then below zero; a wider prior should be lognormal.
+"""
 KEYS: dict[str, tuple[str, ...]] = {
     "": (
         "schema",
@@ -145,29 +147,29 @@ KEYS: dict[str, tuple[str, ...]] = {
     ),
     "law": (*QUANTITIES, "scatter", "sedov_gamma", "fireball_growth_s"),
 }
-"""Keys by table; "" is the file itself, "control" stands in [vehicle], "region" in
-[world]. A sensor has those of its kind besides: `keys_of`."""
+"""Keys by table; "" is the file itself, "control" is in [vehicle], "region" in [world].
+`keys_of` adds those of a sensor's kind."""
 LATER: dict[str, tuple[str, ...]] = {}
-"""Keys of the contract that nothing uses yet."""
+"""Reserved keys that are not supported yet."""
 SATURATIONS = ("clip", "compress")
 VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
 GROUND_PATHS = ("head", "thesis")
 LAW_NAMES_LATER = ("euler", "emulator")
-"""Laws of the contract that nobody built yet; the others are in the registry."""
+"""Reserved law names that are not supported yet; the others are in the registry."""
 CELSIUS = "add 273.15"
 FAHRENHEIT = "subtract 32, multiply by 5/9 and add 273.15"
 TEMPERATURES = {
     "c": CELSIUS, "celsius": CELSIUS, "degc": CELSIUS, "deg_c": CELSIUS,
     "f": FAHRENHEIT, "fahrenheit": FAHRENHEIT, "degf": FAHRENHEIT, "deg_f": FAHRENHEIT,
 }  # fmt: skip
-"""Endings of temperatures, and what makes kelvins of them: no factor does."""
+"""Suffixes of temperatures and their conversion to kelvins, which needs an offset."""
 PER_CENT = ("percent", "pct")
 MAX_ENDING_WORDS = 3
-"""Words of the longest ending: km_per_h."""
+"""Number of words of the longest unit suffix: km_per_h."""
 
 
 def keys_of(table: str) -> tuple[str, ...]:
-    """Return the keys of a table; of a sensor with those of all registered kinds."""
+    """Return the keys of a table; for sensors including those of all kinds."""
     if table != "sensor":
         return KEYS[table]
     return tuple(dict.fromkeys((*KEYS[table], *all_instrument_keys(), *own_keys())))
@@ -177,7 +179,7 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
     """Return a TOML value as a float.
 
     Raises:
-        InputError: It is no number, or infinite, or not a number.
+        InputError: It is not a number, or not finite.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
@@ -191,10 +193,10 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
 
 
 def fixed_number(value: Any, where: str) -> float:
-    """Return a number that may not be free yet.
+    """Return a fixed number.
 
     Raises:
-        InputError: It is no finite number.
+        InputError: It is not a finite number, is free or has a prior.
     """
     if value == "free" or isinstance(value, dict):
         raise not_yet(where, "a number that is free or has a prior")
@@ -202,10 +204,10 @@ def fixed_number(value: Any, where: str) -> float:
 
 
 def fixed_list(value: Any, where: str, form: str) -> Float[np.ndarray, " number"]:
-    """Return a list of numbers that may not be free yet.
+    """Return a list of fixed numbers.
 
     Raises:
-        InputError: It is no list of the form, or one of its numbers is not finite.
+        InputError: The form differs, or a number is not finite, is free or has a prior.
     """
     numbers = number_list(value, where, form)
     if any(number == "free" or isinstance(number, dict) for number in numbers):
@@ -216,7 +218,7 @@ def fixed_list(value: Any, where: str, form: str) -> Float[np.ndarray, " number"
 
 
 def read_numbers(entry: dict[str, Any], table: str, where: str) -> dict[str, Uncertain]:
-    """Read every number that stands in a table of the file, by parameter name.
+    """Read every number of a table of the file, by parameter name.
 
     Raises:
         InputError: As in `read_number`.
@@ -235,19 +237,18 @@ def read_numbers(entry: dict[str, Any], table: str, where: str) -> dict[str, Unc
 
 
 def read_number(value: Any, parameter: Parameter, where: str) -> Uncertain:
-    """Return where a fit of a number starts, and what is believed of it.
+    """Return the start of a fit of a number, and its prior.
 
     Args:
-        value: What stands in the file.
-        parameter: What the number is.
-        where: File, table and key, for the messages.
+        value: Value in the file.
+        parameter: Description of the number.
+        where: File, table and key, for messages.
 
     Returns:
-        The value, with None where it is fixed; the prior's median and the prior; or a
-        default and `Free`.
+        A fixed value and None; a prior's median and the prior; or a default and `Free`.
 
     Raises:
-        InputError: It is none of the three, or out of bounds.
+        InputError: The value has none of these forms, or is out of bounds.
     """
     if value == "free":
         return parameter.default, Free(parameter.positive)
@@ -285,9 +286,9 @@ def _prior(value: dict[str, Any], parameter: Parameter, where: str) -> Uncertain
         _check(a, parameter, where, "a mean")
         _require(b > 0, where, f"a positive sd in normal = {form}", pair)
         _require(
-            not parameter.positive or a >= CLEAR_OF_ZERO * b,
+            not parameter.positive or a >= MIN_MEAN_SDS * b,
             where,
-            f"a mean at least {CLEAR_OF_ZERO:g} sd above zero in normal = {form}; "
+            f"a mean at least {MIN_MEAN_SDS:g} sd above zero in normal = {form}; "
             "lognormal suits a positive number",
             pair,
         )
@@ -300,10 +301,14 @@ def _prior(value: dict[str, Any], parameter: Parameter, where: str) -> Uncertain
     _require(a < b, where, f"lo < hi in {kind} = {form}", pair)
     if kind == "loguniform":
         _require(a > 0, where, f"a positive lo in loguniform = {form}", pair)
+    # Bounds of the prior must respect those of the parameter, so that every sample
+    # does.
     for end in (a, b):
-        _check(end, parameter, where, "an end")
+        _check(end, parameter, where, "a bound")
     if kind == "uniform":
+        # Halved first, because the sum of the bounds can overflow.
         return 0.5 * a + 0.5 * b, Uniform(a, b)
+    # Two roots, because the product of the bounds can overflow.
     return math.sqrt(a) * math.sqrt(b), LogUniform(a, b)
 
 
@@ -318,12 +323,12 @@ def _require(condition: bool, where: str, expected: str, got: Any) -> None:
 
 
 def not_yet(where: str, what: str) -> InputError:
-    """Return the error for what the contract has and nothing is built for."""
+    """Return the error for a reserved feature that is not supported yet."""
     return InputError(f"{where}: {what} is not supported yet")
 
 
 def table(document: dict[str, Any], name: str, where: str) -> dict[str, Any]:
-    """Return a table of the file, its keys checked; empty where it is absent."""
+    """Return a table of the file with checked keys; empty if it is absent."""
     value = document.get(name, {})
     if not isinstance(value, dict):
         raise InputError(
@@ -335,7 +340,7 @@ def table(document: dict[str, Any], name: str, where: str) -> dict[str, Any]:
 
 
 def tables(document: dict[str, Any], name: str, where: str) -> list[dict[str, Any]]:
-    """Return the entries of an array of tables, their keys checked."""
+    """Return the entries of an array of tables with checked keys."""
     entries = document.get(name, [])
     if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
         raise InputError(
@@ -348,7 +353,7 @@ def tables(document: dict[str, Any], name: str, where: str) -> list[dict[str, An
 
 
 def known_keys(entry: dict[str, Any], name: str, where: str) -> None:
-    """Refuse a key that the table does not have, and one that waits to be built."""
+    """Reject unknown and reserved keys of a table."""
     known, later = keys_of(name), LATER.get(name, ())
     for key in entry:
         if key in later:
@@ -368,7 +373,7 @@ def known_keys(entry: dict[str, Any], name: str, where: str) -> None:
 def choice(
     value: Any, known: Sequence[str], where: str, later: Sequence[str] = ()
 ) -> str:
-    """Return one of a few words."""
+    """Return a value after checking that it is one of the known words."""
     if isinstance(value, str) and value in later:
         raise not_yet(where, f'"{value}"')
     if not isinstance(value, str) or value not in known:
@@ -380,43 +385,43 @@ def choice(
 
 
 def true_or_false(value: Any, where: str) -> bool:
-    """Return a truth value."""
+    """Return a boolean after checking its type."""
     if not isinstance(value, bool):
         raise InputError(f"{where}: expected true or false, got {shown(value)}")
     return value
 
 
 def name_of(value: Any, where: str) -> str:
-    """Return a name: text that is not empty."""
+    """Return a name: non-empty text."""
     if not isinstance(value, str) or not value.strip():
         raise InputError(f"{where}: expected a name in quotes, got {shown(value)}")
     return value.strip()
 
 
 def number_list(value: Any, where: str, expected: str) -> list[Any]:
-    """Return a list as long as the one written in what is expected: "[east, north]"."""
+    """Return a list with the length of the expected form, such as "[east, north]"."""
     if not isinstance(value, list) or len(value) != expected.count(",") + 1:
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     return value
 
 
 def shown_key(key: str) -> str:
-    """Return a key as it is written, or quoted where it would break a message."""
+    """Return a key as it is written, or quoted if it would garble a message."""
     return key if key.isidentifier() and len(key) <= 60 else shown(key)
 
 
 def in_other_unit(key: str, known: Collection[str]) -> str:
-    """Return "; ours is mass_kg: multiply by ..." for a key in a unit we know.
+    """Return "; ours is mass_kg: multiply by ..." for a key in another known unit.
 
     Args:
-        key: A key that its table does not have.
-        known: Those it has.
+        key: Unknown key of a table.
+        known: Known keys of the table.
 
     Returns:
-        What to write in its place; "" where its unit is none, or no key of ours has the
-        same words before it.
+        The replacement; "" without a known unit or a key with the same stem.
     """
-    from jblast.units import SI, si_factor, unit_spelt  # of a refusal alone
+    # Only needed for an error message, and it imports pint.
+    from jblast.units import SI, si_factor, unit_spelt
 
     words = key.split("_")
     for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):

@@ -93,7 +93,9 @@ def test_records_without_a_bang_or_without_stations_are_refused(jblast):
     stations = jblast.file("stations", "sensor,east_m,north_m,up_m\na,10,0,0\n")
     with pytest.raises(InputError, match=r"a\.csv: expected records of a blast"):
         library.fit(path, positions=stations)
-    with pytest.raises(InputError, match="is a folder; of records it takes positions"):
+    with pytest.raises(
+        InputError, match="is a folder; for a folder of records also pass positions"
+    ):
         library.fit(EXAMPLE)
     assert library.pick_files(path).found.silent == ("a",)
 

@@ -92,7 +92,7 @@ BAD = {
     "a place NaN": ({"position_m": "[0, nan, 0]"}, ["position_m[1]", "finite"]),
     "looking at itself": (
         {"look_at_m": "[0, -50, 2]"},
-        ["look_at_m: expected a place other than position_m"],
+        ["look_at_m: expected a position other than position_m"],
     ),
     "looking nowhere": ({"look_at_m": None}, ["either look_at_m or", "got neither"]),
     "both": ({"quaternion_xyzw": "[1, 0, 0, 0]"}, ["either look_at_m or", "got both"]),

@@ -204,7 +204,7 @@ BROKEN_IMU = {
     "negative noise": ({"noise_m_s2_sqrt_hz": "-1"}, ["noise_m_s2", "not negative"]),
     "no range": ({"full_scale_m_s2": "0"}, ["full_scale_m_s2", "is positive"]),
     "half a bit": ({"bits": "12.5"}, ["bits", "whole number"]),
-    "a gauge's noise": ({"noise_pa": "1"}, ["noise_pa", "which an imu has"]),
+    "a gauge's noise": ({"noise_pa": "1"}, ["noise_pa", "for an imu"]),
     "not an imu": (
         {"kind": '"microphone"', "rate_hz": None, "bits": None},
         ["full_scale_m_s2", 'kind = "imu"'],

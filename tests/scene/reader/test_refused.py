@@ -128,7 +128,7 @@ BAD = {
     ),
     "a uniform that reaches zero": (
         "[charge]\nmass_kg = { uniform = [0, 2] }\n",
-        ["[charge] mass_kg", "an end that is positive", "got 0"],
+        ["[charge] mass_kg", "a bound that is positive", "got 0"],
     ),
     "a normal about a negative mass": (
         "[charge]\nmass_kg = { normal = [-1, 2] }\n",

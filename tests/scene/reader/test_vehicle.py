@@ -104,11 +104,11 @@ BROKEN = {
     "mission that is a number": ({"mission": "3"}, ["mission", "a name", "got 3"]),
     "mission from a speed": (
         {"mission": '"a.plan"', "velocity_m_s": "[1, 0, 0]"},
-        ["velocity_m_s", "beside a mission"],
+        ["velocity_m_s", "with a mission"],
     ),
     "mission and a place to hold": (
         {"mission": '"a.plan"', "control": "{ target_m = [1, 2, 3] }"},
-        ["control target_m", "beside a mission"],
+        ["control target_m", "with a mission"],
     ),
     "control that is a word": ({"control": '"hold"'}, ["control", "got 'hold'"]),
     "unknown gain": (

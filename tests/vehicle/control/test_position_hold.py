@@ -198,7 +198,7 @@ def test_each_vehicle_may_have_a_hold_of_its_own():
 
 
 def test_a_call_that_no_flight_would_hear_is_refused():
-    with pytest.raises(TypeError, match=r"Louder.*expected a ready\(\) of its own"):
+    with pytest.raises(TypeError, match=r"Louder.*expected an overridden ready\(\)"):
 
         class Louder(PositionHold):
             def __call__(self, time_s, state, vehicle, memory, period_s):

@@ -16,7 +16,10 @@ SILENT = "time_s,pressure_pa\n" + "".join(f"{k},0\n" for k in range(20))
 
 def test_a_folder_without_positions_is_refused(jblast):
     said = jblast.refused("fit", str(EXAMPLE))
-    assert "records_example: is a folder; of records it takes --positions" in said
+    assert (
+        "records_example: is a folder; for a folder of records also pass --positions"
+        in said
+    )
 
 
 def test_records_without_a_bang_are_refused(jblast):

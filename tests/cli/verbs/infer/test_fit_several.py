@@ -130,4 +130,4 @@ def test_a_scene_among_the_logs_is_told_where_it_stands(jblast):
     good = jblast.file("good.csv", log(*pressures(15.0)))
     code, _, error = jblast("fit", good, jblast.file("scene.toml", "schema = 1\n"))
     assert code == 2
-    assert "scene.toml: expected a log; a scene stands after --scene" in error
+    assert "scene.toml: expected a log, got a scene; pass it by --scene" in error

@@ -184,7 +184,7 @@ def test_what_cannot_be_a_world_is_told_in_one_message(jblast, change, words):
 def test_verbs_of_blasts_told_one_by_one_refuse_random_ones(jblast, verb):
     scene = jblast.file("scene.toml", BY_LAND)
     told = jblast.refused(verb, scene, "--out", jblast.path("o"))
-    assert "[world]: expected blasts that are told one by one" in told
+    assert "[world]: expected single blasts" in told
 
 
 @pytest.mark.slow

@@ -107,7 +107,7 @@ def test_moments_about_a_far_point_are_refused_unless_it_is_named(cases):
         f"{push:.3g} N s",
         f"{turn / push:.3g} m",
         "at most 0.13 m",
-        "need moment_point_m: from that point to the centre of mass",
+        "give moment_point_m: the vector from that point to the centre of mass",
     ):
         assert said in str(caught.value)
     for point in ((100.0, 0.0, 0.0), (0.0, 0.0, 0.0)):
