@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jblast.discovery.discover import DOUBTFUL, FEWEST_MEMBERS, Discovery, Replay
+from jblast.discovery.discover import MIN_MEMBERS, SIGNIFICANCE, Discovery, Replay
 from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import Outcome
 from jblast.discovery.shock import Slowing
@@ -227,20 +227,20 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     if not judged.tested:
         words.append(
             "whether what is left over is noise could not be judged: that takes "
-            f"equations that give every state back, and {FEWEST_MEMBERS} or more "
+            f"equations that give every state back, and {MIN_MEMBERS} or more "
             "records with new noise"
         )
-    if judged.outside < DOUBTFUL:
+    if judged.outside < SIGNIFICANCE:
         words.append(
             f"what is left over goes with {judged.outside_term}, which it was not "
             f"looked among (p = {significant(judged.outside, 2)})"
         )
-    if judged.excess < DOUBTFUL:
+    if judged.excess < SIGNIFICANCE:
         words.append(
             "more is left over than the noise would leave "
             f"(p = {significant(judged.excess, 2)})"
         )
-    if judged.serial < DOUBTFUL:
+    if judged.serial < SIGNIFICANCE:
         words.append(
             "what is left over is no independent noise "
             f"(p = {significant(judged.serial, 2)})"
