@@ -195,7 +195,7 @@ VERBS = (
         "discover",
         "analysis",
         "identify the equations of motion of a trajectory",
-        "jblast discover flight.csv --state u,v,w --degree 2 --out law",
+        "jblast discover flight.csv --input push_m_s2 --drag",
     ),
     Verb(
         "simulate",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jblast.discovery.discover import DOUBTFUL, FEWEST_MEMBERS, Discovery, Replay
+from jblast.discovery.discover import MIN_MEMBERS, SIGNIFICANCE, Discovery, Replay
 from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import Outcome
 from jblast.discovery.shock import Slowing
@@ -217,19 +217,19 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     if not judged.tested:
         words.append(
             "the residuals could not be tested: the test requires that every state is "
-            f"reproduced, and {FEWEST_MEMBERS} or more records with new noise"
+            f"reproduced, and {MIN_MEMBERS} or more records with new noise"
         )
-    if judged.outside < DOUBTFUL:
+    if judged.outside < SIGNIFICANCE:
         words.append(
             f"the residuals correlate with {judged.outside_term}, which is not a "
             f"candidate term (p = {significant(judged.outside, 2)})"
         )
-    if judged.excess < DOUBTFUL:
+    if judged.excess < SIGNIFICANCE:
         words.append(
             "the residuals are larger than the noise "
             f"(p = {significant(judged.excess, 2)})"
         )
-    if judged.serial < DOUBTFUL:
+    if judged.serial < SIGNIFICANCE:
         words.append(
             f"the residuals are correlated (p = {significant(judged.serial, 2)})"
         )

@@ -275,9 +275,9 @@ def _with_axes(
     for name, belief in beliefs.items():
         if isinstance(belief, Free):
             raise InputError(
-                f"{uncertain.source or source}: expected a value or a prior of "
-                f"{name}, got a free parameter; add one to the scene, or values to "
-                f"[axes] of {source}"
+                f"{uncertain.source or source}: {name} is free and cannot be drawn; "
+                "give it a value or a prior in the scene, or values in [axes] of "
+                f"{source}"
             )
     return replace(uncertain, beliefs=beliefs)
 

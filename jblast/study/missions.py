@@ -51,7 +51,7 @@ from jblast.study.flight_results import (
 )
 from jblast.study.flights import (
     GROUND_UP_M,
-    MOST_STEPS,
+    MAX_STEPS,
     Instruments,
     by_instruments,
     checked_scene,
@@ -492,8 +492,8 @@ def flown(
         return _once(*arguments, options.seconds)
     rate = float(mission.guidance.acceleration_m_s2)
     planned = planned_seconds(mission.guidance.legs, rate)
-    bound = planned * (1 + EXTRA_SHARE)
-    bound += EXTRA_PER_BLAST_S * len(scene.charges) + EXTRA_S
+    for_blasts = EXTRA_PER_BLAST_S * len(scene.charges)
+    bound = planned * (1 + EXTRA_SHARE) + for_blasts + EXTRA_S
     seconds = DURATION_UNIT_S * math.ceil(bound / DURATION_UNIT_S)
     count_flight = counted(2, "flights")
     rows = _once(*arguments, seconds)
@@ -533,9 +533,9 @@ def _once(
         InputError: The flight has too many steps.
     """
     step = options.step_s
-    if seconds / step > MOST_STEPS:
+    if seconds / step > MAX_STEPS:
         raise InputError(
-            f"seconds: expected at most {MOST_STEPS * step:g} s in steps of {step:g} "
+            f"seconds: expected at most {MAX_STEPS * step:g} s in steps of {step:g} "
             f"s, got {seconds:g} s"
         )
     # the position controller of a hovering vehicle follows the set points here

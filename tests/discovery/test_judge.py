@@ -5,7 +5,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
-from jblast.discovery.discover import Judgement, discover, left_over, replay, unlikely
+from jblast.discovery.discover import (
+    Judgement,
+    discover,
+    replay,
+    residual_statistics,
+    unlikely,
+)
 from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import motor_case, noise_sweep
 from jblast.discovery.record import smoothed
@@ -129,7 +135,7 @@ def test_what_is_left_over_is_counted_as_by_hand():
     rng = np.random.default_rng(0)
     terms, outside = rng.standard_normal((40, 2)), rng.standard_normal((40, 3))
     left = terms @ [1.0, -2.0] + 0.1 * rng.standard_normal(40) + 0.2 * outside[:, 1]
-    numbers, share = left_over(terms, left, outside, 5)
+    numbers, share = residual_statistics(terms, left, outside, 5)
     over = left - terms @ np.linalg.lstsq(terms, left)[0]
     assert numbers[0] == pytest.approx(np.log(np.sum(over**2) / np.sum(left**2)))
     assert numbers[1] == pytest.approx(np.dot(over[:-5], over[5:]) / np.sum(over**2))

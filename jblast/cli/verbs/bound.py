@@ -31,7 +31,7 @@ def add_arguments(verb: VerbParser) -> None:
         metavar="SCENE.toml",
         type=path,
         help="scene file with priors and free parameters; each sensor has a position "
-        "and records = { QUANTITY = SIGMA }",
+        "and its records (QUANTITY = SIGMA)",
     )
     verb.inputs.add_argument(
         "--at",

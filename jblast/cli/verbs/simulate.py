@@ -17,8 +17,8 @@ def add_arguments(verb: VerbParser) -> None:
         "scene",
         metavar="SCENE.toml",
         type=path,
-        help="scene file; each sensor has a position and records = { QUANTITY = SIGMA "
-        "}, radii with times_s = [...]; parameters with a prior are sampled",
+        help="scene file; each sensor has a position and its records (QUANTITY = "
+        "SIGMA; radii also times_s); parameters with a prior are sampled",
     )
     verb.outputs.add_argument(
         "--out",

@@ -13,9 +13,9 @@ SAYS = {
     "samples = true": "samples: expected a whole number, got True",
     "sd_target = { air_arival_s = 1.0 }": "did you mean air_arrival_s",
     "sd_target = { air_arrival_s = 0.0 }": "expected a positive number",
-    'keep = "some"': 'expected "all", "summary" or how many',
+    'keep = "some"': 'expected "all", "summary" or a number',
     "[axes]\ncharge_mas_kg = [1]": "did you mean charge_mass_kg",
-    "[axes]\ncharge_mass_kg = [0.0]": "expected what is positive, got 0.0",
+    "[axes]\ncharge_mass_kg = [0.0]": "expected a number that is positive, got 0.0",
     "[axes]\ncharge_mass_kg = []": "expected a list of values",
     "[axes]\ncharge_mass_kg = { from = 2, to = 1 }": "expected from < to",
     "[axes]\ncharge_mass_kg = { from = 1, to = 2, counts = 3 }": "did you mean count",
@@ -78,5 +78,5 @@ def test_a_changed_study_is_not_gone_on_with_and_says_what_changed(tmp_path):
     moved = study_in(tmp_path, scene=SCENE.replace("20.0, 0.0", "21.0, 0.0"))
     with pytest.raises(InputError, match=r"scene has changed.*is \[21.0, 0.0, 0.0\]"):
         run_into(moved, tmp_path / "store", resume=True)
-    with pytest.raises(InputError, match="there is a study already"):
+    with pytest.raises(InputError, match="expected a new store"):
         run_into(study_in(tmp_path), tmp_path / "store")

@@ -145,6 +145,8 @@ def test_margins_that_no_gains_have_are_refused(tmp_path):
     lag = float(named("crazyflie").motor_lag_s)
     uncertain = scene_of(tmp_path, "crazyflie")
     settings = TuningSettings(vehicles=2, margin_deg=89.99, margin_db=60.0)
-    with pytest.raises(InputError, match=r"own have 17\.9 dB and 15\.5 degrees") as no:
+    with pytest.raises(
+        InputError, match=r"gains have 17\.9 dB and 15\.5 degrees"
+    ) as no:
         tune_gains(uncertain, settings)
     assert f"lag by {lag:g} s" in str(no.value)

@@ -90,7 +90,7 @@ def test_nothing_is_known_of_no_samples_and_no_error_of_one():
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0])
 def test_a_weight_that_is_none_is_refused(bad):
-    with pytest.raises(ValueError, match=r"expected finite ones .* of sample 1"):
+    with pytest.raises(ValueError, match=r"expected finite numbers .* of sample 1"):
         state_of([1.0, 2.0], np.array([1.0, bad]))
 
 

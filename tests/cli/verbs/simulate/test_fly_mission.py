@@ -117,4 +117,4 @@ def test_what_cannot_be_flown_is_refused(jblast, monkeypatch, text, options, sai
 def test_a_hold_writes_no_plan(jblast):
     holds = SCENE.replace('mission = "short.plan"', "position_m = [5, 0, 2]")
     error = jblast.refused("fly", scene(jblast, holds), "--plan-out", "a.plan")
-    assert "holds its place" in error
+    assert "got one without a mission" in error

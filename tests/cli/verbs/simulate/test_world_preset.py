@@ -46,7 +46,7 @@ def test_its_page_is_marked_and_its_readings_are_not_fitted(jblast, run):
     assert MARK in jblast.text("run/report.html")
     code, _, err = jblast("report", jblast.path("run"), "--fit", "--force")
     assert code == 2
-    assert "--fit: expected a run whose readings are those of blasts" in err
+    assert "--fit: expected a run without a preset" in err
 
 
 def test_a_scene_that_contradicts_a_preset_is_refused(jblast, run):

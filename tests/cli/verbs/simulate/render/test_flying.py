@@ -54,8 +54,8 @@ def test_ground_and_sky_stand_behind_a_camera_that_stands_still(jblast):
 
 
 BAD = {
-    "a still picture": (["--background", "field.png"], "behind a camera that moves"),
-    "a depth": (["--depth", "wall.npy"], "--depth: expected a camera that stands"),
+    "a still picture": (["--background", "field.png"], "for a moving camera"),
+    "a depth": (["--depth", "wall.npy"], "--depth: expected a fixed camera"),
     "both": (["--background", "0.2", "--ground", "field.png:1"], "no --background but"),
     "no scale": (["--ground", "field.png"], "expected IMAGE.png:METRES_PER_PIXEL"),
     "scale 0": (["--ground", "field.png:0"], "expected IMAGE.png:METRES_PER_PIXEL"),

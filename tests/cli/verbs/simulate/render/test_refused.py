@@ -21,7 +21,7 @@ def without(key: str) -> str:
 
 
 BAD_SCENES = {
-    "no camera": (CHARGE, r"expected a [camera] to look through, got none"),
+    "no camera": (CHARGE, r"expected a [camera], got none"),
     "looking away": (
         CHARGE + AWAY,
         "looks towards 180 degrees from north, 0 degrees up; the blast is towards 0 "
