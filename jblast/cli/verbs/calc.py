@@ -84,7 +84,7 @@ def add_arguments(verb: argparse.ArgumentParser) -> None:
         "--table",
         dest="table",
         action="store_true",
-        help="print every law with its range of validity, not the recommended one alone",
+        help="print all laws with their ranges, not only the recommended one",
     )
     verb.add_argument(
         "--units",
