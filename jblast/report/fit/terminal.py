@@ -198,8 +198,10 @@ def summary(
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
     ordinary = [one for one in found.warnings if isinstance(one, NothingLearned)]
     rest = [one for one in found.warnings if one not in ordinary]
-    lines += section("Warnings", all_words(rest))
-    assumptions = all_words([*found.assumptions, *ordinary])
+    lines += section("Warnings", [capitalised(one) for one in all_words(rest)])
+    assumptions = [
+        capitalised(one) for one in all_words([*found.assumptions, *ordinary])
+    ]
     lines += section("Assumptions", [law_sentence(fit).rstrip("."), *assumptions])
     conversions = understood_lines(found.understood)
     if len(conversions) > MAX_CONVERSIONS and not verbose:

@@ -65,7 +65,7 @@ def test_many_sensors_close_together_are_marked_with_what_follows():
     found = paths_taken_as_independent(solved(log_of(MAX_PATHS + 1, 20.0)))
     assert found == PathsTakenAsIndependent(MAX_PATHS + 1, MAX_PATHS, True)
     said = words(found)
-    assert "the scatter of 1,001 paths was taken as independent" in said
+    assert "the scatter of 1,001 paths was assumed independent" in said
     assert "intervals of bearing and range are too narrow" in said
 
 

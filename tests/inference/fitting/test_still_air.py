@@ -97,7 +97,7 @@ def words_of(solution):
 def test_still_air_is_told_where_it_was_taken_and_only_there():
     factor = by_hand(False, 5.0)
     said = words_of(solved())
-    assert said.startswith("still air was taken: were the wind unknown, 0 +- 5 m/s")
+    assert said.startswith("still air; with unknown wind (sd 5 m/s per component)")
     assert f"charge_east_m {factor[0]:.2g} times" in said
     assert still_air(solved(wind=3.0)) is None
     open_wind = solved(free=("charge_east_m", "wind_east_m_s"))
@@ -118,7 +118,7 @@ def test_along_a_range_alone_a_wind_is_another_sound_speed():
     normal = dataclasses.replace(found.laplace, z=np.log([SOUND]))
     said = words_of(found._replace(posterior=fitted, laplace=normal))
     assert "prior" not in said  # it is fitted already
-    assert "air_sound_speed_m_s, which is fitted, stands for it" in said
+    assert "the fitted air_sound_speed_m_s covers it" in said
 
 
 def test_where_a_prediction_has_no_slope_nobody_says_that_intervals_would_not_widen():

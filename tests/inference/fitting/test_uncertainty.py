@@ -102,8 +102,8 @@ def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
     assert found.believed
     alone = fit(made, MASS_FREE, posterior="laplace").summary
     said = [w for w in all_words(alone.warnings) if "90 %" in w]
-    warned = f"off by up to {found.off:.1f} of a standard deviation at charge_mass_kg"
-    assert [warned in w and "--posterior emcee walks" in w for w in said] == (
+    warned = f"an error of up to {found.off:.1f} sd for charge_mass_kg"
+    assert [warned in w and "--posterior emcee runs MCMC" in w for w in said] == (
         [True] if by > MAX_QUANTILE_ERROR else []
     )
 
@@ -152,8 +152,8 @@ def test_where_few_draws_count_the_answer_says_so(monkeypatch):
     assert "k-hat" not in words(sure.reason)
     (why,) = all_words(sure.findings)
     for said in (words(sure.reason), why):
-        assert "50 draws' worth" in said
-    assert "--posterior emcee walks" in why
+        assert "effective sample size 50" in said
+    assert "--posterior emcee runs MCMC" in why
 
 
 def doubt(judged):
@@ -168,7 +168,7 @@ def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
     assert within.finding() is None
     assert doubt(replace(within, off=0.61)) == (
         "the 90 % intervals are those of a normal approximation, off by up to 0.6 of a "
-        "standard deviation at charge_mass_kg: --posterior emcee walks"
+        "standard deviation at charge_mass_kg: --posterior emcee runs MCMC"
     )
     # one weight is nearly all: k-hat decides, also where no end looks off
     heavy = replace(within, off=0.1, share=0.02, k_hat=1.2)

@@ -92,7 +92,7 @@ def test_sensors_all_at_one_place_are_told_to_spread():
     (null,) = found.summary.null_directions
     assert null.space == "linear"
     assert "do not separate the charge east and charge north" in text
-    assert "or an air arrival at a new place" in text
+    assert "or an air arrival at a new position" in text
     assert found.exit_code == 4
 
 

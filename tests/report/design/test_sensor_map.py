@@ -42,7 +42,7 @@ def test_mass_and_place_have_a_panel_each_with_contours_in_their_units():
     mass, place = figure.axes
     assert mass.get_title("left") == "Sd of charge mass"
     assert mass.get_title("right") == "now 40 %"
-    assert place.get_title("left") == "Sd of place"
+    assert place.get_title("left") == "Sd of position"
     assert place.get_title("right") == "now 8 m"
     figure.draw_without_rendering()
     labels = words(figure)
@@ -58,7 +58,7 @@ def test_the_caption_says_what_the_next_sensor_records_and_what_is_hatched():
         return " ".join(bound_figure(drawn).get_supxlabel().split())
 
     text = caption(made())
-    assert "records air arrival and peak overpressure as a does" in text
+    assert "records air arrival and peak overpressure like a" in text
     assert "1.5 m up" in text
     assert "Hatched: outside the range of a law." in text
     everywhere = np.ones((21, 21), bool)

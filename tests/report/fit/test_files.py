@@ -124,7 +124,7 @@ def test_the_page_says_what_the_text_says(pages):
     ):
         assert words in page
     page = (root / "not_identifiable" / "report.html").read_text("utf-8")
-    assert "Combinations that are determined" in page
+    assert "Identified combinations" in page
     assert "or a peak overpressure at a new range" in page
     page = (root / "no_draws" / "report.html").read_text("utf-8")
     assert "No posterior plot." in page
