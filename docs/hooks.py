@@ -1,4 +1,4 @@
-"""What MkDocs asks of us: pages that are generated, links of the repository, formulas.
+"""Hooks of MkDocs: generated pages, links of the repository, formulas.
 
 Pages under docs/ link to files of the repository where these stand in it, so that they
 can be read there; on the site a link leads to the page that the file became.

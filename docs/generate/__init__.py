@@ -1,1 +1,1 @@
-"""What of the manual is generated: from parsers, tables, docstrings, kept results."""
+"""Generated parts of the manual: from parsers, tables, docstrings and results."""

@@ -1,4 +1,4 @@
-"""The API, a page a room: the names its face offers, told by their docstrings."""
+"""The API, a page a room: the exported names with their docstrings."""
 
 import ast
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ class Room:
     Attributes:
         name: As it is imported.
         source: Its `__init__.py` in the repository.
-        about: What its docstring says.
+        about: Its docstring.
         offers: By name, the module that defines it.
     """
 
@@ -31,7 +31,7 @@ def rooms(root: Path) -> list[Room]:
 
 
 def page(room: Room) -> str:
-    """Write the page of a room, module by module: these tell formula and source."""
+    """Return the page of a package, module by module, with formulas and sources."""
     modules: dict[str, list[str]] = {}
     for name, module in room.offers.items():
         modules.setdefault(module, []).append(name)
@@ -45,7 +45,7 @@ def page(room: Room) -> str:
 
 
 def tree(root: Path) -> str:
-    """Write the list of all rooms, each with what it says of itself in a line."""
+    """Return the list of all packages, each with the first line of its docstring."""
     lines = []
     offering = {room.name for room in rooms(root)}
     for path in sorted((root / "jblast").rglob("__init__.py")):
@@ -56,8 +56,8 @@ def tree(root: Path) -> str:
         indent = "    " * (len(parts) - 1)
         lines.append(f"{indent}- {shown}: {about.partition(chr(10))[0]}")
     head = (
-        "# API\n\nA name is imported from the room whose page it stands on: "
-        "`from jblast.waves import scaled_distance`.\n\n## The rooms\n\n"
+        "# API\n\nImport a name from the package of its page: "
+        "`from jblast.waves import scaled_distance`.\n\n## Packages\n\n"
     )
     return head + "\n".join(lines) + "\n"
 

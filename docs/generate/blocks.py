@@ -1,7 +1,7 @@
 """Blocks: what hand-written pages take from parsers and tables, by a marker.
 
 A line `<!-- jblast: NAME -->` of a page is replaced by what the function of that name
-writes, so that no page tells by hand what a table says.
+writes, so that no fact of a table is written twice.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""The names at the package's root, and in whose room each is told."""
+"""The names at the package's root, each with the package that documents it."""
 
 import ast
 from dataclasses import replace
@@ -8,7 +8,7 @@ from docs.generate.api import Room, page, rooms
 
 
 def front_door(root: Path, front: Room) -> str:
-    """Write the page of the package itself; a name that no room offers is told here."""
+    """Write the page of the package itself; also names of no package."""
     homes = {
         (name, module): f"{room.name}.md"
         for room in rooms(root)
@@ -28,7 +28,7 @@ def front_door(root: Path, front: Room) -> str:
 
 
 def _summary(root: Path, module: str, name: str) -> str:
-    """Return the first line of what a function or a class says of itself."""
+    """Return the first line of the docstring of a function or a class."""
     source = root.joinpath(*module.split(".")).with_suffix(".py")
     for node in ast.parse(source.read_text("utf-8")).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == name:

@@ -21,8 +21,8 @@ def page(notebook: Path) -> str:
     for kind, text in _cells(notebook):
         parts.append(text if kind == "markdown" else f"```python\n{text}\n```")
     note = (
-        f"*This is `notebooks/{notebook.name}` of the repository, without its outputs: "
-        f"[take it]({notebook.name}) and run it where jblast is installed.*"
+        f"*This page is `notebooks/{notebook.name}` without outputs. "
+        f"[Download it]({notebook.name}) to run it where jblast is installed.*"
     )
     return "\n\n".join([parts[0], note, *parts[1:]]) + "\n"
 

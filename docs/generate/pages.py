@@ -1,4 +1,4 @@
-"""What of the site is made: tutorials, API, results, schemas, pages of the root."""
+"""Generated pages: tutorials, API, results, schemas, pages of the root."""
 
 import json
 from collections.abc import Callable

@@ -22,7 +22,7 @@ class Result:
         uri: Where the page stands on the site.
         source: The file in the repository.
         title: What the navigation calls it.
-        script: The script that writes it, "" where it is told on the page.
+        script: The script that writes it, "" if the page names it.
         question: That of the index; without a script, the first sentence of the
             file.
         text: What the file holds.
@@ -68,20 +68,20 @@ def index_rows(root: Path) -> list[tuple[str, str, list[str], list[str], list[st
 
 
 def page(result: Result) -> str:
-    """Write the page of a result: as it is, or its table beneath what was asked."""
+    """Write the page of a result: unchanged, or its question and its table."""
     if result.source.endswith(".md"):
         if not result.text.startswith("## "):
             return result.text
-        # a chart is told without its picture and its title, for a terminal
+        # the text of a chart, for terminals, has no picture and no title
         heading, _, rest = result.text[3:].partition("\n")
         pictures = "".join(f"![{heading}]({name})\n\n" for name in result.pictures)
         text = rest.strip().replace("\n### ", "\n## ")
         return f"# {heading}\n\n{pictures}{text}\n"
-    asked = f"{result.question}\n\n" if result.question else ""
+    question = f"{result.question}\n\n" if result.question else ""
     written = f"Written by `{result.script}`.\n\n" if result.script else ""
     pictures = "".join(f"![{result.title}]({name})\n\n" for name in result.pictures)
     body = f"```text\n{result.text.rstrip()}\n```\n"
-    return f"{WIDE}# {result.title}\n\n{asked}{written}{pictures}{body}"
+    return f"{WIDE}# {result.title}\n\n{question}{written}{pictures}{body}"
 
 
 def index(root: Path) -> str:
@@ -94,12 +94,11 @@ def index(root: Path) -> str:
         [
             "# Results",
             "",
-            "What scripts of `calibration/` measured, as they wrote it. Each is kept "
-            "in `calibration/results`, and each script can be run again. Figures that "
-            "this manual quotes from them are held against them by `make check`, row "
-            "by row of `calibration/figures.csv`.",
+            "Output of the scripts in `calibration/`, from `calibration/results`. "
+            "Each script can be run again. `make check` compares the figures quoted "
+            "in this manual with these files (`calibration/figures.csv`).",
             "",
-            "| result | what was asked |",
+            "| result | question |",
             "|---|---|",
             *rows,
             "",
@@ -113,8 +112,8 @@ def _result(root: Path, path: Path) -> Result:
     text = path.read_text("utf-8")
     pictures = path.with_suffix(".png")
     beside = (pictures.name,) if pictures.exists() else ()
-    module, asked = _script(root, name) if name.endswith(".txt") else ("", "")
-    question = asked or _first_sentence(text)
+    module, question = _script(root, name) if name.endswith(".txt") else ("", "")
+    question = question or _first_sentence(text)
     return Result(
         uri, f"{KEPT}/{name}", _title(name, text), module, question, text, beside
     )

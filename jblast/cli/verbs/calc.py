@@ -3,7 +3,7 @@
 Values outside the validity range of a law are printed and marked. One of
 --overpressure, --impulse, ... with --range or --mass gives the other of the two. A
 single question (such a value, or --quantity) has a one-line answer by the recommended
-law, followed by the other laws; --table prints all laws alike.
+law, followed by the other laws; --all-laws prints all laws alike.
 
 Numbers may have a unit: 33lb, 1psi.
 """

@@ -13,7 +13,7 @@ from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
 from jblast.report.picks import NOTES, picks_answer, picks_text
 from jblast.report.provenance import provenance_of
 from jblast.signals.picks import Gathered, NoteKind, log_of
-from tests.inference.records.made import record_pick
+from tests.signals.records.made import record_pick
 
 RATE, START = 1e4, 5.0
 RIFF = "a40ff3d5900fb7698b8c865041347cb49eccedc8f93945f89629ad104aaecce4"

@@ -8,7 +8,7 @@ from jblast.signals.picks.pick import NAMES
 from jblast.verification.simulated_recordings import Shares, is_far_off
 from jblast.verification.stability import detectors
 from jblast.verification.stability.failure import measures_of
-from tests.inference.records.made import record_pick
+from tests.signals.records.made import record_pick
 
 
 def test_records_are_entered_into_the_map():

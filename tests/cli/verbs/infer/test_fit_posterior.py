@@ -26,7 +26,9 @@ def test_auto_says_which_it_took_and_why(jblast):
         assert f"Intervals {method}: " in text
         assert "k-hat" in text
         assert "largest sd of ln" in text
-        assert ("the normal approximation fails its check" in text) == (method == "emcee")
+        assert ("the normal approximation fails its check" in text) == (
+            method == "emcee"
+        )
         assert json.loads(jblast("fit", log, *asked, "--json")[1])["posterior"] == (
             method
         )

@@ -9,7 +9,7 @@ import pytest
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files.event_files import write_events
 from jblast.sensors.camera.files.images import write_png
-from tests.detect.flash.films import growing
+from tests.signals.flash.films import growing
 
 SCENE = """
 [camera]

@@ -11,7 +11,7 @@ from scipy.special import gamma, kv
 from jblast.errors import InputError
 from jblast.signals import RelativeTimes, direction, relative_times
 from jblast.waves.laws.line_of_sight import bearing, elevation
-from tests.detect.array.simulated import RATE, heard, variance
+from tests.signals.array.simulated import RATE, heard, variance
 
 C = 340.0
 SIGMA = 2e-5

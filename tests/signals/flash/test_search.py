@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.signals.flash.search import detect_flashes
-from tests.detect.flash.films import growing
+from tests.signals.flash.films import growing
 
 HEIGHT = 4.5
 

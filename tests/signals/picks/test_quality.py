@@ -3,7 +3,7 @@
 import pytest
 
 from jblast.signals.picks.record_picks import notes_of, quality_of
-from tests.inference.records.made import pick
+from tests.signals.records.made import pick
 
 PEAK_PA = 1000.0
 """Of the made pick."""

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks import pick, pick_records
-from tests.inference.picks.simulated import RATE, TIME, Truth, noisy, samples_of
+from tests.signals.picks.simulated import RATE, TIME, Truth, noisy, samples_of
 
 pytestmark = pytest.mark.slow  # a program to compile
 TRUTH = Truth()

@@ -6,7 +6,7 @@ import pytest
 
 from jblast.signals.picks import pick
 from jblast.signals.picks.record_picks import quality_of
-from tests.inference.picks.simulated import SAMPLES
+from tests.signals.picks.simulated import SAMPLES
 
 RATE = 2e4
 """Samples per second of the textbook record."""

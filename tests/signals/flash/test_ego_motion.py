@@ -3,7 +3,7 @@
 import numpy as np
 
 from jblast.signals.flash.watch import EgoMotion
-from tests.detect.flash.films import SHAPE, disc
+from tests.signals.flash.films import SHAPE, disc
 
 
 def texture(dx=0.0, dy=0.0, turn=0.0, zoom=1.0):

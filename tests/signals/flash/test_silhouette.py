@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.signals.flash.fireball import silhouette
-from tests.detect.flash.films import SHAPE, disc
+from tests.signals.flash.films import SHAPE, disc
 
 SEED = np.ones(SHAPE, bool)
 

@@ -11,7 +11,7 @@ import soundfile
 from jblast.observations.records.formats import Scaling
 from jblast.observations.records.stations import Station
 from jblast.signals.picks import gathered
-from tests.inference.records.made import picked_at_its_peak
+from tests.signals.records.made import picked_at_its_peak
 
 with warnings.catch_warnings():  # of its own age
     warnings.simplefilter("ignore", DeprecationWarning)

@@ -9,7 +9,7 @@ from jblast.observations.records.recording import PressureRecord
 from jblast.observations.records.stations import Station
 from jblast.observations.table import RECORD_QUANTITIES
 from jblast.signals.picks import Gathered, log_of
-from tests.inference.records.made import record_pick
+from tests.signals.records.made import record_pick
 
 STATIONS = {
     "a": Station((100.0, 0.0, 1.0), ""),

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.signals import relative_times
-from tests.detect.array.simulated import RATE, WINDOW, bound, heard, variance
+from tests.signals.array.simulated import RATE, WINDOW, bound, heard, variance
 
 FAR = 3e-3
 TRIES = 200

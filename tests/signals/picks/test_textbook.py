@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.signals.picks import pick
-from tests.inference.picks.simulated import SAMPLES
+from tests.signals.picks.simulated import SAMPLES
 
 pytestmark = pytest.mark.slow  # twenty-four records; test_pick.py has one of them
 

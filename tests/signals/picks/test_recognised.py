@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import bilinear, lfilter
 
 from jblast.signals.picks import pick
-from tests.inference.picks.simulated import (
+from tests.signals.picks.simulated import (
     FINE,
     RATE,
     SAMPLES,

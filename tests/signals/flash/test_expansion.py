@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.signals.flash.watch import Tiles, down_the_columns, tiles_of
-from tests.detect.flash.films import disc
+from tests.signals.flash.films import disc
 
 
 def evidence(lit, fallen, bright, side=24):

@@ -7,7 +7,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.signals.picks import pick
-from tests.inference.picks.simulated import (
+from tests.signals.picks.simulated import (
     RATE,
     SAMPLES,
     TIME,

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from jblast.signals.picks import pick
-from tests.inference.picks.simulated import RATE, SAMPLES, TIME, Truth, samples_of
+from tests.signals.picks.simulated import RATE, SAMPLES, TIME, Truth, samples_of
 
 FAINT = Truth(rise=3e-5, duration=2.5e-3)
 MEMORY = 0.75
