@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
+from matplotlib.transforms import Bbox
 
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_files import write_figure
@@ -103,7 +104,7 @@ def draw_log(axes: Axes, rows: list[dict[str, str]]) -> None:
         colWidths=[0.11, 0.39, 0.13, 0.13, 0.12, 0.13],
         cellLoc="left",
         edges="horizontal",
-        bbox=(0.0, 0.15, 1.0, 0.8),
+        bbox=Bbox.from_bounds(0.0, 0.15, 1.0, 0.8),
     )
     drawn.auto_set_font_size(False)
     drawn.set_fontsize(8)

@@ -29,10 +29,8 @@ AVOIDED = {
 """Patterns, and what to write."""
 CLAUSE = re.compile(r"(?:What|Where|Who|Whose|How|Whether)\b")
 """How a docstring's summary does not begin: a noun phrase is shorter."""
-ALLOWED = {
-    "docs/reference/changelog.md": "a copy of the changelog, which quotes old names",
-}
-"""Files that are left out, with the reason."""
+ALLOWED = re.compile(r'"key": "(?:asked|said)"')
+"""JSON keys, which stay as they are: programs of users read them."""
 
 
 class Found(NamedTuple):
@@ -58,7 +56,7 @@ def words_in(text: str, path: str) -> Iterator[Found]:
     """Yield the avoided words of a text."""
     for number, line in enumerate(text.splitlines(), 1):
         for pattern, term in AVOIDED.items():
-            if re.search(pattern, line, re.IGNORECASE):
+            if re.search(pattern, ALLOWED.sub("", line), re.IGNORECASE):
                 yield Found(path, number, line, term)
 
 
@@ -88,8 +86,6 @@ def found_in(paths: list[str]) -> list[Found]:
     found: list[Found] = []
     for file in files_of(paths):
         path, text = file.relative_to(ROOT).as_posix(), file.read_text("utf-8")
-        if path in ALLOWED:
-            continue
         found += words_in(text, path)
         if file.suffix == ".py":
             found += summaries_in(text, path)
