@@ -147,7 +147,7 @@ def test_a_map_without_anything_to_draw_is_refused():
     found = bound(dataclasses.replace(ranged, scene=scene), {"charge_mass_kg": 9.0})
     assert found.summary.identifiable
     assert all(entry.position is None for entry in found.summary.help)
-    with pytest.raises(ValueError, match="needs places"):
+    with pytest.raises(ValueError, match="needs positions"):
         bound_map(found)
 
 
