@@ -139,7 +139,7 @@ def test_a_map_is_the_bound_with_one_more_sensor_at_each_place(planned):
 def test_a_map_without_anything_to_draw_is_refused():
     ground = {"ground_p_speed_m_s": LogNormal(5660.0, 1.1)}
     found = bound(scene_of(ground, RING, (("ground_arrival_s", 1e-4),)))
-    with pytest.raises(ValueError, match="mass or the place"):
+    with pytest.raises(ValueError, match="mass or position"):
         bound_map(found)
     ranged = scene_of(MASS, {"a": (0.0, 0.0)}, PRESSURE)
     charge = dataclasses.replace(ranged.scene.charge, range_m=jnp.asarray(30.0))
@@ -147,7 +147,7 @@ def test_a_map_without_anything_to_draw_is_refused():
     found = bound(dataclasses.replace(ranged, scene=scene), {"charge_mass_kg": 9.0})
     assert found.summary.identifiable
     assert all(entry.position is None for entry in found.summary.help)
-    with pytest.raises(ValueError, match="needs places"):
+    with pytest.raises(ValueError, match="needs positions"):
         bound_map(found)
 
 

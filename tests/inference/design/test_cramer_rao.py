@@ -159,7 +159,7 @@ def test_what_only_shifts_clocks_needs_no_value():
     values = values_at(scene, {"charge_mass_kg": 10.0, "clock_offset_s.b": 0.5})
     assert values["origin_time_s"] == 0.0
     assert values["clock_offset_s.b"] == 0.5
-    with pytest.raises(InputError, match="at charge_mass_kg=VALUE; what"):
+    with pytest.raises(InputError, match="at charge_mass_kg=VALUE; the information"):
         values_at(scene, {})
 
 
