@@ -15,8 +15,8 @@ from jblast.inference.fitting.findings import (
     WrongSensor,
 )
 from jblast.inference.fitting.suspects import (
-    AS_LIKELY,
-    MOST_EXCHANGES,
+    EXPLANATION_FALL,
+    MAX_EXCHANGES,
     accused_sensors,
     explained_by,
     other_explanations,
@@ -97,7 +97,7 @@ def test_sensors_that_explain_a_log_as_well_as_the_suspected_one_are_named():
         as_well = [
             name
             for name in NAMES
-            if name != suspect and falls[name] > falls[suspect] - 2 * AS_LIKELY
+            if name != suspect and falls[name] > falls[suspect] - 2 * EXPLANATION_FALL
         ]
         worst = SuspectedOutlier(suspect, "air_arrival_s", -4.0)
         told = other_explanations(made, solution, [worst])
@@ -125,7 +125,7 @@ def test_a_rest_that_has_no_answer_accuses_nobody_and_ends_nothing():
         raise InputError("no value of charge_mass_kg gives the log a probability")
 
     assert explained_by(made, solution, False, refused) == ()
-    assert len(NAMES) <= len(asked) <= len(NAMES) + MOST_EXCHANGES  # each was tried
+    assert len(NAMES) <= len(asked) <= len(NAMES) + MAX_EXCHANGES  # each was tried
 
 
 @pytest.mark.slow

@@ -58,12 +58,11 @@ def test_an_unknown_topic_lists_them(jblast):
 
 
 def test_help_names_every_topic():
-    import argparse
-
+    from jblast.cli.arguments.verb_parser import VerbParser
     from jblast.cli.verbs import chart
     from jblast.verification.benchmark import BENCHMARKS
 
-    verb = argparse.ArgumentParser()
+    verb = VerbParser("jblast chart", "Chart.", "jblast chart laws")
     chart.add_arguments(verb)
     for name in BENCHMARKS:
         assert name in verb.format_help()

@@ -8,7 +8,6 @@ import pytest
 
 from jblast.inference.fitting.place import (
     LEVELS,
-    PEAK,
     peak_law,
     ranges_at,
     shock_rings,
@@ -25,9 +24,11 @@ MASS = 209.0
 
 def test_the_calculator_finds_the_same_ranges():
     scene = Scene(charge=Charge(mass_kg=MASS, burst="surface"))
-    law = law_for(PEAK, "kingery_bulmash")
+    law = law_for("peak_overpressure_pa", "kingery_bulmash")
     found, valid = ranges_at(scene, law, [MASS], [5e3])
-    by_bisection = roots(Question(scene, (), (MASS,), PEAK, 5e3))["kingery_bulmash"]
+    by_bisection = roots(Question(scene, (), (MASS,), "peak_overpressure_pa", 5e3))[
+        "kingery_bulmash"
+    ]
     assert found[0, 0] == pytest.approx(by_bisection.value[-1], rel=1e-5)
     assert valid[0, 0] == by_bisection.valid[-1]
 
@@ -38,12 +39,16 @@ def test_a_sensor_on_a_ring_reads_its_pressure():
     rings = shock_rings(fit)
     assert [ring.peak_overpressure_pa for ring in rings] == list(LEVELS)
     sensors = tuple(
-        Sensor(f"r{i}", jnp.array([0.0, ring.range_m, 0.0]), records=((PEAK, 0.1),))
+        Sensor(
+            f"r{i}",
+            jnp.array([0.0, ring.range_m, 0.0]),
+            records=(("peak_overpressure_pa", 0.1),),
+        )
         for i, ring in enumerate(rings)
     )
     scene = replace(scene, sensors=sensors)
     layout, _, _ = planned_layout(scene)
-    read = record(scene, layout, {PEAK: "kingery_bulmash"})
+    read = record(scene, layout, {"peak_overpressure_pa": "kingery_bulmash"})
     # the range is to 1e-5, the pressure falls with up to its third power
     assert np.asarray(read.value) == pytest.approx(np.array(LEVELS), rel=1e-4)
     assert [bool(v) for v in read.valid] == [ring.valid for ring in rings]

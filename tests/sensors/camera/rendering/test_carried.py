@@ -86,7 +86,7 @@ def test_a_camera_that_stands_sees_what_one_that_stands_sees():
 def test_frames_at_other_poses_are_made_by_one_program():
     eye, times = camera(), jnp.array([0.1, 0.2])
     render_carried(NEVER, eye, yawing(0.1), times)
-    programs = cast(Any, rendering._frames)._cached
+    programs = cast(Any, rendering._carried_frames)._cached
     before = programs._cache_size()
     render_carried(NEVER, eye, yawing(0.7), times + 0.1)
     assert programs._cache_size() == before
