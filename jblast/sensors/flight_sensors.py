@@ -313,6 +313,7 @@ class Suite(eqx.Module):
             time_s: Time on the clock of the blasts [s].
             period_s: Time between two turns [s].
         """
+        # one draw of all numbers: several calls would cost more than the samples
         drawn = jax.random.normal(jax.random.fold_in(key, turn), (_PARTS[-1] + 1,))
         walk, inertial, of_fix, of_field, of_pressure = jnp.split(drawn, _PARTS)
         biases = walked(walk, self.imu, held.biases, period_s)

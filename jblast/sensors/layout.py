@@ -98,6 +98,7 @@ class Layout(eqx.Module):
             for name, sign in components(q)
             if name == quantity
         }
+        # 0 marks rows in which the quantity has no part
         given = np.array([signs.get(q, 0.0) for q in self.quantity])
         rows = np.flatnonzero((given != 0) & (np.array(self.shot) == shot))
         return rows, given[rows]

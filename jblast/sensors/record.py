@@ -208,6 +208,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
                 _rows_of(path, rows), charge_mass=charge.tnt_mass(quantity)
             )
             given = jnp.broadcast_to(call(law.function, row_path), rows.shape)
+            # light within a site takes microseconds, below the clocks of most logs
             if quantity == "flash_time_s" and scene.instant_light:
                 given = jnp.zeros_like(given)
             if not (sign == 1).all():  # only differences of arrivals have sign -1
@@ -284,6 +285,7 @@ def path_effects(
     """
     if not scene.scatter:
         return frozenset()
+    # one row per quantity and charge suffices: a law scatters alike in all of them
     first: dict[tuple[str, int], int] = {}
     for row, key in enumerate(zip(layout.quantity, layout.shot, strict=True)):
         first.setdefault(key, row)

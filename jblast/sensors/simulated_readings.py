@@ -125,6 +125,7 @@ def written(
         sigma: Standard error of each: in its unit for `ADDITIVE`, else relative.
         sensors: Name of each row's sensor.
     """
+    # a sensor without a position has none in the log either
     placed = {s.name for s in scene.sensors if np.isfinite(s.position_m).all()}
     is_placed = np.isin(sensors, list(placed))
     is_placed |= np.isin(layout.quantity, BY_CAMERA)  # at the camera

@@ -178,6 +178,8 @@ def read_evt3(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
                 f"got {octets:,} bytes"
             )
         decoder = Decoder()
+        # converted block by block: int64 columns of a whole file would take four times
+        # the memory
         parts = [
             {name: part[name].astype(kind) for name, kind in TYPES.items()}
             for part in map(decoder.columns, _word_blocks(path, file))
