@@ -181,7 +181,7 @@ class Inputs:
     mass_kg: Numbers | None = field(metadata=ABSENT)
     range_m: Numbers | None = field(metadata=ABSENT)
     unknown: Literal["range_m", "charge_mass_kg"] | None = field(
-        metadata={"key": "asked"} | ABSENT
+        metadata={"key": "asked"} | ABSENT  # a JSON key
     )
     scaled: Scaled | None = field(metadata=AMONG)
     measured: Mapping[str, float] = field(metadata=AMONG)

@@ -52,9 +52,8 @@ def test_a_film_is_told_with_what_was_written():
         *("out/frames", "out/events.h5", "out/contact_sheet.png"),
     ]
     trial = replace(FOUND, stamps="interpolated", stamp_error_s=1e-4)
-    assert "error below 100 us for 99 % of them\n" in film_text(
-        replace(BOTH, found=trial)
-    )
+    text = film_text(replace(BOTH, found=trial))
+    assert "error below 100 us for 99 % of them\n" in text
     assert "events" not in film_text(FRAMES)
 
 
