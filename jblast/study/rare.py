@@ -276,7 +276,7 @@ class Mixture(NamedTuple):
         radius: Radius of the sphere of the exterior; 0 stands for the prior again.
     """
 
-    middles: Float[np.ndarray, "part dimension"]
+    centres: Float[np.ndarray, "part dimension"]
     shares: Float[np.ndarray, " share"]
     radius: float = 0.0
 

@@ -225,7 +225,7 @@ class Store:
             given = columns[variable.name][: self.samples - tile * self.tile]
             whole[: len(given)] = given
             path = self.chunk_path(variable, tile)
-            # no fsync of each chunk: a kill loses nothing that was written to the system
+            # no fsync of each chunk: a kill loses nothing that the system has
             write_bytes(path, whole.tobytes(), durable=False)
 
     def read_tile(self, tile: int, names: Sequence[str] = ()) -> dict[str, np.ndarray]:

@@ -452,7 +452,7 @@ def draw(
     Args:
         key: Key of the sample: `jax.random.fold_in(jax.random.key(study.seed), index)`.
         study: Study.
-        cell: Number of the combination of axes in `study.cells`.
+        cell: Number of the combination of axes in `Study.cells`.
     """
     scores = normal_scores(key[None], len(study.drawn))
     cells = jnp.full((1,), cell)
@@ -475,8 +475,8 @@ def outcomes(
         study: Study; its design is ignored, and the key gives the sample.
         numbers: Parameters by name, in place of sampled ones; outcomes are
             differentiable by them.
-        variant: Number of the variant in `study.variants`.
-        cell: Number of the combination of axes in `study.cells`.
+        variant: Number of the variant in `Study.variants`.
+        cell: Number of the combination of axes in `Study.cells`.
 
     Returns:
         One value by outcome, or one for each sensor.
