@@ -36,6 +36,7 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
     if not words:
         sys.stderr.write(root_parser().format_help())
         return 2
+    # also for errors before the options are parsed
     debug = "--debug" in words
     try:
         options = parsed(words)
@@ -45,6 +46,7 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
             if progress and options.progress
             else contextlib.nullcontext()
         )
+        # restored afterwards, as tests and notebooks call `main` in their own process
         with warnings.catch_warnings(), progress_lines:
             warnings.showwarning = _print_warning
             code = options.run(options)

@@ -326,6 +326,7 @@ def discover_in(
         terms: Float[np.ndarray, "window term"],
         left: Float[np.ndarray, "window state"],
     ) -> Bool[np.ndarray, "state term"]:
+        # repeated terms are never candidates: the regression would be singular
         kept = np.zeros((len(states), len(distinct)), bool)
         for state, covariance in enumerate(covariances):
             regression = Regression(terms[:, distinct], covariance)
@@ -473,9 +474,12 @@ def ensemble_uncertainty(
     )
     off = misfit(made, record.states, record.noise_in_unit)
     reproduced = bool(np.all(off <= CLOSE))
+    # multiplicative noise needs positive values
     if record.relative:
         reproduced = reproduced and bool(np.all(made > 0.0))
+    # errors are known exactly only in records that the equations made
     base = made if reproduced else record.smooth
+    # windows two half widths apart share no row
     apart = 2 * PER_HALF_WIDTH
 
     def numbers(sides: Sides):
@@ -596,6 +600,7 @@ def held_out_skill(
             )
             for nth, guess in enumerate((recorded, elsewhere, start)):
                 squared_errors[nth] += np.sum((truth - guess) ** 2, axis=0)
+    # a stopped integration predicts nothing: infinitely wrong
     squared_errors = np.where(np.isnan(squared_errors), np.inf, squared_errors)
     return 1.0 - squared_errors[0] / np.minimum(squared_errors[1], squared_errors[2])
 
@@ -627,11 +632,13 @@ def residual_statistics(
         return np.array([size, correlation, 0.0]), np.zeros(0)
     free = outside - base @ (base.T @ outside)
     norm = np.linalg.norm(free, axis=0)
+    # a term outside that the equation nearly contains has no direction of its own
     outlying = norm > 1e-6 * np.linalg.norm(outside, axis=0)
     unit = np.where(outlying, free / np.where(outlying, norm, 1.0), 0.0)
     share = (unit.T @ over) ** 2 / square
     vectors, sizes, _ = np.linalg.svd(unit, full_matrices=False)
     vectors = vectors[:, sizes > 1e-6 * sizes[0]] if sizes[0] > 0.0 else vectors[:, :0]
+    # below 1, so that the logarithm is finite
     gain = min(float(np.sum((vectors.T @ over) ** 2)) / square, 1.0 - 1e-12)
     return np.array([size, correlation, -np.log1p(-gain)]), share
 
@@ -643,6 +650,7 @@ def unlikely(
     count = len(members)
     if count < MIN_MEMBERS:
         return np.full(3, np.nan)
+    # noise-free records: the residual is rounding and quadrature, not evidence
     if own[0] < np.log(EXACT):
         return np.ones(3)
     sd = np.maximum(np.std(members, axis=0, ddof=1), MIN_SD)

@@ -245,6 +245,7 @@ def read_trajectory(
         )
     values = _numbers(str(path), header, numbered[1:], (TIME, *chosen[0], *chosen[1]))
     time = values[:, 0]
+    # the spline and the windows need increasing times
     late = np.flatnonzero(np.diff(time) <= 0.0)
     if len(late):
         row = late[0] + 1
@@ -253,6 +254,7 @@ def read_trajectory(
             f"{time[row]:g} after {time[row - 1]:g}"
         )
     for place, name in enumerate((*chosen[0], *chosen[1]), start=1):
+        # a constant column equals the constant term
         if np.ptp(values[:, place]) == 0.0:
             raise InputError(
                 f"{path}: column {name}: expected values that change, got "

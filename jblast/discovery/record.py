@@ -180,6 +180,7 @@ def trajectory_record(
     """
     curves, noise_sd, again = smoothed(time_s, states)
     cut = windows(time_s, half_width(time_s, curves.value, curves.slope(time_s)))
+    # inputs are exact: interpolated, not smoothed
     between = [input_at(time_s, column, cut.time, held=held) for column in inputs.T]
 
     def sides(states: Float[np.ndarray, "row state"], curves: Curves) -> Sides:

@@ -76,6 +76,7 @@ def shock_slowing(
     )
     rng = np.random.default_rng(seed)
     exponent, misfit = _one_power(record, record.sides)
+    # the exponent of the states that the noisy records are made from
     middle, _ = _one_power(record, record.sides_of(record.smooth))
     found = [
         _one_power(record, record.sides_of(record.with_noise(record.smooth, rng)))[0]

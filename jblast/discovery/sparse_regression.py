@@ -110,6 +110,7 @@ def least_squares(
     over = np.mean((left - regression.terms[:, kept] @ found) ** 2)
     noise = np.mean(np.diag(regression.covariance))
     variance = np.sum((inverse @ regression.covariance) * inverse, axis=1)
+    # never smaller than by noise: a lucky fit does not make a term significant
     if over > noise:
         variance *= over / noise if noise > 0.0 else 1.0
     coefficients, sds = np.zeros(kept.shape), np.zeros(kept.shape)
@@ -135,6 +136,7 @@ def sparse_terms(
     """
     size = np.sqrt(np.mean(regression.terms**2, axis=0))
     whole = np.sqrt(np.mean(left**2))
+    # a term that is zero along the record cannot be scaled
     kept = size > 0.0
     while np.any(kept):
         optimizer = pysindy.STLSQ(threshold=threshold, alpha=RIDGE, max_iter=50)

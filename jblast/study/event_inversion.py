@@ -134,6 +134,7 @@ def event_counts(
     interval = np.searchsorted(times, time, side="left") - 1
     inside = (interval >= 0) & (interval < len(times) - 1)
     counts = np.zeros((len(times) - 1, *shape), int)
+    # `add.at`, because several events of a pixel fall into one interval
     np.add.at(counts, (interval[inside], y[inside], x[inside]), sign[inside])
     return counts
 
@@ -163,6 +164,7 @@ def fit_events(
         max_steps: Largest number of steps in each stage.
     """
     clock = jnp.asarray(times)
+    # running sums instead of counts: a late event still has a gradient
     known = jnp.cumsum(jnp.asarray(counts, clock.dtype), axis=0)
     values, steps = jnp.asarray(start, clock.dtype), 0
     misfit, converged = np.inf, False
@@ -179,6 +181,7 @@ def _stage(log_frames, start, given, max_steps):
     temperature, width, known, times, thresholds = given
     apart = (times[1:, None] - times[None, 1:]) / width
     weights = jnp.exp(-0.5 * jnp.square(apart))
+    # normalised at the bounds of the film too, where the kernel is cut
     weights = weights / weights.sum(axis=1, keepdims=True)
 
     def residuals(values, _):

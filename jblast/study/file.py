@@ -200,6 +200,7 @@ def study_from_document(
     variants, believed = [], []
     for name, scene in zip(names, found, strict=True):
         for values in itertools.product(*(axis.values for axis in words)):
+            # `put` changes the tables in place
             one = copy.deepcopy(scene)
             for axis, value in zip(words, values, strict=True):
                 put(one, axis.key, value, f"{source}: [axes] {axis.key}")
@@ -326,6 +327,7 @@ def whole_of(value: Any, where: str, least: int, most: int) -> int:
     """Return a whole number within limits."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)  # 1e6 is a float in TOML
+    # a bool is an int in Python
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"{where}: expected a whole number, got {shown(value)}")
     if not least <= value <= most:
@@ -416,6 +418,7 @@ def read_axes(
 
 
 def _is_number(key: str) -> bool:
+    # "charge_mass_kg.NAME" is a parameter of one of several charges
     base = key.partition(".")[0]
     return base in PARAMETERS or base == CLOCK_OFFSET
 

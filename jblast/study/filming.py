@@ -203,6 +203,7 @@ def _times(
     """Return the start times of the frames [s]."""
     from jblast.waves.fireball import fireball_duration
 
+    # each charge has its own time: the film covers all fireballs
     bursts = [float(charge.time_s) for charge in scene.charges]
     if options.times is not None and options.seconds is not None:
         both = argument("times"), argument("seconds")
@@ -224,6 +225,7 @@ def _times(
         seconds = max(stops) - start
     # rounding must not add a frame to a whole number of frame intervals
     count = min(math.ceil(seconds * hz - 1e-6), bound)
+    # events are changes between two frames at least
     fewest = 1 if options.mode == "rgb" else 2
     if not fewest <= count <= MAX_FRAMES:
         raise InputError(
@@ -402,6 +404,7 @@ def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     seconds = max(default, math.ceil(10 * end) / 10)
     flights = fly(uncertain, Options(seconds=seconds), seed=seed)
     trajectory = trajectory_of(flights, next(iter(flights.holds)))
+    # a diverged vehicle has no path from there on
     kept = np.isfinite(np.asarray(trajectory.position_m)).all(axis=-1)
     return CameraPath(
         trajectory.time_s[kept],

@@ -381,9 +381,11 @@ def exposed(
         states: States at these times.
     """
     in_flight = encounter.arrival_s <= time_s[-1]
+    # a finite time for blasts without an arrival; their results are masked below
     arrival = jnp.where(in_flight, encounter.arrival_s, 0.0)
 
     def accelerations(came: Float[Array, ""]) -> Float[Array, " window"]:
+        # the state before the blast: its own effect on the attitude must not enter
         last = jnp.maximum(jnp.sum(time_s < came) - 1, 0)
         state = jax.tree.map(lambda x: x[last], states)
 
@@ -517,6 +519,7 @@ def encounter_of(
     A blast after the end of the flight is evaluated at its last row.
     """
     rows = jax.vmap(encounter_at, (None, 0, 0))(load, position_m, quaternion)
+    # the first row that a blast has reached ends the product: later rows cannot return
     ahead = jnp.cumprod(time_s[:, None] < rows.arrival_s, axis=0)
     last = jnp.maximum(jnp.sum(ahead, axis=0) - 1, 0)
     blasts = jnp.arange(last.size)

@@ -141,6 +141,7 @@ def fly(
     rows = rows_stored(seconds, vehicles, options)
     if rows > BATCH_ROWS:
         most = max(1, most * BATCH_ROWS // rows)
+    # equal chunks instead of full ones and a remainder: one size, one program
     chunks = math.ceil(vehicles / most)
     size = math.ceil(vehicles / chunks)
     through = counted(vehicles, "vehicles")
@@ -240,6 +241,7 @@ def flown_by(
         store_every=math.ceil(steps / rows_stored(seconds, vehicles, options)),
         backend=options.backend,
     )
+    # back to the default precision, in which metrics are computed
     trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
     places = trajectory.position_m, trajectory.quaternion
     encounter = (encounter_along if single else _encounter_each)(
@@ -254,6 +256,7 @@ def flown_by(
         ground_up_m=GROUND_UP_M,
     )
     error = path_error(trajectory, control.target_m)
+    # the error of the last row before the blast: the effect of start and wind alone
     times = jnp.broadcast_to(trajectory.time_s, error.shape)
     last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
     before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
@@ -560,6 +563,7 @@ def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
     else:
         keys = jax.random.split(key, vehicles)
         scenes = eqx.filter_vmap(lambda key: draw_scene(key, uncertain))(keys)
+    # a normal prior of a positive parameter may give negative samples
     for name, values in drawn_values(uncertain, scenes).items():
         bounds = parameter_named(name).bounds
         refused = [v for v in values.ravel() if not bounds.allows(float(v))]

@@ -419,6 +419,7 @@ def mean_ln_peak(
     trajectory = flown_with(scaled(gains, factors), flights)
     peaks = smooth_peaks(trajectory, flights, PEAK_NORM)
     metrics = flight_metrics(
+        # metrics have no useful gradients: do not differentiate through them
         jax.lax.stop_gradient(trajectory),
         flights.target_m,
         flights.arrival_s,
@@ -427,6 +428,7 @@ def mean_ln_peak(
     strongest = jax.nn.logsumexp(FLIGHT_NORM * peaks) - jnp.log(peaks.size)
     middle = (jnp.mean(peaks) + strongest / FLIGHT_NORM) / 2
     back = RETURN_WEIGHT * jnp.mean(smooth_peaks(trajectory, flights, 2.0))
+    # one-sided: a lower peak elsewhere does not pay for a higher one here
     more = jnp.maximum(peaks - ln_before, 0)
     worse = EXCESS_WEIGHT * jnp.mean(more * more)
     least = middle + back + worse + RIDGE_WEIGHT * jnp.sum(factors**2)
@@ -530,6 +532,7 @@ def tuning_flights(
     drawn = replace(drawn, seconds=drawn.seconds + FLIGHT_EXTENSION_S)
     none = jnp.zeros(drawn.count)
     _, (peaks, crashed) = FLOWN(jnp.zeros(FACTORS), gains, drawn, none)
+    # a crash has no useful gradient; the evaluation still counts it
     kept = np.flatnonzero(~np.asarray(crashed))
     if not kept.size:
         raise InputError(
@@ -553,6 +556,7 @@ def chosen_ranks(drawn: int, count: int) -> Int[np.ndarray, " few"]:
     """
     top = count // STRONGEST_SHARE if drawn >= count else 0
     rest = drawn - top
+    # the middle of each of equal shares of the ranks
     even = np.floor((np.arange(count - top) + 0.5) * rest / (count - top))
     return np.append(even, np.arange(rest, drawn)).astype(int)
 
@@ -676,8 +680,10 @@ def smooth_peaks(
     with increasing power.
     """
     away = trajectory.position_m - flights.target_m[None, None, :]
+    # 1e-12 m2: the logarithm and its gradient exist on the target itself
     error = 0.5 * jnp.log(jnp.sum(jnp.square(away), axis=-1) + 1e-12)
     after = trajectory.time_s[None, :] >= flights.arrival_s[:, None]
+    # rows before the blast have no weight in the norm
     rows = jnp.where(after, power * error, -jnp.inf)
     return (jax.nn.logsumexp(rows, axis=-1) + jnp.log(ROW_S)) / power
 

@@ -375,6 +375,7 @@ def fly_mission(
         yaw_rad=float(spec.yaw),
         may_hover_on=options.seconds is not None,
     )
+    # the plan may place a vehicle that the scene does not place
     spec = replace(spec, position=jnp.asarray(mission.home_m))
     scene = drawn_scenes(uncertain, 1, seed)
     notes: tuple[str, ...] = ()
@@ -441,6 +442,7 @@ def fly_mission(
 def _states(flight: Trajectory, every: int) -> State:
     """Return every `every`-th row as states; a diverged vehicle keeps its last one."""
     known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
+    # loads are evaluated at all rows: NaN positions would spread
     last = max(int(known.sum()) - 1, 0)
     rows = np.minimum(np.arange(0, known.size, every), last)
     return State(
@@ -542,6 +544,7 @@ def _once(
     hold = hold_of(replace(spec, mission=None), integral=spec.integral is not False)
     control = MissionControl(mission.guidance, hold)
     start = start_of(spec)
+    # a mission begins on the ground with its rotors at rest
     start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
     controller: Any = control
     if instruments is not None:
@@ -673,7 +676,9 @@ def disturbances_of(
             found.append(Disturbance(name, -1, *[math.nan] * 4))
             continue
         error, since = error_m[rows], time[rows] - came
+        # a diverged vehicle is infinitely far, so that its peak is there
         known = np.nan_to_num(error, nan=np.inf)
+        # negated, because NaN compares as false and counts as outside
         outside = np.flatnonzero(~(error <= tolerance_m))
         recovery = 0.0
         if outside.size:

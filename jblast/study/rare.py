@@ -350,6 +350,8 @@ class _Drawn(NamedTuple):
         """Return the standard error; components are strata of fixed size."""
         values = np.where(self.hits, self.weights, 0.0)
         total = 0.0
+        # stratified: the number of each component is fixed, so that only its own
+        # scatter counts
         for part in np.unique(self.parts):
             own = values[self.parts == part]
             total += own.size * (np.var(own, ddof=1) if own.size > 1 else own[0] ** 2)
@@ -459,6 +461,7 @@ def placed(
     """
     count = len(mixture.centres)
     beyond = parts == count
+    # the exterior starts from the prior, and is moved outwards below
     samples = scores + mixture.centres[np.where(beyond, 0, parts)]
     if mixture.radius > 0.0 and np.any(beyond):
         half = 0.5 * scores.shape[1]
@@ -585,6 +588,7 @@ def explored(
     mirrored = np.zeros((0, dimensions))
     launched = 0
     while True:
+        # every batch of starts has its own key
         key, own = jax.random.split(key)
         begin = np.array(jax.random.normal(own, (BATCH, dimensions)))
         if launched == 0:
@@ -595,6 +599,7 @@ def explored(
         launched += BATCH
         new = np.array([p for p in found.points if not near(p, before)])
         mirrored = -new.reshape(-1, dimensions)
+        # a new point may have a mirror image: search there before the rule may end
         if launched < starts or (found.complete and len(mirrored)):
             continue
         # launches in total, at the share of searches that have converged so far
@@ -618,9 +623,11 @@ def extended(
         begin: Starts of searches, at most `BATCH`.
         inside: Whether the origin lies in the event.
     """
+    # one batch size, hence one compiled program: repeat starts to fill it
     filled = np.resize(begin, (BATCH, begin.shape[1]))
     end, off, steps = search(margin, jnp.asarray(filled))
     ends, left_over = np.asarray(end)[: len(begin)], np.asarray(off)[: len(begin)]
+    # an end that is not on the boundary is no design point
     good = (left_over < TOLERANCE) & np.isfinite(left_over)
     ends = ends[good]
     every = np.concatenate([known.points, ends])
@@ -668,6 +675,7 @@ def search(
 
     def target(u):
         value, slope = jax.value_and_grad(margin)(u)
+        # a flat margin has no step: guard the division, not its result (NaN gradients)
         steep = jnp.sum(slope**2)
         safe = jnp.where(steep > 0, steep, 1.0)
         there = jnp.where(steep > 0, (slope @ u - value) / safe * slope, jnp.nan)
@@ -685,6 +693,7 @@ def search(
 
         tried = u[None] + cuts[:, None] * (there - u)[None]
         merits = jax.vmap(lambda v: merit(v, margin(v)))(tried)
+        # a step to where the margin is undefined is never the best one
         merits = jnp.where(jnp.isfinite(merits), merits, jnp.inf)
         at = jnp.argmin(merits)
         better = (merits[at] < merit(u, value)) & ~(off < CONVERGED)

@@ -84,6 +84,7 @@ def fly_scene(
             f"{argument('vehicles')}: expected 1 on a mission, got {vehicles}; for "
             "several use jblast.missions.MissionControl in an Each, in Python"
         )
+    # an estimator samples its instruments at each step: PX4 has 250 Hz
     default_step = MISSION_STEP_S if on_mission or estimator else STEP_S
     default_tolerance = MISSION_TOLERANCE_M if on_mission else TOLERANCE_M
     options = Options(

@@ -109,6 +109,7 @@ def fitted_slopes(
     middle, sd = np.median(matrix, axis=0), matrix.std(axis=0)
     scores = (matrix - middle) / sd
     away = np.sum(scores**2, axis=1)
+    # at least ten samples per coefficient, or all of them
     count = min(len(y), max(len(y) // 10, 10 * (len(names) + 1)))
     near = np.argpartition(away, count - 1)[:count]
     plane = np.column_stack([np.ones(count), scores[near]])
@@ -172,6 +173,7 @@ def indices_from_samples(
         return None
     matrix = np.column_stack([np.asarray(inputs[name])[good] for name in names])
     if len(values) > MAX_ROWS:
+        # evenly instead of at random, so that the result does not depend on a seed
         chosen = np.linspace(0, len(values) - 1, MAX_ROWS).astype(int)
         matrix, values = matrix[chosen], values[chosen]
     scaled = (values - values.mean()) / values.std()
@@ -263,6 +265,7 @@ def indices_of_function(
     """
     from scipy.stats import norm, sobol_indices
 
+    # Sobol' points are balanced for powers of two only
     if points < 2 or points & (points - 1):
         raise ValueError(f"points: expected a power of two, got {points}")
 
@@ -331,6 +334,7 @@ def expansion_of(
     """Return the expansion with the best predictions, over families and degrees."""
     from scipy.stats import rankdata
 
+    # the half keeps ranks inside (0, 1), where normal scores are finite
     ranks = (rankdata(inputs, axis=0) - 0.5) / len(inputs)
     best: list[Expansion] = []
     for family in FAMILIES:
@@ -338,6 +342,7 @@ def expansion_of(
         for degree in DEGREES:
             powers = powers_of(inputs.shape[1], degree)
             many = len(powers) * ROWS_A_TERM > len(values) or len(powers) > MAX_TERMS
+            # the first degree is always fitted, however few samples there are
             if own and many:
                 break
             design = design_of(ranks, powers, family)
@@ -401,5 +406,6 @@ def shares_of(
     """Return the first-order and total shares of a variance."""
     squares, entered = coefficients**2, powers > 0
     alone = entered & (entered.sum(axis=1) == 1)[:, None]
+    # a constant resample has no shares: zeros instead of a division by zero
     scale = variance if variance > 0 else 1.0
     return squares @ alone / scale, squares @ entered / scale

@@ -267,6 +267,7 @@ def finish_share(state: ShareState, level: float = LEVEL) -> dict[str, np.ndarra
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.where(weight_2 > 0, weight**2 / weight_2, 0.0)
         equal = share * (1 - share) * number / variance
+    # a share of 0 or 1 has no variance to derive an equivalent number from
     plain = ~np.isfinite(equal) | (equal <= 0)
     equal = np.where(plain, size, equal)
     low, high = wilson_interval(np.clip(share, 0.0, 1.0), equal, level)
@@ -309,6 +310,7 @@ def share_of(
         weight, yes_weight = count.astype(float), true.astype(float)
         sums = weight, weight, yes_weight, yes_weight
     else:
+        # weights are one per sample: append axes to broadcast over outcomes
         column = weights.reshape(weights.shape + (1,) * (values.ndim - 1))
         known, hit = xp.where(lost, 0, column), xp.where(yes, column, 0)
         sums = tuple(xp.sum(one, axis=0) for one in (known, known**2, hit, hit**2))
@@ -413,6 +415,8 @@ def origin_of(
         column = column[~np.isnan(column)]
         if column.size:
             low, middle, high = np.quantile(column, [0.05, 0.5, 0.95])
+            # bins are fine enough unless the values are far from zero compared with
+            # their spread
             if 0 < low < high < 2 * low or 2 * high < low < high < 0 or low == high:
                 found[lane] = middle
     return found.reshape(known.shape[1:])
@@ -541,6 +545,8 @@ def sketch_quantiles(
         before = upto[at] - own[held][at]
         within = (rank - before) / own[held][at]
         even = np.isfinite(low[at]) & np.isfinite(high[at])
+        # zeros in place of infinite bounds, whose difference would be NaN with a
+        # warning
         width = np.where(even, high[at], 0) - np.where(even, low[at], 0)
         inner = np.where(even, low[at] + within * width, high[at])
         beyond = np.where(np.isinf(high[at]), high[at], low[at])
@@ -566,6 +572,7 @@ def moments_of(
         weights: Weight of each sample; None for weights of one.
     """
     xp = values.__array_namespace__()
+    # the usual case on the host: no masks, and fewer passes over the values
     if isinstance(values, np.ndarray) and weights is None and np.isfinite(values).all():
         return plain_moments(values)
     finite, nan = xp.isfinite(values), xp.isnan(values)
@@ -654,8 +661,12 @@ def finish_moments(state: Moments) -> dict[str, np.ndarray]:
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         size = weight**2 / w_2
+        # below an effective size of one there is no variance; rounding may leave just
+        # above
         free = np.where(size > 1 + 1e-9, weight - w_2 / weight, np.nan)
         variance = squares / free
+        # the squares are stored about their own mean, which keeps digits: shift them
+        # here
         spread = squares_2 + w_2 * (mean_2 - mean) ** 2
         error = np.sqrt(spread / weight * 1 / free)
     some = (count + infinite) > 0

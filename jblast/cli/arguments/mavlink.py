@@ -82,6 +82,7 @@ def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
     turns = turns_of(drawn, scene.spec, scene.place, options.seed, options.scene)
     flight, files = Lockstep(), []
     with contextlib.ExitStack() as stack:
+        # the port is bound before programs compile: a client may connect meanwhile
         link, log = Link(address, "mavlink"), None
         stack.callback(link.close)
         if options.tlog:  # after the port is bound, so that a failure leaves no file
@@ -105,6 +106,7 @@ def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
         stack.enter_context(_stopped_by_signal())
         unconnected, seconds = False, options.seconds
         try:
+            # one second at a time, so that Ctrl-C is handled while waiting
             while address.kind == "tcp" and not link.accept(1.0):
                 pass
         except KeyboardInterrupt:

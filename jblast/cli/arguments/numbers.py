@@ -31,6 +31,7 @@ def number(text: str) -> float:
     value = _number_or_nan(text)
     if not math.isfinite(value):
         raise ArgumentTypeError(f"expected a finite number, got {shown(text)}")
+    # 0 is valid, although smaller than the bounds
     if value and not SIZES[0] <= abs(value) <= SIZES[1]:
         raise ArgumentTypeError(
             f"expected a number of a size between {SIZES[0]:g} and {SIZES[1]:g}, or 0; "
@@ -178,6 +179,7 @@ def seed(text: str) -> int:
         value = int(text)
     except ValueError:
         value = -1
+    # larger seeds do not fit into the 64-bit integer of a key
     if not 0 <= value < 2**63:
         raise ArgumentTypeError(
             f"expected a whole number from 0 to 2^63 - 1, got {text!r}"
@@ -216,6 +218,7 @@ def measured(dimension: str, example: str) -> Callable[[str], float]:
     """
 
     def in_si(text: str) -> float:
+        # a comma would be read as the start of a unit: 5 and ",5kPa"
         if "," in text:
             raise ArgumentTypeError(f"expected a decimal point, got {shown(text)}")
         found = NUMBER_AND_UNIT.fullmatch(text.strip())

@@ -243,5 +243,6 @@ def show_live(options: argparse.Namespace, folder: Path) -> None:
     from jblast.report.world_live import play
     from jblast.report.world_page import read_run
 
+    # the window blocks: print the answer before it opens
     sys.stdout.flush()
     play(read_run(folder), options.live)

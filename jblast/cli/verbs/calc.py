@@ -177,6 +177,7 @@ def run(options: argparse.Namespace) -> int:
     """Calculate, print, and return the exit code."""
     from jblast.cli.jax_start import start_jax
 
+    # a calculation compiles for longer than it computes
     start_jax(quick=True)
     question = question_of(options)
     quantity, law = selection(options)
@@ -450,6 +451,7 @@ def _check_vapour(air: "Air") -> None:
         not humidity or air.altitude is not None
     ):  # the standard atmosphere is never warm or thin enough to boil water
         return
+    # the fraction is linear in humidity: 1 is pure vapour
     most = 1.0 / water_vapour_fraction(kelvin, pascal, 1.0).item()
     if humidity >= most:
         raise InputError(

@@ -92,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
     """Find, write, print; return the exit code."""
     from jblast.discovery.law_search import check_search, discover_law
 
+    # checked before the output folder is made
     check_search(**given(options, degree="degree", ensemble="members"))
     if options.out:
         check_out(Path(options.out), FILES, force=options.force)

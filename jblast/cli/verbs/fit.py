@@ -123,6 +123,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.report.provenance import provenance_of
 
     out = Path(options.out) if options.out else None
+    # an interrupted MCMC run is continued without --force
     if out and not only_a_walk(out):
         check_directory(out, options.force)
     scene = scene_named(options.scene) if options.scene else None
@@ -210,6 +211,7 @@ def _many(answers, picks, out, made_of, options: argparse.Namespace) -> int:
         sys.stdout.write(fits_answer(answers, picks=picks).to_json())
     else:
         sys.stdout.write(answers_text(answers))
+    # one bad log must not hide the answers of the others
     fits = [fit for fit in answers.values() if not isinstance(fit, InputError)]
     if not fits:
         raise InputError(f"none of {len(answers)} logs could be fitted")

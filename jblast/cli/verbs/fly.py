@@ -150,6 +150,7 @@ def run(options: argparse.Namespace) -> int:
 
     begin = stages({"starting": 1.0, "flying": 8.0, "writing": 1.0})
     begin("starting")
+    # a single flight is serial: more devices would only cost start time
     start_jax(all_cores=options.vehicles > 1)
     from jblast.report.fit.files import check_directory
 

@@ -93,6 +93,7 @@ def run(options: argparse.Namespace) -> int:
     if options.given[:1] == ["report"]:
         start_jax(quick=True)
         return report(options)
+    # with workers this process only distributes tiles
     start_jax(all_cores=options.workers is None and options.scheduler is None)
     if options.list:
         from jblast.report.study_run import outcomes_text

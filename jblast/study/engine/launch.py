@@ -181,11 +181,13 @@ class Launcher:
                 return np.pad(x, [(0, capacity - own)] + [(0, 0)] * (x.ndim - 1))
 
             given = shared, np.int32(own), jax.tree.map(filled, each)
+            # committed to a device, the program runs there
             given = jax.device_put(given, devices[begin // share])
             # waits here, so that a lack of memory is raised here and not at first use
             answers, counted = jax.block_until_ready(program(*given))
             return answers, -(-own // self.group) if self._reduce else own, counted
 
+        # one thread a device: a launch on a CPU blocks its thread
         with ThreadPoolExecutor(len(devices)) as pool:
             return list(pool.map(one, range(0, count, share)))
 

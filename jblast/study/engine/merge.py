@@ -124,6 +124,7 @@ def _parts(found: Sequence[Store], out: Path) -> Store:
     complete = len(have) >= tiles
     if first.attributes["keep"] != "all":
         whole.attributes["samples"] = samples
+        # rows and statistics have tiles of different sizes: both must be complete
         complete &= merge_summaries(found, whole, apart=False)
     if complete and not whole.attributes["complete"]:
         whole.finish(samples, rows)
@@ -227,6 +228,7 @@ def merge_summaries(found: Sequence[Store], whole: Store, *, apart: bool) -> boo
                 f"and {tile} samples)"
             )
     into = SummaryStore(whole.path, whole.variables, parts[0].groups, 0)
+    # a ceiling division
     into.tiles = -(-int(whole.attributes["samples"]) // tile)
     if apart:
         into.tiles = sum(part.tiles for part in parts)

@@ -225,6 +225,7 @@ class Store:
             given = columns[variable.name][: self.samples - tile * self.tile]
             whole[: len(given)] = given
             path = self.chunk_path(variable, tile)
+            # no fsync of each chunk: a kill loses nothing that the system has
             write_bytes(path, whole.tobytes(), durable=False)
 
     def read_tile(self, tile: int, names: Sequence[str] = ()) -> dict[str, np.ndarray]:
@@ -248,6 +249,8 @@ class Store:
             with os.scandir(self.path / variable.name) as entries:
                 for entry in entries:
                     number = whole_number(entry.name.partition(".")[0])
+                    # the size is the proof of completeness; no other record can
+                    # disagree with it
                     if number is not None and entry.stat().st_size == size:
                         whole.add(number)
             there = whole if there is None else there & whole
@@ -381,6 +384,7 @@ def described(
 ) -> dict[str, Any]:
     """Return the Zarr 3 description of an array."""
     codec = {"name": "bytes", "configuration": {"endian": "little"}}
+    # one byte has no order of bytes: Zarr forbids the entry
     if kind == "int8":
         codec = {"name": "bytes"}
     if kind == "string":

@@ -343,6 +343,7 @@ def _numbers(
     off = np.where(finite, values - mean[which], 0.0)
     low = np.full((groups, values.shape[1]), np.inf)
     high = -low
+    # `reduceat` needs the samples of a group next to each other
     order = np.argsort(which, kind="stable")
     begins = np.flatnonzero(np.diff(which[order], prepend=-1))
     there = which[order][begins]
@@ -419,6 +420,7 @@ def reduce_of(outcomes: Sequence[Variable], counters: int = 1) -> Reduce:
             shift, origin = (x[None, None] for x in shared[ANCHORS][v.name])
             kept[v.name] = _sums(values, valid, shift)
             several = counts[v.name]
+            # 32 bits: all indices fit, and 64-bit indices would double the traffic
             place = bin_of(values - origin).astype(jnp.int32)
             if each[v.name] > 1:
                 turn = jnp.arange(valid.shape[1], dtype=jnp.int32)[None, :, None]

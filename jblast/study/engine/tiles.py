@@ -196,6 +196,7 @@ class Estimates:
             variant, cell = numbering.of_samples(begin, begin + count)
             which = variant * numbering.cells + cell
         for variable in self._outcomes:
+            # failed samples are -1 for yes or no, and NaN for numbers
             values = np.asarray(columns[variable.name])
             good = values >= 0 if variable.kind == "yes_no" else ~np.isnan(values)
             more = _moments(values, good, which, cells)
@@ -278,6 +279,7 @@ class Moments(NamedTuple):
 def merged(a: Moments, b: Moments) -> Moments:
     """Return the moments of two sets of samples together."""
     count = a.answers + b.answers
+    # guard the division of cells without samples
     there = np.where(count > 0, count, 1)
     apart = b.mean - a.mean
     mean = a.mean + apart * (b.answers / there)
@@ -330,6 +332,7 @@ def numbered(
         tile_samples: Largest number of samples of a chunk of the store.
     """
     each = draws * cells
+    # a small study does not compute a whole large block
     block = min(block, 1 << (each - 1).bit_length())
     while variants > 1 and block > MIN_FILLED_BLOCK and -each % block > each / 8:
         block //= 2

@@ -88,6 +88,7 @@ def prepare(setting: Setting) -> Prepared:
     alarms = _positive(setting.options, "false_alarms_per_hour", FALSE_ALARMS_PER_HOUR)
     # Rice's rate of false alarms (module docstring): 1800 = 3600 s / 2
     threshold = math.sqrt(2 * math.log(max(1800.0 * rate / alarms, 2.0)))
+    # a power of two for the FFT
     count = 1 << math.ceil(math.log2(rate * SECONDS))
     laws = record_laws(scene)
 
@@ -146,6 +147,7 @@ def _detection(
     )
     spectrum = jnp.fft.rfft(samples) * transfer
     deflection, energy = whitened(spectrum, power, count)
+    # the output of a matched filter is normal with standard deviation 1
     statistic = deflection + error
     known = jnp.isfinite(deflection) & ~scene.charge.never
     detected = statistic > threshold

@@ -178,6 +178,7 @@ def _compared(
 ) -> dict[str, Array]:
     """Return the outcomes of fits; errors of a positive number are in ln."""
     middle, low, high = _interval(constrain, positive, z, variance)
+    # a fit without a finite interval has no answer
     good, true = converged & jnp.isfinite(high - low), _scaled(positive, truth)
     inside = (low <= true) & (true <= high)
     return {

@@ -138,6 +138,7 @@ def workers_here(count: int) -> Iterator[Any]:
         processes=True,
         dashboard_address=None,
         env=environment(max(1, (os.cpu_count() or 1) // count)),
+        # only critical messages: lost workers are retried without a user
         silence_logs=50,
     )
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
@@ -203,6 +204,7 @@ def shared(
     def begun(tile: int) -> Any:
         return client.submit(task, store, tile, pure=False, retries=RETRIES)
 
+    # a few tasks per worker: thousands would fill the memory of the scheduler
     futures = {begun(tile): tile for tile in itertools.islice(left, most)}
     waiting = as_completed(list(futures), loop=client.loop)
     for future in waiting:

@@ -155,6 +155,7 @@ def run_into(
                 attributes_of(work),
             )
             store.create(work.places)
+        # under the lock no other process writes partial files
         store.sweep()
         calculates = _run if study.keep == "all" else summarised
         return calculates(work, store, limit, tiles)

@@ -115,6 +115,7 @@ class Work:
         notes = [note for part in self.parts[0] for note in part.prepared.notes]
         self.notes = tuple(dict.fromkeys(notes))
         self._launchers: dict[int, Launcher] = {}
+        # a study without axes has one cell with no values
         self._table = np.array(study.cells, float).reshape(cells, -1)
 
     def cut_as(self, tile: int) -> None:
@@ -344,6 +345,7 @@ class Reduced:
         end = begin + self.samples_of(tile)
         whole = self.empty()
         reduce, step = self._host, self.work.numbering.tile * self.work.at_once
+        # statistics of cells, and fits, are reduced on the host
         if self._on_device:
             reduce = self._device
             step = PART if self.work.points is None else PART_OF_POINTS
@@ -450,7 +452,7 @@ def draw(
     Args:
         key: Key of the sample: `jax.random.fold_in(jax.random.key(study.seed), index)`.
         study: Study.
-        cell: Number of the combination of axes in `study.cells`.
+        cell: Number of the combination of axes in `Study.cells`.
     """
     scores = normal_scores(key[None], len(study.drawn))
     cells = jnp.full((1,), cell)
@@ -473,8 +475,8 @@ def outcomes(
         study: Study; its design is ignored, and the key gives the sample.
         numbers: Parameters by name, in place of sampled ones; outcomes are
             differentiable by them.
-        variant: Number of the variant in `study.variants`.
-        cell: Number of the combination of axes in `study.cells`.
+        variant: Number of the variant in `Study.variants`.
+        cell: Number of the combination of axes in `Study.cells`.
 
     Returns:
         One value by outcome, or one for each sensor.
@@ -568,6 +570,7 @@ def _pilot(study: Study, variant: int) -> dict[str, np.ndarray]:
     """Return the parameters of pilot samples, which include each cell of the axes."""
     cells = np.array(study.cells, float).reshape(len(study.cells), -1)
     count = min(max(MIN_PILOTS, len(cells)), MAX_PILOTS)
+    # a fixed seed: preparation must not depend on the seed of the study
     scores = np.random.default_rng(0).standard_normal((count, len(study.drawn)))
     which = np.linspace(0, len(cells) - 1, min(count, len(cells))).round().astype(int)
     numbers = numbers_at(
