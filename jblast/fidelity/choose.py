@@ -258,6 +258,7 @@ def choose_for(
 
 
 def _cost(candidate: Candidate) -> float:
+    # a method without a measured cost is the last choice
     return math.inf if math.isnan(candidate.cost_s) else candidate.cost_s
 
 
@@ -422,6 +423,7 @@ def candidates_for(
     quantity: str, conditions: Sequence[Conditions], uncertainty: float
 ) -> list[Candidate]:
     """Return every method for the quantity, with errors and costs."""
+    # without a measured table every law has the uncertainty of the reference
     if quantity in REFERENCES:
         of_paths = [relative_errors(quantity, each) for each in conditions]
         errors = {

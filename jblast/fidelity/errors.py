@@ -197,6 +197,8 @@ def exponents(quantity: str, method: str, burst: Burst) -> tuple[float, float]:
     path = standard_path(NODES, burst)
     plain = log_ratio(quantity, method, path, lossless=True)
     factor = math.exp(STEP)
+    # Z is constant in both changes: the range grows with the root of mass or shrinks
+    # with that of pressure
     distance = path.slant_range * factor ** (1.0 / 3.0)
     heavier = dataclasses.replace(
         path,
@@ -554,6 +556,7 @@ def loss_table(burst: str) -> Losses:
     table = np.array([[float(row[name]) for name in names] for row in mine])
     axes = [np.unique(column) for column in table.T[:3]]
     grid = np.empty([len(axis) for axis in axes])
+    # rows may be in any order: each is placed by its own coordinates
     grid[tuple(map(np.searchsorted, axes, table.T[:3]))] = table[:, 3]
     z, mass, pressure = (np.log(axis) for axis in axes)
     return Losses(z, mass, pressure, grid)

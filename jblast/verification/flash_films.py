@@ -137,7 +137,9 @@ def blast(
         pictures: Views of an explosion, in place of the ball of the law.
         filmed_s: Duration of the film behind the burst [s].
     """
+    # 99 separates these seeds from those of `negative`, which begin with the kind
     rng = np.random.default_rng([99, seed])
+    # drawn in any case, so that a given charge or radius changes nothing else
     drawn = 10 ** rng.uniform(0.0, 3.0), 10 * 5 ** rng.uniform(0.0, 1.0)
     charge_kg = drawn[0] if charge_kg is None else charge_kg
     radius_px = drawn[1] if radius_px is None else radius_px
@@ -254,6 +256,7 @@ def _moved(
     """Return a layer shifted right and down, with linear interpolation."""
     i, j = int(np.floor(dy)), int(np.floor(dx))
     b, a = np.float32(dy - i), np.float32(dx - j)
+    # a margin of one pixel for the interpolation; light moved out of view is dropped
     wide = np.pad(layer, ((0, 0), (1, 1), (1, 1)))
     across = (1 - a) * wide[:, :, 1:] + a * wide[:, :, :-1]
     moved = ((1 - b) * across[:, 1:] + b * across[:, :-1])[:, :HEIGHT, :WIDTH]
@@ -693,7 +696,7 @@ def texture(
     """
     f = np.fft.fftfreq(SIZE)
     size = np.hypot(f[:, None], f[None, : SIZE // 2 + 1])
-    size[0, 0] = 1.0
+    size[0, 0] = 1.0  # the mean is set below; zero would be divided by
     # the Gaussian damps detail of a few pixels, as the blur of a lens does
     amplitude = size**-fineness * np.exp(-((size / 0.35) ** 2))
     amplitude[0, 0] = 0.0

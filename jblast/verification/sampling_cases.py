@@ -353,6 +353,7 @@ def timed_walk(
     def walk(steps: int) -> Float[np.ndarray, "step walker free"]:
         return sampler.walk(density, about, start, steps, lambda: None).chain
 
+    # one block compiles the sampler, at a fraction of the time of the whole walk
     seconds, chain = best_of(lambda: walk(steps), repeats, lambda: walk(BLOCK))
     return chain[steps // WARM_UP :], seconds
 

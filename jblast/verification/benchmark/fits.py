@@ -288,6 +288,7 @@ def sampler_points(
     points = []
 
     def add(method: str, seconds: float, ends: list[Interval], words: str = "") -> None:
+        # in posterior sds, so that parameters of all units compare
         worst = [np.max(np.abs(one - true) / sd) for one in ends]
         error = max(uncertainty, float(np.sqrt(np.mean(np.square(worst)))))
         points.append(
@@ -462,6 +463,7 @@ def missed(logs: Logs, outcomes: list[FitOutcome]) -> list[int]:
         measured = jnp.asarray(logs.readings[: len(z)])
         return np.array(costs(logs.blank, measured, jnp.asarray(z)))
 
+    # fmin ignores NaN: a method that diverged does not define the optimum
     least = cost(best_known(logs))
     each = [cost(outcome.z) for outcome in outcomes]
     for found in each:

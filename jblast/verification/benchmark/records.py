@@ -179,6 +179,7 @@ def miss_points(repeats: int = 40) -> list[BenchmarkPoint]:
     windows = [coloured(rng, noise, SIZE)[0] for _ in range(2 * WINDOWS)]
     blast = 10 ** (SNR_DB / 20) / matched_kernel(shape, RATE, noise).response * shape
     loud = [window.copy() for window in windows[WINDOWS:]]
+    # the blast lies well within the window, so that the ends do not matter
     for window, at in zip(loud, rng.integers(26_000, 50_000, WINDOWS), strict=True):
         window[at:][: blast.size] += blast
     points = []
@@ -251,6 +252,7 @@ def _on_grid(posterior: Posterior, centre: float, sd: float, count: int) -> Answ
     z = centre + sd * np.linspace(-REACH_SD, REACH_SD, count)
     density = np.asarray(_densities(posterior, jnp.asarray(z)))
     fine = np.linspace(z[0], z[-1], 2001)
+    # relative to the largest, since the exponential of a log density underflows
     weight = np.exp(np.interp(fine, z, density) - np.nanmax(density))
     weight /= weight.sum()
     low, middle, high = np.interp([0.05, 0.5, 0.95], np.cumsum(weight), fine)

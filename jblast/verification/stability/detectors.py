@@ -254,6 +254,7 @@ def _echo_delay() -> FailureMode:
         for delay in (*DELAYS, *MERGED)
     ]
     shares = shares_of(recorders)
+    # merged echoes cannot be recognised, so they are reported but set no boundary
     apart = Shares(*(share[: len(DELAYS)] for share in shares))
     merged = shares.unmarked[len(DELAYS) :].max()
     return _row(
@@ -400,6 +401,7 @@ def _circular_filter() -> FailureMode:
     cut = shape.size // 4
     sound[:cut] = shape[-cut:]  # the end of a blast before the recording
     sound[-shape.size + cut :] = shape[: shape.size - cut]
+    # without padding the correlation is circular: both ends of the recording touch
     around = np.fft.irfft(np.fft.rfft(sound) * np.conj(np.fft.rfft(shape, count)))
     bare = float(around.max() / (shape @ shape))
     noise = white_noise(1e-3, RATE)
@@ -471,6 +473,7 @@ def gust_alarms(ratio: float) -> tuple[float, float, float]:
         Ratio of rates by the median of the spectrum, by its mean, and `unsteadiness`.
     """
     sound = coloured(np.random.default_rng(1), rumble(), 2**20)[0]
+    # one half-second in ten is louder
     gusty = np.arange(sound.size) // round(0.5 * RATE) % 10 == 5
     sound = np.where(gusty, ratio, 1.0) * sound
     rates, mark = [], 0.0

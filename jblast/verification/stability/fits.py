@@ -291,6 +291,7 @@ def mirror_excess(bent: float) -> float:
 
 def collinear_failure() -> FailureMode:
     """Measure the offset of one sensor that resolves the mirror image."""
+    # at the limit of jblast's own search for ambiguities; 1 % is enough for the table
     boundary = crossing(lambda bent: mirror_excess(bent) - AMBIGUITY, 0.0, 5.0, to=0.01)
     at = solved_log(line(), *MIRRORED).solution
     fits = stock_solutions(at, poor_starts())
@@ -371,6 +372,7 @@ def null_direction_failure() -> FailureMode:
     """Measure the range of masses that a solver reports along a null direction."""
     found = wu_hao_solution()
     rng = np.random.default_rng(0)
+    # starts from 0.1 to 1,000 kg, and speeds of air and rock far beyond plausible ones
     low, high = np.log([[0.1, 200.0, 3000.0], [1000.0, 600.0, 8000.0]])
     fits = stock_solutions(found, rng.uniform(low, high, (FITS, 3)))
     values = np.exp(fits.z[np.argsort(fits.z[:, 0])])
@@ -993,6 +995,7 @@ def bare_walk(
     import emcee
 
     walkers, free = start.shape
+    # vectorised: one call of the compiled density for half of the walkers
     sampler = emcee.EnsembleSampler(
         walkers,
         free,
@@ -1002,6 +1005,7 @@ def bare_walk(
     random = np.random.RandomState(seed).get_state()
     sampler.run_mcmc(emcee.State(start, random_state=random), steps)
     chain = np.asarray(sampler.get_chain())
+    # tol=0: return the estimate of a short chain too, instead of raising
     own = emcee.autocorr.integrated_time(chain[..., :1], quiet=True, tol=0)
     return BareWalk(chain, float(own[0]), convergence(chain))
 

@@ -380,6 +380,7 @@ def _plain_fall(up: float, step: float) -> float:
 
 def sum_failure() -> FailureMode:
     """Measure the step below which plain float32 sums lose a flight to rounding."""
+    # shorter steps have a smaller truncation error, but more roundings to sum
     plain, ours = falls()
     first = first_failure(plain > ALLOWED_M, "fall in float32")
     kept = bool((ours < ALLOWED_M).all())
@@ -545,10 +546,12 @@ def fly_on() -> tuple[
     The vehicles hover 5 m above the ground and 5 m from each of `CHARGES` in the air. A
     vehicle that touches the ground or turns over has crashed.
     """
+    # one batch of all vehicles and charges, so that one program flies them
     vehicles, holds, loads = [], [], []
     for name in NAMES:
         for mass in CHARGES:
             charge = Charge(mass_kg=mass, position_m=(5.0, 0.0, 5.0), burst="free-air")
+            # names are static: different ones could not be stacked
             vehicles.append(dataclasses.replace(named(name), name=""))
             holds.append(PositionHold(HOME, named_gains(name)))
             loads.append(blast_load(Scene(charge=charge)))
@@ -644,6 +647,7 @@ def swings(integrator: str) -> Swings:
         limits.append(step_limit(integrator, float(vehicle.motor_lag_s), gains))
         for share in SHARES:
             times = jnp.asarray(share * limits[-1] / CONTROLLER_STEP)
+            # a step longer by s is the same step with motors and gains faster by s
             lag = vehicle.motor_lag_s / times
             bare = eqx.tree_at(lambda v: v.motor_lag_s, named(name), lag)
             vehicles.append(eqx.tree_at(lambda v: v.body, bare, None))

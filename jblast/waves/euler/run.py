@@ -294,6 +294,7 @@ def gauge_readings(
     cells = primitives(state, flow.gas)
     centres = cell_centres(state.radius, flow.geometry)
     if flow.ambient is None:
+        # interp is constant beyond the outermost centres, as at a rigid wall
         return (
             jnp.interp(gauges, centres, cells.pressure),
             jnp.interp(gauges, centres, cells.velocity),
@@ -392,6 +393,7 @@ def decay_at(
         gamma: Ratio of specific heats [-].
     """
     history = run.history
+    # in logarithms both curves are nearly straight between two records
     x = np.log(history.clock)
     y = np.log(np.asarray(history.front_pressure) - 1.0)
     slopes = _parabola_slopes(x, y)
@@ -451,7 +453,7 @@ def extrapolated(
         scaled,
         np.exp(limit(*(np.log(r.overpressure_ratio) for r in runs), mixed=True)),
         limit(*(run.slope for run in runs), mixed=True),
-        # an integral over all smaller radii, without an order of its own
+        # an integral over all smaller radii, which mixes both orders
         np.exp(limit(*(np.log(run.arrival) for run in runs), mixed=False)),
     )
 

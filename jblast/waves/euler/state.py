@@ -203,6 +203,7 @@ def primitives(state: FlowState, gas: Gas) -> Primitives:
 def is_positive(state: FlowState, gas: Gas) -> Bool[Array, "..."]:
     """Return True if all densities and pressures are positive."""
     cells = primitives(state, gas)
+    # a NaN compares as False, so that it counts as lost too
     least = jnp.minimum(cells.density, cells.pressure)
     return jnp.all(least > 0.0, axis=0)
 

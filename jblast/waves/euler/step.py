@@ -192,6 +192,7 @@ def _front(cells: Primitives, flow: Flow) -> Front:
     """Return the fitted shock, or the pressure on the wall."""
     if flow.ambient is not None:
         return fitted_front(cells, flow.gas.of_cells(slice(-1, None)), flow.ambient)
+    # speed 1 makes dt = d(clock): without a shock the clock is time
     still = jnp.zeros_like(cells.velocity[-1])
     return Front(jnp.ones_like(still), cells.pressure[-1], still)
 
@@ -232,6 +233,7 @@ def _rates(
             for (first, last), faces in zip(ends, flux, strict=True)
         )
     )
+    # the pressure on the sides of a cone; zero in a plane, whose areas are equal
     sides = cells.pressure * (impulse[1:] - impulse[:-1])
     return Rates(
         swept=swept,
