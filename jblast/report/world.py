@@ -17,7 +17,7 @@ from jblast.study.flight_results import Flights
 from jblast.world import DrawnWorld, Perceived, Preset
 from jblast.world.remote.serving import Options, Serving
 
-MOST_BLASTS, MOST_ENTITIES = 20, 12
+MAX_BLASTS, MOST_ENTITIES = 20, 12
 """Blasts and senses printed one by one; the tables have all of them."""
 BLASTS = ("shot", "time_s", "east_m", "north_m", "up_m", "mass_kg")
 PERCEIVED = ("shot", "entity", "sense", "time_s")
@@ -257,7 +257,7 @@ def world_text(run: WorldRun) -> str:
         lines[:0] = [preset_words(run.world.preset), ""]
     if charges:
         lines += [*aligned(_blasts(run), right=range(1, 6)), ""]
-        lines += aligned(_senses(run), right=range(2, 2 + MOST_BLASTS))
+        lines += aligned(_senses(run), right=range(2, 2 + MAX_BLASTS))
         lines += ["times on the common clock, in s", ""]
     lines += [f"Note: {warning}" for warning in warnings_of(run)]
     return "\n".join(lines) + "\n"
@@ -266,15 +266,15 @@ def world_text(run: WorldRun) -> str:
 def _blasts(run: WorldRun) -> list[list[str]]:
     rows = [["blast", "time s", "east m", "north m", "up m", "mass kg"]]
     charges = run.world.charges
-    for charge in charges[:MOST_BLASTS]:
+    for charge in charges[:MAX_BLASTS]:
         time, *others = blast_numbers(charge)
         rows.append([charge.name, f"{time:.4f}", *(f"{x:.4g}" for x in others)])
-    return [*rows, *_more(len(charges), MOST_BLASTS, 6)]
+    return [*rows, *_more(len(charges), MAX_BLASTS, 6)]
 
 
 def _senses(run: WorldRun) -> list[list[str]]:
     """Return a row for each sense of everyone, a column for each blast."""
-    shots = run.world.shots[:MOST_BLASTS]
+    shots = run.world.shots[:MAX_BLASTS]
     began = {(p.entity, p.sense, p.shot): p.time_s for p in run.perceived}
     senses = list(dict.fromkeys((p.entity, p.sense) for p in run.perceived))
     senses.sort(key=lambda one: one[0])
