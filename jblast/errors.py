@@ -64,6 +64,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name closest to a misspelt one; None if none is close."""
     by_lower = {word.lower(): word for word in known}
+    # 80 characters bound the quadratic cost; 0.6 is the default similarity of difflib.
     close = difflib.get_close_matches(name[:80].lower(), by_lower, n=1, cutoff=0.6)
     return by_lower[close[0]] if close else None
 

@@ -47,6 +47,8 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
             temporary.chmod(stat.S_IMODE(mode))
         yield temporary
         if durable:
+            # Without `fsync` a power failure may leave an empty file under the new
+            # name.
             with temporary.open("rb") as file:
                 os.fsync(file.fileno())
         temporary.replace(target)

@@ -186,6 +186,8 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
             return compiled(*args, **kwargs)
         arguments = args, kwargs
         leaves = jax.tree.leaves(arguments)
+        # Within another traced program there are no values to key or arrays to call
+        # with.
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return compiled(*args, **kwargs)
         try:
@@ -194,6 +196,8 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
             return compiled(*args, **kwargs)
         if key not in STORE.used:
             path = STORE.folder / f"traced-{key}"
+            # A None is stored, too, so that a program that cannot be exported is tried
+            # only once.
             STORE.used[key] = _read(path, options) or _traced(
                 function, arguments, path, options
             )
@@ -319,6 +323,7 @@ def _surroundings() -> str:
     Raises:
         Unkept: A law from outside the package has no lasting description.
     """
+    # Settings of JAX that change a traced program without changing its arguments.
     settings = [getattr(jax.config, name) for name in SETTINGS]
     foreign = sorted(f"{law.quantity} {law.name} {source_of(law)}" for law in others())
     return f"{_source()} {jax.default_backend()} {settings} {foreign}"

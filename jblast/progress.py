@@ -137,6 +137,7 @@ class Task:
 
     def __init__(self):
         self._listener, self._last = _LISTENER.get(), None
+        # The depth at construction: tasks started later are nested in this one.
         self._depth = len(self._listener.levels) if self._listener else 0
 
     def __call__(self, level: Level) -> None:

@@ -452,6 +452,7 @@ def _names(dimension: str) -> dict[str, str]:
 
 def _dimension(name: str) -> str:
     """Return the dimension of a name's suffix; the longest suffix wins."""
+    # Longest first: "pa_s" ends in "s", too.
     endings = sorted(SI.items(), key=lambda item: -len(item[1]))
     return next(of for of, suffix in endings if name.endswith(f"_{suffix}"))
 

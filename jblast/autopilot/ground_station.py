@@ -185,6 +185,7 @@ class Missions:
             self._check(plan)
         except InputError as error:
             self._report_text(str(error))
+            # A complete list means that the plan is invalid; before, a single item is.
             whole, self._items = len(items) == self._count, None
             return [_ack(sender, self._from, INVALID if whole else MISSION_UNSUPPORTED)]
         self.plan, self._items = plan, None
@@ -262,6 +263,8 @@ class GroundStation:
                     TELEMETRY_STEP_S
                 ):
                     continue
+                # A fifth of the telemetry step: the loop stays responsive without busy
+                # waiting.
                 message = self._link.receive(TELEMETRY_STEP_S / 5)
                 frames = self.missions.remind(self._sender, now)
                 if message is not None:
@@ -320,6 +323,8 @@ class GroundStation:
             return [self._ack(command, DENIED if self._flies(now) else ACCEPTED)]
         if self._flies(now):
             return [self._ack(command, REFUSED)]
+        # Computing a flight takes seconds, and stations repeat a command without an
+        # answer.
         self._link.send(self._ack(command, IN_PROGRESS))
         try:
             record = self._fly(self.missions.plan)
@@ -371,6 +376,7 @@ class Telemetry:
 
     def row_at(self, time_s: float) -> int:
         """Return the last row up to a time."""
+        # 1e-9 s for the rounding of a product of speed and clock time.
         after = np.searchsorted(self.record.time_s, time_s + 1e-9, side="right")
         return int(np.clip(after - 1, 0, self.record.time_s.size - 1))
 
@@ -441,6 +447,7 @@ def _ack(
 
 def item_fields(item: Item, sequence: int) -> dict[str, Any]:
     """Return the fields of MISSION_ITEM_INT of an item."""
+    # NaN is MAVLink's code for an unspecified parameter.
     params = [math.nan if value is None else value for value in item.params]
     lat, lon, alt = (0.0 if math.isnan(value) else value for value in params[4:])
     placed = COMMANDS[item.command].placed != "never"

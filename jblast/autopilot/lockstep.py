@@ -157,6 +157,7 @@ class Rotors(NamedTuple):
     def speeds(self, controls: Float[np.ndarray, "4"]) -> Float[np.ndarray, "4"]:
         """Return rotor speeds from motor controls; NaN is a motor at rest."""
         turned = np.zeros(4)
+        # PX4 sends NaN for motors that are disarmed.
         turned[self.of_motor] = np.clip(np.nan_to_num(controls), 0.0, 1.0)
         return turned * self.fastest_rad_s
 
@@ -242,12 +243,14 @@ def fly_lockstep(
         while seconds is None or flight.seconds < seconds - 0.5 * PERIOD_S:
             each()
             stamp = (flight.turns + 1) * PERIOD_US
+            # One write for all messages of a step: PX4 then reads them together.
             link.send(*_frames(sender, numbers, stamp))
             wait = patience_s if heard else PERIOD_S if flight.turns else FIRST_ANSWER_S
             answer = _answer(link, flight, stamp, wait)
             if answer is None and heard:
                 flight.ended = f"no answer came within {patience_s:g} s"
                 break
+            # Once in flight the vehicle keeps moving, also with disarmed rotors.
             goes, speeds = flight.flown > 0, still
             if answer is not None:
                 heard = True
@@ -299,6 +302,7 @@ def _answer(link: Link, flight: Lockstep, stamp: int, wait_s: float) -> Message 
                 f"expected controls for the sent time, {stamp} us, or earlier, got "
                 f"controls for {values['time_usec']} us: messages out of order"
             )
+        # Answers to samples sent before the lockstep began; skipping them restores it.
         if values["time_usec"] < stamp:
             flight.late += 1
             continue
@@ -354,6 +358,8 @@ def rotors_of(vehicle: Vehicle) -> Rotors:
             f"vehicle {vehicle.name!r}: expected rotors at the corners of an X, as "
             f"PX4's generic quadrotor has them, got the signs {places} of (x, y)"
         )
+    # Motors are matched by the signs of their positions, because arms may differ in
+    # length.
     order = np.array([places.index(corner) for corner in CORNERS])
     return Rotors(order, float(vehicle.rotor_speed_max_rad_s))
 
@@ -476,6 +482,7 @@ class SimulatorSteps(eqx.Module):
         stages = start + jnp.stack([inward, 0.5 * PERIOD_S, PERIOD_S - inward])
         none = jnp.zeros((3,), jnp.int32)
         length = jnp.asarray(PERIOD_S, float)
+        # The commands are fixed within a step, so their rows are unused zeros.
         tick = Ticks(stages, start, length, none, jnp.asarray(True))
         now = carried.now._replace(command=four(speeds_rad_s))
         return carried._replace(now=self._step().advance_pushed(now, tick))
@@ -687,6 +694,7 @@ def attitude_out(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
     turned = quaternion_product(
         quaternion_product(jnp.asarray(TURN), quaternion), jnp.asarray(FLIP)
     )
+    # q and -q are one rotation; PX4 expects the scalar to be non-negative.
     turned = jnp.where(turned[3] < 0, -turned, turned)
     return jnp.roll(turned, 1)
 

@@ -96,6 +96,7 @@ class Link:
         self._socket = socket.socket(family, kind)
         try:
             if address.kind == "tcp":
+                # Otherwise the port stays blocked for a minute after a restart.
                 self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             if self._listens:
                 self._socket.bind((address.host, address.port))
@@ -127,6 +128,7 @@ class Link:
         """Wait for a TCP client; return whether one is connected."""
         if self._peer is None and self._ready(self._socket, timeout_s):
             self._peer, _ = self._socket.accept()
+            # Nagle's algorithm would delay small messages and slow down the lockstep.
             self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return self._peer is not None
 
@@ -184,6 +186,7 @@ class Link:
                 data, who = peer.recvfrom(65536)
                 if self._heard_from is None:
                     self._heard_from = who
+                # Datagrams of any other sender are ignored: a link has one peer.
                 if who != self._heard_from:
                     return
         except ConnectionRefusedError:

@@ -78,6 +78,7 @@ class RoundedHold(eqx.Module):
         period = jnp.asarray(PERIOD_S, float)
         speeds, memory = control(time_s, state, vehicle, memory, period)
         share = speeds[self.of_motor] / vehicle.rotor_speed_max_rad_s
+        # Controls are single-precision fields of the message.
         return share.astype(jnp.float32).astype(float), memory
 
 
@@ -138,6 +139,7 @@ def fly_mock(address: tuple[str, int], mock: Mock, turns: int) -> int:
     """
     receiver, answered = Receiver(), 0
     with socket.create_connection(address, timeout=60.0) as link:
+        # Small answers must not wait for more data (Nagle's algorithm).
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         while answered < turns and (data := link.recv(65536)):
             for message in receiver.feed(data):

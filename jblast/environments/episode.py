@@ -314,6 +314,7 @@ def _by_hold(
 
     gains = jax.tree.map(by_factor, params.gains)
     own = params.gains
+    # Limits and lead are not gains of a loop, so the random factor does not apply.
     gains = replace(gains, integral_limit=own.integral_limit, motor_lead=own.motor_lead)
     if params.command == "velocity":
         place = flown.position_m
@@ -353,6 +354,7 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
         number, (one.mass_factor, one.inertia_factor, one.gain_factor)
     )
     east, north = number(one.wind_east_m_s), number(one.wind_north_m_s)
+    # A delay acts in whole steps, as the queue of actions does.
     late = jnp.round(number(one.delay_s) / params.step_s).astype(jnp.int32)
     occurrence = params.world.occurrence
     assert isinstance(occurrence, ByCount), "checked by environment_params"
@@ -464,10 +466,13 @@ def window_of(load: BlastLoad, params: EnvironmentParams, start: Vector) -> Wind
     (blast,) = load.blasts
     place, body = jnp.stack(start), required_body(params.vehicle.body)
     way = place - blast.position_m
+    # The duration is not monotonic in distance near the charge, so three distances are
+    # compared.
     shares = jnp.asarray([0.5, 1.0, 2.0], way.dtype)
     waves = load.wave_of(blast, blast.position_m[None] + shares[:, None] * way[None])
     slowest = jax.tree.map(lambda x: jnp.broadcast_to(x, shares.shape)[-1], waves)
     wind = jnp.sqrt(jnp.sum(jnp.square(load.wind_m_s)))
+    # Twice the wind as in `quiet_until`; 1 m/s avoids a division by zero.
     sound = jnp.maximum(load.sound_speed_m_s - 2 * wind, 1.0)
     found = Windows(
         load.arrival_time_s(place)[0],
@@ -476,6 +481,8 @@ def window_of(load: BlastLoad, params: EnvironmentParams, start: Vector) -> Wind
         jnp.sqrt(jnp.sum(jnp.square(way))) / 2,
         1 / sound,
     )
+    # The bounds only select which loads to evaluate; their gradient is no part of the
+    # physics.
     return jax.lax.stop_gradient(found)
 
 

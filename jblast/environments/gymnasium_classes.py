@@ -42,6 +42,7 @@ class QuadrotorEnv(gymnasium.Env):
         self.params = params_of(task, params, options)
         fps = round(1.0 / float(self.params.step_s))
         self.metadata = {"render_modes": [], "render_fps": fps}
+        # Only shapes are evaluated; a reset would compile its program.
         _, seen = jax.eval_shape(lambda: reset(jax.random.key(0), self.params))
         self.action_space = action_space(self.params)
         self.observation_space = observation_space(seen.shape[-1])
@@ -59,6 +60,8 @@ class QuadrotorEnv(gymnasium.Env):
         super().reset(seed=seed)
         if seed is None:
             seed = int(self.np_random.integers(2**31))
+        # Lane 0 of the batch with this seed, so that both classes give the same
+        # episodes.
         key = jax.random.fold_in(jax.random.key(seed), 0)
         self._state, seen = _RESET(key, self.params)
         return np.asarray(seen, np.float32), {}

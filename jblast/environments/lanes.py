@@ -167,6 +167,7 @@ def _moved(
     if lanes % piece:
         return take(given)
     parts = jax.tree.map(lambda x: x.reshape(-1, piece, *x.shape[1:]), given)
+    # A sequential map: `vmap` over pieces would undo the small arrays.
     found = jax.lax.map(in_order, parts)
     return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
 
@@ -216,6 +217,7 @@ def for_some(
     # selected rows, where a masked `vmap` would compute all rows.
     count = mask.shape[0]
     size = min(count, max(LEAST_BLOCK, count // share))
+    # The n-th selected row is found by bisection of the cumulative count.
     so_far = jnp.cumsum(mask, dtype=jnp.int32)
 
     def more(carried: tuple[Array, T]) -> Array:

@@ -263,6 +263,7 @@ def _observe_detect(params: EnvironmentParams, state: EnvironmentState) -> Seen:
     # A normal approximation of the Poisson count: a Poisson sampler rejects, so that a
     # batch would wait for its slowest lane.
     events = jnp.maximum(events + jnp.sqrt(events) * noise[1], 0.0)
+    # The added 1 avoids the logarithm of zero; at audible pressures it changes nothing.
     decibels = 20 * jnp.log10(heard / REFERENCE_PA + 1.0)
     return decibels / 100, jnp.log1p(events), state.task.since_s
 
@@ -283,6 +284,7 @@ def _judge_detect(
     missed = (since > IN_TIME_S) & ~answered.blasts
     hit = alarm & jnp.any(open_now)
     reward = jnp.where(hit, 1.0, jnp.where(alarm, -FALSE_ALARM, 0.0))
+    # Each arrival is counted once, because it is marked in the next state.
     reward = reward - jnp.sum(missed.astype(step.dtype))
     after = AlarmState(
         answered.blasts | missed | (open_now & alarm),

@@ -232,6 +232,7 @@ class Guidance(eqx.Module):
             speed, jnp.minimum(now.speed_m_s - change, legs.speed_m_s[leg])
         )
         speed = jnp.where(flies, jnp.minimum(jnp.maximum(speed, 0.0), brake), 0.0)
+        # The feed-forward is limited, because the set point may stop within one period.
         gain = jnp.clip((speed - now.speed_m_s) / period_s, -rate, rate)
         curvature = legs.curvature_per_m[leg]
         aim = SetPoint(
@@ -271,9 +272,12 @@ class Guidance(eqx.Module):
         )
         steps_on = jnp.where(flies, landed, timed_out & (phase < ENDED))
         begins = steps_on | (goes_on & flies)
+        # The overshoot beyond a leg's end is carried into the next one, so that no
+        # distance is lost.
         passed = jnp.where(legs.waits[leg], 0.0, along - legs.length_m[leg])
         aim = legs.yaw_rad[leg]
         off = jnp.where(jnp.isnan(aim), 0.0, aim - now.yaw_rad)
+        # The shorter direction of rotation.
         turn = jnp.remainder(off + jnp.pi, 2 * jnp.pi) - jnp.pi
         most = MAX_YAW_RATE_RAD_S * period_s
         turn = jnp.where(flies, jnp.clip(turn, -most, most), 0.0)

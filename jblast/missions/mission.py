@@ -318,6 +318,7 @@ def planned_seconds(legs: Legs, acceleration_m_s2: float) -> float:
         square = acceleration_m_s2 * length + (begin * begin + end * end) / 2
         top = max(min(limit, math.sqrt(square)), begin, end)
         if top > 0:
+            # Distance of acceleration and braking; the remainder is flown at `top`.
             ways = (2 * top * top - begin * begin - end * end) / (2 * acceleration_m_s2)
             total += (2 * top - begin - end) / acceleration_m_s2
             total += max(length - ways, 0.0) / top
@@ -473,6 +474,7 @@ def legs_along(stops: Sequence[Stop], start_m: Vector, limits: Limits) -> Legs:
         length = float(np.linalg.norm(end - start))
         after = ways[n + 1] if n + 1 < len(ways) else None
         arc = None if after is None else _arc(stop, length, way, after, acceleration)
+        # An arc replaces the end of this line and the beginning of the next.
         take = 0.0 if arc is None else arc["take"]
         known = {"goal_m": stop.goal_m, "acceptance_m": stop.acceptance_m}
         known |= {"yaw_rad": stop.yaw_rad, "visit": stop.visit, "hold_s": stop.hold_s}
@@ -541,6 +543,7 @@ def _arc(
     tangent = math.tan(angle / 2)
     radius = min(
         0.5 * stop.acceptance_m / (1 / math.cos(angle / 2) - 1),
+        # Half of a line at most, so that the arcs at both of its ends do not overlap.
         0.5 * min(length, ahead) / tangent,
     )
     inward = onward - (onward @ way) * way

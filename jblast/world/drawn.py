@@ -75,6 +75,7 @@ def tracks_of(scene: Scene, flight: Trajectory) -> dict[str, Track]:
         scene: The scene with the sensors.
         flight: Flight of the scene's vehicle.
     """
+    # Rows after a divergence are NaN and would make the whole interpolated path NaN.
     known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
     time = jnp.asarray(flight.time_s)[known]
     place, turn = flight.position_m[known], flight.quaternion[known]
@@ -112,6 +113,7 @@ def with_nevers(scene: Scene) -> Scene:
     missing = 2 ** (count - 1).bit_length() - count
     east, north, _ = scene.charge.position_m
     place = east, north, jnp.zeros_like(east)
+    # An infinite time gives no load, and the position on the ground no reflection.
     never = replace(
         scene.charge, time_s=jnp.full_like(east, jnp.inf), position_m=place, name=""
     )
@@ -146,6 +148,7 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     for axis, name in enumerate(CHARGE_POSITION):
         if isinstance(region, Box) and world.about == "world":
             low, high = region.low[axis], region.high[axis]
+            # The median of the prior, as for every uncertain number of a scene.
             place[axis] = float(0.5 * (low + high))
             if float(low) < float(high):
                 beliefs[name] = Uniform(low, high)
@@ -155,6 +158,8 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     if isinstance(mass, Prior):
         beliefs["charge_mass_kg"] = mass
         mass = mass.constrain(jnp.zeros(()))
+    # Only a single blast has an independent time; with gaps, times are order
+    # statistics.
     independent = isinstance(world.occurrence, ByCount) and world.occurrence.count == 1
     if isinstance(time, Prior):
         beliefs["origin_time_s"] = time if independent else Free(positive=False)
@@ -264,6 +269,7 @@ def draw_world(
                 f"got {shown(name)}"
             )
         charges.append(Charge(mass, tuple(place), time, name=name))
+    # Sorted, so that the order of rows in all files is that of the times.
     charges.sort(key=lambda charge: float(charge.time_s))
     charges = charges or [Charge(time_s=math.inf)]
     if any(charge.range_m is not None for charge in charges):
@@ -362,6 +368,7 @@ def draw_blasts(
         blasts = _blasts(key, world, about, count)
         times = np.asarray(blasts.time_s)
         if times[-1] > end:
+            # The last sampled time is beyond the end, so no blast within it is missing.
             happen = int(np.sum(times <= end))
             return Blasts(*(numbers[:happen] for numbers in blasts))
         if count > MAX_BLASTS:
@@ -389,6 +396,7 @@ def blast_sequence(
         count: Number of blasts; for `ByCount` its count. By rate or tick they continue
             beyond the end of the window.
     """
+    # A key per blast: the samples of one blast do not depend on the number of others.
     numbers = jnp.arange(count)
     keys = jax.vmap(lambda n: jax.random.split(jax.random.fold_in(key, n), 3))(numbers)
     position = jax.vmap(lambda k: _place(k, world.region, about_m))(keys[:, 1])
@@ -435,8 +443,11 @@ def _times(
         if not isinstance(time, Uniform):
             return jax.vmap(lambda k: _drawn(k, time))(keys)
         share = jax.vmap(jax.random.uniform)(keys)
+        # The window without the gaps; see the module's docstring.
         free = (time.hi - time.lo) - (share.size - 1) * gap
         order = jnp.argsort(share)
+        # The inverse permutation: each blast gets the time of its own rank, so that its
+        # time stays paired with its mass and position.
         rank = jnp.argsort(order)
         first = time.lo + share[order] * jnp.maximum(free, 0.0)
         return _separated(first + jnp.arange(share.size, dtype=float) * gap, gap)[rank]
@@ -459,6 +470,8 @@ def _ticks(
     # A share of zero would have an infinite logarithm.
     tiny = jnp.finfo(float).tiny
     share = jax.vmap(lambda k: jax.random.uniform(k, minval=tiny))(keys)
+    # Inverse transform of the geometric distribution; probability 1 gives a wait of one
+    # tick.
     failed = math.log1p(-how.probability) if how.probability < 1.0 else -math.inf
     wait = 1.0 + jnp.floor(jnp.log(share) / failed)
     # Rounding must not turn a gap of whole ticks into one more tick.

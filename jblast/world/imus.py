@@ -98,6 +98,8 @@ def picked_jolts(
         for shot in np.flatnonzero(comes < ends).tolist():
             pick, first = _pick(world, record, comes, shot)
             if pick is None or not pick.found:
+                # Waves below the noise are counted, so that a report can state how many
+                # were lost.
                 missed += 1
                 continue
             place = arrivals.places_m[AIR][row, shot]
@@ -196,6 +198,7 @@ def _readings(
         ),
         ("jolt_velocity_m_s", *pick.speed_m_s, pick.clipped),
     ]
+    # A clipped axis biases the direction, whereas the size remains a lower bound.
     if not pick.clipped:
         readings += [
             (quantity, *value, False)
@@ -240,11 +243,15 @@ def imu_records(
         imu = Imu() if sensor.imu is None else sensor.imu
         offset = float(sensor.clock_offset_s)
         lasts = seconds if whole else min(seconds, float(flight.time_s[-1]))
+        # 1e-6 of a sample: the product of a duration and a rate may round below an
+        # integer.
         count = max(0, int(np.floor((lasts + offset) * imu.rate + 1e-6)))
         edges = np.arange(count + 1) / imu.rate
         if not count:
             continue
         common = jnp.asarray(edges - offset)
+        # Evaluated at the edges of samples, because a sample is the mean over its
+        # interval.
         true = felt(flight, common, sensor.offset_m, sensor.quaternion)
         # The key follows from the name, so other sensors do not change the noise.
         number = zlib.crc32(f"imu {sensor.name}".encode())

@@ -145,6 +145,8 @@ def readings_of(
         present: list[Sensor] = []
         for sensor in sensors:
             parts = _at_arrivals(sensor, arrivals, column, seconds)
+            # Counted per wave, not per quantity: one late wave misses all of its
+            # readings.
             late += len(set(waves_of(sensor).values())) - len(parts)
             present += parts
         if not present:
@@ -160,6 +162,8 @@ def readings_of(
             alone = replace(
                 own, charge=replace(charge, name=""), others=(), sensors=tuple(some)
             )
+            # Sensors of a second scene get another key, so that their errors stay
+            # independent.
             log = readings(jax.random.fold_in(key, which) if which else key, alone)
             logs.append(replace(log, shot=(charge.name,) * len(log)))
     if not logs:
@@ -311,11 +315,14 @@ def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arri
         InputError: An observer is as fast as sound.
     """
     entities, moving = _entities(scene, tracks or {})
+    # Without sensors and camera the scene has one PyTree structure, so one program
+    # serves all blasts.
     bare = replace(scene, sensors=(), camera=None, clocks=(), ambient=None)
     observers = tuple(Sensor(name, place) for name, place in entities.items())
     times: dict[str, list[np.ndarray]] = {wave: [] for wave in WAVES}
     places: dict[str, list[np.ndarray]] = {wave: [] for wave in WAVES}
     for charge in scene.charges:
+        # The name is static: with it each blast would compile its own program.
         alone = replace(bare, charge=replace(charge, name=""), others=())
         _, truth = truth_of(alone, observers, moving, WAVES)
         for wave in WAVES:

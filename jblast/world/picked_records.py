@@ -125,11 +125,13 @@ def _interval_record(
     """Return the interval of a record about one blast."""
     first, last = interval_about(comes_s, shot)
     start, stop = (round(recording.rate_hz * t) for t in (max(first, 0.0), last))
+    # The picker needs a minimum of samples, also at the end of a recording.
     stop = min(max(stop, start + LEAST_SAMPLES), recording.length)
     record = recording.record(0, min(start, stop - LEAST_SAMPLES), stop)
     instrument = sensor.instrument
     if instrument is None or instrument.high_pass is None:
         return record
+    # A known high-pass filter lets the pick correct its droop of the positive phase.
     return replace(record, high_pass_hz=float(instrument.high_pass))
 
 

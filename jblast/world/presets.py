@@ -71,6 +71,8 @@ class Preset:
         )
         if self.pressure_speed_m_s is None or not by_pressure:
             return scene
+        # The plugin uses one speed for all distances, so the acoustic law with that
+        # sound speed reproduces it.
         speed = jnp.full_like(scene.air.wind_east, self.pressure_speed_m_s)
         laws = dict(scene.law) | {"air_arrival_s": "acoustic"}
         return replace(
@@ -182,6 +184,7 @@ def with_preset(
         if not isinstance(table, dict):
             return made  # rejected by the reader, with a better message
         for key, value in keys.items():
+            # "auto" leaves the choice to jblast, and therefore to the preset.
             if key in table and table[key] not in (value, "auto"):
                 raise InputError(
                     f"{source}: [{name}] {key}: expected {shown(value)} (preset "

@@ -297,6 +297,7 @@ def _charge(entry: dict[str, Any], where: str, n_sensors: int) -> Charge:
         raise InputError(
             f"{where} range_m: expected either range_m or position_m, got both"
         )
+    # A range without a direction determines the distance to a single sensor only.
     if "range_m" in entry and n_sensors > 1:
         raise InputError(
             f"{where} range_m: expected one sensor (it is the distance to it), got "
@@ -414,6 +415,7 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     if "frames_hz" in entry:
         optional["frames_hz"] = _positive(entry["frames_hz"], f"{where} frames_hz")
     if "exposure_s" in entry:
+        # The exposure of a frame ends before the next frame begins.
         interval = 1 / optional.get("frames_hz", FRAMES_HZ)
         optional["exposure_s"] = _exposure(entry["exposure_s"], interval, where)
     if (key := "daylight_lux") in entry:

@@ -216,6 +216,8 @@ def _check_mountable(
         )
     for quantity, _ in records:
         of_ground = quantity.startswith("ground_") and quantity != "ground_arrival_s"
+        # A sum of arrivals, a timed radius and an image have no single position of a
+        # moving sensor.
         apart = len(components(quantity)) > 1 or quantity in (*TIMED, *BY_CAMERA)
         if apart or of_ground:
             raise not_yet(f"{where} records {quantity}", "a sensor in motion")
@@ -273,6 +275,7 @@ def read_instrument(
                 f"got {shown(entry[key])}"
             )
     bits = _bits(entry.get("bits", "float"), f"{where} bits")
+    # The quantization step is the range over 2**bits.
     if bits is not None and full_scale is None:
         raise InputError(
             f"{where} bits: expected full_scale_{unit} (the range of the bits) with "

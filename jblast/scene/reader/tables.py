@@ -424,6 +424,8 @@ def in_other_unit(key: str, known: Collection[str]) -> str:
     from jblast.units import SI, si_factor, unit_spelt
 
     words = key.split("_")
+    # Longest suffix first: "speed_km_per_h" must not be read as a stem with the suffix
+    # "h".
     for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
         stem, suffix = "_".join(words[:-length]).lower(), "_".join(words[-length:])
         if suffix.lower() in TEMPERATURES and f"{stem}_k" in known:

@@ -51,6 +51,7 @@ class ServedStream:
         self.ticket = ticket
         self._asks: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._asks.put(messages().Ask(name=ticket.name, ticket=ticket.word))
+        # The iterator ends at the None that `close` puts into the queue.
         self._replies = call(iter(self._asks.get, None))
 
     def ask(self, packets: int = 1, motion: Motion | None = None) -> None:
@@ -239,6 +240,8 @@ def connect(
         InputError: gRPC is not installed.
     """
     rpc = grpc()
+    # Packets of long records exceed gRPC's default limit of 4 MiB; the server is
+    # trusted.
     options = [("grpc.max_receive_message_length", -1)]
     if certificate is None:
         channel = rpc.insecure_channel(address, options)

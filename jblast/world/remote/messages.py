@@ -173,6 +173,7 @@ def entity_of(registration: Any) -> Entity:
     """
     check_protocol(registration.protocol)
     senses = [
+        # Zero is the unspecified value of a proto3 enumeration.
         SENSES[sense - 1] if 1 <= sense <= len(SENSES) else f"sense {sense}"
         for sense in registration.senses
     ]
@@ -189,6 +190,7 @@ def entity_of(registration: Any) -> Entity:
         position_m=None if place is None else vector(place),
         path=path,
         vehicle=registration.vehicle,
+        # proto3 does not distinguish zero from a missing number.
         samples_hz=registration.samples_hz or None,
     )
 
@@ -309,6 +311,7 @@ def _announcement(announced: Announcement) -> Any:
 
 
 def _fill(message: Any, first: int, rate_hz: float, values: np.ndarray) -> None:
+    # Unsigned in the protocol; samples before the start of the clock are never sent.
     message.first = max(first, 0)
     message.rate_hz = rate_hz
     if values.size:

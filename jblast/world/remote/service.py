@@ -161,6 +161,7 @@ class Table:
         self.stager = Stager(world.drawn)
         self._patience_s, self._report_line = patience_s, report_line
         self._joined: dict[str, Joined] = {}
+        # One thread: JAX uses all cores itself, and stagings keep their order.
         self._thread = ThreadPoolExecutor(1, "staging")
 
     @property
@@ -212,6 +213,7 @@ class Table:
         patience = self._patience_s
         while True:
             await asyncio.sleep(min(patience / 4, 1.0))
+            # The monotonic clock is not affected by adjustments of the system time.
             latest = time.monotonic() - patience
             for session in self.sessions.values():
                 if session.waits_since < latest and not session.why and session.task:
@@ -229,6 +231,7 @@ class Table:
             if not session.why and session.task:
                 session.why = "the server stops"
                 session.task.cancel()
+        # Bounded, so that a client which does not read cannot keep the server alive.
         for _ in range(100):
             if not self.sessions:
                 return
@@ -276,6 +279,8 @@ def _unary(
             message = parsed(METHODS[name][0], data)
             return method(table, message, context.peer()).SerializeToString()
         except InputError as error:
+            # TooLarge): | Other errors are mistakes of a valid client, which may try
+            # again.
             if isinstance(error, InvalidMessage | TooLarge):
                 table.drop("", context.peer(), str(error))
             return await _abort(context, _status_of(error), str(error))
@@ -344,6 +349,7 @@ def _register(table: Table, message: Any, peer: str) -> Any:
     entity, first = entity_of(message), message.first_packet
     world = table.world
     if isinstance(world.clock, ScaledRealTime):
+        # The clock starts with the first client, so that nobody misses the first blast.
         world.clock.begin()
         if first:
             raise InputError(

@@ -110,6 +110,8 @@ async def listening(
     served = ServedWorld(world, schedule, times, clock, options.ends_s)
     table = Table(served, options.patience_s, report_line)
     if options.speed is not None:
+        # In lockstep a client may wait for a compilation; in real time packets would be
+        # late.
         _compile_programs(table.stager, world)
     server = rpc.aio.server(
         options=[
@@ -224,6 +226,7 @@ def serving(
         finally:
             ready.set()
 
+    # A daemon thread does not keep the process alive after an error in the caller.
     thread = threading.Thread(target=work, name="serving", daemon=True)
     thread.start()
     ready.wait()

@@ -224,6 +224,7 @@ def announced_load(
                 f"{len(of_burst)}"
             )
         blasts += [_blast(one, since_s) for one in of_burst]
+        # Padding: a blast that never happens, far from any vehicle.
         never = Blast(
             jnp.array([1e3, 0.0, 0.0]),
             jnp.asarray(math.inf),
@@ -274,6 +275,7 @@ class PlayedForce(eqx.Module):
     ) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
         """Return impulse [N s] and angular impulse [N m s] between two times."""
         edges = jnp.arange(self.rows.shape[0] + 1, dtype=float) / self.rate_hz
+        # The overlap of the interval with each step, exact for steps of any phase.
         until = jnp.clip(end_s, edges[:-1], edges[1:])
         since = jnp.clip(start_s, edges[:-1], edges[1:])
         given = (until - since) @ self.rows
@@ -395,11 +397,14 @@ class Stager:
         arrivals = self._arrivals(scene, place)
         pulse = self._pulse(scene, place)
         met = _motion_at(place, arrivals.air_s)
+        # The attitude matters for forces only, whose profile is for the reported
+        # attitude.
         if motion is not None:
             met = met._replace(
                 quaternion=motion.quaternion, body_rate_rad_s=motion.body_rate_rad_s
             )
         # The load depends only on the position of the vehicle, so any model will do.
+        # A blast load needs a vehicle position to select its curve set.
         spec = VehicleSpec(entity.vehicle or "hummingbird", met.position_m)
         load = blast_load(replace(scene, vehicle=spec))
         force = None
@@ -524,9 +529,12 @@ class Playback:
             known = self._live.get(name)
             if known is not None:
                 new = _with_past(new, known.newest, start)
+            # A client that joins late does not receive blasts whose effects have ended.
             elif new.last_s() < start:
                 continue  # over before its announcement
             live = _Live(new, self._motion)
+            # Waves about to arrive are final: later reports must not move an arrival
+            # that has been sent.
             live.settled |= {
                 wave
                 for wave in WAVES
@@ -619,12 +627,15 @@ class Playback:
         self, rows: list[tuple[int, np.ndarray]], rate_hz: float, shape: tuple[int, ...]
     ) -> Slice:
         """Return the summed samples within the next packet; empty without any."""
+        # Exact integers, so consecutive packets share no sample and skip none.
         first, last = self._times.samples(self.number, rate_hz)
         total: np.ndarray | None = None
         for begin, samples in rows:
             low, high = max(begin, first), min(begin + len(samples), last)
             if low >= high:
                 continue
+            # Allocated only if some blast contributes: most packets are silent, and an
+            # empty array keeps their messages small.
             if total is None:
                 total = np.zeros((last - first, *shape))
             total[low - first : high - first] += samples[low - begin : high - begin]
@@ -663,6 +674,8 @@ def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
     place = np.maximum(motion.position_m, [-np.inf, -np.inf, 0.0])
     lasts = EXTRAPOLATION_S
     if (sinks := -motion.velocity_m_s[2]) * lasts > place[2]:  # it lands before
+        # The extrapolation stops on the ground; 1 ms keeps the knots of the path
+        # distinct.
         lasts = max(place[2] / sinks, 1e-3)
     later = place + lasts * motion.velocity_m_s
     time = motion.time_s + np.array([0.0, lasts])
@@ -688,6 +701,7 @@ def _motion_at(place: np.ndarray | Track, time_s: float) -> Motion:
     here = np.stack([np.interp(time_s, time, axis) for axis in knots.T])
     if not time[0] <= time_s < time[-1]:
         return Motion(time_s, here, np.zeros(3), LEVEL, np.zeros(3))
+    # The speed of the segment after a knot, which is the one that the wave meets.
     n = int(np.searchsorted(time, time_s, side="right")) - 1
     speed = (knots[n + 1] - knots[n]) / (time[n + 1] - time[n])
     return Motion(time_s, here, speed, LEVEL, np.zeros(3))
@@ -799,6 +813,7 @@ def force_profile(load: BlastLoad, vehicle: Vehicle, state: State) -> ForceProfi
     first = math.floor(begins * STEPS_HZ)
     last = math.ceil(ends * STEPS_HZ) + 1
     steps = min(last - first, MAX_STEPS)
+    # Powers of two from 256 on: a few compiled programs serve all durations.
     size = max(2 ** math.ceil(math.log2(steps)), 256)
     edges = np.arange(first, first + size + 1) / STEPS_HZ
     force, moment = (
@@ -820,6 +835,7 @@ def _passing(
         at_once = jnp.zeros_like(blast.time_s)
         came = load.front_time_s(blast, state.position_m, at_once)
         crossing = crossing_time(body, wave)
+        # 5 % more than the wave's duration, as in `BlastLoad.quiet_until`.
         over = came + crossing + 1.05 * (wave.duration_s + wave.suction_s)
         begins = jnp.where(never, jnp.inf, came - crossing)
         return begins, jnp.where(never, -jnp.inf, over)

@@ -111,6 +111,7 @@ class BlastSchedule:
             raise InputError("blast name: expected a name, got an empty one")
         if charge.name in self._names:
             raise InputError(f"{where}: expected a new name, got that of another blast")
+        # Strictly later, so that no entity has passed the packet of its announcement.
         if not now_s + self.lead_s < when < math.inf:
             raise InputError(
                 f"{where} time_s: expected one after {now_s + self.lead_s:g} s (now "
@@ -121,6 +122,8 @@ class BlastSchedule:
                 f"{where}: expected at most {MAX_ANNOUNCED:,} announced blasts, got "
                 "one more"
             )
+        # The list stays sorted for the bisection in `announced`; blasts at equal times
+        # keep their order.
         place = bisect.bisect_right(self._times, when)
         self._times.insert(place, when)
         self._charges.insert(place, charge)
@@ -204,6 +207,7 @@ class PacketTimes(NamedTuple):
 
     def at(self, time_s: float) -> int:
         """Return the number of the first packet that begins at a time or after [-]."""
+        # In fractions, because a float product may round up to the next packet.
         return math.ceil(Fraction(time_s) * self.rate)
 
 
@@ -369,6 +373,7 @@ class Registry:
             )
         if len(self) >= self._most:
             raise WorldFull(f"expected at most {self._most:,} entities, got one more")
+        # 64 random bits cannot be guessed within the lifetime of a server.
         registered = Registered(entity, secrets.token_hex(8))
         self._by_name[entity.name] = registered
         return registered
@@ -380,6 +385,7 @@ class Registry:
             NotRegistered: The name is unknown or the ticket differs.
         """
         found = self._by_name.get(name)
+        # A comparison in constant time, which does not reveal a ticket by its duration.
         if found is None or not secrets.compare_digest(
             found.ticket.encode(), ticket.encode()
         ):
