@@ -74,5 +74,5 @@ def test_positions_count_from_the_place_of_the_scene(tmp_path):
         np.linalg.norm(of.position[0] - of.position[2]) for of in (readings, there)
     ]
     assert apart[0] == pytest.approx(apart[1], abs=1e-6)
-    with pytest.raises(InputError, match=r"line 2: the sensor stands .* km from"):
+    with pytest.raises(InputError, match=r"line 2: expected a sensor within .* away"):
         located(readings, UncertainScene(Scene(), place=Place(-33.9, 35.5)))

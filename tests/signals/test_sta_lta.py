@@ -44,7 +44,7 @@ def test_after_silence_there_is_no_ratio():
     ("options", "said"),
     [
         ({"short_s": 1.0, "long_s": 0.1}, "a short window no longer than the long one"),
-        ({"short_s": 1e-9}, "expected a sample at least"),
+        ({"short_s": 1e-9}, "expected at least one sample"),
         ({"long_s": 10.0}, "recording: expected at least 10005 samples"),
         ({"short_s": -1.0}, "short_s: expected a positive number"),
     ],

@@ -136,7 +136,7 @@ def test_a_separator_within_quotes_is_none(log):
         (HEADER + ROW.replace("0.05", "True"), "a finite number, got 'True'"),
         (HEADER + ROW.replace("0.05", "2026-03-01"), "a date, into which spreadsheets"),
         (HEADER + ROW.replace("0.05", "5 kPa"), "a unit belongs in the name"),
-        (HEADER + ROW.replace("0.05", "12:30:01"), "a time of day stands in column"),
+        (HEADER + ROW.replace("0.05", "12:30:01"), "a time of day belongs in column"),
         (HEADER.replace(",", "|") + "a|b\n", "commas, semicolons or tabs, got one col"),
         (
             HEADER + "a,air_arrival_s,NA,,1,2,3\n",

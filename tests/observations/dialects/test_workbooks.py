@@ -93,7 +93,7 @@ def test_measurements_are_no_header(tmp_path):
     [
         (
             datetime.datetime(2026, 5, 3),
-            "row 3, column Value: .*a date, as",
+            "row 3, column Value: .*a date, into",
         ),
         (True, "row 3, column Value: .*got 'True'"),
         ("1 234", "row 3, column Value: .*got '1 234'"),

@@ -190,7 +190,7 @@ def test_what_has_no_direction_is_refused():
     times = passed(SQUARE, toward(1.0, 0.3), np.random.default_rng(0))
     with pytest.raises(InputError, match="4 rows of east, north, up"):
         direction(SQUARE[:3], times, C)
-    with pytest.raises(InputError, match="one place"):
+    with pytest.raises(InputError, match="one for all"):
         direction(np.zeros((4, 3)), times, C)
-    with pytest.raises(InputError, match="one of each microphone"):
+    with pytest.raises(InputError, match="a time for each microphone"):
         direction(SQUARE, times._replace(time=np.full(4, np.nan)), C)

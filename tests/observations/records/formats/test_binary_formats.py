@@ -245,7 +245,7 @@ def test_matlab_is_read_by_its_names(tmp_path, seventh):
         ),
         (
             {"p_pa": [1.0, 2.0], "time_s": [0.0, 1.0, 2.0]},
-            "expected 3 samples a channel",
+            "expected 3 samples per channel",
         ),
     ],
 )

@@ -35,7 +35,7 @@ def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
 def test_a_mistaken_extension_is_told_from_what_the_file_begins_with(tmp_path):
     path = tmp_path / "a.csv"
     soundfile.write(path, np.zeros(9), 8000, format="WAV")
-    with pytest.raises(InputError, match=r"begins as \.wav does; rename it"):
+    with pytest.raises(InputError, match=r"begins like \.wav; rename it"):
         open_record(path)
 
 
@@ -68,5 +68,5 @@ def test_a_sample_that_is_no_number_is_named_when_it_is_read(tmp_path):
         recording.samples(20, 60)
     samples[:, 0] = np.nan
     soundfile.write(path, samples, 1000, subtype="FLOAT")
-    with pytest.raises(InputError, match="channel 1: expected samples, got no number"):
+    with pytest.raises(InputError, match="channel 1: expected samples, got no finite"):
         recording.samples(0, 100)

@@ -103,7 +103,7 @@ def test_what_cannot_be_is_refused_in_one_line(jblast):
         ((film, "--fps", 1000, "--scene", scene(jblast, 90)), "expected 80 x 60"),
         (
             (film, "--fps", 1000, "--scene", scene(jblast, text="")),
-            "expected a [camera]",
+            "expected the [camera]",
         ),
         ((jblast.file("a.h5", ""),), "is empty"),
         ((jblast.path("none.npz"),), "no such file"),
