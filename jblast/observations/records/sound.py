@@ -424,7 +424,7 @@ def missing_bytes(path: Path) -> int:
                 continue
             if name == b"data":
                 size = long_size if size == STREAMED else size
-                stated = 0 if size == STREAMED else file.seek(0, os.SEEK_CUR) + size
+                stated = 0 if size == STREAMED else file.tell() + size
                 return max(stated - there, 0)
             # chunks begin at even positions
             file.seek(size + size % 2, 1)
