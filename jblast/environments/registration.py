@@ -9,8 +9,9 @@ VERSION = "v0"
 def register_environments() -> None:
     """Register `jblast/Hover-v0` and the other environments; repeated calls are safe.
 
-    Gymnasium calls this function through its entry point, and `jblast.environments`
-    at import. Without Gymnasium it does nothing.
+    `jblast.environments` calls it at import, and Gymnasium imports that for
+    `gymnasium.make("jblast.environments:jblast/Hover-v0")`. Without Gymnasium it does
+    nothing.
     """
     try:
         registration = import_module("gymnasium.envs.registration")

@@ -32,6 +32,15 @@ def test_all_four_are_registered_once_with_both_entry_points():
         assert spec.vector_entry_point
 
 
+def test_in_a_new_process_the_import_registers_them_without_jax():
+    script = (
+        "import gymnasium, sys, jblast.environments\n"
+        "assert gymnasium.spec('jblast/Hover-v0')\n"
+        "assert 'jax' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m:UserWarning")
 def test_gymnasiums_own_checker_passes():
@@ -45,7 +54,9 @@ def test_gymnasiums_own_checker_passes():
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
 def test_gymnasiums_own_checker_passes_as_registered(name):
-    made = gymnasium.make(f"jblast/{name}-v0", disable_env_checker=True)
+    made = gymnasium.make(
+        f"jblast.environments:jblast/{name}-v0", disable_env_checker=True
+    )
     check_env(made.unwrapped, skip_render_check=True)
     many = gymnasium.make_vec(f"jblast/{name}-v0", num_envs=2)
     seen, _ = many.reset(seed=0)
