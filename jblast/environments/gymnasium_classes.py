@@ -26,19 +26,22 @@ class QuadrotorEnv(gymnasium.Env):
 
     Args:
         task: "Hover", "Rates", "Mission" or "Detect".
-        params: Of the environment, in place of all that follows.
+        params: Parameters of the environment; they replace `task` and `options`.
+        render_mode: None: the environments are not rendered.
         options: As in `environment_params`.
 
     Raises:
-        InputError: As in `environment_params`.
+        InputError: As in `environment_params`, or a render mode was requested.
     """
 
     def __init__(
         self,
         task: str = "Hover",
         params: EnvironmentParams | None = None,
+        render_mode: str | None = None,
         **options: Any,
     ):
+        _check_render_mode(render_mode)
         self.params = params_of(task, params, options)
         fps = round(1.0 / float(self.params.step_s))
         self.metadata = {"render_modes": [], "render_fps": fps}
@@ -113,8 +116,10 @@ class QuadrotorBlast(VectorEnv):
         num_envs: int = 1,
         task: str = "Hover",
         params: EnvironmentParams | None = None,
+        render_mode: str | None = None,
         **options: Any,
     ):
+        _check_render_mode(render_mode)
         whole = isinstance(num_envs, int | np.integer) and not isinstance(
             num_envs, bool
         )
@@ -220,3 +225,11 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     if array.shape != shape:
         raise InputError(f"action: expected the shape {shape}, got {array.shape}")
     return array
+
+
+def _check_render_mode(render_mode: str | None) -> None:
+    if render_mode is not None:
+        raise InputError(
+            f"render_mode: expected None, got {shown(render_mode)}: the environments "
+            "are not rendered"
+        )

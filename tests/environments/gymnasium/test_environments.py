@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import jblast.environments
-from jblast.environments import QuadrotorBlast
+from jblast.environments import QuadrotorBlast, QuadrotorEnv
 from jblast.environments.registration import NAMES, register_environments
 from jblast.errors import InputError
 from tests.environments.lanes_of_one_blast import PARAMS
@@ -30,6 +30,12 @@ def test_all_four_are_registered_once_with_both_entry_points():
         spec = gymnasium.spec(f"jblast/{name}-v0")
         assert spec.entry_point
         assert spec.vector_entry_point
+
+
+@pytest.mark.parametrize("made", [QuadrotorEnv, QuadrotorBlast])
+def test_a_render_mode_is_refused(made):
+    with pytest.raises(InputError, match="render_mode: expected None, got 'human'"):
+        made(task="Hover", render_mode="human")
 
 
 def test_in_a_new_process_the_import_registers_them_without_jax():
