@@ -99,13 +99,15 @@ class QuadrotorBlast(VectorEnv):
     target in each episode so far.
 
     Args:
-        num_envs: Number of lanes.
+        num_envs: Number of environments, the lanes of a batch.
         task: "Hover", "Rates", "Mission" or "Detect".
-        params: Of the environment, in place of all that follows.
+        params: Parameters of the environment; they replace `task` and `options`.
+        render_mode: None: the environments are not rendered.
         options: As in `environment_params`.
 
     Raises:
-        InputError: There are no lanes, or as in `environment_params`.
+        InputError: There are no lanes, or as in `environment_params`, or a render mode
+            was requested.
 
     Example:
         `QuadrotorBlast(4096, task="Hover", command="velocity")`
