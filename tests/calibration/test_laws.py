@@ -174,8 +174,11 @@ def test_what_the_manual_prints_is_what_the_calculator_says(capsys):
     commands, *blocks = re.findall(r"^```\n(.*?)^```", CALCULATOR_PAGE, re.M | re.S)
     assert "--mass 15 --range 20" in commands
     assert "--mass 15 --overpressure 5kPa" in commands
-    assert main(["calc", "--mass", "15", "--overpressure", "5kPa"]) == 0
-    printed = (calculation_text(forward, answer, None), capsys.readouterr().out)
+    printed = []
+    for words in (["--range", "20"], ["--overpressure", "5kPa"]):
+        assert main(["calc", "--mass", "15", *words]) == 0
+        printed.append(capsys.readouterr().out)
+    printed.insert(1, calculation_text(forward, answer, None))
     for block, text in zip(blocks, printed, strict=True):
         for line in filter(lambda line: line.strip() != "...", block.splitlines()):
             start = line.removesuffix("...")

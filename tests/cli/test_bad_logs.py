@@ -133,7 +133,7 @@ RECORDS = {
     ),
     "a channel of NaN": (
         record(pressure=np.full(400, np.nan)),
-        ["column pressure_pa", "expected samples", "got no number"],
+        ["column pressure_pa", "expected samples", "got no finite number"],
     ),
     "a few NaN": (
         record(pressure=changed(PULSE, 100, np.nan)),

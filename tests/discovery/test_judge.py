@@ -100,7 +100,7 @@ def test_a_law_that_could_not_be_judged_is_in_doubt():
     assert again.reproduced == (True,)
     assert np.isnan(found.judged[0].excess)
     (doubt,) = doubts(found, again, 0)
-    assert "could not be judged" in doubt
+    assert "could not be tested" in doubt
     assert not certain(found, again)
 
 

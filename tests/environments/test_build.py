@@ -27,7 +27,7 @@ from jblast.scene.random_blasts import ByCount, ByRate
         ({"task": "Mission"}, "guidance: expected a guidance"),
         (
             {"task": "Detect", "command": "velocity"},
-            "expected 'hold' of the task Detect",
+            "expected 'hold', the only command of the task Detect",
         ),
         ({"world": WorldSpec(ByRate(0.2))}, "expected ByCount of 1 or more"),
         ({"world": WorldSpec(ByCount(0))}, "expected ByCount of 1 or more"),

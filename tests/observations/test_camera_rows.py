@@ -85,7 +85,7 @@ def test_a_free_origin_time_may_come_before_it_all(tmp_path):
 
 
 PLANS = {
-    "no times": ({}, None, ["'c' records fireball_radius_m", "times_s", "got nothing"]),
+    "no times": ({}, None, ["'c' records fireball_radius_m", "times_s", "got none"]),
     "times before it": (
         {"times_s": (-1.0, 1.0)},
         None,

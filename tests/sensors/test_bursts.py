@@ -141,7 +141,7 @@ def test_of_a_charge_without_readings_nothing_is_said():
         (0.0, None, (12.0, 0.0), []),
         (0.0, "surface", (12.0, 0.0), []),
         (12.0, None, (12.0, 11.0), ["every reading", "free-air curves were used"]),
-        (12.0, None, (12.0, 0.0), ["1 of 2 readings", "neither set holds"]),
+        (12.0, None, (12.0, 0.0), ["1 of 2 readings", "neither set is valid"]),
         (0.3, None, (1.0, 0.0), ["between the limits", "the surface ones were used"]),
         (0.3, "surface", (1.0, 0.0), ["between the limits"]),
         (12.0, "surface", (12.0, 0.0), ['"surface" contradicts the height', "1 of 2"]),

@@ -83,7 +83,7 @@ def test_the_command_offers_the_presets_there_are():
 
 
 def test_blasts_about_a_vehicle_that_is_not_there_are_refused_in_the_users_words():
-    with pytest.raises(InputError, match="expected one, or a \\[vehicle\\]"):
+    with pytest.raises(InputError, match="expected a region, or a \\[vehicle\\]"):
         with_preset({}, CODED, "w.toml")
 
 

@@ -21,7 +21,7 @@ READ = {
     "tcp:[::1]:7": Address("tcp", "::1", 7),
 }
 REFUSED = {
-    "tcp:0.0.0.0:4560": r"mavlink: expected a loopback address, .* no token to show",
+    "tcp:0.0.0.0:4560": r"mavlink: expected a loopback address, .* no authentication",
     "tcp:example.org:1": "mavlink: expected a loopback address",
     "serial:127.0.0.1:1": r"mavlink: expected tcp:HOST:PORT or udp:HOST:PORT, got",
     "tcp:127.0.0.1:x": r"mavlink: expected tcp:HOST:PORT or udp:HOST:PORT, got",

@@ -58,7 +58,7 @@ def test_sensors_and_speed_are_named(exact):
     assert found.speed_m_s == pytest.approx(SOUND / 1.1, rel=1e-6)
     assert found.sound_m_s == pytest.approx(SOUND)
     said = words(found)
-    assert "down to 309 m/s, where sound has 340 m/s" in said
+    assert "down to 309 m/s (speed of sound 340 m/s)" in said
     assert all(name in said for name in found.sensors)
 
 

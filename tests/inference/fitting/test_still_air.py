@@ -130,5 +130,5 @@ def test_where_a_prediction_has_no_slope_nobody_says_that_intervals_would_not_wi
     assert factors is not None
     assert np.isnan(list(factors.values())).all()
     said = words_of(broken)
-    assert "cannot be told" in said
+    assert "by an unknown factor" in said
     assert "no 90 %" not in said

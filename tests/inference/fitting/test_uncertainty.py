@@ -134,7 +134,7 @@ def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
     thin = replace(normal, covariance=1e-4 * normal.covariance)
     sure = uncertainty(solution._replace(laplace=thin), "weighted")
     assert not sure.weighted
-    assert "cannot tell" in words(sure.reason)
+    assert "is unreliable" in words(sure.reason)
     assert any("of a normal approximation" in why for why in all_words(sure.findings))
 
 
@@ -167,13 +167,15 @@ def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
     within = IntervalError("charge_mass_kg", off=0.35, error=0.05, k_hat=0.2, share=0.9)
     assert within.finding() is None
     assert doubt(replace(within, off=0.61)) == (
-        "the 90 % intervals are those of a normal approximation, off by up to 0.6 of a "
-        "standard deviation at charge_mass_kg: --posterior emcee runs MCMC"
+        "the 90 % intervals are those of a normal approximation, with an error of up "
+        "to 0.6 sd for charge_mass_kg; --posterior emcee runs MCMC"
     )
     # one weight is nearly all: k-hat decides, also where no end looks off
     heavy = replace(within, off=0.1, share=0.02, k_hat=1.2)
-    assert "importance sampling cannot tell (k-hat 1.20)" in doubt(heavy)
-    assert "0.6 of a standard deviation at charge_mass_kg, as far as importance" in (
+    assert "importance sampling does not determine their error (k-hat 1.20)" in doubt(
+        heavy
+    )
+    assert "0.6 sd for charge_mass_kg, estimated by importance" in (
         doubt(replace(heavy, off=0.61))
     )
     assert replace(within, k_hat=1.2).finding() is None

@@ -172,7 +172,9 @@ def test_correlated_errors_widen_what_like_slopes_tell():
 
 def test_a_sigma_changed_after_the_pick_is_refused():
     table = picks()
-    with pytest.raises(InputError, match="as the covariance of record"):
+    with pytest.raises(
+        InputError, match="as the covariance of peak_overpressure_pa in record"
+    ):
         of(replace(table, sigma=2 * table.sigma))
 
 

@@ -132,7 +132,7 @@ def test_films_of_nothing_are_refused():
         tune_events(scene, none, ["camera_threshold_darker"])
     with pytest.raises(InputError, match="camera"):
         tune_frames(scene_of(SOUND), still, times, ["camera_daylight_lux"])
-    with pytest.raises(InputError, match="expected events"):
+    with pytest.raises(InputError, match="expected a record of events"):
         tune_frames(scene, still, times, ["camera_threshold_darker"])
 
 

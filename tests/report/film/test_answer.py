@@ -48,7 +48,7 @@ def test_the_schema_takes_events_with_and_without_noise():
 def test_a_film_is_told_with_what_was_written():
     assert film_text(BOTH).splitlines() == [
         "5 frames of 64 x 48 pixels at 100 Hz from 0 s: 3,000 events, 2,000 brighter "
-        "and 1,000 darker; times solved for, within 1 us",
+        "and 1,000 darker; times solved for, error below 1 us",
         *("out/frames", "out/events.h5", "out/contact_sheet.png"),
     ]
     trial = replace(FOUND, stamps="interpolated", stamp_error_s=1e-4)

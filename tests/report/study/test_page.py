@@ -175,7 +175,9 @@ def test_a_store_that_is_not_there_is_named(tmp_path):
 
 def test_statistics_alone_are_refused():
     data = xarray.Dataset({"x": ("statistic", [1.0])}, attrs=ATTRIBUTES)
-    with pytest.raises(InputError, match="expected samples to report on"):
+    with pytest.raises(
+        InputError, match="expected samples, got a data set without any"
+    ):
         columns_of(data)
 
 

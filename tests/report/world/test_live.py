@@ -123,7 +123,7 @@ def test_a_picture_shows_what_came_by_then(run):
     figure = new_figure(8.0, 6.0)
     FigureCanvasAgg(figure)
     live = LiveFigure(run, figure)
-    for now, told in ((0.5, "blast 1 in 1.50 s"), (7.0, "nothing more to come")):
+    for now, told in ((0.5, "blast 1 in 1.50 s"), (7.0, "no further events")):
         live.show(now)
         figure.canvas.draw()
         words = [text.get_text() for axes in figure.axes for text in axes.texts]

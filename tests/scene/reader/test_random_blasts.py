@@ -69,7 +69,7 @@ REFUSED = {
     "no probability": ({"probability": 0, "tick_s": 1}, "probability: .*got 0"),
     "no tick": ({"probability": 0.1}, "tick_s: expected the time .*, got nothing"),
     "a tick of nothing": ({"probability": 0.1, "tick_s": 0}, "tick_s: .*got 0"),
-    "a tick alone": ({"tick_s": 1}, "tick_s: expected probability with it"),
+    "a tick alone": ({"tick_s": 1}, "tick_s: expected probability"),
     "two of three": ({"count": 1, "rate_hz": 1}, "rate_hz: expected one of count, r"),
     "a line": ({"region_m": {"box": FLAT}}, "box: expected a region with an extent.*e"),
     "corners swapped": (
@@ -97,7 +97,10 @@ REFUSED = {
         {"time_s": {"normal": [10, 1]}},
         "gap_s: .*not supported yet",
     ),
-    "a rate without an end": ({"rate_hz": 1, "time_s": 3}, "time_s: .*from when to"),
+    "a rate without an end": (
+        {"rate_hz": 1, "time_s": 3},
+        "time_s: .*the interval with blasts",
+    ),
     "an unknown key": ({"cuont": 3}, "cuont: unknown key; did you mean count"),
 }
 

@@ -160,5 +160,5 @@ def test_what_a_gauge_cannot_be_told_is_refused():
     with pytest.raises(ValueError, match="mounting: expected side-on or face-on"):
         pressure_gauge.record(SCENE, sensor_of("pressure"), 0.1, KEY, mounting="up")
     ranged = Scene(Charge(mass_kg=15.0, range_m=50.0))
-    with pytest.raises(InputError, match="wind has a direction"):
+    with pytest.raises(InputError, match="defines the direction of the wind"):
         anemometer.record(ranged, sensor_of("anemometer"), 0.1, KEY)

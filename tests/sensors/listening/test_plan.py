@@ -92,8 +92,8 @@ def test_what_cannot_be_recorded_is_refused():
     late = replace(scene_of(PHONE).scene, charge=Charge(mass_kg=15.0, time_s=1e5))
     cases = {
         "at least one [[sensor]] of kind pressure, microphone": (scene_of(), None),
-        "of sensor 'light', kind flash writes": (scene_of(FLASH), None),
-        "its kind is not said": (scene_of(replace(FLASH, kind="")), None),
+        "sensor 'light': kind flash writes": (scene_of(FLASH), None),
+        "it has no kind": (scene_of(replace(FLASH, kind="")), None),
         "'lost': expected position_m": (scene_of(nowhere), None),
         "rate_hz: expected a whole number": (scene_of(odd), None),
         "range_m: expected position_m": (UncertainScene(ranged), None),

@@ -70,10 +70,10 @@ def test_case_2_a_blast_after_the_loop_extends_it_to_a_loop_past_its_end():
 def test_what_cannot_be_sent_or_heard_is_refused():
     packets = LoopPackets(np.zeros(10))
     for size in (-1, 11):
-        with pytest.raises(ValueError, match="0 to 10 samples, a loop"):
+        with pytest.raises(ValueError, match=r"0 to 10 samples \(one loop"):
             packets.send(size)
     for at, length in ((-1, 2), (19, 2), (0, 21)):
-        with pytest.raises(ValueError, match="within the 20 samples from the head"):
+        with pytest.raises(ValueError, match="within 20 samples of the head"):
             packets.add_blast(at, np.ones(length))
     with pytest.raises(ValueError, match="one or more samples, got none"):
         LoopPackets(np.zeros(0))

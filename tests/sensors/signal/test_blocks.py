@@ -121,7 +121,7 @@ def test_blocks_start_when_exact_fractions_say(rate, dtype):
         ({"packet_s": -0.1}, "packet_s: expected a positive"),
         ({"packet_s": 0.0}, "packet_s: expected a positive"),
         ({"packets_hz": math.inf}, "packets_hz: expected a positive"),
-        ({"packets_hz": 201.0}, "one sample or more at 200 Hz, got 201"),
+        ({"packets_hz": 201.0}, "one or more samples per packet at 200 Hz, got 201"),
     ],
 )
 def test_a_packet_that_cannot_be_is_refused_before_the_first(packet, said):

@@ -15,13 +15,13 @@ def test_a_ring_is_a_queue_of_limited_length(capacity, deeds):
     for size in deeds:
         if size < 0:
             if -size > len(queue):
-                with pytest.raises(ValueError, match="what waits"):
+                with pytest.raises(ValueError, match="waiting samples"):
                     ring.read(-size)
                 continue
             assert ring.peek(-size).tolist() == [queue[i] for i in range(-size)]
             assert ring.read(-size).tolist() == [queue.popleft() for _ in range(-size)]
         elif len(queue) + size > capacity:
-            with pytest.raises(ValueError, match="what fits"):
+            with pytest.raises(ValueError, match="the free space"):
                 ring.write(np.zeros(size))
         else:
             samples = np.arange(made, made + size, dtype=float)

@@ -127,7 +127,10 @@ def test_half_a_chunk_is_calculated_anew(tmp_path, small):
 
 def test_a_store_is_written_by_one_process(tmp_path):
     study = study_in(tmp_path)
-    with locked(tmp_path / "store"), pytest.raises(InputError, match="another process"):
+    with (
+        locked(tmp_path / "store"),
+        pytest.raises(InputError, match="expected one process"),
+    ):
         run_into(study, tmp_path / "store")
 
 

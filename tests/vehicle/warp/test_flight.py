@@ -273,7 +273,7 @@ def test_no_blast_without_a_body():
     bare = dataclasses.replace(CRAFT, body=None)
     load = (blast_load(Scene(charge=Charge(mass_kg=1.0))),)
     for backend in ("jax", "warp:cpu"):
-        with pytest.raises(InputError, match="vehicle: expected one with body_area"):
+        with pytest.raises(InputError, match="vehicle: expected body_area"):
             simulate(bare, start(), duration_s=0.001, loads=load, backend=backend)
 
 

@@ -51,7 +51,7 @@ def test_volts_are_told_the_option_by_its_name(jblast):
     assert "pascals per volt, --sensitivity" in jblast.refused("pick", volts)
     more = jblast.file("b.csv", "time_s,p_v\n0,1\n1,2\n")
     said = jblast.refused("pick", volts, more)
-    assert said.count("is told by --sensitivity") == 2
+    assert said.count("add the pascals per volt, --sensitivity") == 2
 
 
 def test_what_exists_is_not_overwritten_unasked(jblast):

@@ -184,7 +184,7 @@ BAD = {
     "several vehicles and no prior": (
         CHARGE + VEHICLE,
         ("--vehicles", "9"),
-        ["with a prior"],
+        ["expected a prior to sample"],
     ),
     "no vehicles": (CHARGE + VEHICLE, ("--vehicles", "0"), ["vehicles", "got 0"]),
     "a backend nobody has": (

@@ -158,7 +158,7 @@ def test_what_is_bad_exits_2_in_one_message(jblast):
         ("--seconds", "-1"): "--seconds: expected a positive number, got -1",
         ("--seconds", "1e9"): "--seconds: expected 1 to",
         ("--packets", "0"): "expected a positive number",
-        ("--packets", "9000"): "--packets: expected at most 8000 packets a second",
+        ("--packets", "9000"): "--packets: expected at most 8000 packets per second",
         ("--ambient", jblast.path("none.wav")): "no such file",
         ("--ambient", silent): "is empty",
         ("--seed", "x"): "whole number",

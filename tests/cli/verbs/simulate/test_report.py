@@ -121,7 +121,7 @@ def test_what_is_missing_or_broken_is_named(jblast, world):
     assert "flight.csv: expected a table" in jblast.refused("report", run)
     jblast.file("run/run.json", '{"schema": 1}')
     said = jblast.refused("report", run)
-    assert "run.json: expected the answer of a world" in said
+    assert "run.json: expected the JSON of `jblast world --out`" in said
 
 
 def test_a_scene_that_changed_or_went_is_refused(jblast, world):

@@ -122,7 +122,7 @@ def test_a_world_on_land_has_its_truth_and_its_readings(jblast):
     Draft202012Validator(documents.schema("world")).validate(told)
     assert told["flight"] is None
     assert told["camera"] is None
-    assert "south: its kind is not said, so it writes no samples" in told["warnings"]
+    assert "south: no kind is specified, so it writes no samples" in told["warnings"]
     assert told["seed"] == 0
     assert set(told["versions"]) == {"jblast", "jax", "python"}
     assert len(told["scene_sha256"]) == 64

@@ -108,7 +108,7 @@ def test_an_array_that_is_none_is_refused_by_name(tmp_path, metres, said):
 def test_a_file_that_is_none_is_refused_by_name(tmp_path):
     with pytest.raises(InputError, match=r"no\.npy: .* but No such file"):
         read_depth(tmp_path / "no.npy", CAMERA)
-    for name, said in (("x.npy", "no array of numbers"), ("x.png", "PNG image")):
+    for name, said in (("x.npy", "not an array of numbers"), ("x.png", "PNG image")):
         (tmp_path / name).write_bytes(b"nothing")
         with pytest.raises(InputError, match=rf"{name}: expected .*{said}"):
             read_depth(tmp_path / name, CAMERA)

@@ -88,7 +88,7 @@ BAD = {
     "two directions": (TOP + SOUTH + "direction = [1, 0, 0]\n", "direction, got both"),
     "no length": (
         TOP + '[[view]]\nframes = "south"\ndirection = [0, 0, 0]\n',
-        "alone, not zero",
+        "not zero, got",
     ),
     "too high": (TOP + SOUTH + "elevation_deg = 91\n", "between -90 and 90, got 91"),
     "no such folder": (TOP + SOUTH.replace("south", "w"), "w: no such directory"),

@@ -135,8 +135,8 @@ def test_a_camera_may_be_made_inside_jit():
         ({"times": np.array([0.0, 0.2, 0.1])}, "times: .* order, got 0.1 s after 0.2"),
         ({"times": np.array([0.0, np.nan])}, "times: expected finite"),
         ({"times": np.zeros((2, 2))}, "times: expected a list"),
-        ({"depth": np.full((18, 24), -1.0)}, "depth: .* negative"),
-        ({"depth": np.full((18, 24), np.nan)}, "depth: .* NaN"),
+        ({"depth": np.full((18, 24), -1.0)}, "depth: .*got -1 at row 0"),
+        ({"depth": np.full((18, 24), np.nan)}, "depth: .*got nan at row 0"),
         ({"depth": np.ones((24, 18))}, r"depth: expected shape \(18, 24\)"),
         ({"background": np.ones((18, 24, 4))}, "background: .* got .18, 24, 4"),
         ({"background": lambda t: jnp.ones((2, 2, 3))}, "background: .* got .2, 2, 3"),
@@ -160,7 +160,9 @@ def test_bad_input_is_refused_by_name(options, message):
     ],
 )
 def test_a_look_that_cannot_be_is_refused(name, value):
-    with pytest.raises(InputError, match=f"look {name}: expected a number above 0"):
+    with pytest.raises(
+        InputError, match=f"appearance {name}: expected a number above 0"
+    ):
         Appearance(**cast(Any, {name: float(value)}))
 
 

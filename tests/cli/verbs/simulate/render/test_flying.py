@@ -79,7 +79,7 @@ def test_what_cannot_be_filmed_in_flight_is_refused(flying, words, said):
 def test_a_flight_is_refused_by_a_camera_that_stands_still(flying):
     words = ("--flight", flying.path("flight.csv"))
     said = refused(flying, *words, scene=CHARGE + CAMERA)
-    assert "got one that stands still" in said
+    assert "got a fixed one" in said
 
 
 @pytest.mark.slow  # the flight's programs are compiled

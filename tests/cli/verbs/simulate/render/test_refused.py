@@ -126,7 +126,7 @@ def test_what_is_read_is_not_overwritten(jblast):
         words = ["--seconds", "0.01", "--force", "--background", str(background)]
         words += ["--out", jblast.path("out")]
         message = jblast.refused("render", jblast.path("scene.toml"), *words)
-        assert "expected another --out, as the frames are made from" in message
+        assert "expected another --out; this file is an input of the frames" in message
     assert {p: p.read_bytes() for p in frames.iterdir()} == before
 
 

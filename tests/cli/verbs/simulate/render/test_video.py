@@ -32,9 +32,9 @@ def test_a_video_shows_the_frames(jblast):
 @pytest.mark.parametrize(
     ("options", "hz", "said"),
     [
-        (("--fps", "50"), 50.0, "(50 Hz, as fast as the blast)"),
-        (("--video-fps", "25"), 25.0, "(25 Hz, 20 times slower than the blast)"),
-        (("--video-fps", "1000"), 1000.0, "(1000 Hz, 2 times faster than the blast)"),
+        (("--fps", "50"), 50.0, "(50 Hz, in real time)"),
+        (("--video-fps", "25"), 25.0, "(25 Hz, 20 times slower than real time)"),
+        (("--video-fps", "1000"), 1000.0, "(1000 Hz, 2 times faster than real time)"),
     ],
 )
 def test_how_fast_a_video_runs_is_said(jblast, options, hz, said):

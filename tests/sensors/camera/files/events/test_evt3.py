@@ -163,7 +163,7 @@ def test_half_a_word_is_refused(tmp_path):
 
 
 def test_large_images_and_days_without_an_event_do_not_fit(tmp_path):
-    with pytest.raises(InputError, match=r"images of at most 2,048 pixels a side"):
+    with pytest.raises(InputError, match=r"images of at most 2,048 pixels per side"):
         written(tmp_path / "a.raw", ([0], [0], [0], [1]), width=2049)
     with pytest.raises(InputError, match="at most 24 hours between two events"):
         written(tmp_path / "a.raw", ([0, 0], [0, 0], [0, 10**11], [1, 1]))
