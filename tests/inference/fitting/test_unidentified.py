@@ -126,4 +126,4 @@ def test_fewer_data_than_unknowns_are_answered_and_marked():
     found, text = told(made, ["charge_mass_kg", *PLACE])
     assert len(found.summary.null_directions) == 2
     assert found.exit_code == 4
-    assert "no more recordings than unknowns" in text
+    assert "no more recordings than free" in text

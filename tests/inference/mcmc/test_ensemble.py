@@ -76,7 +76,7 @@ def test_a_mass_that_arrivals_far_away_hardly_tell_is_a_ridge_without_end():
     assert any(
         "is a ridge" in s and "charge_mass_kg" in s for s in all_words(walked.findings)
     )
-    assert any("does not fall beyond it" in s for s in all_words(walked.findings))
+    assert any("does not decrease beyond it" in s for s in all_words(walked.findings))
 
 
 def test_a_null_direction_is_refused_by_name():

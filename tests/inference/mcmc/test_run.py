@@ -219,7 +219,7 @@ def test_a_damaged_or_missing_file_of_a_chain_is_named(tmp_path):
     assert len(files) == 3
     kept = files[1].read_bytes()
     files[1].write_bytes(kept[: len(kept) // 2])
-    with pytest.raises(InputError, match=r"steps-00000100.npz: expected the segment"):
+    with pytest.raises(InputError, match=r"steps-00000100.npz: expected a segment"):
         sample(gaussian(), start(3), np.eye(3), store=store)
     files[1].unlink()
     with pytest.raises(InputError, match=r"steps-00000200.npz: .* after step 100"):

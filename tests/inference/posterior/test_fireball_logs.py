@@ -109,7 +109,7 @@ def test_an_image_alone_tells_size_over_distance_and_names_the_cure(more):
         "charge_range_m": pytest.approx(1 / 3, rel=1e-6),
     }
     assert null.space == "ln"
-    assert "an air arrival (the bang" in cure_words(null.cure)
+    assert "an air arrival (of the bang" in cure_words(null.cure)
     assert found.exit_code == 4
     growth = answer.estimates["fireball_growth_s"]
     assert growth.q05 < own_growth(scene_of(SIGHTED)) < growth.q95
@@ -168,7 +168,7 @@ def test_a_line_of_sight_is_a_null_direction_of_a_charge_anywhere(tmp_path):
     charge = found.scene.charge
     away = np.array(charge.position_m) - [150.0, -200.0, 1.5]
     np.testing.assert_allclose(3 * np.array(along), away, rtol=1e-4)
-    assert "an air arrival (the bang" in cure_words(null.cure)
+    assert "an air arrival (of the bang" in cure_words(null.cure)
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def test_ten_records_tell_mass_place_and_time(jblast):
     code, said, _ = jblast(*words, "--out", out)
     assert code == 0
     assert "10 picks in 10 records" in said
-    assert "free with it: charge east, charge north" in " ".join(said.split())
+    assert "also free: charge east, charge north" in " ".join(said.split())
     document = json.loads((Path(out) / "fit.json").read_text())
     check(schema("fit"), document)
     assert len(document["picks"]) == 10
