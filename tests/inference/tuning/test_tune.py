@@ -197,7 +197,9 @@ def test_air_and_noise_come_back_and_what_one_microphone_cannot_tell_is_named():
     assert set(direction.parameters) == {"ambient_level_pa", "ambient_height_m"}
     answer = tune_answer(tuned, "scene.toml", "mic.wav")
     assert not answer.identifiable
-    assert "does not separate ambient_level_pa and ambient_height_m" in tune_text(answer)
+    assert "does not separate ambient_level_pa and ambient_height_m" in tune_text(
+        answer
+    )
 
 
 @pytest.mark.slow
