@@ -70,7 +70,7 @@ def test_what_stays_unidentified_everywhere_is_said_and_not_drawn():
     figure = bound_figure(made(log_sd_mass=None, place_sd=never, now={"place": np.inf}))
     (axes,) = figure.axes
     assert axes.get_title("right") == "now not identified"
-    assert "not identified, wherever it stands" in words(figure)
+    assert "not identified at any position" in words(figure)
     assert not axes.images
 
 
