@@ -51,7 +51,7 @@ def test_three_sensors_with_the_charge_outside_their_triangle_leave_a_second_pla
     np.testing.assert_allclose(again.value, found.observations.value, atol=1e-6)
     assert found.exit_code == 4
     assert "Another solution fits nearly as well" in text
-    assert "Another place of charge_east_m, charge_north_m, origin_time_s" in text
+    assert "in charge_east_m, charge_north_m, origin_time_s" in text
     assert "Add: a" in text
     within = told(arrivals(triangle, 30.0, 30.0, 1.0), free)[0]
     assert within.exit_code == 0
