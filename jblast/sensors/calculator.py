@@ -15,7 +15,7 @@ more than their scatter (90 %) are reported as a disagreement.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal
@@ -43,6 +43,7 @@ from jblast.waves.waveform import friedlander_decay
 
 if TYPE_CHECKING:  # the tables of `fidelity` are read only where a law is recommended
     from jblast.fidelity import Choice
+    from jblast.fidelity.errors import Conditions
 
 NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
 """Arguments that a question does not state: laws with one of them are left out."""
@@ -321,14 +322,15 @@ def evaluate(
         # A charge on the ground needs no free-air curves: half of the program.
         scene = replace(scene, charge=replace(charge, burst="surface", by_height=True))
     n = len(slant_range)
-    padding = (0, max(FEWEST_ROWS, 1 << (n - 1).bit_length()) - n)
-    # edge values, not zeros: padded rows stay within the laws' domains
-    ranges, masses = (
-        as_float_array(np.pad(x, padding, mode="edge"))
-        for x in (slant_range, charge_mass)
-    )
-    values, valid = _evaluate(scene, ranges, masses, laws)
+    values, valid = _evaluate(scene, _padded(slant_range), _padded(charge_mass), laws)
     return np.asarray(values)[:, :n], np.asarray(valid)[:, :n]
+
+
+def _padded(x: Float[np.ndarray, " row"]) -> Float[Array, " padded"]:
+    """Return rows padded to a power of two, so that few shapes are compiled."""
+    padding = (0, max(FEWEST_ROWS, 1 << (len(x) - 1).bit_length()) - len(x))
+    # edge values, not zeros: padded rows stay within the laws' domains
+    return as_float_array(np.pad(x, padding, mode="edge"))
 
 
 @kept
@@ -528,42 +530,77 @@ class Recommended:
     solutions: tuple[float, ...] | None = field(default=None, metadata=ABSENT)
 
 
-def choice_at(question: Question, quantity: str) -> "Choice":
-    """Return the choice of `auto` for a quantity at a question's single row.
+def choices_at(question: Question, quantities: Iterable[str]) -> "dict[str, Choice]":
+    """Return the choice of `auto` for some quantities at a question's single row.
 
     The best law is chosen, without a tolerance.
     """
     from jblast.fidelity import choose_for
-    from jblast.fidelity.errors import jitted_conditions
 
-    path = path_of_rows(question, quantity)
-    if path.burst is None:
-        burst = "free-air" if bool(np.asarray(path.free_air)[0]) else "surface"
-        path = path.at_burst(burst)
-    conditions = jax.tree.map(np.asarray, jitted_conditions(quantity, path))
-    return choose_for(quantity, [conditions], 0.0)
+    by_factor: dict[float, Path] = {}  # TNT factors of pressures and impulses differ
+    paths = {}
+    for quantity in quantities:
+        factor = float(question.scene.charge.tnt_factor_for(quantity))
+        if factor not in by_factor:
+            path = path_of_rows(question, quantity)
+            if path.burst is None:
+                burst = "free-air" if bool(np.asarray(path.free_air)[0]) else "surface"
+                path = path.at_burst(burst)
+            by_factor[factor] = path
+        paths[quantity] = by_factor[factor]
+    conditions = jax.tree.map(np.asarray, _conditions(paths)) if paths else {}
+    return {name: choose_for(name, [one], 0.0) for name, one in conditions.items()}
 
 
-def recommended_value(
-    question: Question, quantity: str, by_law: Mapping[str, Calculated]
-) -> Recommended:
-    """Return the answer to a question of one range, one mass and one quantity.
+# One program for all quantities: to load one takes 40 ms, and `jblast calc` needs a
+# dozen choices.
+@kept
+def _conditions(paths: dict[str, Path]) -> "dict[str, Conditions]":
+    from jblast.fidelity.errors import conditions_of
+
+    return {quantity: conditions_of(quantity, path) for quantity, path in paths.items()}
+
+
+def recommended_values(
+    question: Question, answer: Calculation
+) -> dict[str, Recommended]:
+    """Return the recommended value of each quantity of an answer.
 
     Args:
         question: One range and one mass.
-        quantity: Quantity of the answer.
-        by_law: Its values by the laws.
+        answer: Values of the laws, by quantity.
     """
-    law, choice = _law_for(question, quantity, tuple(by_law))
-    found = by_law[law]
-    return Recommended(
-        quantity=quantity,
-        law=law,
-        value=float(found.value[0]),
-        valid=bool(found.valid[0]),
-        scatter=law_scatter(question, quantity, law),
-        choice=choice,
-    )
+    choices = choices_at(question, compared_quantities(answer))
+    taken = {
+        quantity: _law_of(quantity, tuple(by_law), choices)
+        for quantity, by_law in answer.items()
+    }
+    scatter = law_scatters(question, _laws_of(answer))
+    return {
+        quantity: Recommended(
+            quantity=quantity,
+            law=law,
+            value=float(answer[quantity][law].value[0]),
+            valid=bool(answer[quantity][law].valid[0]),
+            # NaN for combinations of several laws
+            scatter=float(scatter[quantity, law][0])
+            if (quantity, law) in scatter
+            else math.nan,
+            choice=choice,
+        )
+        for quantity, (law, choice) in taken.items()
+    }
+
+
+def compared_quantities(answer: Mapping[str, Collection[str]]) -> list[str]:
+    """Return the quantities whose laws are compared to recommend one for an answer."""
+    parts = [
+        part
+        for quantity, by_law in answer.items()
+        if len(by_law) > 1
+        for part in _parts(quantity)
+    ]
+    return [part for part in dict.fromkeys(parts) if names_for(part)]
 
 
 def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recommended:
@@ -585,14 +622,17 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
         return Recommended(unknown, "", math.nan, False, math.nan, solutions=())
     # median of logarithms: one outlying law does not decide where laws are compared
     middle = math.exp(float(np.median(np.log(list(holding.values())))))
-    law, choice = _law_for(_at(question, middle), question.quantity, tuple(by_law))
+    named = {question.quantity: tuple(by_law)}
+    choices = choices_at(_at(question, middle), compared_quantities(named))
+    law, choice = _law_of(question.quantity, tuple(by_law), choices)
     is_nearest = law not in holding
     if is_nearest:
         law = min(holding, key=lambda name: abs(math.log(holding[name] / middle)))
     # the scatter belongs to the answer's own row, not to the median at which the law
     # was chosen
     value = holding[law]
-    scatter = law_scatter(_at(question, value), question.quantity, law)
+    key = question.quantity, law
+    scatter = float(law_scatters(_at(question, value), [key])[key][0])
     slope = _slope(question, value, law)
     return Recommended(
         quantity=unknown,
@@ -606,29 +646,63 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
     )
 
 
-def law_scatter(question: Question, quantity: str, law: str) -> float:
-    """Return the standard deviation of nature about a law, in ln, at a question's row.
+def law_scatters(
+    question: Question, laws: Iterable[tuple[str, str]]
+) -> dict[tuple[str, str], Float[np.ndarray, " row"]]:
+    """Return the standard deviation of blasts about laws, in ln, at each row.
 
-    NaN for combinations of several laws.
+    Args:
+        question: Ranges and masses.
+        laws: Quantity and name of each law.
     """
-    if (quantity, law) not in LAWS:
-        return math.nan
-    sd = total_scatter(LAWS[quantity, law], path_of_rows(question, quantity))
-    return float(np.ravel(np.asarray(sd))[0])
+    keys = tuple(laws)
+    if not keys:
+        return {}
+    rows = question.rows()
+    scene, (ranges, masses) = question.scene, map(_padded, rows)
+    found = np.asarray(_scatters(scene, ranges, masses, tuple(LAWS[k] for k in keys)))
+    return dict(zip(keys, found[:, : len(rows[0])], strict=True))
 
 
-def _law_for(
-    question: Question, quantity: str, names: tuple[str, ...]
+@kept
+def _scatters(
+    scene: Scene,
+    slant_range: Float[Array, " row"],
+    charge_mass: Float[Array, " row"],
+    laws: tuple[Law, ...],
+) -> Float[Array, "law row"]:
+    path = scene_path(scene)
+    found = []
+    for law in laws:
+        mass = scene.charge.tnt_factor_for(law.quantity) * charge_mass
+        sd = total_scatter(law, with_rows(path, slant_range, mass))
+        found.append(jnp.broadcast_to(jnp.asarray(sd, float), slant_range.shape))
+    return jnp.stack(found)
+
+
+def _laws_of(answer: Calculation) -> list[tuple[str, str]]:
+    """Return quantity and name of the laws of an answer, without combinations.
+
+    Disagreements and recommended values need the scatter of different laws of it. Both
+    evaluate all of them: one program to load.
+    """
+    keys = [(quantity, name) for quantity, by_law in answer.items() for name in by_law]
+    return [key for key in keys if key in LAWS]
+
+
+def _parts(quantity: str) -> tuple[str, ...]:
+    """Return the quantities that a combination is of; any other is its own part."""
+    return COMBINATIONS[quantity].parts if quantity in COMBINATIONS else (quantity,)
+
+
+def _law_of(
+    quantity: str, names: tuple[str, ...], choices: "Mapping[str, Choice]"
 ) -> "tuple[str, Choice | None]":
     """Return the recommended law of those named, and the basis of the choice."""
-    if len(names) == 1:
-        return names[0], None
-    parts = COMBINATIONS[quantity].parts if quantity in COMBINATIONS else (quantity,)
-    for part in parts:
-        if names_for(part):
-            choice = choice_at(question, part)
-            if choice.method in names:
-                return choice.method, choice
+    if len(names) > 1:
+        for part in _parts(quantity):
+            if part in choices and choices[part].method in names:
+                return choices[part].method, choices[part]
     return names[0], None
 
 
@@ -676,39 +750,38 @@ class Disagreement:
 
 def disagreements(question: Question, answer: Calculation) -> list[Disagreement]:
     """Return one disagreement per quantity whose valid laws disagree."""
-    paths: dict[float, Path] = {}  # TNT factors of pressures and impulses may differ
-    found = []
-    for name, by_law in answer.items():
-        laws = [law for law in by_law if (name, law) in LAWS]
-        laws = [law for law in laws if by_law[law].valid.any()]
-        if len(laws) < 2:
-            continue
-        # one path per mass: quantities with the same TNT factor share it
-        factor = float(question.scene.charge.tnt_factor_for(name))
-        if factor not in paths:
-            paths[factor] = path_of_rows(question, name)
-        found.append(_disagreement_of(question, paths[factor], name, by_law, laws))
+    laws = {
+        quantity: [
+            name
+            for name, found in by_law.items()
+            if (quantity, name) in LAWS and found.valid.any()
+        ]
+        for quantity, by_law in answer.items()
+    }
+    laws = {quantity: names for quantity, names in laws.items() if len(names) > 1}
+    if not laws:
+        return []
+    scatter = law_scatters(question, _laws_of(answer))
+    found = [
+        _disagreement_of(question, scatter, quantity, answer, names)
+        for quantity, names in laws.items()
+    ]
     return [one for one in found if one is not None]
 
 
 def _disagreement_of(
     question: Question,
-    path: Path,
+    scatter: Mapping[tuple[str, str], Float[np.ndarray, " row"]],
     quantity: str,
-    by_law: Mapping[str, Calculated],
+    answer: Calculation,
     names: list[str],
 ) -> Disagreement | None:
     """Return the largest difference of the named laws, if it is a disagreement."""
-    # one standard deviation of nature about each law, in ln, at each row
-    scatter = {
-        name: np.broadcast_to(
-            np.asarray(total_scatter(LAWS[quantity, name], path)),
-            path.slant_range.shape,
-        )
-        for name in names
-    }
+    by_law = answer[quantity]
     apart = {
-        pair: _sds_apart([by_law[n] for n in pair], [scatter[n] for n in pair])
+        pair: _sds_apart(
+            [by_law[name] for name in pair], [scatter[quantity, name] for name in pair]
+        )
         for pair in combinations(names, 2)
     }
     sds = np.array(list(apart.values()))
@@ -724,11 +797,13 @@ def _disagreement_of(
         low=low,
         high=high,
         ratio=ratio,
-        expected=math.exp(BEYOND * math.hypot(*(scatter[n][row] for n in pair))),
+        expected=math.exp(
+            BEYOND * math.hypot(*(scatter[quantity, n][row] for n in pair))
+        ),
         range_m=float(ranges[row]),
         mass_kg=float(masses[row]),
         rows=int((sds > BEYOND).any(axis=0).sum()),
-        choice=_choice(question, quantity, int(row)),
+        choice=_choice(question, quantity, answer, int(row)),
     )
 
 
@@ -745,7 +820,9 @@ def _sds_apart(
     return np.where(sd > 0.0, np.abs(off) / np.where(sd > 0.0, sd, 1.0), 0.0)
 
 
-def _choice(question: Question, quantity: str, row: int) -> "Choice | None":
+def _choice(
+    question: Question, quantity: str, answer: Calculation, row: int
+) -> "Choice | None":
     """Return the choice of `jblast choose` at a row, without a tolerance."""
     from jblast.fidelity.errors import REFERENCES  # imported only on a disagreement
 
@@ -757,4 +834,5 @@ def _choice(question: Question, quantity: str, row: int) -> "Choice | None":
         slant_range=(float(ranges[row]),),
         charge_mass=(float(masses[row]),),
     )
-    return choice_at(here, quantity)
+    # all quantities of the answer, as for their recommended values: one program
+    return choices_at(here, compared_quantities(answer))[quantity]

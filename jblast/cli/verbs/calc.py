@@ -232,7 +232,7 @@ def _forward(
         calculate,
         disagreements,
         only,
-        recommended_value,
+        recommended_values,
         with_other_burst,
     )
 
@@ -240,7 +240,7 @@ def _forward(
     answer = only(calculate(question.scene, *rows), quantity, law)
     recommended = None
     if quantity and len(rows[0]) == 1:
-        recommended = recommended_value(question, quantity, answer[quantity])
+        recommended = recommended_values(question, answer)[quantity]
         if not (options.json or options.csv or options.table):
             return value_line(question, recommended, answer[quantity]), recommended
     other = None

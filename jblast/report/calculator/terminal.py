@@ -40,7 +40,7 @@ from jblast.sensors.calculator import (
     Question,
     Recommended,
     Roots,
-    recommended_value,
+    recommended_values,
 )
 
 RULE_WIDTH = 60
@@ -106,8 +106,7 @@ def recommended_text(
     """
     rows = [("quantity", "value", "", "law", "scatter", "")]
     disagree = {one.quantity for one in apart}
-    for quantity, by_law in answer.items():
-        best = recommended_value(question, quantity, by_law)
+    for quantity, best in recommended_values(question, answer).items():
         unit = unit_for(quantity, best.value, system=question.units)
         notes_ = [] if best.valid else ["extrapolated"]
         notes_ += ["valid laws disagree"] if quantity in disagree else []

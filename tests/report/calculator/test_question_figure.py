@@ -3,7 +3,7 @@ import pytest
 
 from jblast.report.calculator.figures import question_figure
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculator import Question, calculate, recommended_value
+from jblast.sensors.calculator import Question, calculate, recommended_values
 
 PRESSURE = "peak_overpressure_pa"
 
@@ -13,7 +13,7 @@ def figure():
     scene = Scene(Charge(burst="surface"))
     question = Question(scene, (20.0,), (15.0,))
     by_law = calculate(scene, 20.0, 15.0)[PRESSURE]
-    told = recommended_value(question, PRESSURE, by_law)
+    told = recommended_values(question, {PRESSURE: by_law})[PRESSURE]
     return question_figure(question, PRESSURE, told)
 
 
