@@ -75,10 +75,6 @@ class _Store:
 
     folder: Path | None = None
     used: dict[str, Callable[..., Any] | None]
-    calls: int = 0
-    """Calls in progress that share a folder of their own, of all threads."""
-    settings: Mapping[str, Any] = {}
-    """Of JAX, before the first of them."""
 
     def __init__(self) -> None:
         self.used, self.lock = {}, threading.Lock()
@@ -108,25 +104,22 @@ def kept_between_runs() -> Iterator[None]:
     enclosed code ends, and its settings are then what they were before.
     `JBLAST_KEEP_PROGRAMS=0` turns this off.
     """
-    if os.environ.get("JBLAST_KEEP_PROGRAMS") == "0":
-        yield
-        return
     with STORE.lock:
-        # a folder that `keep_in` has set stays, as do those of calls around this one
-        if STORE.folder is None or STORE.calls:
-            STORE.calls += 1
-        if STORE.calls == 1:
+        # set already by a command, or by a call around this one or in another thread
+        outermost = (
+            STORE.folder is None and os.environ.get("JBLAST_KEEP_PROGRAMS") != "0"
+        )
+        before: dict[str, Any] = {}
+        if outermost:
             STORE.folder = cache_folder()
-            STORE.settings = _cache_used()
-        counted = STORE.calls > 0
+            before = _cache_used()
     try:
         yield
     finally:
-        with STORE.lock:
-            STORE.calls -= counted
-            if counted and STORE.calls == 0:
+        if outermost:
+            with STORE.lock:
                 STORE.folder = None  # programs that were used stay in memory
-                _set_cache(STORE.settings)
+                _set_cache(before)
 
 
 def _cache_used() -> dict[str, Any]:

@@ -47,11 +47,13 @@ def read_columns(path: str) -> StudyColumns:
             f"{path}: expected the store of a study, as `jblast study` writes it: "
             f"{error}"
         ) from None
-    found = columns_of(dataset, path)
-    if dataset.attrs.get("keep", "all") == "all":
-        return found
     store = open_store(path)
     assert store is not None, "it was read"
+    # the order of the study: xarray lists arrays as the file system does
+    ordered = [v.name for v in store.variables if v.name in dataset.data_vars]
+    found = columns_of(dataset[ordered], path)
+    if dataset.attrs.get("keep", "all") == "all":
+        return found
     return summary_columns(store, found if found.samples else None, INCOMPLETE)
 
 

@@ -149,4 +149,4 @@ def test_margins_that_no_gains_have_are_refused(tmp_path):
         InputError, match=r"gains have 17\.9 dB and 15\.5 degrees"
     ) as no:
         tune_gains(uncertain, settings)
-    assert f"lag by {lag:g} s" in str(no.value)
+    assert f"a motor lag of {lag:g} s" in str(no.value)

@@ -126,7 +126,7 @@ def test_the_normal_approximation_says_past_its_boundary_that_it_fails():
     # walk along so thin a ridge tells the first as 0.24 to 0.40
     assert np.abs(ends[0] - ends[1]).max() > 0.2 * sds[0]
     assert any(
-        "off by up to 0.4 of a standard" in w for w in all_words(answers[0].warnings)
+        "with an error of up to 0.4 sd" in w for w in all_words(answers[0].warnings)
     )
     # importance sampling by the normal's own draws puts these off by 0.5
     assert np.abs(ends[2] - ends[3]).max() < MAX_QUANTILE_ERROR * sds[1]

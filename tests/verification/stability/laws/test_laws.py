@@ -164,7 +164,7 @@ def test_tnt_is_no_point_source_and_a_fit_by_one_says_so():
         answer = fit(log, uncertain, noise="gaussian")
         told[explosive] = answer.summary
     assert told["TNT"].estimates["charge_mass_kg"].value < 5.0
-    said = "the law of a point source, which a charge of TNT is not"
+    said = "applies to a point source, and a charge of TNT is not one"
     assert any(said in warning for warning in all_words(told["TNT"].warnings))
     assert not any(isinstance(w, NoPointSource) for w in told["nuclear"].warnings)
 
