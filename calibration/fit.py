@@ -54,13 +54,13 @@ CASES = {
     "hta_1": Case(
         "HTA-1 (Ford et al. 2021): chemical charge 4.8 m above ground",
         {"charge_mass_kg": (209.02, "recorded mass")},
-        "The law was fitted to this shot among others; refitted without it, it says "
+        "The law was fitted to this shot among others; refitted without it, it gives "
         "248 kg (calibration/results/leave_out.txt).",
     ),
     "hri_2": Case(
         "HRI-2 (Ford et al. 2021): chemical charge 3 m above ground",
         {"charge_mass_kg": (539.77, "recorded mass")},
-        "The law was fitted to this shot among others; refitted without it, it says "
+        "The law was fitted to this shot among others; refitted without it, it gives "
         "453 kg (calibration/results/leave_out.txt).",
     ),
     "five_microphones": Case(
