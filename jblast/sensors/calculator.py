@@ -699,11 +699,12 @@ def _law_of(
     quantity: str, names: tuple[str, ...], choices: "Mapping[str, Choice]"
 ) -> "tuple[str, Choice | None]":
     """Return the recommended law of those named, and the basis of the choice."""
-    if len(names) > 1:
+    first, *others = names
+    if others:
         for part in _parts(quantity):
             if part in choices and choices[part].method in names:
                 return choices[part].method, choices[part]
-    return names[0], None
+    return first, None
 
 
 def _at(question: Question, value: float) -> Question:

@@ -342,6 +342,6 @@ class Ring:
         """
         if not 0 <= count <= self.waiting:
             raise ValueError(
-                f"expected 0 to {self.waiting} samples, as many as wait, got {count}"
+                f"expected a count of 0 to {self.waiting} waiting samples, got {count}"
             )
         return self._samples[(self._first + np.arange(count)) % self.capacity]
