@@ -15,7 +15,7 @@ mission is rejected as a whole, and the previous one remains.
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -415,10 +415,7 @@ class Telemetry:
 
 def telemetry_log(record: FlightRecord, *, has_mission: bool) -> bytes:
     """Return the telemetry of a whole flight as the bytes of a .tlog."""
-    return b"".join(_stamped_frames(record, has_mission))
-
-
-def _stamped_frames(record: FlightRecord, has_mission: bool) -> Iterator[bytes]:
+    found: list[bytes] = []
     sender, telemetry = Sender(SYSTEM, COMPONENT), Telemetry(record)
     beats, item = -np.inf, -1
     for row in record.rows_each(TELEMETRY_STEP_S).tolist():
@@ -426,13 +423,14 @@ def _stamped_frames(record: FlightRecord, has_mission: bool) -> Iterator[bytes]:
         if time_s - beats >= HEARTBEAT_S - 1e-9:
             armed = telemetry.armed(row)
             frame = heartbeat(sender, armed=armed, has_mission=has_mission)
-            yield stamped(time_s, frame)
+            found.append(stamped(time_s, frame))
             beats = time_s
-        for frame in telemetry.frames(sender, row):
-            yield stamped(time_s, frame)
+        frames = telemetry.frames(sender, row)
+        found += [stamped(time_s, frame) for frame in frames]
         if has_mission and telemetry.item(row) != item:
             item = telemetry.item(row)
-            yield stamped(time_s, sender.pack("MISSION_CURRENT", seq=item))
+            found.append(stamped(time_s, sender.pack("MISSION_CURRENT", seq=item)))
+    return b"".join(found)
 
 
 def _to(sender: Sender, who: tuple[int, int], name: str, **fields: object) -> bytes:

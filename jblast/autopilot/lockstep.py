@@ -676,6 +676,7 @@ def _geodetic_whole(origin: Origin, place_m: Float[Array, "3"]) -> list[Array]:
 
 
 def _whole(numbers: Float[Array, " n"]) -> list[Array]:
+    # the fields have 16 bits: a larger number would wrap around
     return [*jnp.clip(jnp.round(numbers), -MAX_INT16, MAX_INT16)]
 
 
@@ -718,6 +719,7 @@ def origin_at(place: Place) -> Origin:
             [cos * cosine, cos * sine, sin],
         ]
     )
+    # radius of curvature in the prime vertical
     normal = RADIUS_M / np.sqrt(1 - ECCENTRICITY_SQUARED * sin * sin)
     stretch = np.array([1.0, 1.0, 1 - ECCENTRICITY_SQUARED])
     return Origin((normal * stretch + place.alt_m) * axes[2], axes, float(place.alt_m))
@@ -762,5 +764,6 @@ def _geodetic(origin: Origin, enu_m: Float[Array, "3"]) -> Float[Array, "3"]:
         across - ECCENTRICITY_SQUARED * RADIUS_M * jnp.cos(reduced) ** 3,
     )
     normal = RADIUS_M / jnp.sqrt(1 - ECCENTRICITY_SQUARED * jnp.sin(lat) ** 2)
+    # no division by cos(lat), which is 0 at the poles
     height = across * jnp.cos(lat) + z * jnp.sin(lat) - RADIUS_M**2 / normal
     return jnp.stack([jnp.degrees(lat), jnp.degrees(jnp.arctan2(y, x)), height])

@@ -193,7 +193,15 @@ def ulog_bytes(
         value = text.encode()
         key = f"char[{len(value)}] {name}".encode()
         parts.append(_message("I", bytes([len(key)]) + key + value))
-    ordered = [topic._replace(fields=_widest_first(topic)) for topic in topics]
+
+    def width(item: tuple[str, tuple[str, np.ndarray]]) -> int:
+        return -_WIDTH[item[1][0].partition("[")[0]]
+
+    # widest fields first, so that they need no padding
+    ordered = [
+        topic._replace(fields=dict(sorted(topic.fields.items(), key=width)))
+        for topic in topics
+    ]
     for topic in ordered:
         text = f"{topic.name}:uint64_t timestamp;"
         text += "".join(f"{kind} {name};" for name, (kind, _) in topic.fields.items())
@@ -208,15 +216,9 @@ def ulog_bytes(
         stamp = _stamp(time_s)
         logged = struct.pack("<BQ", ord("6"), stamp) + text.encode()
         rows.append((stamp, _message("L", logged)))
+    # stable: rows of equal time keep the order of the topics
     rows.sort(key=lambda row: row[0])
     return b"".join([*parts, *(data for _, data in rows)])
-
-
-def _widest_first(topic: Topic) -> dict[str, tuple[str, np.ndarray]]:
-    def width(item: tuple[str, tuple[str, np.ndarray]]) -> int:
-        return -_WIDTH[item[1][0].partition("[")[0]]
-
-    return dict(sorted(topic.fields.items(), key=width))
 
 
 def _rows(topic: Topic, number: int) -> list[tuple[int, bytes]]:
@@ -233,6 +235,7 @@ def _rows(topic: Topic, number: int) -> list[tuple[int, bytes]]:
         parts.append((name, _TYPES[plain], shape))
     layout = np.dtype(parts)
     rows = np.zeros(topic.time_s.size, layout)
+    # the size excludes the header: two bytes of size and one of kind
     rows["size"], rows["kind"], rows["number"] = layout.itemsize - 3, ord("D"), number
     rows["timestamp"] = [_stamp(t) for t in topic.time_s]
     for name, (_, values) in topic.fields.items():

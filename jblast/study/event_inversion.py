@@ -192,6 +192,7 @@ def _stage(log_frames, start, given, max_steps):
 
     solver = optx.LevenbergMarquardt(rtol=PRECISION, atol=PRECISION)
     options = {"jac": "fwd"}  # few parameters, many residuals
+    # no exception: a stage that does not converge is reported (`converged`)
     found = optx.least_squares(
         residuals, solver, start, max_steps=max_steps, throw=False, options=options
     )

@@ -143,10 +143,7 @@ def read_study(path: str | os.PathLike[str], *, allow_code: bool = False) -> Stu
     """
     text = read_text(path, "a study in TOML")
     source = str(path)
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{source}: expected a study in TOML, got {error}") from None
+    document = _toml(text, source, "study")
     texts = {
         name: read_text(Path(path).parent / name, f"the scene of {source}, in TOML")
         for name in _scene_names(document.get("scene"), source)
@@ -195,7 +192,7 @@ def study_from_document(
                 f"{', '.join(KEYS)}"
             )
     names = _scene_names(document.get("scene"), source)
-    found = [_tables(scenes[name], str(folder / name)) for name in names]
+    found = [_toml(scenes[name], str(folder / name), "scene") for name in names]
     numbers, words, drawn = read_axes(document.get("axes", {}), found[0], source)
     variants, believed = [], []
     for name, scene in zip(names, found, strict=True):
@@ -210,6 +207,7 @@ def study_from_document(
     _check_same_priors(variants, source)
     if len(names) > 1:
         stems = tuple(Path(name).stem for name in names)
+        # several scenes are an axis too, which varies slowest
         words = (Axis("scene", stems), *words)
     samples, targets = size_of(document, source)
     return Study(
@@ -229,11 +227,11 @@ def study_from_document(
     )
 
 
-def _tables(text: str, source: str) -> dict[str, Any]:
+def _toml(text: str, source: str, kind: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{source}: expected a scene in TOML, got {error}") from None
+        raise InputError(f"{source}: expected a {kind} in TOML, got {error}") from None
 
 
 def _check_same_priors(variants: list[UncertainScene], source: str) -> None:
@@ -270,6 +268,7 @@ def _with_axes(
     """
     beliefs = dict(uncertain.beliefs)
     for axis in numbers:
+        # a prior of a listed parameter would only take up random numbers
         beliefs.pop(axis.key, None)
     for one in drawn:
         beliefs[one.key] = one.prior
@@ -523,6 +522,7 @@ def put(document: dict[str, Any], key: str, value: Any, where: str) -> None:
             )
         at = found
     if isinstance(at, list):
+        # a list of tables without a name: the value is set in all of them
         for one in at:
             one[last] = value
     else:

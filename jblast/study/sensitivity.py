@@ -114,6 +114,7 @@ def fitted_slopes(
     near = np.argpartition(away, count - 1)[:count]
     plane = np.column_stack([np.ones(count), scores[near]])
     found = np.linalg.lstsq(plane, y[near], rcond=None)[0]
+    # inputs have unit deviation here: squared slopes are variances
     squares = found[1:] ** 2
     shares = squares / squares.sum() if squares.sum() > 0 else squares
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -176,6 +177,7 @@ def indices_from_samples(
         # evenly instead of at random, so that the result does not depend on a seed
         chosen = np.linspace(0, len(values) - 1, MAX_ROWS).astype(int)
         matrix, values = matrix[chosen], values[chosen]
+    # unit variance: squared coefficients are shares
     scaled = (values - values.mean()) / values.std()
     fitted = expansion_of(matrix, scaled)
     first, total = shares_of(fitted.powers, fitted.coefficients, 1.0)
@@ -277,6 +279,7 @@ def indices_of_function(
                 f"expected a finite outcome of each sample, got {values[bad[0]]} of "
                 f"sample {bad[0]}"
             )
+        # SciPy expects outcomes on the first axis
         return values[None]
 
     rng = np.random.default_rng(seed)
@@ -388,6 +391,8 @@ def design_of(
     """Return the products of orthonormal polynomials at each sample."""
     most = int(powers.max())
     order = np.arange(most + 1)
+    # unit variance under the density of the inputs: squared coefficients are
+    # variances
     if family == "hermite":
         each = hermite_e.hermevander(ndtri(ranks), most) / np.sqrt(factorial(order))
     else:

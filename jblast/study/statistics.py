@@ -263,6 +263,7 @@ def finish_share(state: ShareState, level: float = LEVEL) -> dict[str, np.ndarra
     )
     number = np.maximum(count, 1)
     share = hit / number
+    # rounding may leave slightly less than zero
     variance = np.maximum(hit_2 / number - share**2, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.where(weight_2 > 0, weight**2 / weight_2, 0.0)
@@ -395,6 +396,7 @@ def empty_sketch(
     weighted: bool = False,
 ) -> QuantileSketch:
     """Return the histogram without samples, in NumPy."""
+    # integer counts are exact in any order of merging; weights need floats
     kind = float if weighted else np.int64
     origins = np.broadcast_to(np.asarray(origin, float), shape)
     return QuantileSketch(np.zeros((*shape, BINS), kind), origins)
@@ -429,6 +431,7 @@ def bin_of(offset: Float[Array | np.ndarray, "..."]) -> Int[Array | np.ndarray, 
     # exponent and first digits of a binary number form a nearly logarithmic scale: a
     # shift replaces the logarithm, and is the same on every device
     size = xp.abs(offset).view(kind) >> (digits - BITS)
+    # below 2^MIN_EXPONENT both signs share the middle bin, place 0
     place = xp.clip(size - ((bias + MIN_EXPONENT) << BITS), -1, SIDE - 1) + 1
     return SIDE + xp.where(offset < 0, -place, place)
 
@@ -450,6 +453,7 @@ def sketch_of(
         share = 1 if weights is None else weights[:, None]
         added = xp.where(known, share, 0)
         flat = xp.zeros(lanes * BINS, added.dtype)
+        # one scatter over all lanes, whose bins follow one another
         flat = flat.at[bins + BINS * xp.arange(lanes)[None]].add(added)
     return QuantileSketch(flat.reshape(*shape, BINS), origins)
 
@@ -481,6 +485,7 @@ def counted_bin(offset: Float[np.ndarray, " sample"]) -> Int[np.ndarray, " sampl
     """Return `bin_of`, in fewer passes over the memory if no value is negative."""
     if offset.dtype != float or not offset.size or offset.min() < 0:
         return np.asarray(bin_of(offset))
+    # the sign bit is 0, except of -0.0: the clip moves that to the middle bin
     bins = np.asarray(offset.view(np.int64) >> (52 - BITS))
     bins -= ((1023 + MIN_EXPONENT) << BITS) - 1
     np.clip(bins, 0, SIDE, out=bins)
@@ -494,6 +499,7 @@ def merge_sketches(a: QuantileSketch, b: QuantileSketch) -> QuantileSketch:
     Raises:
         ValueError: Their bins have different origins.
     """
+    # traced origins have no values to compare
     here = isinstance(a.origin, np.ndarray) and isinstance(b.origin, np.ndarray)
     if here and not np.array_equal(a.origin, b.origin):
         raise ValueError(
@@ -536,6 +542,8 @@ def sketch_quantiles(
         held = np.flatnonzero(own)
         if not held.size:
             continue
+        # the extremes are exact: they bound the first and last bin, and the unbounded
+        # ones
         low = np.clip(origin + edges[held], least, most)
         high = np.clip(origin + edges[held + 1], least, most)
         upto = np.cumsum(own[held])
@@ -580,6 +588,7 @@ def moments_of(
     count = xp.sum(finite, axis=0)
     if weights is None:
         one = weighted_moments(known, finite.astype(values.dtype))
+        # squares of weights of one
         two = one
     else:
         column = weights.reshape(weights.shape + (1,) * (values.ndim - 1))
@@ -604,6 +613,7 @@ def plain_moments(values: Float[np.ndarray, "sample ..."]) -> Moments:
     values = np.asarray(values, float)
     mean = values.sum(axis=0) / size
     off = values - mean
+    # in place: no further array of the size of the block
     squares = np.square(off, out=off).sum(axis=0)
     none, weight = np.zeros(shape, np.int64), np.full(shape, float(size))
     part = weight, mean, squares
@@ -627,6 +637,7 @@ def merge_moments(a: Moments, b: Moments) -> Moments:
 
     def merged(w_a, mean_a, squares_a, w_b, mean_b, squares_b):
         weight = w_a + w_b
+        # guards the division for two empty states
         share = w_b / xp.where(weight > 0, weight, 1)
         step = mean_b - mean_a
         # Chan, Golub and LeVeque (1983): sums of squares about zero would cancel

@@ -85,6 +85,7 @@ class Launcher:
         self._blocks, self._mesh, self._reduce = blocks, mesh, reduce
         self._on_cpu = mesh.devices.flat[0].platform == "cpu"
         self.group = max(1, min(group, capacity))
+        # whole groups: the loop over groups has no remainder
         self.capacity = max(self.group, capacity // self.group * self.group)
         self._programs: dict[tuple[int, int], Any] = {}
 
@@ -113,6 +114,7 @@ class Launcher:
         for launched in self._launches(shared, each):
             for answers, own, counted in launched:
                 parts.append(_gathered(answers, own))
+                # integers: their sum is exact in any order of the devices
                 totals = jax.tree.map(np.asarray, counted)
                 if counts is not None:
                     totals = jax.tree.map(np.add, counts, totals)
@@ -147,7 +149,10 @@ class Launcher:
 
     def _halve(self, error: Exception) -> None:
         """Halve the capacity after a lack of memory; raise any other error."""
-        if not out_of_memory(error):
+        words = str(error).lower()
+        named = "resource_exhausted" in words or "out of memory" in words
+        # XLA has no class for a lack of memory: its message is the only sign
+        if not named and not isinstance(error, MemoryError):
             raise error
         if self.capacity == 1:
             raise MemoryError(
@@ -178,6 +183,7 @@ class Launcher:
             def filled(x: np.ndarray) -> np.ndarray:
                 """Return the blocks of a device, padded to its capacity."""
                 x = x[begin : begin + own]
+                # padded, so that all launches have one shape and one program
                 return np.pad(x, [(0, capacity - own)] + [(0, 0)] * (x.ndim - 1))
 
             given = shared, np.int32(own), jax.tree.map(filled, each)
@@ -212,6 +218,8 @@ class Launcher:
             return self._blocks(shared, these)
 
         def none_of(n: Array) -> PyTree[Array]:
+            # the other branch of the condition, with the same shapes; never executed,
+            # because the loop has no step without blocks
             return jax.tree.map(jnp.zeros_like, jax.eval_shape(some, n))
 
         def step(n: Array, counts: PyTree[Array]) -> Any:
@@ -242,6 +250,7 @@ class Launcher:
             )
             return counts, filled
 
+        # a traced number of steps: the padding of a short launch costs no time
         last = -(-count // group)
         counts, filled = jax.lax.fori_loop(0, last, body, (none, empty))
         return filled, reduce.end(counts)
@@ -258,10 +267,3 @@ def _gathered(answers: PyTree[Array], count: int) -> PyTree[np.ndarray]:
         return np.asarray(x)[:count] if here else np.asarray(x[:count])
 
     return jax.tree.map(part, answers)
-
-
-def out_of_memory(error: Exception) -> bool:
-    """Return whether an error is due to a lack of memory."""
-    words = str(error).lower()
-    named = "resource_exhausted" in words or "out of memory" in words
-    return named or isinstance(error, MemoryError)

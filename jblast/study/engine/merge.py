@@ -17,6 +17,7 @@ from jblast.files import replacing
 from jblast.study.engine.store import Store, open_store, places_of
 from jblast.study.engine.summary import PARTS, Anchor, SummaryStore, outcomes_of
 
+# Attributes on which values or layout of the samples depend; the seed may differ.
 LIKE = ("scene_sha256", "design", "block", "cells", "variants", "jblast", "keep")
 
 
@@ -38,7 +39,10 @@ def merged(
             output is another study.
         OSError: The output cannot be written.
     """
-    _check_distinct(stores)
+    paths = [Path(path).resolve() for path in stores]
+    for n, path in enumerate(paths):
+        if path in paths[:n]:
+            raise InputError(f"{stores[n]}: expected each store once, got it twice")
     found = [_opened(path) for path in stores]
     first = found[0]
     for other in found[1:]:
@@ -58,14 +62,6 @@ def merged(
             f"each, so that no sample counts twice, got seeds {listed}"
         )
     return _seeds(found, Path(out), whole)
-
-
-def _check_distinct(stores: Sequence[str | os.PathLike[str]]) -> None:
-    """Check that no folder is given twice."""
-    paths = [Path(path).resolve() for path in stores]
-    for n, path in enumerate(paths):
-        if path in paths[:n]:
-            raise InputError(f"{stores[n]}: expected each store once, got it twice")
 
 
 def _opened(path: str | os.PathLike[str]) -> Store:
@@ -166,6 +162,7 @@ def _rewritten(found: Sequence[Store], whole: Store) -> None:
     """Write the rows of stores, one after another, in whole tiles."""
     left: dict[str, np.ndarray] = {}
     tile = 0
+    # a generator: about two tiles are in memory, whatever the size of the stores
     rows = (store.read_tile(n) for store in found for n in range(store.tiles))
     for columns in rows:
         left = {
@@ -185,6 +182,7 @@ def _copy(store: Store, tile: int, whole: Store, onto: int) -> None:
     """Copy the chunks of a tile."""
     for variable in store.variables:
         source = store.chunk_path(variable, tile)
+        # no fsync: `Store.done` detects a truncated chunk by its size
         with replacing(whole.chunk_path(variable, onto), durable=False) as temporary:
             shutil.copyfile(source, temporary)
 

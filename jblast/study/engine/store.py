@@ -183,6 +183,7 @@ class Store:
             "zarr_format": 3,
             "node_type": "group",
             "attributes": self.attributes,
+            # inline: a reader opens one file instead of one for each array
             "consolidated_metadata": {
                 "kind": "inline",
                 "must_understand": False,
@@ -219,6 +220,7 @@ class Store:
             OSError: A chunk cannot be written.
         """
         for variable in self.variables:
+            # Zarr chunks have one size: the last tile is padded with the fill value
             whole = np.full(
                 variable.shape(self.tile), variable.missing, dtype=variable.dtype
             )
@@ -353,6 +355,7 @@ def _variable(name: str, array: dict[str, Any], arrays: dict[str, Any]) -> Varia
 
 def as_json(document: Mapping[str, Any]) -> str:
     """Return a description as the text of its file."""
+    # NaN is not JSON: as a fill value it is the word "NaN"
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -396,6 +399,7 @@ def described(
         "shape": list(shape),
         "data_type": kind,
         "chunk_grid": {"name": "regular", "configuration": grid},
+        # the default of Zarr 3 nests folders; "v2" needs one folder a column
         "chunk_key_encoding": {"name": "v2", "configuration": {"separator": "."}},
         "fill_value": fill,
         "codecs": [codec],
@@ -426,6 +430,7 @@ def words_chunk(words: Sequence[str]) -> bytes:
 
 def read_words(data: bytes) -> tuple[str, ...]:
     """Return the words of a chunk of `words_chunk`."""
+    # vlen-utf8: number of words, then length and bytes of each; 32-bit integers
     at, words = 4, []
     for _ in range(int.from_bytes(data[:4], "little")):
         length = int.from_bytes(data[at : at + 4], "little")

@@ -148,12 +148,13 @@ class SummaryStore:
                 "metadata": arrays,
             },
         }
+        # the group is last: without it a killed run has no statistics (`there`)
         write_text(self.path / GROUP, as_json(group))
 
     def _arrays(self):
         for v in outcomes_of(self.variables):
             for part, (kind, last) in PARTS[v.kind].items():
-                yield v, part, (*shape_of(v, self.groups), last), kind
+                yield v, part, (*v.shape(self.groups), last), kind
 
     def _described(
         self, v: Variable, part: str, shape: tuple[int, ...], kind: str
@@ -201,7 +202,7 @@ class SummaryStore:
         found = {}
         for v in outcomes_of(self.variables):
             if v.kind == "number":
-                shape = (*shape_of(v, self.groups), 2)
+                shape = (*v.shape(self.groups), 2)
                 path = self.path / f"{v.name}{ANCHOR}" / _chunk(0, len(shape))
                 whole = np.frombuffer(path.read_bytes(), "<f8").reshape(shape)
                 found[v.name] = Anchor(whole[..., 0], whole[..., 1])
@@ -218,6 +219,7 @@ class SummaryStore:
                 kind = PARTS[v.kind][part][0]
                 data = np.ascontiguousarray(array, f"<{kind[0]}8").tobytes()
                 if part == PACKED:
+                    # without a time stamp: equal counts are equal bytes
                     data = gzip.compress(data, 1, mtime=0)
                 write_bytes(self.chunk_path(v, part, tile), data, durable=False)
 
@@ -251,7 +253,7 @@ class SummaryStore:
 
     def chunk_path(self, v: Variable, part: str, tile: int) -> Path:
         """Return the chunk file of a part of a tile."""
-        dims = len(shape_of(v, self.groups)) + 2
+        dims = len(v.shape(self.groups)) + 2
         return self.path / f"{v.name}.{part}" / _chunk(tile, dims)
 
 
@@ -293,7 +295,7 @@ def states_by_group(
     found: dict[str, State] = {}
     for v in outcomes_of(variables):
         values = np.asarray(columns[v.name]).reshape(len(which), -1)
-        shape = shape_of(v, groups)
+        shape = v.shape(groups)
         if v.kind == "yes_no":
             parts = values >= 0, values > 0, values < 0
             found[v.name] = share_from(
@@ -303,6 +305,7 @@ def states_by_group(
         numbers = _numbers(values, which, groups)
         origin = np.broadcast_to(anchors[v.name].origin, shape)
         away = origin.reshape(groups, -1)[which]
+        # one count over pairs of group and bin, instead of a pass for each group
         counts = np.stack(
             [
                 np.bincount(
@@ -340,12 +343,14 @@ def _numbers(
     count = _by(which, finite, groups)
     total = _by(which, np.where(finite, values, 0.0), groups)
     mean = total / np.maximum(count, 1)
+    # a second pass about the mean: squares about zero would cancel
     off = np.where(finite, values - mean[which], 0.0)
     low = np.full((groups, values.shape[1]), np.inf)
     high = -low
     # `reduceat` needs the samples of a group next to each other
     order = np.argsort(which, kind="stable")
     begins = np.flatnonzero(np.diff(which[order], prepend=-1))
+    # groups without samples are absent: their extremes remain infinite
     there = which[order][begins]
     if len(which):
         sorted_values = values[order]
@@ -378,13 +383,14 @@ def anchors_of(
     for v in outcomes_of(variables):
         if v.kind == "yes_no":
             continue
-        shift, origin = np.zeros(shape_of(v, groups)), np.zeros(shape_of(v, groups))
+        shift, origin = np.zeros(v.shape(groups)), np.zeros(v.shape(groups))
         for group in range(groups):
             own = np.asarray(columns[v.name], float)[which == group]
             if not len(own):
                 continue
             origin[group] = origin_of(own)
             known = np.where(np.isfinite(own), own, 0.0)
+            # a rough mean suffices: `states_of` corrects the sums for its distance
             shift[group] = known.sum(0) / np.maximum(np.isfinite(own).sum(0), 1)
         found[v.name] = Anchor(shift, origin)
     return found
@@ -452,6 +458,7 @@ def _shares(values: Array, valid: Array) -> Array:
 
 def _sums(values: Array, valid: Array, shift: Array) -> Array:
     """Return the `SUMS` of each lane."""
+    # zero for NaN and infinite values, which have counters of their own
     off = jnp.where(valid & jnp.isfinite(values), values - shift, 0.0)
     some = valid & ~jnp.isnan(values)
     low = _folded(jnp.where(some, values, jnp.inf), jnp.minimum, jnp.inf)
@@ -514,10 +521,13 @@ def states_of(
         samples, infinite, off, square = np.moveaxis(parts.sum(axis=0), -1, 0)[:4]
         low, high = parts[..., 4].min(axis=0), parts[..., 5].max(axis=0)
         whole = counts[v.name].astype(np.int64)
+        # a launch counts in 32 bits, which merged launches would exceed
         known = whole.sum(axis=-1)
         finite, lost = known - infinite, samples - known
         shift = anchors[v.name].shift.reshape(-1)
         mean = np.where(finite > 0, shift + off / np.maximum(finite, 1.0), 0.0)
+        # little cancellation, as the shift is near the mean; rounding may still leave
+        # less than zero
         squares = np.maximum(square - off**2 / np.maximum(finite, 1.0), 0.0)
         numbers = np.stack([finite, infinite, lost, mean, squares, low, high], -1)
         moments = moments_from(numbers.reshape(*shape, len(NUMBERS)))
@@ -532,17 +542,6 @@ def outcomes_of(variables: Sequence[Variable]) -> list[Variable]:
     return [v for v in variables if v.role == "outcome"]
 
 
-def shape_of(variable: Variable, groups: int) -> tuple[int, ...]:
-    """Return the shape of an outcome's state: variants and cells, sensors if any."""
-    return variable.shape(groups)
-
-
-def counts_in(variables: Sequence[Variable], groups: int) -> int:
-    """Return the number of bins of all histograms."""
-    numbers = [v for v in outcomes_of(variables) if v.kind == "number"]
-    return BINS * sum(int(np.prod(shape_of(v, groups))) for v in numbers)
-
-
 def empty_states(
     variables: Sequence[Variable], groups: int, anchors: Anchors
 ) -> dict[str, State]:
@@ -550,7 +549,7 @@ def empty_states(
     found = {}
     for v in outcomes_of(variables):
         origin = anchors[v.name].origin if v.kind == "number" else 0.0
-        found[v.name] = ACCUMULATORS[v.kind].empty(shape_of(v, groups), origin)
+        found[v.name] = ACCUMULATORS[v.kind].empty(v.shape(groups), origin)
     return found
 
 
@@ -582,6 +581,7 @@ def packed(variable: Variable, state: State) -> dict[str, np.ndarray]:
         return {"share": np.stack([state.known, state.yes, state.lost], -1)}
     m = state.moments
     parts = m.finite, m.infinite, m.lost, m.mean, m.squares, m.minimum, m.maximum
+    # counts below 2^53 are exact as floats: one array and one chunk
     numbers = np.stack([np.asarray(x, float) for x in parts], -1)
     return {"moments": numbers, "counts": np.asarray(state.sketch.counts, np.int64)}
 
@@ -598,5 +598,6 @@ def unpacked(
 
 def share_from(known: np.ndarray, yes: np.ndarray, lost: np.ndarray) -> ShareState:
     """Return the state of a yes-or-no outcome without weights."""
+    # weights of one: sums of weights and of their squares are the counts
     weight, hit = known.astype(float), yes.astype(float)
     return ShareState(known, yes, lost, weight, weight, hit, hit)

@@ -131,6 +131,7 @@ def ahead(
     """
     with ThreadPoolExecutor(most) as pool:
         left = iter(tiles)
+        # a bounded queue: results of all tiles would not fit into memory
         begun = [(n, pool.submit(calculate, n)) for n in itertools.islice(left, most)]
         while begun:
             tile, coming = begun.pop(0)
@@ -148,6 +149,7 @@ class Writer(contextlib.AbstractContextManager["Writer"]):
 
     def write(self, tile: int, columns: Columns) -> None:
         """Write a tile after the previous one."""
+        # one pending write: at most two tiles are in memory
         self.wait()
         self._last = self._pool.submit(self._store.write_tile, tile, columns)
 
@@ -204,6 +206,7 @@ class Estimates:
 
     def reached(self, targets: Mapping[str, float]) -> bool:
         """Return whether each standard error is at its target, by cell and sensor."""
+        # `all` of no targets is true, but such a study runs to its last sample
         return bool(targets) and all(
             (self.moments[name].standard_error() <= target).all()
             for name, target in targets.items()
@@ -228,6 +231,8 @@ class InOrder:
     def take(self, tile: int, columns: Columns) -> None:
         """Add a tile, unless the targets are reached."""
         self._early[tile] = columns
+        # in the order of numbers: the study ends at the same sample on any number of
+        # workers
         while self.next in self._early and not self.reached:
             now = self._early.pop(self.next)
             size = len(next(iter(now.values())))
@@ -255,6 +260,7 @@ class Moments(NamedTuple):
 
     def standard_error(self) -> Float[np.ndarray, "..."]:
         """Return the standard error of each mean; infinite below two values."""
+        # infinite: no target is reached before the scatter has an estimate
         few = self.answers < 2
         count = np.where(few, 2, self.answers)
         return np.where(few, np.inf, np.sqrt(self.square / (count - 1) / count))
@@ -338,6 +344,7 @@ def numbered(
         block //= 2
     samples = each if variants == 1 else variants * block * -(-each // block)
     tile = block
+    # doubled only: a tile of statistics is a whole number of these tiles
     while 2 * tile <= min(tile_samples, samples):
         tile *= 2
     return Numbering(block, variants, cells, samples, tile)

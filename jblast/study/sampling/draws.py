@@ -70,7 +70,16 @@ def points_of(
     if design == "random" or dimensions == 0:
         return None
     if design == "sobol":
-        return _sobol(dimensions, seed)
+
+        def sobol(begin: int, count: int) -> np.ndarray:
+            # an engine for each call: threads compute tiles in any order
+            engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
+            if begin:  # SciPy rejects a step of 0
+                engine.fast_forward(begin)
+            with np.errstate(all="ignore"):
+                return _scores(engine.random(count))
+
+        return sobol
     if design == "latin":
         if draws > MAX_LATIN:
             raise InputError(
@@ -91,17 +100,6 @@ def points_of(
     return _grid(dimensions, draws, source)
 
 
-def _sobol(dimensions: int, seed: int) -> Points:
-    def sobol(begin: int, count: int) -> np.ndarray:
-        engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
-        if begin:  # SciPy rejects a step of 0
-            engine.fast_forward(begin)
-        with np.errstate(all="ignore"):
-            return _scores(engine.random(count))
-
-    return sobol
-
-
 def _grid(dimensions: int, draws: int, source: str) -> Points:
     """Return the points of a grid with equal divisions of each parameter."""
     each = round(draws ** (1 / dimensions))
@@ -114,6 +112,7 @@ def _grid(dimensions: int, draws: int, source: str) -> Points:
         )
 
     def grid(begin: int, count: int) -> np.ndarray:
+        # the last block is padded with the last point
         at = np.minimum(np.arange(begin, begin + count), draws - 1)
         parts = at[:, None] // each ** np.arange(dimensions) % each
         return _scores((parts + 0.5) / each)
@@ -137,13 +136,6 @@ def key_of_study(seed: int, high: int = 0) -> PRNGKeyArray:
     """
     key = jax.random.key(seed)
     return jax.random.fold_in(key, high) if high else key
-
-
-def sample_keys(
-    key: PRNGKeyArray, index: UInt32[Array, " sample"]
-) -> Key[Array, " sample"]:
-    """Return the keys of samples, by their numbers."""
-    return folded(key, index)
 
 
 def part_of(keys: Key[Array, " sample"], number: int) -> Key[Array, " sample"]:
@@ -222,6 +214,7 @@ def folded(keys: Key[Array, "..."], data: Any) -> Key[Array, "..."]:
             fold = jax.vmap(fold)
         return fold(jnp.broadcast_to(keys, shape), jnp.broadcast_to(data, shape))
     none = np.uint32(0)
+    # as `jax.random.fold_in`: a 64-bit counter whose upper word is 0
     pairs = words_of(hashed(*words(keys), none, jnp.asarray(data, jnp.uint32)))
     return jax.random.wrap_key_data(jnp.stack(pairs, -1))
 
@@ -242,6 +235,7 @@ def normals(keys: Key[Array, " key"], count: int) -> Float[Array, "key number"]:
     # a loop, so that bits are stored once: in one expression XLA would recompute them
     bits = lax.map(bits_of, jnp.arange(count, dtype=jnp.uint32))
     unit = lax.bitcast_convert_type((bits >> np.uint64(12)) | ONE, jnp.float64) - 1.0
+    # the scaling of `jax.random.uniform`, to the last bit
     even = jnp.maximum(LOWEST_UNIFORM, unit * (1.0 - LOWEST_UNIFORM) + LOWEST_UNIFORM)
     return (np.sqrt(2.0) * lax.erf_inv(even)).T
 

@@ -32,7 +32,6 @@ from jblast.study.engine.summary import (
     Anchor,
     State,
     anchors_of,
-    counts_in,
     empty_states,
     merged_states,
     outcomes_of,
@@ -46,13 +45,14 @@ from jblast.study.outcome.family import Answers, Family, Finish, Prepared, Setti
 from jblast.study.outcome.registry import families_of, outcomes_named
 from jblast.study.sampling.draws import (
     allowed,
+    folded,
     key_of_study,
     normal_scores,
     numbers_at,
     part_of,
     points_of,
-    sample_keys,
 )
+from jblast.study.statistics import BINS
 
 MAX_TILES = 256
 """Largest number of tiles of a summary: a killed run loses less than 0.4 % of its work,
@@ -177,6 +177,7 @@ class Work:
         variant, _ = self.numbering.of_samples(begin, end)
         found, each = {}, len(self.study.variants)
         for axis in self.study.words:
+            # mixed radix: the last axis varies fastest, as in `itertools.product`
             each //= len(axis.values)
             found[axis.key] = (variant // each % len(axis.values)).astype(np.int16)
         return found
@@ -225,6 +226,7 @@ class Work:
         first = blocks * numbering.block
         within = numbering.begins_at(blocks)
         each: dict[str, np.ndarray] = {
+            # the upper bits select the key (`key_of_study`)
             "index": (first % 2**32).astype(np.uint32),
             "cell": (within % numbering.cells).astype(np.int32),
             "valid": np.clip(numbering.samples - first, 0, numbering.block).astype(
@@ -234,6 +236,7 @@ class Work:
         if self.points is not None and seed is None:
             each["scores"] = np.stack([self._scores(int(at)) for at in within])
         elif self.points is not None:
+            # anchors: random points suffice, and need no engine of the design
             shape = len(blocks), numbering.block, len(self.study.drawn)
             each["scores"] = np.random.default_rng(seed).standard_normal(shape)
         key = key_of_study(
@@ -264,7 +267,7 @@ class Work:
                 return x.reshape(-1, *x.shape[2:])
 
             index = flat(each["index"][:, None] + lanes.astype(jnp.uint32))
-            keys = sample_keys(jax.random.wrap_key_data(shared["key"]), index)
+            keys = folded(jax.random.wrap_key_data(shared["key"]), index)
             scores = each.get("scores")
             if scores is None:
                 scores = normal_scores(keys, len(study.drawn))
@@ -304,7 +307,9 @@ class Reduced:
     def __init__(self, work: Work, anchors: Mapping[str, Anchor] | None = None) -> None:
         self.work, numbering = work, work.numbering
         self.groups = numbering.variants * numbering.cells
-        counts = counts_in(work.variables, self.groups)
+        self._outcomes = outcomes_of(work.variables)
+        numbers = [v for v in self._outcomes if v.kind == "number"]
+        counts = BINS * sum(int(np.prod(v.shape(self.groups))) for v in numbers)
         if counts > MAX_COUNTS:
             raise InputError(
                 f"{work.study.source}: keep: expected at most {MAX_COUNTS:,} histogram "
@@ -316,8 +321,9 @@ class Reduced:
             self.tile *= 2
         self.anchors = self._anchors() if anchors is None else dict(anchors)
         host = any(p.prepared.finish is not None for part in work.parts for p in part)
+        # with several cells a block has samples of several groups; fits run from
+        # Python
         self._on_device = numbering.cells == 1 and not host
-        self._outcomes = outcomes_of(work.variables)
         self._launchers: dict[int, Launcher] = {}
         if self._on_device:
             reduce = reduce_of(self._outcomes, 1 if work.kind == "cpu" else COUNTERS)
@@ -702,6 +708,7 @@ def by_block(
 
     with ThreadPoolExecutor(len(devices)) as pool:
         parts = [done for part in pool.map(some, range(len(devices))) for done in part]
+    # by number only: dictionaries have no order
     rows = [columns for _, columns in sorted(parts, key=lambda one: one[0])]
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
@@ -731,6 +738,7 @@ def finished_on_devices(
                 found |= finish(found)
         kept = {name: found[name] for name in names if name in found}
         for x in kept.values():
+            # all copies begin before the first one is waited for
             x.copy_to_host_async()
         return {n: x.reshape(*shape, *x.shape[1:]) for n, x in _on_host(kept).items()}
 
