@@ -143,7 +143,10 @@ def thrown(
         after = (time_s >= came) & (time_s < end)
         found = []
         for size in sizes:
-            found += [_rms(size, before), _maximum(size, after)]
+            # A diverged estimate has NaN, which the maximum preserves. -1 marks
+            # intervals without rows, because errors are never negative.
+            greatest = jnp.max(jnp.where(after, size, -1.0))
+            found += [_rms(size, before), jnp.where(greatest < 0, jnp.nan, greatest)]
         return found
 
     return Thrown(*jax.vmap(of)(arrival_s, until))
@@ -155,13 +158,6 @@ def _rms(values: Float[Array, " time"], rows: Bool[Array, " time"]) -> Array:
     some = count > 0
     mean = jnp.where(some, square / jnp.where(some, count, 1.0), jnp.nan)
     return jnp.sqrt(mean)
-
-
-def _maximum(values: Float[Array, " time"], rows: Bool[Array, " time"]) -> Array:
-    # A diverged estimate has NaN, which the maximum preserves.
-    # -1 marks intervals without rows, because errors are never negative.
-    greatest = jnp.max(jnp.where(rows, values, -1.0))
-    return jnp.where(greatest < 0, jnp.nan, greatest)
 
 
 class Alignment(eqx.Module):

@@ -15,7 +15,7 @@ mission is rejected as a whole, and the previous one remains.
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -181,7 +181,7 @@ class Missions:
             if len(items) < self._count:
                 self._tries = 0
                 return [self._ask(sender, now_s)]
-            plan = plan_of(items, self._home)
+            plan = Plan(items=tuple(items), home=self._home, source=UPLOADED)
             self._check(plan)
         except InputError as error:
             self._report_text(str(error))
@@ -475,8 +475,3 @@ def item_of(fields: dict[str, Any]) -> Item:
     return checked_item(
         UPLOADED, fields["seq"], command, frame, params, bool(fields["autocontinue"])
     )
-
-
-def plan_of(items: Sequence[Item], home: Place) -> Plan:
-    """Return the plan of uploaded items, with the vehicle's position as home."""
-    return Plan(items=tuple(items), home=home, source=UPLOADED)

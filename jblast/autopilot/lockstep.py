@@ -456,9 +456,12 @@ class SimulatorSteps(eqx.Module):
             self.suite.ground_temperature_k,
             self.suite.gps.noise(),
         )
-        numbers = jnp.concatenate(
-            [*map(jnp.ravel, reported), *map(jnp.ravel, _state_arrays(state))]
+        true = (
+            *(state.position_m, state.velocity_m_s, state.quaternion),
+            *(state.body_rate_rad_s, state.rotor_speed_rad_s),
         )
+        # One array: a single transfer from the device per step.
+        numbers = jnp.concatenate([*map(jnp.ravel, reported), *map(jnp.ravel, true)])
         return SimulatorState(carried.now, state, held), numbers
 
     def moved(
@@ -553,13 +556,6 @@ def programs(turns: SimulatorSteps) -> Programs:
     carried, _ = begin(arrays)
     goes_on(arrays, carried, 0, 0, False, np.zeros(4))
     return Programs(partial(begin, arrays), partial(goes_on, arrays))
-
-
-def _state_arrays(state: State) -> tuple[Array, ...]:
-    return (
-        *(state.position_m, state.velocity_m_s, state.quaternion),
-        *(state.body_rate_rad_s, state.rotor_speed_rad_s),
-    )
 
 
 class Readings(NamedTuple):

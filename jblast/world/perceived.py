@@ -136,7 +136,12 @@ def readings_of(
     logs: list[Observations] = []
     late, scene = 0, world.scene
     sensors = [
-        _without_air(sensor) if sensor.name in picked else sensor
+        replace(
+            sensor,
+            records=tuple(r for r in sensor.records if waves_of(sensor)[r[0]] != AIR),
+        )
+        if sensor.name in picked
+        else sensor
         for sensor in scene.sensors
     ]
     for column, charge in enumerate(scene.charges):
@@ -184,13 +189,6 @@ def _by_scene(
     if others:
         groups.append((world.scene_of(others[0].kind), others))
     return groups
-
-
-def _without_air(sensor: Sensor) -> Sensor:
-    """Return a sensor without its records of the air shock."""
-    waves = waves_of(sensor)
-    kept = [(q, sigma) for q, sigma in sensor.records if waves[q] != AIR]
-    return replace(sensor, records=tuple(kept))
 
 
 def _at_arrivals(

@@ -176,7 +176,12 @@ class Store:
         """
         arrays = {v.name: array_of(v, self.samples, self.tile) for v in self.variables}
         if sensors:
-            arrays |= sensor_arrays(sensors)
+            words = {"long_name": "sensor"}
+            where = {"long_name": "place of the sensor: east, north, up", "units": "m"}
+            names, size = ("sensor",), (sensors,)
+            arrays["sensor"] = described(size, size, "string", "", names, words)
+            names, size = ("sensor", "direction"), (sensors, 3)
+            arrays[PLACES] = described(size, size, "float64", "NaN", names, where)
         for name, array in arrays.items():
             write_text(self.path / name / GROUP, as_json(array))
         group = {
@@ -405,17 +410,6 @@ def described(
         "codecs": [codec],
         "attributes": dict(attributes),
         "dimension_names": list(dims),
-    }
-
-
-def sensor_arrays(count: int) -> dict[str, Any]:
-    """Return the descriptions of the sensors' names and positions."""
-    words = {"long_name": "sensor"}
-    where = {"long_name": "place of the sensor: east, north, up", "units": "m"}
-    dims = ("sensor", "direction")
-    return {
-        "sensor": described((count,), (count,), "string", "", ("sensor",), words),
-        PLACES: described((count, 3), (count, 3), "float64", "NaN", dims, where),
     }
 
 

@@ -9,7 +9,6 @@ sample whose blast arrives after the end has no answer.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -56,7 +55,15 @@ def prepare(setting: Setting) -> Prepared:
         InputError: The scene cannot be flown.
     """
     uncertain = setting.uncertain
-    options = _options(setting.options)
+
+    def option(name: str, default: float) -> float:
+        return finite(setting.options.get(name, default), f"[options] {name}")
+
+    options = Options(
+        step_s=option("flight_step_s", STEP_S),
+        tolerance_m=option("flight_tolerance_m", TOLERANCE_M),
+        backend="jax",
+    )
     spec = checked_scene(uncertain, 1, False)
     pilot = {name: jnp.asarray(values) for name, values in setting.pilot.items()}
     some = _scenes(uncertain.scene, pilot)
@@ -117,18 +124,6 @@ def _answers(flown: Flown, spec: VehicleSpec, seconds: float) -> dict[str, Array
         "vehicle_acceleration_m_s2": number(exposure.peak_acceleration_m_s2),
         "vehicle_fireball_time_s": number(exposure.fireball_time_s),
     }
-
-
-def _options(options: Mapping[str, Any]) -> Options:
-    def option(name: str, default: float) -> float:
-        return finite(options.get(name, default), f"[options] {name}")
-
-    step = option("flight_step_s", STEP_S)
-    return Options(
-        step_s=step,
-        tolerance_m=option("flight_tolerance_m", TOLERANCE_M),
-        backend="jax",
-    )
 
 
 FLIGHTS_ON_DEVICE = 1 << 16

@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray, UInt32, UInt64
+from jaxtyping import Array, Bool, Float, Int, Key, UInt32, UInt64
 from scipy.special import ndtri
 from scipy.stats import qmc
 
@@ -125,17 +125,6 @@ def _scores(unit: np.ndarray) -> np.ndarray:
     # 0 and 1 would be infinite: the bounds are the finest step of a float near 1
     tiny = 2.0**-53
     return ndtri(np.clip(unit, tiny, 1 - tiny))
-
-
-def key_of_study(seed: int, high: int = 0) -> PRNGKeyArray:
-    """Return the key that samples are folded into.
-
-    Args:
-        seed: Seed of the study.
-        high: Bits of a sample's number above the 32nd, folded in unless they are 0.
-    """
-    key = jax.random.key(seed)
-    return jax.random.fold_in(key, high) if high else key
 
 
 def part_of(keys: Key[Array, " sample"], number: int) -> Key[Array, " sample"]:

@@ -46,7 +46,6 @@ from jblast.study.outcome.registry import families_of, outcomes_named
 from jblast.study.sampling.draws import (
     allowed,
     folded,
-    key_of_study,
     normal_scores,
     numbers_at,
     part_of,
@@ -226,7 +225,7 @@ class Work:
         first = blocks * numbering.block
         within = numbering.begins_at(blocks)
         each: dict[str, np.ndarray] = {
-            # the upper bits select the key (`key_of_study`)
+            # 32 bits are folded into a sample's key, the bits above into this one
             "index": (first % 2**32).astype(np.uint32),
             "cell": (within % numbering.cells).astype(np.int32),
             "valid": np.clip(numbering.samples - first, 0, numbering.block).astype(
@@ -239,9 +238,9 @@ class Work:
             # anchors: random points suffice, and need no engine of the design
             shape = len(blocks), numbering.block, len(self.study.drawn)
             each["scores"] = np.random.default_rng(seed).standard_normal(shape)
-        key = key_of_study(
-            self.study.seed if seed is None else seed, int(first[0]) >> 32
-        )
+        key = jax.random.key(self.study.seed if seed is None else seed)
+        if high := int(first[0]) >> 32:
+            key = jax.random.fold_in(key, high)
         shared = {"key": jax.random.key_data(key), "table": jnp.asarray(self._table)}
         return shared, each
 

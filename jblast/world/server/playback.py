@@ -528,7 +528,10 @@ class Playback:
             name = new.charge.name
             known = self._live.get(name)
             if known is not None:
-                new = _with_past(new, known.newest, start)
+                # Past arrivals have been sent: an update must not move them.
+                was = known.newest.arrivals._asdict()
+                past = {wave: time for wave, time in was.items() if time < start}
+                new = new._replace(arrivals=new.arrivals._replace(**past))
             # A client that joins late does not receive blasts whose effects have ended.
             elif new.last_s() < start:
                 continue  # over before its announcement
@@ -652,14 +655,6 @@ def packets_of(playback: Playback, stager: Stager) -> Iterator[Packet]:
             return
 
 
-def _with_past(new: Announcement, known: Announcement, now_s: float) -> Announcement:
-    """Return an update with the past arrivals of the previous announcement."""
-    was = {
-        wave: time for wave, time in known.arrivals._asdict().items() if time < now_s
-    }
-    return new._replace(arrivals=new.arrivals._replace(**was))
-
-
 def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
     """Return the position of an entity, or its path over time.
 
@@ -744,8 +739,13 @@ def records_of(
             laws=laws,
             track=track,
         )
-        found.append(_trimmed(first, rate_hz, np.asarray(samples)[: last - first]))
-    return tuple(record for record in found if record.samples.size)
+        samples = np.asarray(samples)[: last - first]
+        # Silence at both ends is not sent. A copy, so that the padding is freed.
+        loud = np.flatnonzero(np.abs(samples) >= SILENCE_PA)
+        if loud.size:
+            begin, end = int(loud[0]), int(loud[-1]) + 1
+            found.append(Record(first + begin, rate_hz, samples[begin:end].copy()))
+    return tuple(found)
 
 
 def _intervals(
@@ -777,15 +777,6 @@ def _duration(wave: Heard) -> tuple[float, float]:
             pulse.time_constant
         )
     return float(pulse.arrival_time), float(pulse.duration + pulse.suction_duration)
-
-
-def _trimmed(first: int, rate_hz: float, samples: np.ndarray) -> Record:
-    """Return a record without the silent samples at both ends."""
-    loud = np.flatnonzero(np.abs(samples) >= SILENCE_PA)
-    if not loud.size:
-        return Record(first, rate_hz, samples[:0])
-    begin, end = int(loud[0]), int(loud[-1]) + 1
-    return Record(first + begin, rate_hz, samples[begin:end].copy())
 
 
 def state_met(vehicle: Vehicle, motion: Motion) -> State:
