@@ -165,6 +165,7 @@ class Missions:
                 f"upload: expected at most {MAX_ITEMS} items, got {count}"
             )
             return [_ack(sender, who, NO_SPACE)]
+        # An upload without items clears the mission.
         if count == 0:
             self.plan, self._items = None, None
             return [_ack(sender, who, MISSION_ACCEPTED)]
@@ -174,6 +175,7 @@ class Missions:
     def _take(self, sender: Sender, message: Message, now_s: float) -> list[bytes]:
         items = self._items
         assert items is not None
+        # An item was lost or sent twice: the protocol repeats the request.
         if message.values["seq"] != len(items):
             return [self._ask(sender, now_s)]
         try:

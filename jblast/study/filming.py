@@ -401,6 +401,7 @@ def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     vehicle = checked_scene(uncertain, 1, False)
     scene = drawn_scenes(uncertain, 1, seed)
     default = flight_seconds(scene, vehicle, uncertain.source, Options())
+    # the film may continue after the default end of the flight
     seconds = max(default, math.ceil(10 * end) / 10)
     flights = fly(uncertain, Options(seconds=seconds), seed=seed)
     trajectory = trajectory_of(flights, next(iter(flights.holds)))

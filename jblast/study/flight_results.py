@@ -356,6 +356,7 @@ def _each(scenes: Scene, n: int, place: Array) -> tuple[Array, Array]:
         return free_air_at(scene, charge, place)[0], scaled_height(scene, charge)
 
     one = eqx.filter_jit(one)
+    # all arrays of a batch have the leading axis: the first one shows it
     batched = jax.tree.leaves(scenes)[0].ndim > 0
     return eqx.filter_vmap(one)(scenes) if batched else one(scenes)
 
@@ -417,9 +418,11 @@ def _in_fire(
         ball = jax.vmap(cloud, (None, None, 0))(scene, charge, time_s)
         away = jnp.sum(jnp.square(position_m - ball.centre), axis=-1)
         since = charge.since(time_s)
+        # the cloud remains after the fire: only the glowing part counts
         life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
         return (since > 0) & (since < life) & (away < jnp.square(ball.radius))
 
+    # without names, charges of one kind are evaluated as one batch
     unnamed = [replace(charge, name="") for charge in scene.charges]
     inside = jnp.stack(map_grouped(burns_about, unnamed)).any(axis=0)
     return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))

@@ -238,6 +238,7 @@ def flown_by(
         wind=wind if single else Each(wind),
         loads=(load if single else Each(load),),
         ground_up_m=GROUND_UP_M,
+        # whole steps between rows: their number is at most `rows_stored`
         store_every=math.ceil(steps / rows_stored(seconds, vehicles, options)),
         backend=options.backend,
     )
@@ -351,6 +352,7 @@ def instruments_of(
     Raises:
         InputError: The interval is longer than that of the barometer.
     """
+    # a slower inertial unit would skip readings of the barometer
     longest = 1 / Barometer().rate
     if step_s > longest * (1 + 1e-9):
         raise InputError(
@@ -406,6 +408,7 @@ def thrown_by_blasts(
     if arrival_s.ndim == 1:
         estimate = followed_along(control, trajectory, period)
         return thrown_of(estimate, trajectory.time_s, arrival_s), estimate
+    # the times of the rows are common to all flights: no axis
     rows = eqx.tree_at(
         lambda flight: flight.time_s, jax.tree.map(lambda x: 0, trajectory), None
     )
@@ -466,6 +469,7 @@ def flight_seconds(
         )
     seconds = options.seconds
     if seconds is None:
+        # a charge that never explodes does not extend the flight
         last = came.max(where=came < np.inf, initial=0.0)
         seconds = math.ceil(10 * (last + AFTER_S)) / 10
     first = came.min(axis=-1).max()
@@ -596,6 +600,7 @@ def named_controllers(
         InputError: The list is empty.
     """
     if controllers is None:
+        # the controller of the scene comes first
         return BOTH_HOLDS[::-1] if own == BOTH_HOLDS[1] else BOTH_HOLDS
     if not controllers:
         raise InputError("controllers: expected one or more, got none")

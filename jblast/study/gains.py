@@ -305,6 +305,7 @@ def tune_gains(
     best = _chosen(allowed, start_gains, flights)
     best = _rounded(scaled(start_gains, jnp.asarray(best)))
     now(f"flying {settings.unseen} unseen blasts")
+    # other samples: on those of the search the gains would look too good
     seed = settings.seed + UNSEEN_SEED_OFFSET
     unseen, notes = drawn_flights(
         uncertain, spec, settings.unseen, seed, Options(), controller
@@ -399,6 +400,7 @@ def _chosen(
         value, (peaks, _) = FLOWN(jnp.asarray(x), gains, flights.many, flights.ln_many)
         worse = not bool(peaks.max() <= flights.ln_many.max())
         judged.append((worse, np.nan_to_num(float(value), nan=np.inf), x))
+    # arrays do not compare: the factors are not part of the key
     return min(judged, key=lambda one: one[:2])[2]
 
 
@@ -425,6 +427,7 @@ def mean_ln_peak(
         flights.arrival_s,
         ground_up_m=GROUND_UP_M,
     )
+    # a norm over the flights: a maximum with gradients
     strongest = jax.nn.logsumexp(FLIGHT_NORM * peaks) - jnp.log(peaks.size)
     middle = (jnp.mean(peaks) + strongest / FLIGHT_NORM) / 2
     back = RETURN_WEIGHT * jnp.mean(smooth_peaks(trajectory, flights, 2.0))
@@ -541,6 +544,7 @@ def tuning_flights(
         )
     ranks = kept[np.argsort(np.asarray(peaks)[kept])]
     lanes = ranks[chosen_ranks(ranks.size, count)]
+    # repeated to the number of samples, for which the objective is compiled
     every = np.resize(kept, drawn.count)
     return TuningFlights(
         _of(drawn, lanes), peaks[lanes], _of(drawn, every), peaks[every]

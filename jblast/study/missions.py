@@ -385,6 +385,7 @@ def fly_mission(
     charges = scene.charges
     instruments = None
     if options.estimator:
+        # the magnetic field needs a geographic position
         place = uncertain.place or mission.plan.home
         instruments = instruments_of(place, seed, np.int64(0), options.step_s)
     rows = flown(mission, spec, scene, load, options, instruments)
@@ -502,6 +503,7 @@ def flown(
     count_flight(1)
     if np.asarray(rows.guided.phase)[-1] == ENDED or crash_of(rows.flight)[0]:
         return rows
+    # not disarmed in time: flown again from the start, for twice as long
     return _once(*arguments, 2 * seconds)
 
 
@@ -576,6 +578,7 @@ def crash_of(flight: Trajectory) -> tuple[str, float]:
     """
     time = np.asarray(flight.time_s)
     i, j = np.asarray(flight.quaternion)[:, :2].T
+    # vertical component of the upward body axis
     over = 1 - 2 * (i * i + j * j) < 0
     up, velocity = np.asarray(flight.position_m)[:, 2], np.asarray(flight.velocity_m_s)
     # the simulation stops a vehicle at the ground: its speed is in the row before
@@ -587,6 +590,7 @@ def crash_of(flight: Trajectory) -> tuple[str, float]:
         "turned over": _first(over, time),
         "diverged": _first(diverged, time),
     }
+    # the first cause: the others may follow from it
     name = min(found, key=lambda key: found[key])
     return ("", math.inf) if math.isinf(found[name]) else (name, found[name])
 
@@ -670,6 +674,7 @@ def disturbances_of(
     found = []
     for name, came in zip(charges, arrivals, strict=True):
         later = arrivals[arrivals > came]
+        # until the next blast, whose effect does not count for this one
         until = min(later.min() if later.size else np.inf, came + WATCHED_S)
         rows = np.flatnonzero(flies & (time >= came) & (time < until))
         if not (rows.size and flies[max(rows[0] - 1, 0)]):

@@ -197,6 +197,7 @@ def with_preset(
     given = set(world)
     for group in EXCLUSIVE_KEYS:
         if given.intersection(group):
+            # One key of a group replaces all of them: the preset's are dropped.
             given.update(group)
     filled = {key: value for key, value in preset.world.items() if key not in given}
     if filled.get("about") == "vehicle" and "vehicle" not in made:

@@ -94,6 +94,8 @@ def prepare(setting: Setting) -> Prepared:
 
     def one(key, numbers) -> Answers:
         drawn = with_values(scene, numbers)
+        # one number a sensor instead of noisy samples: the output of the matched filter
+        # is normal
         errors = jax.random.normal(key, (len(drawn.sensors),))
         found = [
             _detection(drawn, sensor, error, rate, count, threshold, laws)
@@ -135,6 +137,7 @@ def _detection(
     wave = heard(scene, place, laws)[0]
     start = wave.pulse.arrival_time - BEFORE_S
     samples = even_overpressure(scene, place, start, rate, count, laws)
+    # a shock without absorption is filtered over a path of 0 m
     path_m = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
     transfer = absorption_transfer(
         count, rate, path_m, *ambient_of(scene.air), scene.air.relative_humidity
@@ -151,6 +154,7 @@ def _detection(
     statistic = deflection + error
     known = jnp.isfinite(deflection) & ~scene.charge.never
     detected = statistic > threshold
+    # the first sample whose energy so far suffices, for the latency
     enough = jnp.sqrt(energy) + error > threshold
     first = jnp.argmax(enough) / rate - BEFORE_S
     return {
@@ -174,6 +178,7 @@ def share_of_band(frequency, slope, native: float, rate: float):
         rate: Sampling rate of the slower band [Hz].
     """
     band = (np.arange(BAND) + 0.5) * (0.5 * native / BAND)
+    # the mean over the native band, to which the rms of the noise refers
     mean = jnp.mean(power_spectrum(band, slope))
     return power_spectrum(frequency, slope) / mean * (rate / native)
 

@@ -83,6 +83,7 @@ def prepare(setting: Setting) -> Prepared:
         truth = numbers.get(number)
         if truth is None:
             truth = value_of(scene, number)
+        # computed for the bound only: a second fit of each sample
         exact = record(true, layout, laws).value if with_bound else jnp.zeros(0)
         key, of_rows = jax.random.split(key)
         own = student_errors(of_rows, STUDENT_FREEDOM, sigma.size)
@@ -118,6 +119,7 @@ def prepare(setting: Setting) -> Prepared:
 
     belief: Prior = believed.beliefs[number]  # pyright: ignore[reportAssignmentType]  or free, which has the same
     positive = parameter_named(number).positive
+    # compiled once for a scene, as `finish` runs from Python block by block
     compared = jax.jit(functools.partial(_compared, belief.constrain, positive))
     width = jax.jit(functools.partial(_width, belief.constrain, positive))
     used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())

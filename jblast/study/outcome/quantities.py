@@ -60,6 +60,7 @@ def planned(
                 f"north, up] for the outcome {quantities[0]}, got nothing"
             )
     records = tuple((quantity, OWN_SIGMA) for quantity in quantities)
+    # the outcomes replace the records that the scene specifies
     sensors = tuple(replace(sensor, records=records) for sensor in scene.sensors)
     layout, _, _ = planned_layout(replace(scene, sensors=sensors))
     shots = 1 + max(layout.shot)
@@ -68,6 +69,7 @@ def planned(
             f"{source}: [[charge]]: expected one charge for the outcome "
             f"{quantities[0]} at sensors, got {len(scene.charges)}"
         )
+    # a layout is sorted by sensor; transposed, each quantity is one slice
     order = np.arange(len(layout.quantity)).reshape(len(sensors), len(quantities)).T
     layout = layout.only(order.ravel())
     scene, layout = settled(scene, layout)
@@ -146,6 +148,7 @@ def prepare(setting: Setting) -> Prepared:
         answers = {name: rows[name] for name in setting.names if name in rows}
         for name, limit in limits.items():
             value = rows[LIMITS[name].quantity]
+            # a law without a value is a failed sample, not a "no"
             answers[name] = yes_no(value > limit, ~jnp.isnan(value))
         return answers
 

@@ -156,9 +156,11 @@ def hold_to_cores(nth: int, count: int) -> None:
     """
     if not sys.platform.startswith("linux"):
         return
+    # the allowed cores, which a container may limit, instead of those of the machine
     cores = sorted(os.sched_getaffinity(0))
     share = max(1, len(cores) // count)
     begin = nth * share % len(cores)
+    # `sched_setaffinity` binds one thread, and those of XLA exist already
     for thread in os.listdir("/proc/self/task"):
         os.sched_setaffinity(int(thread), cores[begin : begin + share])
 
@@ -173,6 +175,7 @@ def environment(cores: int) -> dict[str, str]:
         "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu"),
         "JAX_NUM_CPU_DEVICES": str(cores),
         "OMP_NUM_THREADS": "1",
+        # each worker would otherwise start a thread for every core of the machine
         "OPENBLAS_NUM_THREADS": "1",
         "XLA_FLAGS": os.environ.get("XLA_FLAGS", ""),
     }

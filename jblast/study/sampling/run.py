@@ -169,6 +169,7 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
     if store.attributes["complete"]:
         for tile in range(store.tiles):
             order.take(tile, store.read_tile(tile))
+        # only targets end a complete study before its last sample
         reached = store.samples < numbering.samples
         return Ran(store, estimates, store.samples, 0, 0.0, True, reached, work.notes)
     done = store.done()
@@ -272,6 +273,7 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
                 break
     complete = run.reached or run.next == reduced.tiles
     if complete:
+        # tiles beyond the target, which workers may have written, are not part of it
         summary.resized(run.next, reduced.tile)
         failed = {n: int(m.failed.sum()) for n, m in run.estimates.moments.items()}
         store.finish(run.samples, min(store.samples, run.samples), failed=failed)
@@ -336,6 +338,7 @@ def moments_of(variable: Variable, state: State) -> Moments:
     """Return the running estimates of a state."""
     if variable.kind == "yes_no":
         share = state.yes / np.maximum(state.known, 1)
+        # sum of squares about the share: n p (1 - p)
         square = state.yes * (1.0 - share)
         return Moments(state.known, state.lost, share, square)
     m = state.moments

@@ -88,6 +88,7 @@ class ServedStream:
 
     def close(self) -> None:
         """Close the stream and leave the world."""
+        # None ends the iterator of requests, which closes this half of the stream.
         self._asks.put(None)
         if self._replies.is_active():
             for _ in self._replies:  # packets in transit

@@ -343,6 +343,7 @@ def messages() -> Any:
         warnings.simplefilter("ignore", DeprecationWarning)
         from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
+    # A separate pool: in the default one another package's file may have this name.
     pool = descriptor_pool.DescriptorPool()
     described = descriptor_pb2.FileDescriptorSet.FromString(DESCRIPTION.read_bytes())
     (file,) = described.file
