@@ -190,6 +190,7 @@ class Missions:
             # A complete list means that the plan is invalid; before, a single item is.
             whole, self._items = len(items) == self._count, None
             return [_ack(sender, self._from, INVALID if whole else MISSION_UNSUPPORTED)]
+        # Only a complete and valid upload replaces the plan in use.
         self.plan, self._items = plan, None
         return [_ack(sender, self._from, MISSION_ACCEPTED)]
 

@@ -132,6 +132,7 @@ def event_counts(
         for field in (events.x, events.y, events.polarity, events.time)
     )
     interval = np.searchsorted(times, time, side="left") - 1
+    # events at the very first time belong to no interval
     inside = (interval >= 0) & (interval < len(times) - 1)
     counts = np.zeros((len(times) - 1, *shape), int)
     # `add.at`, because several events of a pixel fall into one interval

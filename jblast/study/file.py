@@ -474,6 +474,7 @@ def _range(key: str, value: dict[str, Any], where: str) -> tuple[float, ...]:
         raise InputError(
             f"{where} count: expected from 2 to {MAX_VALUES:,}, got {count}"
         )
+    # both end exactly at `to`, unlike sums of steps
     spread = np.geomspace if scale == "log" else np.linspace
     return tuple(float(one) for one in spread(low, high, count))
 

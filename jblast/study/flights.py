@@ -301,6 +301,7 @@ def steady_wind(scenes: Scene) -> Float[Array, "*batch 3"]:
 def unwatched(scenes: Scene) -> Scene:
     """Return scenes without observers and names, so that one program serves all."""
     first, *others = (replace(charge, name="") for charge in scenes.charges)
+    # part of the structure of a scene: each one would compile its own program
     removed: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
     removed |= {"vehicle": None, "ambient": None, "law": ()}
     return replace(scenes, charge=first, others=tuple(others), **removed)

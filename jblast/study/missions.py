@@ -514,6 +514,7 @@ def cut(rows: Rows, options: Options) -> Rows:
     if options.seconds is not None or phase[-1] != ENDED:
         return rows
     end = time[np.argmax(phase == ENDED)] + AFTER_DISARMING_S
+    # rows are in order of time: their number is the index of the end
     keep = int(np.sum(time <= end))
     whole = rows.flight
     names = [field.name for field in fields(whole) if field.name != "lost"]

@@ -227,6 +227,7 @@ def resampled(
     grams = np.array([fitted.design[of].T @ fitted.design[of] for of in parts])
     sides = np.array([fitted.design[of].T @ values[of] for of in parts])
     squares = np.array([values[of] @ values[of] for of in parts])
+    # groups differ by one sample if their number does not divide the samples
     sizes = np.array([len(of) for of in parts])
     # keeps the matrix regular if a term has no samples; 1e-9 of the diagonal otherwise
     floor = 1e-9 * count * np.eye(fitted.design.shape[1])

@@ -201,6 +201,7 @@ def _at_arrivals(
         by_wave.setdefault(waves[quantity], []).append((quantity, sigma))
     parts = []
     for wave, records in by_wave.items():
+        # Negated, so that a wave without an arrival (NaN) is left out too.
         if not arrivals.times_s[wave][row, column] < seconds:
             continue
         place = sensor.position_m

@@ -229,9 +229,11 @@ def merge_summaries(found: Sequence[Store], whole: Store, *, apart: bool) -> boo
     # a ceiling division
     into.tiles = -(-int(whole.attributes["samples"]) // tile)
     if apart:
+        # each seed may end with a short tile, so that tiles are not merged
         into.tiles = sum(part.tiles for part in parts)
     if not into.there:
         into.create(anchors, tile)
+    # `whole` may be the first store, whose tiles are not copied onto themselves
     have, begin = into.done(), 0
     for part in parts:
         for number in sorted(part.done()):

@@ -136,6 +136,7 @@ def prepare(setting: Setting) -> Prepared:
 
     def one(key, numbers) -> Answers:
         scene = with_values(like, numbers)
+        # the scatter has one error for each reading: all rows are drawn together
         if scene.scatter:
             key, of_rows = jax.random.split(key)
             own = student_errors(of_rows, STUDENT_FREEDOM, exact.size)

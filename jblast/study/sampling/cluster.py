@@ -198,6 +198,7 @@ def shared(
     """
     from distributed import as_completed
 
+    # -1 for all workers: the default lists the first few
     there = client.scheduler_info(n_workers=-1)["workers"]
     if not there:
         raise InputError("scheduler: expected at least one worker, got none")

@@ -256,6 +256,7 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
     run.take(done)
     missing = [tile for tile in range(reduced.tiles) if tile not in done]
     if left is not None:
+        # rounded up: a limit below one tile still computes one
         missing = missing[: -(-left // reduced.tile)]
     new, reached = 0, run.reached
     if not reached:
@@ -353,7 +354,9 @@ def progress_reporter(numbering: Numbering) -> Callable[[int, Estimates], None]:
     def report(samples: int, estimates: Estimates) -> None:
         if not first:
             first.append(samples)
+        # monotonic: a change of the clock gives no negative rate
         gone = time.monotonic() - begun
+        # without the samples of an earlier run, which took no time here
         rate = (samples - first[0]) / gone if gone > 0 else 0.0
         means = "; ".join(
             _estimate_text(name, estimates) for name in [*estimates.moments][:SHOWN]

@@ -171,6 +171,7 @@ def entity_of(registration: Any) -> Entity:
         OtherProtocol: The client's version differs.
         InputError: As in `checked_entity`.
     """
+    # First, because fields of another version may have another meaning.
     check_protocol(registration.protocol)
     senses = [
         # Zero is the unspecified value of a proto3 enumeration.
