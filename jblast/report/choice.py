@@ -1,7 +1,6 @@
 """The method that `jblast choose` selects, and the reason."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from jblast.fidelity.choose import Candidate, Choice, TakenLaw
@@ -109,11 +108,6 @@ def law_reason(law: TakenLaw) -> str:
     if method == law.name:
         return reason
     return f"chosen before the fit; at the answer it would be {method}: {reason}"
-
-
-def law_reasons(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
-    """Return the reason for the law of each quantity."""
-    return {quantity: law_reason(law) for quantity, law in laws.items()}
 
 
 def percent(error: float) -> str:

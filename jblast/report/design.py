@@ -17,19 +17,21 @@ from jblast.inference.design.cramer_rao import (
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.posterior.parameters import Estimate, Spread
 from jblast.quantities import ADDITIVE
-from jblast.registry import LAWS
-from jblast.report.choice import law_reason
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import WORDED, determined_lines
 from jblast.report.fit.findings import all_words
-from jblast.report.fit.terminal import not_identified, section
+from jblast.report.fit.terminal import (
+    law_lines,
+    not_identified,
+    quantities_by_law,
+    section,
+)
 from jblast.report.words import (
     aligned,
     capitalised,
     finite,
     hanging,
     joined,
-    law_words,
     parameter_words,
     printed_number,
     quantity_words,
@@ -70,7 +72,7 @@ def bound_text(
     lines += section("Warnings", all_words(found.warnings))
     lines += section("Assumptions", _assumptions(bound))
     if verbose:
-        lines += ["", "Laws", *_laws(bound)]
+        lines += law_lines(found, bound.posterior.parameters.scene.scatter)
     if plot is not None:
         lines += ["", f"Map: {plot}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -123,13 +125,9 @@ def _table(found: BoundSummary, estimates: Mapping[str, Estimate]) -> list[str]:
 def _assumptions(bound: Bound) -> list[str]:
     """Return the laws, the distribution of errors and the slopes in the mass."""
     found = bound.summary
-    by_law: dict[str, list[str]] = {}
-    for quantity, name in found.law.items():
-        by_law.setdefault(name, []).append(quantity_words(quantity))
-    laws = [f"{joined(of)} by {law_words(name)}" for name, of in by_law.items()]
-    exact = "" if bound.posterior.parameters.scene.scatter else ", without model error"
+    laws = quantities_by_law(found.law, bound.posterior.parameters.scene.scatter)
     noise = found.noise.capitalize().replace("Student", "Student-t")
-    lines = [f"Laws: {'; '.join(laws)}{exact}", f"{noise} errors"]
+    lines = [f"Laws: {laws}", f"{noise} errors"]
     slopes = [
         f"{SCALED_QUANTITIES.get(quantity, quantity_words(quantity))} as W^"
         + " to W^".join(dict.fromkeys(f"{end:.2g}" for end in ends))
@@ -139,23 +137,6 @@ def _assumptions(bound: Bound) -> list[str]:
         lines.append(f"Dependence on the mass W: {joined(slopes)}")
     if not found.law_valid:
         lines.append("Some recordings lie outside the range of their law")
-    return lines
-
-
-def _laws(bound: Bound) -> list[str]:
-    """Return the law of each quantity with its reason and scatter."""
-    found, lines = bound.summary, []
-    scatter = bound.posterior.parameters.scene.scatter
-    column = max(len(quantity_words(q)) for q in found.law) + 2
-    for quantity, name in found.law.items():
-        law = LAWS[quantity, name]
-        words = law.scatter_words() if scatter else "no model error"
-        text = "; ".join(
-            p for p in (law_reason(found.law_reason[quantity]), words) if p
-        )
-        lines += hanging(
-            f"{quantity_words(quantity).ljust(column)}{name}: {text}", column
-        )
     return lines
 
 

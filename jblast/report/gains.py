@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -144,7 +144,11 @@ def control_line(tried: TriedGains) -> str:
     """Return the gains as one line for a scene's `[vehicle]`."""
     integral = "ki_pos" in tried.gains
     entries = [f"integral = {'true' if integral else 'false'}"]
-    entries += [f"{key} = {_toml(value)}" for key, value in tried.gains.items()]
+    # str of a float and of a list of floats is valid TOML
+    entries += [
+        f"{key} = {list(value) if isinstance(value, tuple) else value}"
+        for key, value in tried.gains.items()
+    ]
     return f"control = {{ {', '.join(entries)} }}"
 
 
@@ -162,15 +166,22 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
             rows.append([f"{words}, {name}", f"{old[n]:.4g}", f"{new[n]:.4g}", ""])
     rows.append(["gain margin [dB]", *_both(before, after, "gain_margin_db"), ""])
     rows.append(["phase margin [deg]", *_both(before, after, "phase_margin_deg"), ""])
-    for key, words in (("q50", "median"), ("q90", "90 %"), ("worst", "worst")):
-        old, new = (getattr(x.peak_deviation_m, key) for x in (before, after))
-        change = f"{100 * (new / old - 1):+.1f} %"
-        rows.append(
-            [f"peak deviation, {words} [m]", f"{old:.3g}", f"{new:.3g}", change]
+    lengths = [
+        (f"peak deviation, {words} [m]", was, now)
+        for words, was, now in zip(
+            ("median", "90 %", "worst"),
+            astuple(before.peak_deviation_m),
+            astuple(after.peak_deviation_m),
+            strict=True,
         )
-    old, new = before.error_after_m, after.error_after_m
-    change = f"{100 * (new / old - 1):+.1f} %"
-    rows.append(["path error after, median [m]", f"{old:.3g}", f"{new:.3g}", change])
+    ]
+    path = "path error after, median [m]"
+    for words, was, now in (
+        *lengths,
+        (path, before.error_after_m, after.error_after_m),
+    ):
+        change = f"{100 * (now / was - 1):+.1f} %"
+        rows.append([words, f"{was:.3g}", f"{now:.3g}", change])
     shares = (f"{100 * x.flies_on_share:.4g}" for x in (before, after))
     rows.append(["fly on [%]", *shares, ""])
     return rows
@@ -178,12 +189,6 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
 
 def _both(before: TriedGains, after: TriedGains, name: str) -> list[str]:
     return [f"{getattr(x, name):.3g}" for x in (before, after)]
-
-
-def _toml(value: float | tuple[float, ...]) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(repr, value))}]"
-    return repr(value)
 
 
 def gains_answer(

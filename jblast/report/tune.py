@@ -108,10 +108,13 @@ def tune_text(answer: TuneAnswer) -> str:
             interval = " to ".join(ends)
         unit = "" if one.unit == "1" else one.unit
         rows.append([name, value, interval, unit, f"{found.before:.4g}", one.key])
-    lines = [f"{answer.recorded}: {_who(answer)}", *aligned(rows, right=(1, 4))]
+    by = "the camera" if answer.sensor is None else f"sensor {answer.sensor!r}"
+    title = f"{answer.recorded}: {answer.kind} of {by} of {answer.scene}"
+    lines = [title, *aligned(rows, right=(1, 4))]
     if decibels := _decibels(answer):
         lines.append(decibels)
-    lines.append(_fixed(answer))
+    fixed = [f"{n} {x:.4g}" for n, x in answer.fixed.items() if x is not None]
+    lines += [f"fixed by the scene: {', '.join(fixed)}"] if fixed else []
     left = answer.explained
     worst = min(left.tests.items(), key=lambda item: item[1], default=None)
     if left.error is not None and left.error_allowed is not None:
@@ -147,12 +150,6 @@ def _place(key) -> str:
     return f"{table} {key.name}" + ("" if key.index is None else f"[{key.index}]")
 
 
-def _who(answer: TuneAnswer) -> str:
-    if answer.sensor is None:
-        return f"{answer.kind} of the camera of {answer.scene}"
-    return f"{answer.kind} of sensor {answer.sensor!r} of {answer.scene}"
-
-
 def _decibels(answer: TuneAnswer) -> str:
     """Return sound levels in decibels, as they are usually given."""
     levels = []
@@ -163,15 +160,6 @@ def _decibels(answer: TuneAnswer) -> str:
             level = 20.0 * math.log10(value / 20e-6)
             levels.append(f"{words_of(name)} {level:.1f} dB")
     return f"{', '.join(levels)} re 20 µPa" if levels else ""
-
-
-def _fixed(answer: TuneAnswer) -> str:
-    fixed = [
-        f"{name} {value:.4g}"
-        for name, value in answer.fixed.items()
-        if value is not None
-    ]
-    return f"fixed by the scene: {', '.join(fixed)}" if fixed else ""
 
 
 def tune_answer(

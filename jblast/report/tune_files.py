@@ -3,7 +3,7 @@
 import copy
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 import jblast
 from jblast.files import write_text
@@ -30,6 +31,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.tune import key_of, tune_answer
+from jblast.results import Document
 from jblast.scene.reader.tables import LISTS
 
 GREY = "#b0b0b0"
@@ -112,7 +114,7 @@ def events_figure(tuned: Tuned, evidence: EventsEvidence) -> Figure:
             left.axvline(float(one), color=GREY, linewidth=1.0)
         left.set_xlabel("change of the logarithm of light")
         titled(left, f"From event to event, {name}", "grey: thresholds")
-        rest = _clipped(np.asarray(evidence.left(scene)))
+        rest = np.clip(np.asarray(evidence.left(scene)), -1.0, 1.0)
         right.plot(time, rest, ".", color=colour, markersize=2.0, alpha=0.4)
         right.set_ylim(-1.05, 1.05)
         right.set_xlabel("time [ms]")
@@ -121,10 +123,6 @@ def events_figure(tuned: Tuned, evidence: EventsEvidence) -> Figure:
     for axes in grid.ravel():
         quiet(axes)
     return figure
-
-
-def _clipped(values: Any) -> Float[np.ndarray, " event"]:
-    return np.clip(values, -1.0, 1.0)
 
 
 def tune_figure(tuned: Tuned) -> Figure:
@@ -178,7 +176,10 @@ def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
     rest.set_xlabel("time by the sensor's clock [s]")
     for axes in (wave, spectrum, left, rest):
         quiet(axes)
-    _legend(figure)
+    names = {"record": GREY, "expected before": VERMILLION, "after": BLUE}
+    lines = [Line2D([], [], color=colour, linewidth=2.0) for colour in names.values()]
+    place = {"loc": "outside lower center", "ncols": 3, "frameon": False}
+    figure.legend(lines, [*names], fontsize=9, **place)
     return figure
 
 
@@ -237,21 +238,6 @@ def _envelope(
     axes.set_ylabel("standard deviations")
 
 
-def _legend(figure: Figure) -> None:
-    from matplotlib.lines import Line2D
-
-    names = {"record": GREY, "expected before": VERMILLION, "after": BLUE}
-    lines = [Line2D([], [], color=colour, linewidth=2.0) for colour in names.values()]
-    figure.legend(
-        lines,
-        [*names],
-        loc="outside lower center",
-        ncols=3,
-        frameon=False,
-        fontsize=9,
-    )
-
-
 def write_tuned(
     tuned: Tuned, directory: Path, scene: str, recorded: str
 ) -> tuple[str, ...]:
@@ -281,14 +267,36 @@ def write_tuned(
     if unknown:
         comments.append(f"not identified by the record: {', '.join(unknown)}")
     text = scene_text(tuned_document(document, values, sensor), comments)
+    return write_scene_and_answer(
+        directory,
+        text,
+        partial(tune_figure, tuned),
+        partial(tune_answer, tuned, scene, recorded),
+    )
+
+
+def write_scene_and_answer(
+    directory: Path,
+    scene: str,
+    draw: Callable[[], Figure],
+    answer: Callable[[tuple[str, ...]], Document],
+) -> tuple[str, ...]:
+    """Write a tuned scene, its figure and the answer; return the file names.
+
+    Args:
+        directory: Output directory, which exists.
+        scene: The scene as TOML.
+        draw: Function that draws the figure.
+        answer: Function that returns the answer, which lists the written files.
+    """
+    # files of an earlier run go first: a figure that fails must not leave an old one
     for name in (SCENE, JSON, FIGURE):
         (directory / name).unlink(missing_ok=True)
-    write_text(directory / SCENE, text)
+    write_text(directory / SCENE, scene)
     names = [SCENE, JSON]
-    if write_drawn(partial(tune_figure, tuned), directory / FIGURE) is not None:
+    if write_drawn(draw, directory / FIGURE) is not None:
         names.append(FIGURE)
-    answer = tune_answer(tuned, scene, recorded, tuple(names))
-    write_text(directory / JSON, answer.to_json())
+    write_text(directory / JSON, answer(tuple(names)).to_json())
     return tuple(names)
 
 

@@ -44,7 +44,9 @@ def understood_words(found: Understood) -> str:
 def _(found: table.Dialect) -> str:
     parts = []
     if found.separator:
-        parts.append(f"fields separated by {_separator(found.separator)}")
+        named_one = found.separator in ("semicolon", "tab")
+        separator = f"{found.separator}s" if named_one else repr(found.separator)
+        parts.append(f"fields separated by {separator}")
     if found.encoding:
         parts.append(found.encoding)
     if found.sheet:
@@ -137,10 +139,6 @@ def _(found: table.MadeLong) -> str:
             "law's scatter is used"
         )
     return text
-
-
-def _separator(name: str) -> str:
-    return f"{name}s" if name in ("semicolon", "tab") else repr(name)
 
 
 def _rows(n: int) -> str:

@@ -148,20 +148,17 @@ def finite(number: Any) -> float | None:
 
 def unit_for(name: str, *numbers: float | None, system: System = "si") -> Unit:
     """Return the unit for numbers of one parameter or quantity, by the largest."""
-    ladder = _ladder(split_name(name)[1], system)
+    suffix = split_name(name)[1]
+    ladder = LADDERS[suffix]
+    if system == "us" and suffix in CUSTOMARY:
+        ladder = tuple(
+            (start, Unit(SYMBOLS.get(ending) or ending, si_factor(ending)))
+            for start, ending in CUSTOMARY[suffix]
+        )
     largest = max((abs(n) for n in numbers if n is not None), default=0.0)
     if largest == 0.0:
         return next((u for _, u in ladder if u.size == 1.0), ladder[-1][1])
     return [unit for start, unit in ladder if largest >= start][-1]
-
-
-def _ladder(suffix: str, system: System) -> tuple[tuple[float, Unit], ...]:
-    if system == "si" or suffix not in CUSTOMARY:
-        return LADDERS[suffix]
-    return tuple(
-        (start, Unit(SYMBOLS.get(ending) or ending, si_factor(ending)))
-        for start, ending in CUSTOMARY[suffix]
-    )
 
 
 def rounded(number: float, sd: float) -> str:

@@ -81,7 +81,8 @@ def null_direction_sentence(direction: NullDirection) -> str:
     changes = [
         f"{parameter_words(name)} times {significant(2.0 ** (step / pace), 3)}"
         if _in_ln(name, space)
-        else f"{parameter_words(name)} by {_signed(name, moved * step / pace)}"
+        else f"{parameter_words(name)} by {'+' if step > 0 else ''}"
+        f"{printed_number(name, moved * step / pace, 3)}"
         for name, step in steps.items()
     ]
     return (
@@ -92,10 +93,6 @@ def null_direction_sentence(direction: NullDirection) -> str:
 
 def _in_ln(name: str, space: str) -> bool:
     return space != "linear" and parameter_named(name).positive
-
-
-def _signed(name: str, step: float) -> str:
-    return ("+" if step > 0 else "") + printed_number(name, step, 3)
 
 
 def ambiguity_sentence(other: OtherMode) -> str:

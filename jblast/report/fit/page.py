@@ -66,7 +66,8 @@ def report_page(
         accepted: Published values by parameter name, each with its source.
         extra_warnings: Failures since the fit, such as a figure that was not drawn.
     """
-    found, name, used = fit.summary, log_name(fit), laws_used(fit)
+    found, name = fit.summary, log_name(fit)
+    used = laws_used(found, fit.scene.scatter)
     p = goodness_p(found)
     return page(
         "templates/fit.html",

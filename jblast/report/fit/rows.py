@@ -118,11 +118,6 @@ def fitted_words(found: Summary) -> tuple[str, str]:
     return f"{n} recording{'s' * (n != 1)}", fitted or "nothing"
 
 
-def not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:
-    """Return the accepted parameters that were not fitted."""
-    return [name for name in accepted or {} if name not in estimates_of(found)]
-
-
 @dataclass(frozen=True)
 class Row:
     """One row of the residual table, ready to print.
@@ -198,16 +193,18 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
     else:
         shown_sd = f"{significant(100.0 * sd)} %"
     shown_residual = f"{residual:+.2f}" if np.isfinite(residual) else "-"
-    distance = float(fit.distance[i])
+    distance, is_bound = float(fit.distance[i]), bool(table.bounds()[i])
+    # the residual of a lower bound is exactly 0 where the law predicts at least it
+    is_satisfied = is_bound and residual == 0.0
     return Row(
         line=str(table.line[i]) if i < len(table.line) else str(i + 1),
         sensor=table.sensor[i],
         quantity=quantity_words(quantity),
         range=printed_number("_m", distance) if np.isfinite(distance) else "-",
-        measured=(AT_LEAST if table.bounds()[i] else "") + show(value),
+        measured=(AT_LEAST if is_bound else "") + show(value),
         predicted=show(predicted),
         sd=shown_sd,
-        residual="satisfied" if is_kept(fit, i) else shown_residual,
+        residual="satisfied" if is_satisfied else shown_residual,
         suspected=suspected,
     )
 
@@ -231,8 +228,3 @@ def lower_bound_sentence(fit: Fit) -> str:
         )
     one = "is a lower bound" if len(rows) == 1 else "are lower bounds"
     return f"{len(rows)} of {n} recordings {one} ({sensors}); the law {kept}."
-
-
-def is_kept(fit: Fit, row: int) -> bool:
-    """Return whether a row is a lower bound that the law satisfies."""
-    return bool(fit.observations.bounds()[row]) and float(fit.residual[row]) == 0.0
