@@ -190,6 +190,7 @@ def _head(answer: CheckAnswer) -> str:
 
 def _item(line: str) -> str:
     return textwrap.fill(
+        # names of files and options have hyphens; broken they cannot be copied
         line, WIDTH, initial_indent="  ", subsequent_indent="    ",
         break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
@@ -208,6 +209,7 @@ def _folded(faults: Sequence[str], source: str) -> list[str]:
         numbered = LINE.fullmatch(fault.removeprefix(f"{source}: "))
         message = numbered.group(2) if numbered else fault.removeprefix(f"{source}: ")
         known = KNOWN.search(message)
+        # a list of valid names takes a line or two; printed again it adds nothing
         if known and known.group() in lists and message not in lines:
             message = message.removesuffix(known.group())
         elif known:
@@ -268,6 +270,7 @@ def check_answer(
         places=_places(log),
         lower_bounds=int(log.bounds().sum()),
         understood=tuple(understood),
+        # faults come check by check, but a file is corrected line by line
         faults=tuple(sorted(map(str, faults), key=_line)),
         warnings=tuple(
             Warned(
@@ -296,6 +299,7 @@ def _places(log: Observations) -> dict[str, int]:
     ranged = ~np.isnan(log.slant_range)
     for row, sensor in enumerate(log.sensor):
         kind = "position" if positioned[row] else "range" if ranged[row] else ""
+        # a sensor may have rows without a position: the first row with one counts
         known[sensor] = known.get(sensor, "") or kind
     counts = Counter(known.values())
     return {kind or "neither": counts[kind] for kind in ("position", "range", "")}

@@ -114,6 +114,7 @@ def percent(error: float) -> str:
     """Return a relative error as text: 0.31 %, 24 %, a factor of 3.2."""
     if not math.isfinite(error):
         return "an unknown amount"
+    # from 100 % on a factor is plainer: the quantities are positive
     if error >= 1.0:
         return f"a factor of {1.0 + error:.2g}"
     return f"{100.0 * error:.2g} %"
@@ -121,6 +122,7 @@ def percent(error: float) -> str:
 
 def _times(ratio: float) -> str:
     """Return a ratio to one digit, as 40 or 4e5."""
+    # costs are timings, which vary by tens of per cent: one digit
     digit, power = f"{ratio:.0e}".split("e")
     return f"{float(f'{ratio:.0e}'):g}" if ratio < 1e3 else f"{digit}e{int(power)}"
 

@@ -97,6 +97,8 @@ def _estimates(found: BoundSummary) -> dict[str, Estimate]:
             estimates[name] = Estimate()
             continue
         value, sd, log_sd = found.at[name], spread.sd, spread.log_sd
+        # a positive parameter is uncertain by a factor, so its interval is symmetric in
+        # ln; it overflows to infinity if the layout hardly constrains the parameter
         step = NORMAL_Q95 * np.array([-1.0, 1.0])
         with np.errstate(over="ignore"):
             ends = (
@@ -182,6 +184,7 @@ def data_lines(
         return []
     best: dict[str, AddedDatum] = {}
     for datum in data:
+        # the first datum of a quantity is its best: data are sorted by their gain
         best.setdefault(datum.quantity, datum)
     target = data[0].parameter
     now = parameters[target]

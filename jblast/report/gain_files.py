@@ -53,6 +53,7 @@ def cut_words(tuned: TunedGains) -> str:
 def draw_each(axes: Axes, tuned: TunedGains) -> None:
     """Draw the peak deviation of each unseen blast, after against before."""
     before, after = known_peaks(tuned.before), known_peaks(tuned.after)
+    # infinite peaks have no place on the axes
     both = np.isfinite(before) & np.isfinite(after)
     on = both & tuned.before.outcomes.flies_on & tuned.after.outcomes.flies_on
     axes.plot(before[on], after[on], ".", color=BLUE, markersize=5, alpha=0.6)
@@ -76,6 +77,7 @@ def draw_each(axes: Axes, tuned: TunedGains) -> None:
 def draw_middle(axes: Axes, tuned: TunedGains) -> None:
     """Draw the path error over time for the median blast, before and after tuning."""
     peaks = known_peaks(tuned.before)
+    # one blast, not the median over blasts at each time, which no vehicle flew
     middle = int(np.argsort(peaks)[peaks.size // 2])
     for tried, colour, label in (
         (tuned.before, VERMILLION, "before"),

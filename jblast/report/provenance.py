@@ -64,6 +64,7 @@ def provenance_of(
         scene: The scene's file; "" if there is none.
         command: The words of the command, the program first.
     """
+    # the scene is read once, before the computation: its file may change meanwhile
     scene_bytes = _bytes(scene)
     # by the resolved path: a file given twice, or with its folder, is listed once
     files = {
@@ -113,6 +114,7 @@ def _files(path: str | Path) -> list[Path]:
         if path.is_dir():
             return sorted(path.iterdir())
         return [path, covariance_file(path)] if path.name else [path]
+    # a source made in memory can be any text; a null byte raises ValueError
     except (OSError, ValueError):
         return []
 

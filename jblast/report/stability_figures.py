@@ -109,6 +109,7 @@ def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
         return figure
     grid = parts[0].add_gridspec(len(heights) or 1, 2, height_ratios=heights or None)
     for place, area in enumerate(beside):
+        # the last of an odd number of panels spans both columns
         alone = place % 2 == 0 and place == len(beside) - 1
         across = slice(None) if alone else place % 2
         PANELS[area](parts[0].add_subplot(grid[place // 2, across]), modes[area])
@@ -140,6 +141,7 @@ def _key(axes) -> None:
 def wave_forms(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of the pulse's impulse against its decay."""
     decay, bare, ours = impulse_errors()
+    # an error of exactly 0 has no logarithm: it is drawn below one rounding step
     floor = np.finfo(np.float32).eps / 4.0
     # rounding errors fluctuate from point to point: the largest of 25 is drawn
     width = 25
@@ -213,6 +215,7 @@ def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
         [np.linspace(SHORT_STEP, 1.0, 10), np.arange(1.02, 1.3, 0.02)]
     )
     least = wave_error(SHORT_STEP), sod_end(SHORT_STEP)[1]
+    # relative to the error of a short step: both cases then share an axis
     smooth = [wave_error(float(c)) / least[0] for c in fraction]
     sod = [
         error / least[1] if alive else np.inf for alive, error in map(sod_end, fraction)
@@ -239,6 +242,7 @@ def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
 def flights(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of a blast's impulse against the step."""
     ratio, bare, ours = pulse_errors()
+    # errors of 0 are drawn at 1e-9, as they have no logarithm
     axes.loglog(ratio, np.maximum(bare, 1e-9), color=VERMILLION, linewidth=1.8)
     axes.loglog(ratio, np.maximum(ours, 1e-9), color=BLUE, linewidth=1.8)
     axes.text(3.0, 0.02 * bare.max(), "force per step", color=VERMILLION, fontsize=9)
@@ -296,6 +300,7 @@ def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
             (share + 1.0, row, boundary_words(mode)),
         ):
             axes.text(x, y, words, va="center", fontsize=8.5, color=INK)
+    # bars of no length make one entry of the key for each response
     for response in dict.fromkeys(mode.response for mode in counted):
         axes.barh(
             0.0,
@@ -367,6 +372,7 @@ def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
             row += 1.0
         row += 0.25
     axes.set_xscale("log")
+    # inverted: the first quantity is at the top
     axes.set(xlim=(Z[0], Z[-1]), ylim=(row - 0.4, -0.8))
     axes.set_yticks(places, names)
     axes.spines[["top", "right", "left"]].set_visible(False)
@@ -423,6 +429,7 @@ def _ticks(
     """Draw ticks at boundaries, with labels unless these would overlap."""
     named = 0.0
     here = [mode for mode in modes if mode.unit in UNITS]
+    # from left to right: a label is compared with its left neighbour
     for mode in sorted(here, key=lambda mode: mode.boundary * UNITS[mode.unit]):
         z = mode.boundary * UNITS[mode.unit]
         colour = RESPONSE_COLOURS[mode.response]

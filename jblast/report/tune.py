@@ -102,6 +102,7 @@ def tune_text(answer: TuneAnswer) -> str:
     for name, one in answer.estimates.items():
         value, interval, found = NOT_IDENTIFIED, "", one.found
         if found.value is not None and found.sd is not None:
+            # digits past the twelfth are rounding errors of the search
             sd = max(found.sd, 1e-12 * abs(found.value))
             value = rounded(found.value, sd)
             ends = [rounded(x, sd) for x in (found.q05, found.q95) if x is not None]
@@ -157,6 +158,7 @@ def _decibels(answer: TuneAnswer) -> str:
         one = answer.estimates.get(name)
         value = None if one is None else one.found.value
         if value is not None and value > 0:
+            # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
             level = 20.0 * math.log10(value / 20e-6)
             levels.append(f"{words_of(name)} {level:.1f} dB")
     return f"{', '.join(levels)} re 20 µPa" if levels else ""

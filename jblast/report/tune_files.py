@@ -64,6 +64,7 @@ def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
         low, high, scale = 0.0, 255.0, ""
         if name != "recorded":
             high = max(float(np.abs(values[chosen]).max()), 1.0)
+            # symmetric about 0, so that no residual is white
             low, scale = -high, f"colours to ±{high:.2g}"
         for axes, number in zip(axes_row, chosen, strict=False):
             image = np.full(size, np.nan).ravel()
@@ -188,7 +189,9 @@ def _near(expected: Float[np.ndarray, " sample"], count: int) -> slice:
     energy = np.cumsum(np.square(expected))
     if not energy[-1] > 0:
         return slice(0, count)
+    # the last 2 % of the energy arrive in a long, flat tail
     first, last = np.searchsorted(energy, np.array([1e-4, 0.98]) * energy[-1])
+    # a pulse of a few samples needs some more around it to be seen
     length = max(int(last - first), 32)
     start = max(int(first - BEFORE_PART * length), 0)
     return slice(start, min(int(first + AFTER_PART * length), count))
@@ -204,6 +207,7 @@ def _spectra(axes: Axes, evidence: SoundEvidence, tuned: Tuned, rate: float) -> 
     used = bands >= 0
     power = np.asarray(evidence.weights(tuned.scene).power)
     unit = float(evidence.unit(tuned.scene))
+    # one-sided density: 2 |X|^2 over the sample rate and the energy of the taper
     weight = float(np.square(np.asarray(evidence._taper())).sum()) * 0.5 * rate
 
     def level(values: Any, one: float) -> Float[np.ndarray, " band"]:
@@ -230,6 +234,8 @@ def _envelope(
     white: Float[np.ndarray, " sample"],
 ) -> None:
     """Draw the smallest and largest sample of each column."""
+    # about a column a pixel: a line through all samples is slow to draw and looks the
+    # same
     columns = min(white.size, 800)
     edges = np.linspace(0, white.size, columns + 1).astype(int)[:-1]
     low, high = np.minimum.reduceat(white, edges), np.maximum.reduceat(white, edges)
@@ -345,6 +351,7 @@ def scene_text(document: Mapping[str, Any], comments: Sequence[str] = ()) -> str
         elif isinstance(value, list):
             arrays.append((key, value))
         else:
+            # plain keys come first: after a header they would belong to its table
             lines.append(f"{_word(key)} = {_value(value)}")
     for key, entry in tables:
         lines += ["", f"[{_word(key)}]", *_entries(entry)]
@@ -393,6 +400,7 @@ def _word(key: str) -> str:
 
 def _value(value: Any) -> str:
     """Return a value as TOML."""
+    # before numbers: True is an int, and TOML has true
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -402,6 +410,7 @@ def _value(value: Any) -> str:
         return f"{{ {inner} }}"
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
+    # ten digits are finer than any uncertainty, and hide rounding errors
     return repr(float(f"{value:.10g}")) if isinstance(value, float) else str(value)
 
 

@@ -70,6 +70,7 @@ def calculation_csv(
     for quantity, by_law in answer.items():
         for name, of_law in by_law.items():
             for i, (r, m) in enumerate(zip(ranges, masses, strict=True)):
+                # all digits: programs read this table
                 value, valid = repr(float(of_law.value[i])), bool(of_law.valid[i])
                 row = (repr(float(r)), repr(float(m)), quantity, name, value)
                 lines.append((*row, str(valid).lower()))
@@ -184,6 +185,7 @@ def root_line(
         by_law: Values of all laws.
     """
     target = printed_number(question.quantity, question.target, system=question.units)
+    # a curve that is not monotonic takes the value at several ranges
     solutions = recommended.solutions or (recommended.value,)
     values = [
         printed_number(recommended.quantity, value, system=question.units)
@@ -334,6 +336,7 @@ def one_unit(
 ) -> Unit:
     """Return one unit for the values of all laws, by their median."""
     values = np.concatenate([of_law.value for of_law in by_law.values()])
+    # the median: one extrapolated law far off would decide the unit of all
     middle = float(np.nanmedian(np.abs(values)))
     return unit_for(quantity, middle, system=question.units)
 
@@ -366,6 +369,7 @@ def _table(
     symbol = f" [{unit.symbol}]" if unit.symbol else ""
     lines = [capitalised(quantity_words(quantity)) + symbol]
     heads = [["range", *(printed_number("_m", r, system=system) for r in ranges)]]
+    # a single mass stands in the title
     if len(question.charge_mass) > 1:
         heads.append(
             ["mass", *(printed_number("_kg", m, system=system) for m in masses)]

@@ -62,6 +62,7 @@ def practically_unidentified(estimates: Mapping[str, Estimate]) -> list[str]:
         name
         for name, estimate in estimates.items()
         if estimate.identified
+        # a parameter that can be negative has no sd of ln: it is never listed
         and (finite(estimate.log_sd) or 0.0) > UNIDENTIFIED_LOG_SD
     ]
 
@@ -122,6 +123,7 @@ def determined_lines(determined: Sequence[EstimableCombination]) -> list[str]:
         value, sd = finite(entry.value), finite(entry.sd)
         if value is None:
             lines.append(entry.combination)
+        # without an sd there are no significant digits to round to
         elif not sd:
             lines.append(f"{entry.combination} = {significant(value, 4)}")
         else:

@@ -95,6 +95,7 @@ def goodness_sentence(found: Summary) -> str:
             f"The fit is marginal (p {printed_p(p)}): the stated errors give so large "
             "a disagreement in less than 1 % of logs."
         )
+    # as improbable as a poor fit, on the other side
     if p > 1 - POOR:
         return (
             f"The recordings lie closer to the law than their errors allow "
@@ -152,6 +153,7 @@ def reason_words(reason: Finding | None) -> str:
     """Return the reason for the method of the intervals, or ""."""
     if reason is None:
         return ""
+    # the rest of its sentence is on the estimates, not on the intervals
     if isinstance(reason, fitting.NotAtOptimum):
         return "the search did not reach an optimum"
     return words(reason)

@@ -99,6 +99,7 @@ def kml(features: Sequence[Feature], title: str) -> str:
     """
     root, document = new_document(title)
     order = list(FOLDERS)
+    # groupby joins neighbours only, and features come charge by charge
     by_kind = sorted(features, key=lambda feature: order.index(feature.kind))
     for kind, of_kind in groupby(by_kind, key=lambda feature: feature.kind):
         folder = ET.SubElement(document, "Folder")
@@ -261,6 +262,7 @@ def _charge(charge: ChargePlace, frame: Frame, found: Summary, label) -> Iterato
 
 def _areas(charge: ChargePlace, frame: Frame) -> Iterator[Feature]:
     of = f" of {charge.name}" if charge.name else ""
+    # the largest first: viewers draw later areas above it, where they can be clicked
     for region in reversed(charge.regions):
         rings = [(outer, *holes) for outer, holes in region.parts]
         yield Feature(
@@ -325,6 +327,7 @@ def _polygons(
         in_degrees = []
         for ring in rings:
             enu = np.concatenate([ring, np.zeros((len(ring), 1))], axis=1)
+            # latitude comes first here, longitude in GeoJSON and KML
             in_degrees.append(frame.to_geodetic(enu)[:, 1::-1])
         found += without_crossing(in_degrees)
     return tuple(found)
@@ -336,11 +339,13 @@ def without_crossing(rings: Sequence[Ring]) -> list[Polygon]:
     Args:
         rings: Outline and holes, longitudes -180 to 180; none encloses a pole.
     """
+    # one start for all: a hole must not lie a turn away from its outline
     start = rings[0][0, 0]
     turned = [_continuous(ring, start) for ring in rings]
     low, high = turned[0][:, 0].min(), turned[0][:, 0].max()
     if low >= -180.0 and high <= 180.0:
         return [tuple(turned)]
+    # RFC 7946, section 3.1.9: areas across the meridian are cut at it
     cut = 180.0 if high > 180.0 else -180.0
     found = []
     for side in (1.0, -1.0):

@@ -101,6 +101,7 @@ def _time(fit: Fit, name: str) -> str:
     if not half > 0.0:
         value = float(fit.origin_time[0])
         return f"{utc(epoch, value)[:-1].replace('T', ' ')} UTC"
+    # datetime has six decimals of a second
     decimals = min(max(1 - math.floor(math.log10(half)), 0), 6)
     text = utc(epoch, round(estimate.value, decimals))[:-1].replace("T", " ")
     text = text[: len(text) - 6 + decimals] if decimals else text[:-7]
@@ -348,6 +349,7 @@ def close_view(charge: ChargePlace, whole: View) -> View | None:
     places = _places_of(charge)
     if charge.accepted is not None and charge.draws is not None:
         away = np.hypot(*(np.array(charge.accepted) - charge.position[:2]))
+        # further away it would shrink the ellipses to a dot again
         if away < 3 * size:
             places.append(np.array(charge.accepted))
     view = view_of(np.array(places))

@@ -139,6 +139,7 @@ class Row:
 
 def log_name(fit: Fit) -> str:
     """Return the log's file name without its folder, or "" for one made in memory."""
+    # a path from Windows has backslashes, which POSIX takes for letters
     return PurePosixPath(fit.observations.source.replace("\\", "/")).name
 
 
@@ -166,6 +167,7 @@ def residual_rows(fit: Fit) -> list[Row]:
     """Return the log's rows in order; for a long log only the largest residuals."""
     rows = np.arange(len(fit.observations))
     if len(rows) > MAX_ROWS:
+        # rows without a residual count as the largest: readers search for them
         worst = np.argsort(-np.abs(np.nan_to_num(fit.residual, nan=np.inf)))
         rows = np.sort(worst[:MAX_ROWS])
     suspected = outlier_rows(fit)

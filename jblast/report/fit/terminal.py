@@ -87,6 +87,7 @@ MASS = "charge_mass_kg"
 def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
     """Return one line a log: estimates, goodness of fit and warnings."""
     fits = {name: fit for name, fit in answers.items() if isinstance(fit, Fit)}
+    # logs may have different free parameters: the table has a column for each
     names = list(dict.fromkeys(p for fit in fits.values() for p in fit.summary.free))
     rows = [("log", *map(parameter_words, names), "chi2 (chance)", "")]
     for name, fit in fits.items():
@@ -117,6 +118,7 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
             continue
         of_log = {k: getattr(fit.summary, k) for k in OF_LOG}
         for parameter, estimate in fit.summary.estimates.items():
+            # a cell without a number is empty in CSV, not "nan"
             numbers = {k: x for k, x in asdict(estimate).items() if not math.isnan(x)}
             rows.append({"log": name, "parameter": parameter} | numbers | of_log)
     return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
@@ -190,6 +192,7 @@ def summary(
     lines += section("Reliability", _reliability(fit))
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
+    # an interval that is that of its prior is no fault of the fit
     ordinary = [one for one in found.warnings if isinstance(one, NothingLearned)]
     rest = [one for one in found.warnings if one not in ordinary]
     lines += section("Warnings", [capitalised(one) for one in all_words(rest)])
@@ -235,6 +238,8 @@ def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
     ]
     indent = max(len(row[0]) for row in rows) + GAP
     lines = []
+    # a row that is too long has its accepted value below; the narrow layout keeps the
+    # columns of such rows below each other
     whole, left = aligned(rows), aligned([row[:3] for row in rows])
     for i, row in enumerate(rows):
         if found.derived and i == len(found.estimates) + 1:
@@ -291,6 +296,7 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         sentences, unknown = sentences + unknown, []
     for name, estimate in estimates_of(found).items():
         if estimate.identified and not _repeats(name, found):
+            # sentences on a mass are worded for TNT
             made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
             sentences.append(_estimate_sentence(name, estimate, accepted, made_of))
     sentences += earth_lines(fit)
@@ -346,8 +352,10 @@ def given_sentence(fit: Fit) -> str:
         names += ["air_altitude_m"]
     else:
         names += ["air_temperature_k", "air_pressure_pa"]
+    # still air is listed as an assumption
     if float(scene.air.wind_east) or float(scene.air.wind_north):
         names += ["wind_east_m_s", "wind_north_m_s"]
+    # only ground and law numbers that a used law reads affect the answer
     arguments = {
         argument
         for pair in fit.summary.law.items()
@@ -533,6 +541,7 @@ def headline(fit: Fit) -> list[str]:
     Unidentified parameters come last, with their intervals if these are known.
     """
     found, lines = fit.summary, []
+    # first: without convergence no other sentence can be relied on
     if not found.converged:
         lines.append("NOT CONVERGED: do not use the numbers below.")
     if fit.is_poor:
