@@ -187,6 +187,7 @@ def _panel(
     labels, front = [], []
     for point, best in zip(points, on_pareto_front(points), strict=True):
         far = point.cost_s > last
+        # its cost stands in the name, as the axis does not have it
         x = last * EDGE_FACTOR if far else point.cost_s
         colour = VERMILLION if point.is_reference else BLUE if best else MUTED
         axes.plot(

@@ -220,6 +220,7 @@ def _folded(faults: Sequence[str], source: str) -> list[str]:
         lines.setdefault(message, []).extend([numbered.group(1)] if numbered else [])
         rejected.setdefault(message, []).extend([got + text] if got else [])
     return [
+        # rejected values differ from row to row: the first is an example
         _lines(numbers)
         + message
         + "".join(rejected[message][:1])
@@ -340,6 +341,7 @@ def _slow_between(doubt: Doubt, log: Observations) -> str:
 def _since_1970(doubt: Doubt, log: Observations) -> str:
     unit, when = doubt.names
     many = len(doubt.rows)
+    # dates are wrong in whole columns: one warning for all rows
     these = "this looks" if many == 1 else f"these {many} rows look"
     return (
         f"{log.sensor[doubt.rows[0]]}: {these} like {unit} since 1970, here {when}; "

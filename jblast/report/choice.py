@@ -180,6 +180,7 @@ def _rejected(choice: Choice, found: Candidate) -> Candidate | None:
         and math.isfinite(c.error)
         and c.error > max(found.error, choice.tolerance)
     ]
+    # candidates come the cheapest first
     return others[0] if others else None
 
 

@@ -192,7 +192,10 @@ def data_lines(
     for datum in sorted(best.values(), key=lambda datum: _width(datum.left))[
         :MAX_ADDED
     ]:
-        if _helps(datum.left, now):
+        before = now.sd if math.isnan(datum.left.log_sd) else now.log_sd
+        # any finite sd helps a parameter that is not identified yet
+        limit = LITTLE_HELP * before if math.isfinite(before) else math.inf
+        if _width(datum.left) < limit:
             rows.append(_row(datum))
         else:
             idle.append(quantity_words(datum.quantity))
@@ -203,12 +206,6 @@ def data_lines(
     if idle:
         lines += hanging(f"No improvement by {joined(idle)}.")
     return lines
-
-
-def _helps(left: Spread, now: Spread) -> bool:
-    before = now.sd if math.isnan(left.log_sd) else now.log_sd
-    limit = LITTLE_HELP * before if math.isfinite(before) else math.inf
-    return _width(left) < limit
 
 
 def _width(left: Spread) -> float:
@@ -223,8 +220,10 @@ def _row(datum: AddedDatum) -> tuple[str, str, str]:
         if quantity in ADDITIVE
         else f"{100 * datum.sigma:.2g} %"
     )
+    # the assumed error decides how much a datum helps
     source = "default" if datum.is_default else "as planned"
     place = where(datum)
+    # a sensor of the layout is known by its name; a new position needs numbers
     if datum.position is not None and not datum.sensor:
         east, north, _ = datum.position
         place = f"at east {east:.4g}, north {north:.4g} m"

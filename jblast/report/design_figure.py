@@ -80,6 +80,7 @@ def _panel(axes: Axes, drawn: BoundMap, values, words) -> None:
             color=INK,
         )
     if not drawn.valid.all():
+        # hatched, not hidden: the bound there rests on an extrapolated law
         outside = axes.contourf(
             drawn.east,
             drawn.north,
@@ -139,6 +140,7 @@ def _shade(axes: Axes, drawn: BoundMap, values, words) -> None:
         cmap=SHADES,
     )
     levels = round_levels(float(low), float(high))
+    # a map that is flat within 1 % has no contour to label
     if len(levels):
         lines = axes.contour(
             drawn.east, drawn.north, values, levels, colors=INK, linewidths=0.8

@@ -24,6 +24,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     Raises:
         OSError: It cannot be written; an existing file is unchanged.
     """
+    # the suffix is given, as the temporary file has another one
     with replacing(path) as temporary:
         figure.savefig(temporary, format=Path(path).suffix[1:])
 
@@ -62,6 +63,7 @@ class Picture:
 
 def picture_of(figure: Figure) -> Picture:
     """Return a drawn figure."""
+    # 96 pixels of CSS are an inch
     return Picture(image_bytes(figure, "png"), round(96 * figure.get_figwidth()))
 
 

@@ -60,6 +60,7 @@ def draw_each(axes: Axes, tuned: TunedGains) -> None:
     off = both & ~on
     axes.plot(before[off], after[off], "x", color=VERMILLION, markersize=5)
     known = np.concatenate([before[both], after[both]])
+    # one range for both axes, so that no change is the diagonal
     ends = np.array([0.8 * known.min(), 1.25 * known.max()])
     axes.plot(ends, ends, color=INK, linewidth=0.9)
     axes.plot(ends, 0.8 * ends, color=INK, linewidth=0.9, linestyle=(0, (3, 3)))

@@ -136,20 +136,16 @@ def gains_text(answer: GainsAnswer) -> str:
         f"time {answer.dead_time_s:.3g} s.",
         WIDTH,
     )
-    lines += ["", "Line for the scene's [vehicle]:", "", control_line(answer.after)]
-    return "\n".join(lines) + "\n"
-
-
-def control_line(tried: TriedGains) -> str:
-    """Return the gains as one line for a scene's `[vehicle]`."""
-    integral = "ki_pos" in tried.gains
-    entries = [f"integral = {'true' if integral else 'false'}"]
+    found = answer.after.gains
+    entries = [f"integral = {'true' if 'ki_pos' in found else 'false'}"]
     # str of a float and of a list of floats is valid TOML
     entries += [
         f"{key} = {list(value) if isinstance(value, tuple) else value}"
-        for key, value in tried.gains.items()
+        for key, value in found.items()
     ]
-    return f"control = {{ {', '.join(entries)} }}"
+    control = f"control = {{ {', '.join(entries)} }}"
+    lines += ["", "Line for the scene's [vehicle]:", "", control]
+    return "\n".join(lines) + "\n"
 
 
 def _rows(answer: GainsAnswer) -> list[list[str]]:
@@ -158,6 +154,7 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
     for key, words in WORDS.items():
         if key not in after.gains:
             continue
+        # a motor lead of 1 is none: it is not in the scene
         old, new = before.gains.get(key, 1.0), after.gains[key]
         if not isinstance(old, tuple) or not isinstance(new, tuple):
             rows.append([words, f"{old:.4g}", f"{new:.4g}", ""])

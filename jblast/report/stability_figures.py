@@ -76,6 +76,7 @@ RESPONSE_COLOURS = {
     "falls back": "#E69F00",
     "holds": "#009E73",
 }
+BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 BAR_HEIGHT = 0.56
 """Height of a bar of the map, in rows."""
 LABEL_FACTOR = 1.9
@@ -224,6 +225,7 @@ def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
         ("smooth wave ", np.array(smooth), BLUE, "right"),
         (" Sod's tube", np.array(sod), VERMILLION, "left"),
     ):
+        # a run that diverges has no error: the line ends in a cross
         alive = np.isfinite(values)
         axes.semilogy(fraction[alive], values[alive], color=colour, linewidth=1.8)
         last = float(fraction[alive][-1]), float(values[alive][-1])
@@ -295,6 +297,7 @@ def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
     for row, mode in enumerate(counted):
         share = 100.0 * mode.boundary / mode.cases
         axes.barh(row, share, 0.36, color=RESPONSE_COLOURS[mode.response], alpha=0.8)
+        # the name stands above its bar, where long ones have the whole width
         for x, y, words in (
             (0.0, row - 0.36, f"{mode.method}: {mode.failure}"),
             (share + 1.0, row, boundary_words(mode)),
@@ -363,7 +366,8 @@ def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
         )
         row += 1.0
         for law in (law for law in LAWS.values() if law.quantity == quantity):
-            holds = holds_at(law)
+            # a law counts as valid at `Z` if it is so for at least one kind of burst
+            holds = np.any([_holds(law, burst) for burst in BURSTS], axis=0)
             _bar(axes, row, holds)
             method = f"{quantity} by {law.name}"
             _ticks(axes, row, [mode for mode in modes if mode.method == method], holds)
@@ -387,12 +391,6 @@ def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
 @eqx.filter_jit
 def _valid(law: Law, path) -> Bool[jax.Array, " point"]:
     return jnp.broadcast_to(call(law.valid, path), path.slant_range.shape)
-
-
-def holds_at(law: Law) -> Bool[np.ndarray, " point"]:
-    """Return at which of `Z` a law is valid for at least one kind of burst."""
-    bursts: tuple[Burst, ...] = ("surface", "free-air")
-    return np.any([_holds(law, burst) for burst in bursts], axis=0)
 
 
 def _holds(law: Law, burst: Burst) -> Bool[np.ndarray, " point"]:

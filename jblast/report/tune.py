@@ -157,6 +157,7 @@ def _decibels(answer: TuneAnswer) -> str:
     for name in ("ambient_level_pa", "noise_pa"):
         one = answer.estimates.get(name)
         value = None if one is None else one.found.value
+        # silence has no decibels
         if value is not None and value > 0:
             # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
             level = 20.0 * math.log10(value / 20e-6)
@@ -255,6 +256,7 @@ def warnings_of(tuned: Tuned) -> list[str]:
             )
     poor = [TESTS[name] for name, p in tuned.explained.tests.items() if p < POOR]
     if tuned.explained.is_poor and not poor:
+        # residuals can be too large while every test of their pattern passes
         poor = [TESTS["error"]]
     if poor:
         found.append(

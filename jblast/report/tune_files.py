@@ -152,6 +152,7 @@ def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
     (wave, spectrum), (left, rest) = figure.subplots(2, 2)
     near = _near(expected[1], record.size)
     time = np.arange(record.size) / rate
+    # a near blast has tens of kPa, and far ones a few Pa
     scale, symbol = (1e-3, "kPa") if np.abs(record[near]).max() > 2e3 else (1.0, "Pa")
     drawn = (
         (record, GREY, 3.0),
@@ -335,6 +336,7 @@ def tuned_document(
             continue
         count = LISTS[written].count(",") + 1
         old = entry.get(written, NEUTRAL.get(written, 0.0))
+        # a scene may have one number for both entries of a list
         parts = list(old) if isinstance(old, list) else [old] * count
         parts[key.index] = value
         entry[written] = parts

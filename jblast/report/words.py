@@ -194,6 +194,7 @@ def significant(number: float, digits: int = 2) -> str:
 def scientific(number: float, decimals: int) -> str:
     """Return a number as 2.1e7 rather than 2.1e+07."""
     mantissa, _, exponent = f"{number:.{decimals}e}".partition("e")
+    # int drops the plus sign and the leading zero
     return f"{mantissa}e{int(exponent)}"
 
 
@@ -239,6 +240,7 @@ def behind(start: str, text: str) -> list[str]:
 def split_name(name: str) -> tuple[str, str, str]:
     """Split a parameter's name: `clock_offset_s.B` is ("clock_offset", "_s", "B")."""
     stem, _, label = name.partition(".")
+    # `UNITS` has longer suffixes first: _m_s ends in _s as well
     for suffix in UNITS:
         if stem.endswith(suffix):
             return stem.removesuffix(suffix), suffix, label

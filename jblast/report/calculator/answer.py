@@ -209,6 +209,7 @@ def _air(given: Inputs, system: System) -> str:
     pressure = f"{given.pressure_pa / 1e3:.3f} kPa"
     temperature = f"{given.temperature_k:.2f} K"
     if system == "us":
+        # Fahrenheit has an offset, so it is no entry of the units with a size
         temperature = f"{given.temperature_k * 1.8 - 459.67:.2f} °F"
         pressure = printed_number("_pa", given.pressure_pa, system=system)
     words = [
@@ -217,6 +218,7 @@ def _air(given: Inputs, system: System) -> str:
         f"humidity {given.relative_humidity:g}" if given.relative_humidity else "dry",
         f"sound {_speed(given.sound_speed_m_s, system, '.2f')}",
     ]
+    # temperature and pressure follow from the altitude, which is therefore first
     if given.altitude_m is not None:
         altitude = given.altitude_m
         shown = f"{altitude:g} m"
@@ -244,6 +246,7 @@ def _values(name: str, values: tuple[float, ...], system: System) -> str:
 
 def _span(values: np.ndarray) -> str:
     low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    # rows that agree to four digits are printed as one number
     return low if low == high else f"{low} to {high}"
 
 

@@ -325,6 +325,7 @@ def _list(
         value, mark = printed_value(of_law, unit)
         where = scaled_in(of_law.range, question.units)
         lines += entry(name, value, mark, where, column)
+        # laws with one curve set would repeat their value
         if name in other and of_law.two_sets:
             value, mark = printed_value(other[name], unit)
             lines += entry(f"  ({other_burst})", value, mark, "", column)
@@ -368,6 +369,7 @@ def _table(
     unit = one_unit(question, quantity, by_law)
     symbol = f" [{unit.symbol}]" if unit.symbol else ""
     lines = [capitalised(quantity_words(quantity)) + symbol]
+    # the inputs are repeated with each group of columns
     heads = [["range", *(printed_number("_m", r, system=system) for r in ranges)]]
     # a single mass stands in the title
     if len(question.charge_mass) > 1:

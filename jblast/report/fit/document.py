@@ -71,6 +71,7 @@ def null_direction_sentence(direction: NullDirection) -> str:
     """Return the joint change of parameters that leaves every recording unchanged."""
     steps = {n: float(step) for n, step in direction.parameters.items() if step}
     names = [parameter_words(name) for name in steps]
+    # one parameter alone is not a combination
     if len(steps) == 1:
         return f"The recordings do not depend on the {names[0]}."
     # the step is scaled so that the largest change in ln is a factor of two; without a
@@ -200,6 +201,7 @@ def _determined(of: EstimableCombination) -> Determined:
 
 
 def _explanation(of: WrongSensor) -> Explanation:
+    # keys of the other kinds are left out of the JSON
     pair = of if isinstance(of, ExchangedSensors) else None
     clock = of if isinstance(of, WrongClock) else None
     kind = "exchange" if pair else "clock" if clock else "sensor"

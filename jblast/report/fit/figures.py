@@ -226,6 +226,7 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     t0 = float(fit.scene.charges[shot].time_s)
     if against_time:
         x, value = table.time[rows] - clock - t0, table.value[rows]
+        # radii are drawn against the time since detonation, as laws have it
         band_x = None if band is None else band.x - t0
     else:
         offset = clock if less and quantity != "arrival_difference_s" else 0.0
@@ -337,6 +338,7 @@ def _draw_band(
     for start, stop, valid in runs(band.valid):
         part = np.arange(start, stop)
         part = part[finite[part]]
+        # extrapolated parts are fainter and dashed
         shade, line = (0.22, "-") if valid else (0.10, (0, (4, 2.5)))
         axes.fill_between(
             x[part], low[part], high[part], color=BLUE, alpha=shade, linewidth=0
@@ -508,6 +510,7 @@ def _corner_key(figure: Figure, count: int, has_truths: bool, note: str) -> None
     key += ["shaded: 90 % interval"] + [
         "orange: accepted value, if in view"
     ] * has_truths
+    # a histogram has no empty corner: its key is below
     if count == 1:
         lines = ["   ·   ".join(key), *textwrap.wrap(note, 90)]
         figure.supxlabel("\n".join(lines), fontsize=9, color=MUTED)
@@ -610,6 +613,7 @@ def _corner(
             log_ticks(grid[-1, i].xaxis, grid[-1, i].get_xlim())
             if i:
                 log_ticks(grid[i, 0].yaxis, grid[i, 0].get_ylim())
+    # after the scales are set, which replace formatters of ticks
     for axes in figure.axes:
         _in_full(axes.xaxis)
         _in_full(axes.yaxis)

@@ -113,6 +113,7 @@ def _placemark(folder: ET.Element, feature: Feature) -> None:
     mark = ET.SubElement(folder, "Placemark")
     add_text(mark, "name", feature.name)
     _style(mark, feature)
+    # viewers show these numbers when a placemark is clicked
     table = ET.SubElement(mark, "ExtendedData")
     for name, value in feature.properties.items():
         entry = ET.SubElement(table, "Data", name=name)
@@ -138,6 +139,7 @@ def _style(mark: ET.Element, feature: Feature) -> None:
     if feature.point is not None:
         add_text(ET.SubElement(style, "IconStyle"), "color", f"ff{colour}")
         return
+    # rings are large: in full colour they would hide the charge
     faint = feature.kind == "shock ring"
     line = ET.SubElement(style, "LineStyle")
     add_text(line, "color", f"ff{colour}")
@@ -165,7 +167,14 @@ def geojson(features: Sequence[Feature]) -> str:
 
 def _feature(feature: Feature) -> dict[str, Any]:
     style: dict[str, Any] = {"marker-color": feature.colour}
-    if feature.point is None:
+    if feature.point is not None:
+        at = [round(degree, DECIMALS) for degree in feature.point]
+        geometry = {"type": "Point", "coordinates": at}
+    else:
+        areas = [_closed(polygon) for polygon in feature.polygons]
+        geometry = {"type": "MultiPolygon", "coordinates": areas}
+        if len(areas) == 1:
+            geometry = {"type": "Polygon", "coordinates": areas[0]}
         faint = feature.kind == "shock ring"
         style = {
             "stroke": feature.colour,
@@ -175,22 +184,11 @@ def _feature(feature: Feature) -> dict[str, Any]:
         }
     return {
         "type": "Feature",
-        "geometry": _geometry(feature),
+        "geometry": geometry,
         "properties": plain(
             {"kind": feature.kind, "name": feature.name} | feature.properties | style
         ),
     }
-
-
-def _geometry(feature: Feature) -> dict[str, Any]:
-    if feature.point is not None:
-        lon, lat = feature.point
-        at = [round(lon, DECIMALS), round(lat, DECIMALS)]
-        return {"type": "Point", "coordinates": at}
-    areas = [_closed(polygon) for polygon in feature.polygons]
-    if len(areas) == 1:
-        return {"type": "Polygon", "coordinates": areas[0]}
-    return {"type": "MultiPolygon", "coordinates": areas}
 
 
 def _closed(polygon: Polygon) -> list[list[list[float]]]:
@@ -326,6 +324,7 @@ def _polygons(
     for rings in parts:
         in_degrees = []
         for ring in rings:
+            # up = 0: the height of an area is not written
             enu = np.concatenate([ring, np.zeros((len(ring), 1))], axis=1)
             # latitude comes first here, longitude in GeoJSON and KML
             in_degrees.append(frame.to_geodetic(enu)[:, 1::-1])

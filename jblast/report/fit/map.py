@@ -93,6 +93,7 @@ def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
     if shown is None:
         return None
     view = whole_view(shown)
+    # one enlarged map: a second would not fit the width of a page
     near = [(c, v) for c in shown.charges if (v := close_view(c, view))][:1]
     width = MAP_WIDTH + KEY_WIDTH + CLOSE_WIDTH * len(near)
     notes = map_notes(shown, view, round(CHARACTERS_PER_INCH * width))
@@ -399,6 +400,7 @@ def draw_charge(
     for ring in charge.rings:
         _ring(axes, ring, (float(east), float(north)), view)
     if close and charge.draws is not None:
+        # every n-th draw: in MCMC neighbours are correlated
         few = charge.draws[:: max(len(charge.draws) // MAX_DRAWS, 1)]
         axes.plot(*few.T, ".", color=BLUE, markersize=2.5, alpha=0.35, zorder=2)
     for ellipse in charge.ellipses:

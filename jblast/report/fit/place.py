@@ -347,6 +347,7 @@ def close_view(charge: ChargePlace, whole: View) -> View | None:
     if size > INSET_BELOW * max(whole.width, whole.height) or not size > 0.0:
         return None
     places = _places_of(charge)
+    # a published position near the ellipse is worth its place on the map
     if charge.accepted is not None and charge.draws is not None:
         away = np.hypot(*(np.array(charge.accepted) - charge.position[:2]))
         # further away it would shrink the ellipses to a dot again
@@ -385,6 +386,7 @@ def free_corners(
     size = np.array([view.width, view.height])
     shares = (places - np.array([view.west, view.south])) / size
     corners = [(0.0, 0.0), (1.0, 1.0), (0.0, 1.0), (1.0, 0.0)]
+    # the corner whose nearest name is furthest away has most space
     nearest = [np.hypot(*(shares - np.array(c)).T).min() for c in corners]
     return [corners[k] for k in np.argsort(nearest)[::-1]]
 
@@ -438,6 +440,7 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | Non
     unknown = is_fitted and pair is None
     if unknown or charge.range_m is not None or bool(np.isinf(charge.time_s)):
         return None
+    # without agreeing clocks the draws would claim a position
     rests = rests_on_clocks(fit, shot)
     pair = None if rests else pair
     draws = None if pair is None else np.stack(pair, axis=-1)

@@ -178,6 +178,7 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
     table = fit.observations
     quantity, value, sd = table.quantity[i], float(table.value[i]), float(fit.sd[i])
     predicted, residual = float(fit.predicted[i]), float(fit.residual[i])
+    # errors of positive quantities are shares of the value
     in_unit = sd if quantity in ADDITIVE else abs(value) * sd
     unit = unit_for(quantity, value, predicted if np.isfinite(predicted) else None)
 
@@ -223,6 +224,7 @@ def lower_bound_sentence(fit: Fit) -> str:
     missed = int(np.sum(fit.residual[rows] > 0))
     which = "it" if len(rows) == 1 else f"{missed or 'all'} of them"
     kept = f"predicts less than {which}" if missed else f"satisfies {which}"
+    # a lower bound alone cannot exclude a large charge
     if len(rows) == n:
         return (
             f"All recordings are lower bounds ({sensors}): they exclude small charges "

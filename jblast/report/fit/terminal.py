@@ -126,6 +126,7 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
 
 def _cell(name: str, estimate: Estimate) -> str:
     printed = printed_estimate(name, estimate)
+    # "not identified [-]" would repeat itself
     if printed.interval == "-" and not estimate.identified:
         return printed.value
     return f"{printed.value} [{printed.interval}]"
@@ -266,6 +267,7 @@ def not_identified(
 
 def _unconstrained(found: Summary | BoundSummary) -> list[tuple[str, str]]:
     """Return null directions and other modes, each with the data that resolve it."""
+    # a null direction and another mode have the same remedy: more data
     directions = [
         (null_direction_sentence(one), cure_sentence(one))
         for one in found.null_directions
@@ -320,6 +322,7 @@ def limits(fit: Fit) -> list[str]:
         "the posterior (importance sampling).",
         "emcee": "Intervals come from MCMC draws of the posterior (emcee).",
     }
+    # fixed numbers first: an answer is only as good as they are
     lines = [given_sentence(fit)]
     lines += [f"{capitalised(one)}." for one in all_words(fit.summary.assumptions)]
     if posterior := "weighted" if fit.weighted else fit.summary.posterior:
