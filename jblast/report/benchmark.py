@@ -91,6 +91,7 @@ def chart_csv(points: Sequence[BenchmarkPoint]) -> str:
     rows = [
         (
             point.method,
+            # four digits: repeated timings differ by more
             f"{point.cost_s:.4g}",
             f"{point.error:.4g}",
             str(bool(on)).lower(),

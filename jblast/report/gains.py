@@ -208,6 +208,7 @@ def gains_answer(
         margin_db=settings.margin_db,
         margin_deg=settings.margin_deg,
         motor_lag_s=float(vehicle_of(tuned.vehicle).motor_lag_s),
+        # a command is held for a whole step: it is half a step late on average
         dead_time_s=STEP_S / 2 + settings.delay_s,
         before=_tried(tuned.before),
         after=_tried(tuned.after),

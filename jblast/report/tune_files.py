@@ -324,6 +324,8 @@ def tuned_document(
         if name.startswith(CLOCK_OFFSET):
             named = [one for one in tuned.get("sensor", []) if one["name"] == label]
             entry = named[0] if named else _named(tuned, "clock", label)
+            # the clock of a single sensor is an entry of the sensor; a clock that
+            # several share has a table of its own
             written = "clock_offset_s" if named else "offset_s"
         elif key.table == "sensor":
             entry = _named(tuned, "sensor", sensor or "")
@@ -384,6 +386,7 @@ def _named(document: dict[str, Any], table: str, name: str) -> dict[str, Any]:
 
 def _charge(document: dict[str, Any], name: str) -> dict[str, Any]:
     charges = document.setdefault("charge", {})
+    # one [charge] is a table, several [[charge]] are a list
     if isinstance(charges, dict):
         return charges
     if not name:

@@ -353,6 +353,7 @@ def inputs(question: Question) -> Inputs:
     # one factor only: scaled distances are printed for pressures, and impulses have a
     # factor of their own
     pressure_factor = float(charge.tnt_factor_for("peak_overpressure_pa"))
+    # an inverse question has one given number, and its unknown depends on the law
     mass = distance = unknown = scaled = None
     if question.quantity and question.charge_mass:
         mass, unknown = question.charge_mass[0], "range_m"

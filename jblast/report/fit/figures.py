@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType, ModuleType
+from types import ModuleType
 from typing import Any, cast
 
 import numpy as np
@@ -157,13 +157,12 @@ def _ringed(
     at: tuple[float, float],
     name: str,
     colour: str,
-    ring: Mapping[str, float] = MappingProxyType({}),
+    ring: Mapping[str, Any] | None = None,
     **place: Any,
 ) -> None:
     """Draw a ring about a point, with the name of its sensor."""
-    axes.plot(
-        *at, "o", markersize=13, markerfacecolor="none", markeredgecolor=colour, **ring
-    )
+    look = {"markersize": 13, "markerfacecolor": "none", "markeredgecolor": colour}
+    axes.plot(*at, "o", **(look | dict(ring or {})))
     # names come from logs: a "$" in one is no formula
     axes.annotate(
         name if len(name) <= MAX_NAME else name[: MAX_NAME - 1] + "…",

@@ -95,6 +95,8 @@ def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
     view = whole_view(shown)
     # one enlarged map: a second would not fit the width of a page
     near = [(c, v) for c in shown.charges if (v := close_view(c, view))][:1]
+    # the notes are broken to the width of the figure, so their number decides its
+    # height
     width = MAP_WIDTH + KEY_WIDTH + CLOSE_WIDTH * len(near)
     notes = map_notes(shown, view, round(CHARACTERS_PER_INCH * width))
     height = MAP_WIDTH * min(view.height / view.width, MAX_ASPECT)

@@ -115,6 +115,8 @@ def _warnings(fit: Fit) -> list[str]:
 
 def _shown(fit: Fit, kind: str, picture: Picture) -> Shown:
     quantities = joined([quantity_words(q) for q in fit.summary.law])
+    # only shock radii are readings at a time; next to any other quantity the range is
+    # the axis
     along = "time" if list(fit.summary.law) == ["shock_radius_m"] else "range"
     values = "; ".join(
         f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"

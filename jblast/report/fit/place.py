@@ -332,6 +332,8 @@ def view_of(places: Float[np.ndarray, "place 2"]) -> View:
 
 def whole_view(shown: GroundMap) -> View:
     """Return the view of all sensors, charges, ellipses and other optima."""
+    # without published positions: a wrong one far off would shrink the rest of the map
+    # to a spot
     places = [station.position[:2] for station in shown.stations]
     for charge in shown.charges:
         places += _places_of(charge)
