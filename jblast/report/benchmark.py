@@ -67,6 +67,7 @@ def chart_markdown(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> st
         "the Pareto front: no other method is better in both.",
     ]
     front = {
+        # by identity: the panels below reorder the points
         id(point)
         for point, on in zip(points, on_pareto_front(points), strict=True)
         if on
@@ -90,6 +91,7 @@ def chart_csv(points: Sequence[BenchmarkPoint]) -> str:
     rows = [
         (
             point.method,
+            # four digits: repeated timings differ by more
             f"{point.cost_s:.4g}",
             f"{point.error:.4g}",
             str(bool(on)).lower(),
@@ -139,6 +141,7 @@ def chart_figure(benchmark: Benchmark, points: Sequence[BenchmarkPoint]) -> Figu
         f"error: {benchmark.error}", int(CHARACTERS_PER_INCH * height)
     )
     figure.supylabel(error, fontsize=10, color=INK, ma="center")
+    # names are placed by the pixels they cover, which exist after a draw only
     figure.canvas.draw()
     for axes, labels in drawn:
         _name(axes, labels)
@@ -185,6 +188,7 @@ def _panel(
     labels, front = [], []
     for point, best in zip(points, on_pareto_front(points), strict=True):
         far = point.cost_s > last
+        # its cost stands in the name, as the axis does not have it
         x = last * EDGE_FACTOR if far else point.cost_s
         colour = VERMILLION if point.is_reference else BLUE if best else MUTED
         axes.plot(
@@ -218,6 +222,7 @@ def _order(axes: Axes, points: Sequence[BenchmarkPoint], order: int) -> None:
     error = last.error * (cost / last.cost_s) ** -float(order)
     axes.plot(cost, error, color=MUTED, linewidth=0.9, linestyle="--", zorder=0)
     low, high = axes.get_ylim()
+    # the label stands 3 % above the lower end of the panel, on the line
     x = last.cost_s * (last.error / (low * (high / low) ** 0.03)) ** (1 / order)
     axes.annotate(
         f"order {order}",
@@ -270,6 +275,7 @@ def _name(axes: Axes, labels: Sequence[tuple]) -> None:
             )
             box = text.get_window_extent()
             covered = sum(_overlap(box, other) for other in taken)
+            # the part of a name outside the panel counts as covered
             covered += box.width * box.height - _overlap(box, inside)
             if covered < least:
                 if best is not None:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from jblast.report.words import (
     printed_number,
     quantity_words,
     significant,
+    split_name,
 )
 from jblast.results import Document
 from jblast.scene import UncertainScene
@@ -188,6 +190,7 @@ def _head(answer: CheckAnswer) -> str:
 
 def _item(line: str) -> str:
     return textwrap.fill(
+        # names of files and options have hyphens; broken they cannot be copied
         line, WIDTH, initial_indent="  ", subsequent_indent="    ",
         break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
@@ -206,6 +209,7 @@ def _folded(faults: Sequence[str], source: str) -> list[str]:
         numbered = LINE.fullmatch(fault.removeprefix(f"{source}: "))
         message = numbered.group(2) if numbered else fault.removeprefix(f"{source}: ")
         known = KNOWN.search(message)
+        # a list of valid names takes a line or two; printed again it adds nothing
         if known and known.group() in lists and message not in lines:
             message = message.removesuffix(known.group())
         elif known:
@@ -216,6 +220,7 @@ def _folded(faults: Sequence[str], source: str) -> list[str]:
         lines.setdefault(message, []).extend([numbered.group(1)] if numbered else [])
         rejected.setdefault(message, []).extend([got + text] if got else [])
     return [
+        # rejected values differ from row to row: the first is an example
         _lines(numbers)
         + message
         + "".join(rejected[message][:1])
@@ -266,8 +271,19 @@ def check_answer(
         places=_places(log),
         lower_bounds=int(log.bounds().sum()),
         understood=tuple(understood),
+        # faults come check by check, but a file is corrected line by line
         faults=tuple(sorted(map(str, faults), key=_line)),
-        warnings=tuple(_warned(doubt, doubted) for doubt in doubts),
+        warnings=tuple(
+            Warned(
+                kind=doubt.kind,
+                lines=tuple(
+                    doubted.line[row] if doubted.line else row + 1 for row in doubt.rows
+                ),
+                sensors=tuple(dict.fromkeys(doubted.sensor[row] for row in doubt.rows)),
+                message=sentence(doubt, doubted),
+            )
+            for doubt in doubts
+        ),
     )
 
 
@@ -277,15 +293,6 @@ def _line(fault: str) -> int:
     return int(numbered.group(1)) if numbered else 0
 
 
-def _warned(doubt: Doubt, log: Observations) -> Warned:
-    return Warned(
-        kind=doubt.kind,
-        lines=tuple(log.line[row] if log.line else row + 1 for row in doubt.rows),
-        sensors=tuple(dict.fromkeys(log.sensor[row] for row in doubt.rows)),
-        message=sentence(doubt, log),
-    )
-
-
 def _places(log: Observations) -> dict[str, int]:
     """Return the number of sensors with a position, with a range, and with neither."""
     known: dict[str, str] = {}
@@ -293,59 +300,20 @@ def _places(log: Observations) -> dict[str, int]:
     ranged = ~np.isnan(log.slant_range)
     for row, sensor in enumerate(log.sensor):
         kind = "position" if positioned[row] else "range" if ranged[row] else ""
+        # a sensor may have rows without a position: the first row with one counts
         known[sensor] = known.get(sensor, "") or kind
     counts = Counter(known.values())
     return {kind or "neither": counts[kind] for kind in ("position", "range", "")}
 
 
-def _fast(doubt: Doubt, log: Observations) -> str:
-    numbers = doubt.numbers
-    return (
-        f"{reading(doubt, log)}: {metres(numbers['distance_m'])} in "
-        f"{seconds(numbers['took_s'])}; no blast wave is faster than "
-        f"{significant(numbers['fastest_m_s'])} m/s"
-    )
-
-
-def _in_fireball(doubt: Doubt, log: Observations) -> str:
-    numbers = doubt.numbers
-    return (
-        f"{reading(doubt, log)} at {metres(numbers['distance_m'])} corresponds to "
-        f"{kilograms(numbers['mass_kg'])}, with a fireball radius of "
-        f"{metres(numbers['fireball_m'])}: is the unit right?"
-    )
-
-
-def _no_blast(doubt: Doubt, log: Observations) -> str:
-    mass = kilograms(doubt.numbers["mass_kg"])
-    return (
-        f"{reading(doubt, log)} at {metres(doubt.numbers['distance_m'])} corresponds "
-        f"to {mass}, which is impossible"
-    )
-
-
 def _no_mass(doubt: Doubt, log: Observations) -> str:
-    largest = value_of(doubt, "largest")
-    if "distance_m" not in doubt.numbers:
-        return f"{reading(doubt, log)}: larger than any law gives, {largest} at most"
+    place, there = "", ""
+    if "distance_m" in doubt.numbers:
+        place, there = f" at {metres(doubt.numbers['distance_m'])}", " there"
     return (
-        f"{reading(doubt, log)} at {metres(doubt.numbers['distance_m'])}: larger than "
-        f"any law gives there, {largest} at most"
+        f"{reading(doubt, log)}{place}: larger than any law gives{there}, "
+        f"{_of_quantity(doubt, 'largest')} at most"
     )
-
-
-def _rises(doubt: Doubt, log: Observations) -> str:
-    numbers = doubt.numbers
-    return (
-        f"{reading(doubt, log)} at {metres(numbers['distance_m'])} is larger than "
-        f"{value_of(doubt, 'nearer')} at {metres(numbers['nearer_m'])}: peaks decrease "
-        "with distance; a factor of 2 to 8 suggests a reflected pressure"
-    )
-
-
-def _shrinks(doubt: Doubt, log: Observations) -> str:
-    before = metres(doubt.numbers["before"])
-    return f"{reading(doubt, log)} follows one of {before}: shock radii never decrease"
 
 
 def _slow(doubt: Doubt, log: Observations) -> str:
@@ -361,6 +329,7 @@ def _slow(doubt: Doubt, log: Observations) -> str:
 def _slow_between(doubt: Doubt, log: Observations) -> str:
     numbers, other = doubt.numbers, log.sensor[doubt.rows[1]]
     late, apart = numbers["late_s"], numbers["apart_m"]
+    # sensors at one position have no speed between them, and late may be 0 as well
     speed = significant(apart / late) if apart else "0"
     return (
         f"{log.sensor[doubt.rows[0]]} and {other} are {metres(apart)} apart, and their "
@@ -369,76 +338,10 @@ def _slow_between(doubt: Doubt, log: Observations) -> str:
     )
 
 
-def _slow_together(doubt: Doubt, _: Observations) -> str:
-    numbers = doubt.numbers
-    return (
-        f"the {len(doubt.rows)} air arrivals together imply a speed of "
-        f"{numbers['speed_m_s']:.0f} m/s from one position, slower than sound "
-        f"({numbers['slowest_m_s']:.0f} m/s or more): positions, a unit, or "
-        "temperature and wind of the scene are wrong"
-    )
-
-
-OF_MAGNITUDES: dict[str, Callable[[Doubt, Observations], str]] = {
-    "no_mass_gives_it": _no_mass,
-    "mass_of_no_blast": _no_blast,
-    "in_the_fireball": _in_fireball,
-    "peak_rises": _rises,
-    "radius_shrinks": _shrinks,
-    "too_slow_between": _slow_between,
-    "slow_together": _slow_together,
-    "too_slow": _slow,
-    "too_fast": _fast,
-}
-
-
-def _before_flash(doubt: Doubt, log: Observations) -> str:
-    early = seconds(doubt.numbers["early_s"])
-    return f"{reading(doubt, log)} is {early} before the flash on the same clock"
-
-
-def _copied(doubt: Doubt, _: Observations) -> str:
-    one, other = doubt.names
-    return (
-        f"{other} and {one} have the same position and the same values to the last "
-        "digit: is it one sensor with two names?"
-    )
-
-
-def _degrees(doubt: Doubt, _: Observations) -> str:
-    lat, lon = doubt.numbers["lat_deg"], doubt.numbers["lon_deg"]
-    return (
-        f"{doubt.names[0]} is {metres(doubt.numbers['apart_m'])} from the other "
-        f"sensors, at latitude {lat:.6g}, longitude {lon:.6g}; with the two swapped it "
-        "would be among them"
-    )
-
-
-def _fine(doubt: Doubt, log: Observations) -> str:
-    share = significant(doubt.numbers["share"])
-    return (
-        f"{reading(doubt, log)} has a sigma of {share} of its value, smaller than that "
-        "of any gauge: sigma is in the unit of the value"
-    )
-
-
-def _large(doubt: Doubt, log: Observations) -> str:
-    return (
-        f"{reading(doubt, log)} has a sigma of {significant(doubt.numbers['share'])} "
-        "times its value: sigma is in the unit of the value"
-    )
-
-
-def _lonely(doubt: Doubt, _: Observations) -> str:
-    return (
-        f"clock {doubt.names[0]} has only this reading: with a free clock offset the "
-        "reading constrains nothing else"
-    )
-
-
 def _since_1970(doubt: Doubt, log: Observations) -> str:
     unit, when = doubt.names
     many = len(doubt.rows)
+    # dates are wrong in whole columns: one warning for all rows
     these = "this looks" if many == 1 else f"these {many} rows look"
     return (
         f"{log.sensor[doubt.rows[0]]}: {these} like {unit} since 1970, here {when}; "
@@ -459,35 +362,9 @@ def _together(doubt: Doubt, log: Observations) -> str:
     )
 
 
-def _two_places(doubt: Doubt, _: Observations) -> str:
-    apart = metres(doubt.numbers["apart_m"])
-    return f"{doubt.names[0]} is {apart} from its position in an earlier row"
-
-
 def _unheard(doubt: Doubt, _: Observations) -> str:
     shot = f"shot {doubt.names[0]}" if doubt.names[0] else "the shot"
     return f"{shot} has a flash but no reading of the blast: light constrains no mass"
-
-
-OF_PLAIN_FAULTS: dict[str, Callable[[Doubt, Observations], str]] = {
-    "sensor_copied": _copied,
-    "two_sensors_at_one_place": _together,
-    "sensor_at_two_places": _two_places,
-    "since_1970": _since_1970,
-    "shot_unheard": _unheard,
-    "clock_of_one_row": _lonely,
-    "arrival_before_flash": _before_flash,
-    "sigma_too_fine": _fine,
-    "sigma_large": _large,
-    "lat_lon_swapped": _degrees,
-}
-
-
-def _another_time(doubt: Doubt, _: Observations) -> str:
-    return (
-        "the log does not agree with a charge at time 0, but with one at another time: "
-        "set or free the origin time in a scene, or use --free origin_time_s"
-    )
 
 
 def _divided(doubt: Doubt, log: Observations) -> str:
@@ -506,45 +383,37 @@ def _elsewhere(doubt: Doubt, log: Observations) -> str:
     )
 
 
-def _factor(doubt: Doubt, log: Observations) -> str:
-    ratio = doubt.numbers["ratio"]
-    size = (
-        f"{significant(ratio)} times" if ratio > 1 else f"1/{significant(1 / ratio)} of"
-    )
+def _other_rows(doubt: Doubt, log: Observations) -> str:
+    """Return a sentence on a reading that the mass of the other rows contradicts."""
+    if doubt.kind == "off_by_factor":
+        ratio = doubt.numbers["ratio"]
+        times, part = significant(ratio), significant(1 / ratio)
+        off = f"{times} times" if ratio > 1 else f"1/{part} of"
+        off += " the prediction for"
+    else:
+        late = doubt.numbers["late_s"]
+        off = f"{seconds(abs(late))} too {'late' if late > 0 else 'early'} for"
     return (
-        f"{reading(doubt, log)} is {size} the prediction for "
-        f"{kilograms(doubt.numbers['mass_kg'])}, on which the other rows agree"
+        f"{reading(doubt, log)} is {off} {kilograms(doubt.numbers['mass_kg'])}, on "
+        "which the other rows agree"
     )
 
 
-def _late(doubt: Doubt, log: Observations) -> str:
-    late = doubt.numbers["late_s"]
-    sign = "late" if late > 0 else "early"
-    return (
-        f"{reading(doubt, log)} is {seconds(abs(late))} too {sign} for "
-        f"{kilograms(doubt.numbers['mass_kg'])}, on which the other rows agree"
-    )
-
-
-def _wrong_position(cause: str) -> Callable[[Doubt, Observations], str]:
-    """Return the function that words a wrong position with its possible cause."""
-
-    def sentence(doubt: Doubt, log: Observations) -> str:
-        sensor = doubt.names[0]
-        return f"{sensor} agrees with the position {place(doubt, log)}: {cause}?"
-
-    return sentence
+def _wrong_position(doubt: Doubt, log: Observations) -> str:
+    sensor, cause = doubt.names[0], POSITION_CAUSES[doubt.kind]
+    return f"{sensor} agrees with the position {place(doubt, log)}: {cause}?"
 
 
 def _unit(doubt: Doubt, log: Observations) -> str:
-    name = doubt.names[1]
-    return f"{reading(doubt, log)} {_as_if(name)}, compared with the other rows"
-
-
-def _units(doubt: Doubt, log: Observations) -> str:
+    """Return a sentence on the unit of one reading, or of a whole quantity."""
     quantity, name = doubt.names
+    looks = (
+        f"looks like {name}" if "written" in name else f"looks {name} the true value"
+    )
+    if doubt.kind == "unit_slip":
+        return f"{reading(doubt, log)} {looks}, compared with the other rows"
     return (
-        f"every {quantity_words(quantity)} ({len(doubt.rows)} rows) {_as_if(name)}: "
+        f"every {quantity_words(quantity)} ({len(doubt.rows)} rows) {looks}: "
         "with that corrected all rows agree"
     )
 
@@ -558,34 +427,73 @@ def _zone(doubt: Doubt, _: Observations) -> str:
     )
 
 
-OF_SLIPS: dict[str, Callable[[Doubt, Observations], str]] = {
+POSITION_CAUSES = {
+    "east_north_swapped": "are east and north swapped",
+    "place_in_feet": "is it in feet",
+    "place_in_km": "is it in km",
+    "sign_of_east": "is a sign wrong",
+    "sign_of_north": "is a sign wrong",
+}
+SENTENCES: dict[str, str | Callable[[Doubt, Observations], str]] = {
+    "sensor_copied": "{names[1]} and {names[0]} have the same position and the same "
+    "values to the last digit: is it one sensor with two names?",
+    "two_sensors_at_one_place": _together,
+    "sensor_at_two_places": "{names[0]} is {apart_m} from its position in an earlier "
+    "row",
+    "since_1970": _since_1970,
+    "shot_unheard": _unheard,
+    "clock_of_one_row": "clock {names[0]} has only this reading: with a free clock "
+    "offset the reading constrains nothing else",
+    "arrival_before_flash": "{reading} is {early_s} before the flash on the same clock",
+    "sigma_too_fine": "{reading} has a sigma of {share} of its value, smaller than "
+    "that of any gauge: sigma is in the unit of the value",
+    "sigma_large": "{reading} has a sigma of {share} times its value: sigma is in the "
+    "unit of the value",
+    "lat_lon_swapped": "{names[0]} is {apart_m} from the other sensors, at latitude "
+    "{lat_deg:.6g}, longitude {lon_deg:.6g}; with the two swapped it would be among "
+    "them",
+    "no_mass_gives_it": _no_mass,
+    "mass_of_no_blast": "{reading} at {distance_m} corresponds to {mass_kg}, which is "
+    "impossible",
+    "in_the_fireball": "{reading} at {distance_m} corresponds to {mass_kg}, with a "
+    "fireball radius of {fireball_m}: is the unit right?",
+    "peak_rises": "{reading} at {distance_m} is larger than {nearer} at {nearer_m}: "
+    "peaks decrease with distance; a factor of 2 to 8 suggests a reflected pressure",
+    "radius_shrinks": "{reading} follows one of {before}: shock radii never decrease",
+    "too_slow_between": _slow_between,
+    "slow_together": "the {n_rows} air arrivals together imply a speed of "
+    "{speed_m_s:.0f} m/s from one position, slower than sound ({slowest_m_s:.0f} m/s "
+    "or more): positions, a unit, or temperature and wind of the scene are wrong",
+    "too_slow": _slow,
+    "too_fast": "{reading}: {distance_m} in {took_s}; no blast wave is faster than "
+    "{fastest_m_s} m/s",
     "unit_slip": _unit,
-    "units_of_a_quantity": _units,
+    "units_of_a_quantity": _unit,
     "clock_of_another_zone": _zone,
-    "east_north_swapped": _wrong_position("are east and north swapped"),
-    "place_in_feet": _wrong_position("is it in feet"),
-    "place_in_km": _wrong_position("is it in km"),
-    "sign_of_east": _wrong_position("is a sign wrong"),
-    "sign_of_north": _wrong_position("is a sign wrong"),
-    "off_in_time": _late,
-    "off_by_factor": _factor,
+    **dict.fromkeys(POSITION_CAUSES, _wrong_position),
+    "off_in_time": _other_rows,
+    "off_by_factor": _other_rows,
     "of_no_one_blast": _divided,
     "not_at_the_origin": _elsewhere,
-    "not_at_time_0": _another_time,
+    "not_at_time_0": "the log does not agree with a charge at time 0, but with one at "
+    "another time: set or free the origin time in a scene, or use --free origin_time_s",
 }
-SENTENCES = OF_PLAIN_FAULTS | OF_MAGNITUDES | OF_SLIPS
-"""Function that words a warning, by its kind."""
+"""Template of a warning, or function that words it, by its kind."""
 
 
 def sentence(doubt: Doubt, observations: Observations) -> str:
     """Return a warning as a sentence, without its lines."""
-    return SENTENCES[doubt.kind](doubt, observations)
-
-
-def _as_if(name: str) -> str:
-    if "written" in name:
-        return f"looks like {name}"
-    return f"looks {name} the true value"
+    words = SENTENCES[doubt.kind]
+    if callable(words):
+        return words(doubt, observations)
+    facts: dict[str, Any] = {"names": doubt.names, "n_rows": len(doubt.rows)}
+    facts["reading"] = reading(doubt, observations)
+    for key, number in doubt.numbers.items():
+        # speeds keep their number: their templates round them to whole m/s
+        suffix = split_name(key)[1]
+        show = PRINTED.get(key) or PRINTED.get(suffix) or (lambda value: value)
+        facts[key] = _of_quantity(doubt, key) if key == "nearer" else show(number)
+    return words.format_map(facts)
 
 
 def seconds(number: float) -> str:
@@ -602,10 +510,22 @@ def metres(number: float) -> str:
 
 def kilograms(number: float) -> str:
     """Return a mass with its unit."""
+    # two digits: the scatter of the laws leaves no more to a mass from one reading
     return printed_number("_kg", number, 2)
 
 
-def value_of(doubt: Doubt, key: str = "value") -> str:
+PRINTED: dict[str, Callable[[float], str]] = {
+    "_s": seconds,
+    "_m": metres,
+    "_kg": kilograms,
+    "before": metres,
+    "share": significant,
+    "fastest_m_s": significant,
+}
+"""Functions that print the numbers of a warning, by name or by suffix."""
+
+
+def _of_quantity(doubt: Doubt, key: str) -> str:
     """Return one of a warning's numbers in the unit of its quantity."""
     return printed_number(doubt.names[0], doubt.numbers[key], 3)
 

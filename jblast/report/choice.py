@@ -1,7 +1,6 @@
 """The method that `jblast choose` selects, and the reason."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from jblast.fidelity.choose import Candidate, Choice, TakenLaw
@@ -111,15 +110,11 @@ def law_reason(law: TakenLaw) -> str:
     return f"chosen before the fit; at the answer it would be {method}: {reason}"
 
 
-def law_reasons(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
-    """Return the reason for the law of each quantity."""
-    return {quantity: law_reason(law) for quantity, law in laws.items()}
-
-
 def percent(error: float) -> str:
     """Return a relative error as text: 0.31 %, 24 %, a factor of 3.2."""
     if not math.isfinite(error):
         return "an unknown amount"
+    # from 100 % on a factor is plainer: the quantities are positive
     if error >= 1.0:
         return f"a factor of {1.0 + error:.2g}"
     return f"{100.0 * error:.2g} %"
@@ -127,6 +122,7 @@ def percent(error: float) -> str:
 
 def _times(ratio: float) -> str:
     """Return a ratio to one digit, as 40 or 4e5."""
+    # costs are timings, which vary by tens of per cent: one digit
     digit, power = f"{ratio:.0e}".split("e")
     return f"{float(f'{ratio:.0e}'):g}" if ratio < 1e3 else f"{digit}e{int(power)}"
 
@@ -184,6 +180,7 @@ def _rejected(choice: Choice, found: Candidate) -> Candidate | None:
         and math.isfinite(c.error)
         and c.error > max(found.error, choice.tolerance)
     ]
+    # candidates come the cheapest first
     return others[0] if others else None
 
 

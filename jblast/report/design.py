@@ -17,19 +17,21 @@ from jblast.inference.design.cramer_rao import (
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.posterior.parameters import Estimate, Spread
 from jblast.quantities import ADDITIVE
-from jblast.registry import LAWS
-from jblast.report.choice import law_reason
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import WORDED, determined_lines
 from jblast.report.fit.findings import all_words
-from jblast.report.fit.terminal import not_identified, section
+from jblast.report.fit.terminal import (
+    law_lines,
+    not_identified,
+    quantities_by_law,
+    section,
+)
 from jblast.report.words import (
     aligned,
     capitalised,
     finite,
     hanging,
     joined,
-    law_words,
     parameter_words,
     printed_number,
     quantity_words,
@@ -70,7 +72,7 @@ def bound_text(
     lines += section("Warnings", all_words(found.warnings))
     lines += section("Assumptions", _assumptions(bound))
     if verbose:
-        lines += ["", "Laws", *_laws(bound)]
+        lines += law_lines(found, bound.posterior.parameters.scene.scatter)
     if plot is not None:
         lines += ["", f"Map: {plot}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -95,6 +97,8 @@ def _estimates(found: BoundSummary) -> dict[str, Estimate]:
             estimates[name] = Estimate()
             continue
         value, sd, log_sd = found.at[name], spread.sd, spread.log_sd
+        # a positive parameter is uncertain by a factor, so its interval is symmetric in
+        # ln; it overflows to infinity if the layout hardly constrains the parameter
         step = NORMAL_Q95 * np.array([-1.0, 1.0])
         with np.errstate(over="ignore"):
             ends = (
@@ -123,13 +127,9 @@ def _table(found: BoundSummary, estimates: Mapping[str, Estimate]) -> list[str]:
 def _assumptions(bound: Bound) -> list[str]:
     """Return the laws, the distribution of errors and the slopes in the mass."""
     found = bound.summary
-    by_law: dict[str, list[str]] = {}
-    for quantity, name in found.law.items():
-        by_law.setdefault(name, []).append(quantity_words(quantity))
-    laws = [f"{joined(of)} by {law_words(name)}" for name, of in by_law.items()]
-    exact = "" if bound.posterior.parameters.scene.scatter else ", without model error"
+    laws = quantities_by_law(found.law, bound.posterior.parameters.scene.scatter)
     noise = found.noise.capitalize().replace("Student", "Student-t")
-    lines = [f"Laws: {'; '.join(laws)}{exact}", f"{noise} errors"]
+    lines = [f"Laws: {laws}", f"{noise} errors"]
     slopes = [
         f"{SCALED_QUANTITIES.get(quantity, quantity_words(quantity))} as W^"
         + " to W^".join(dict.fromkeys(f"{end:.2g}" for end in ends))
@@ -139,23 +139,6 @@ def _assumptions(bound: Bound) -> list[str]:
         lines.append(f"Dependence on the mass W: {joined(slopes)}")
     if not found.law_valid:
         lines.append("Some recordings lie outside the range of their law")
-    return lines
-
-
-def _laws(bound: Bound) -> list[str]:
-    """Return the law of each quantity with its reason and scatter."""
-    found, lines = bound.summary, []
-    scatter = bound.posterior.parameters.scene.scatter
-    column = max(len(quantity_words(q)) for q in found.law) + 2
-    for quantity, name in found.law.items():
-        law = LAWS[quantity, name]
-        words = law.scatter_words() if scatter else "no model error"
-        text = "; ".join(
-            p for p in (law_reason(found.law_reason[quantity]), words) if p
-        )
-        lines += hanging(
-            f"{quantity_words(quantity).ljust(column)}{name}: {text}", column
-        )
     return lines
 
 
@@ -201,6 +184,7 @@ def data_lines(
         return []
     best: dict[str, AddedDatum] = {}
     for datum in data:
+        # the first datum of a quantity is its best: data are sorted by their gain
         best.setdefault(datum.quantity, datum)
     target = data[0].parameter
     now = parameters[target]
@@ -208,7 +192,10 @@ def data_lines(
     for datum in sorted(best.values(), key=lambda datum: _width(datum.left))[
         :MAX_ADDED
     ]:
-        if _helps(datum.left, now):
+        before = now.sd if math.isnan(datum.left.log_sd) else now.log_sd
+        # any finite sd helps a parameter that is not identified yet
+        limit = LITTLE_HELP * before if math.isfinite(before) else math.inf
+        if _width(datum.left) < limit:
             rows.append(_row(datum))
         else:
             idle.append(quantity_words(datum.quantity))
@@ -219,12 +206,6 @@ def data_lines(
     if idle:
         lines += hanging(f"No improvement by {joined(idle)}.")
     return lines
-
-
-def _helps(left: Spread, now: Spread) -> bool:
-    before = now.sd if math.isnan(left.log_sd) else now.log_sd
-    limit = LITTLE_HELP * before if math.isfinite(before) else math.inf
-    return _width(left) < limit
 
 
 def _width(left: Spread) -> float:
@@ -239,8 +220,10 @@ def _row(datum: AddedDatum) -> tuple[str, str, str]:
         if quantity in ADDITIVE
         else f"{100 * datum.sigma:.2g} %"
     )
+    # the assumed error decides how much a datum helps
     source = "default" if datum.is_default else "as planned"
     place = where(datum)
+    # a sensor of the layout is known by its name; a new position needs numbers
     if datum.position is not None and not datum.sensor:
         east, north, _ = datum.position
         place = f"at east {east:.4g}, north {north:.4g} m"

@@ -46,6 +46,7 @@ def bound_figure(drawn: BoundMap) -> Figure:
         now = f"now {_percent(100 * drawn.now['mass'], 2)}"
         panels.append((f"sd of {parameter_words(drawn.mass)}", percent, _percent, now))
     if drawn.place_sd is not None:
+        # with one free coordinate the panel shows that coordinate
         one = len(drawn.place) != 2
         name = parameter_words(drawn.place[-1]) if one else "position"
         now = f"now {_metres(drawn.now['place'], 2)}"
@@ -79,6 +80,7 @@ def _panel(axes: Axes, drawn: BoundMap, values, words) -> None:
             color=INK,
         )
     if not drawn.valid.all():
+        # hatched, not hidden: the bound there rests on an extrapolated law
         outside = axes.contourf(
             drawn.east,
             drawn.north,
@@ -89,9 +91,11 @@ def _panel(axes: Axes, drawn: BoundMap, values, words) -> None:
         )
         outside.set(edgecolor="#c4c4c4", linewidth=0.0)
     quiet(axes)
+    # grid lines would look like contours
     axes.grid(False)
     axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal")
     axes.set(xlim=drawn.east[[0, -1]], ylim=drawn.north[[0, -1]])
+    # names lie on shading of any tone
     halo = [patheffects.withStroke(linewidth=2.5, foreground="white")]
     for name, (east, north) in drawn.sensors.items():
         axes.plot(
@@ -136,6 +140,7 @@ def _shade(axes: Axes, drawn: BoundMap, values, words) -> None:
         cmap=SHADES,
     )
     levels = round_levels(float(low), float(high))
+    # a map that is flat within 1 % has no contour to label
     if len(levels):
         lines = axes.contour(
             drawn.east, drawn.north, values, levels, colors=INK, linewidths=0.8
@@ -150,6 +155,7 @@ def round_levels(low: float, high: float) -> Float[np.ndarray, " level"]:
     """
     if high < 1.01 * low:
         return np.zeros(0)
+    # within a factor of 2.5 there are only two or three of `ROUND_NUMBERS`
     if high < 2.5 * low:
         locator = MaxNLocator(MAX_LEVELS, steps=[1, 2, 2.5, 5, 10])
         levels = np.asarray(locator.tick_values(low, high))

@@ -53,6 +53,7 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
         ends = (value,)
     elif low is not None and high is not None and low > 0.0:
         # an interval without a value is printed in the unit of its geometric mean
+        # roots first: the product of the two ends can overflow
         ends, by_factors = (math.sqrt(low) * math.sqrt(high),), True
     unit = unit_for(name, *ends)
     if sd is None and low is not None and high is not None:
@@ -75,6 +76,7 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
 
 def _beside(name: str, value: float) -> str:
     suffix = split_name(name)[1]
+    # this mass is printed in kt, but scenes and other reports have kilograms
     if suffix == "_kg" and value >= 1e6:
         return f"{scientific(value, 2)} kg"
     if suffix == "_j" and value >= 1e6 * TNT_SPECIFIC_ENERGY:

@@ -24,6 +24,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     Raises:
         OSError: It cannot be written; an existing file is unchanged.
     """
+    # the suffix is given, as the temporary file has another one
     with replacing(path) as temporary:
         figure.savefig(temporary, format=Path(path).suffix[1:])
 
@@ -62,6 +63,7 @@ class Picture:
 
 def picture_of(figure: Figure) -> Picture:
     """Return a drawn figure."""
+    # 96 pixels of CSS are an inch
     return Picture(image_bytes(figure, "png"), round(96 * figure.get_figwidth()))
 
 
@@ -71,10 +73,15 @@ def image_bytes(figure: Figure, kind: str) -> bytes:
     with warnings.catch_warnings():
         # names of sensors may have characters that the font lacks, drawn as boxes
         warnings.filterwarnings("ignore", message=r"Glyph \d+ .*missing from font")
-        _laid_out(figure)
+        # the layout is executed once here; Matplotlib does it twice for each file
+        engine = figure.get_layout_engine()
+        if engine is not None:
+            engine.execute(figure)
+            figure.set_layout_engine(None)
         if kind == "png":
             _write_png(figure, buffer)
         else:
+            # a date would make files of equal figures differ
             no_date = {"Date": None} if kind == "svg" else None
             figure.savefig(buffer, format=kind, facecolor="white", metadata=no_date)
     return buffer.getvalue()
@@ -94,11 +101,3 @@ def _write_png(figure: Figure, buffer: io.BytesIO) -> None:
     Image.fromarray(np.ascontiguousarray(colours)).save(
         buffer, format="png", compress_level=PACKED, dpi=inch
     )
-
-
-def _laid_out(figure: Figure) -> None:
-    """Execute the layout of a figure once; Matplotlib does it twice for each file."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine(None)

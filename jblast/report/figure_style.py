@@ -36,6 +36,7 @@ def quiet(axes: Axes) -> None:
     axes.spines[["left", "bottom"]].set_color(MUTED)
     axes.tick_params(which="both", color=MUTED, labelcolor=INK, labelsize=9)
     axes.grid(True, which="major", color=GRID, linewidth=0.8)
+    # Matplotlib draws the grid above bars and shaded areas by default
     axes.set_axisbelow(True)
     for label in (axes.xaxis.label, axes.yaxis.label):
         label.set(size=10, color=INK)

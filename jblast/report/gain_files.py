@@ -11,8 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import jblast
-from jblast.files import write_text
-from jblast.report.figure_files import write_drawn
 from jblast.report.figure_style import (
     BLUE,
     INK,
@@ -23,7 +21,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.gains import gains_answer, keys_of_gains
-from jblast.report.tune_files import FIGURE, JSON, SCENE, moved, scene_text
+from jblast.report.tune_files import moved, scene_text, write_scene_and_answer
 from jblast.study.gains import TunedGains, known_peaks
 
 BEFORE_S, AFTER_S = 0.2, 3.0
@@ -55,12 +53,14 @@ def cut_words(tuned: TunedGains) -> str:
 def draw_each(axes: Axes, tuned: TunedGains) -> None:
     """Draw the peak deviation of each unseen blast, after against before."""
     before, after = known_peaks(tuned.before), known_peaks(tuned.after)
+    # infinite peaks have no place on the axes
     both = np.isfinite(before) & np.isfinite(after)
     on = both & tuned.before.outcomes.flies_on & tuned.after.outcomes.flies_on
     axes.plot(before[on], after[on], ".", color=BLUE, markersize=5, alpha=0.6)
     off = both & ~on
     axes.plot(before[off], after[off], "x", color=VERMILLION, markersize=5)
     known = np.concatenate([before[both], after[both]])
+    # one range for both axes, so that no change is the diagonal
     ends = np.array([0.8 * known.min(), 1.25 * known.max()])
     axes.plot(ends, ends, color=INK, linewidth=0.9)
     axes.plot(ends, 0.8 * ends, color=INK, linewidth=0.9, linestyle=(0, (3, 3)))
@@ -78,6 +78,7 @@ def draw_each(axes: Axes, tuned: TunedGains) -> None:
 def draw_middle(axes: Axes, tuned: TunedGains) -> None:
     """Draw the path error over time for the median blast, before and after tuning."""
     peaks = known_peaks(tuned.before)
+    # one blast, not the median over blasts at each time, which no vehicle flew
     middle = int(np.argsort(peaks)[peaks.size // 2])
     for tried, colour, label in (
         (tuned.before, VERMILLION, "before"),
@@ -113,15 +114,13 @@ def write_gains(tuned: TunedGains, directory: Path, scene: str) -> tuple[str, ..
     directory.mkdir(parents=True, exist_ok=True)
     document = moved(tomllib.loads(Path(scene).read_text("utf-8")), scene, directory)
     comment = f"gains tuned by jblast {jblast.__version__} to the blasts of this scene"
-    for name in (SCENE, JSON, FIGURE):
-        (directory / name).unlink(missing_ok=True)
-    write_text(directory / SCENE, scene_text(with_gains(document, tuned), [comment]))
-    names = [SCENE, JSON]
-    if write_drawn(partial(gains_figure, tuned), directory / FIGURE) is not None:
-        names.append(FIGURE)
-    answer = gains_answer(tuned, scene, tuple(names))
-    write_text(directory / JSON, answer.to_json())
-    return tuple(names)
+    text = scene_text(with_gains(document, tuned), [comment])
+    return write_scene_and_answer(
+        directory,
+        text,
+        partial(gains_figure, tuned),
+        partial(gains_answer, tuned, scene),
+    )
 
 
 def with_gains(document: dict[str, Any], tuned: TunedGains) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -136,16 +136,16 @@ def gains_text(answer: GainsAnswer) -> str:
         f"time {answer.dead_time_s:.3g} s.",
         WIDTH,
     )
-    lines += ["", "Line for the scene's [vehicle]:", "", control_line(answer.after)]
+    found = answer.after.gains
+    entries = [f"integral = {'true' if 'ki_pos' in found else 'false'}"]
+    # str of a float and of a list of floats is valid TOML
+    entries += [
+        f"{key} = {list(value) if isinstance(value, tuple) else value}"
+        for key, value in found.items()
+    ]
+    control = f"control = {{ {', '.join(entries)} }}"
+    lines += ["", "Line for the scene's [vehicle]:", "", control]
     return "\n".join(lines) + "\n"
-
-
-def control_line(tried: TriedGains) -> str:
-    """Return the gains as one line for a scene's `[vehicle]`."""
-    integral = "ki_pos" in tried.gains
-    entries = [f"integral = {'true' if integral else 'false'}"]
-    entries += [f"{key} = {_toml(value)}" for key, value in tried.gains.items()]
-    return f"control = {{ {', '.join(entries)} }}"
 
 
 def _rows(answer: GainsAnswer) -> list[list[str]]:
@@ -154,6 +154,7 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
     for key, words in WORDS.items():
         if key not in after.gains:
             continue
+        # a motor lead of 1 is none: it is not in the scene
         old, new = before.gains.get(key, 1.0), after.gains[key]
         if not isinstance(old, tuple) or not isinstance(new, tuple):
             rows.append([words, f"{old:.4g}", f"{new:.4g}", ""])
@@ -162,15 +163,22 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
             rows.append([f"{words}, {name}", f"{old[n]:.4g}", f"{new[n]:.4g}", ""])
     rows.append(["gain margin [dB]", *_both(before, after, "gain_margin_db"), ""])
     rows.append(["phase margin [deg]", *_both(before, after, "phase_margin_deg"), ""])
-    for key, words in (("q50", "median"), ("q90", "90 %"), ("worst", "worst")):
-        old, new = (getattr(x.peak_deviation_m, key) for x in (before, after))
-        change = f"{100 * (new / old - 1):+.1f} %"
-        rows.append(
-            [f"peak deviation, {words} [m]", f"{old:.3g}", f"{new:.3g}", change]
+    lengths = [
+        (f"peak deviation, {words} [m]", was, now)
+        for words, was, now in zip(
+            ("median", "90 %", "worst"),
+            astuple(before.peak_deviation_m),
+            astuple(after.peak_deviation_m),
+            strict=True,
         )
-    old, new = before.error_after_m, after.error_after_m
-    change = f"{100 * (new / old - 1):+.1f} %"
-    rows.append(["path error after, median [m]", f"{old:.3g}", f"{new:.3g}", change])
+    ]
+    path = "path error after, median [m]"
+    for words, was, now in (
+        *lengths,
+        (path, before.error_after_m, after.error_after_m),
+    ):
+        change = f"{100 * (now / was - 1):+.1f} %"
+        rows.append([words, f"{was:.3g}", f"{now:.3g}", change])
     shares = (f"{100 * x.flies_on_share:.4g}" for x in (before, after))
     rows.append(["fly on [%]", *shares, ""])
     return rows
@@ -178,12 +186,6 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
 
 def _both(before: TriedGains, after: TriedGains, name: str) -> list[str]:
     return [f"{getattr(x, name):.3g}" for x in (before, after)]
-
-
-def _toml(value: float | tuple[float, ...]) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(repr, value))}]"
-    return repr(value)
 
 
 def gains_answer(
@@ -206,6 +208,7 @@ def gains_answer(
         margin_db=settings.margin_db,
         margin_deg=settings.margin_deg,
         motor_lag_s=float(vehicle_of(tuned.vehicle).motor_lag_s),
+        # a command is held for a whole step: it is half a step late on average
         dead_time_s=STEP_S / 2 + settings.delay_s,
         before=_tried(tuned.before),
         after=_tried(tuned.after),

@@ -25,6 +25,7 @@ def document_text(root: ET.Element) -> str:
 
 def add_text(parent: ET.Element, name: str, value: object) -> None:
     """Add an element with a text; characters that XML forbids are removed."""
+    # XML 1.0 forbids control characters even as references
     text = "".join(c for c in str(value) if c.isprintable())
     ET.SubElement(parent, name).text = text
 

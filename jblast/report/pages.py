@@ -14,7 +14,10 @@ def page(template: str, **values: Any) -> str:
         **values: Variables of the template; a missing one is an error.
     """
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, loader=FunctionLoader(_read)
+        # names from logs and scenes are escaped: they could contain markup
+        autoescape=True,
+        undefined=StrictUndefined,
+        loader=FunctionLoader(_read),
     )
     return environment.get_template(template).render(**values)
 

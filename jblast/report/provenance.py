@@ -64,7 +64,12 @@ def provenance_of(
         scene: The scene's file; "" if there is none.
         command: The words of the command, the program first.
     """
-    scene_bytes = _bytes(scene)
+    # text and hash date from before the computation: the file may change meanwhile
+    try:
+        known = bool(scene) and Path(scene).is_file()
+        scene_bytes = Path(scene).read_bytes() if known else None
+    except OSError:
+        scene_bytes = None
     # by the resolved path: a file given twice, or with its folder, is listed once
     files = {
         file.resolve(): file for path in logs if path for file in _files(path)
@@ -72,6 +77,7 @@ def provenance_of(
     found = [_source(file) for file in files]
     return Provenance(
         command=shlex.join(command),
+        # seconds: provenance needs no more, and files differ less
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         versions={
             "jblast": jblast.__version__,
@@ -112,17 +118,11 @@ def _files(path: str | Path) -> list[Path]:
         path = Path(path)
         if path.is_dir():
             return sorted(path.iterdir())
+        # a log and its covariances are read together: both decide the answer
         return [path, covariance_file(path)] if path.name else [path]
+    # a source made in memory can be any text; a null byte raises ValueError
     except (OSError, ValueError):
         return []
-
-
-def _bytes(path: str | Path) -> bytes | None:
-    """Return the content of a file; None if it is not a regular, readable file."""
-    try:
-        return Path(path).read_bytes() if path and Path(path).is_file() else None
-    except OSError:
-        return None
 
 
 def _source(path: Path) -> SourceFile | None:

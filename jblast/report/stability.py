@@ -61,6 +61,7 @@ def stability_text(modes: FailureModes) -> str:
                 ("jblast", f"{mode.response}: {mode.message}"),
             ):
                 lines += hanging(f"{word.ljust(COLUMN)}{text}", COLUMN, indent=4)
+    # each area begins with an empty line, also the first one
     return "\n".join(lines[1:]) + "\n"
 
 

@@ -76,6 +76,7 @@ RESPONSE_COLOURS = {
     "falls back": "#E69F00",
     "holds": "#009E73",
 }
+BURSTS: tuple[Burst, ...] = ("surface", "free-air")
 BAR_HEIGHT = 0.56
 """Height of a bar of the map, in rows."""
 LABEL_FACTOR = 1.9
@@ -109,6 +110,7 @@ def stability_figure(modes: Mapping[str, Sequence[FailureMode]]) -> Figure:
         return figure
     grid = parts[0].add_gridspec(len(heights) or 1, 2, height_ratios=heights or None)
     for place, area in enumerate(beside):
+        # the last of an odd number of panels spans both columns
         alone = place % 2 == 0 and place == len(beside) - 1
         across = slice(None) if alone else place % 2
         PANELS[area](parts[0].add_subplot(grid[place // 2, across]), modes[area])
@@ -140,6 +142,7 @@ def _key(axes) -> None:
 def wave_forms(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of the pulse's impulse against its decay."""
     decay, bare, ours = impulse_errors()
+    # an error of exactly 0 has no logarithm: it is drawn below one rounding step
     floor = np.finfo(np.float32).eps / 4.0
     # rounding errors fluctuate from point to point: the largest of 25 is drawn
     width = 25
@@ -213,6 +216,7 @@ def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
         [np.linspace(SHORT_STEP, 1.0, 10), np.arange(1.02, 1.3, 0.02)]
     )
     least = wave_error(SHORT_STEP), sod_end(SHORT_STEP)[1]
+    # relative to the error of a short step: both cases then share an axis
     smooth = [wave_error(float(c)) / least[0] for c in fraction]
     sod = [
         error / least[1] if alive else np.inf for alive, error in map(sod_end, fraction)
@@ -221,6 +225,7 @@ def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
         ("smooth wave ", np.array(smooth), BLUE, "right"),
         (" Sod's tube", np.array(sod), VERMILLION, "left"),
     ):
+        # a run that diverges has no error: the line ends in a cross
         alive = np.isfinite(values)
         axes.semilogy(fraction[alive], values[alive], color=colour, linewidth=1.8)
         last = float(fraction[alive][-1]), float(values[alive][-1])
@@ -239,6 +244,7 @@ def solver(axes: Axes, modes: Sequence[FailureMode]) -> None:
 def flights(axes: Axes, modes: Sequence[FailureMode]) -> None:
     """Draw the error of a blast's impulse against the step."""
     ratio, bare, ours = pulse_errors()
+    # errors of 0 are drawn at 1e-9, as they have no logarithm
     axes.loglog(ratio, np.maximum(bare, 1e-9), color=VERMILLION, linewidth=1.8)
     axes.loglog(ratio, np.maximum(ours, 1e-9), color=BLUE, linewidth=1.8)
     axes.text(3.0, 0.02 * bare.max(), "force per step", color=VERMILLION, fontsize=9)
@@ -291,11 +297,13 @@ def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
     for row, mode in enumerate(counted):
         share = 100.0 * mode.boundary / mode.cases
         axes.barh(row, share, 0.36, color=RESPONSE_COLOURS[mode.response], alpha=0.8)
+        # the name stands above its bar, where long ones have the whole width
         for x, y, words in (
             (0.0, row - 0.36, f"{mode.method}: {mode.failure}"),
             (share + 1.0, row, boundary_words(mode)),
         ):
             axes.text(x, y, words, va="center", fontsize=8.5, color=INK)
+    # bars of no length make one entry of the key for each response
     for response in dict.fromkeys(mode.response for mode in counted):
         axes.barh(
             0.0,
@@ -358,7 +366,8 @@ def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
         )
         row += 1.0
         for law in (law for law in LAWS.values() if law.quantity == quantity):
-            holds = holds_at(law)
+            # a law counts as valid at `Z` if it is so for at least one kind of burst
+            holds = np.any([_holds(law, burst) for burst in BURSTS], axis=0)
             _bar(axes, row, holds)
             method = f"{quantity} by {law.name}"
             _ticks(axes, row, [mode for mode in modes if mode.method == method], holds)
@@ -367,6 +376,7 @@ def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
             row += 1.0
         row += 0.25
     axes.set_xscale("log")
+    # inverted: the first quantity is at the top
     axes.set(xlim=(Z[0], Z[-1]), ylim=(row - 0.4, -0.8))
     axes.set_yticks(places, names)
     axes.spines[["top", "right", "left"]].set_visible(False)
@@ -381,12 +391,6 @@ def law_map(axes: Axes, modes: Sequence[FailureMode]) -> None:
 @eqx.filter_jit
 def _valid(law: Law, path) -> Bool[jax.Array, " point"]:
     return jnp.broadcast_to(call(law.valid, path), path.slant_range.shape)
-
-
-def holds_at(law: Law) -> Bool[np.ndarray, " point"]:
-    """Return at which of `Z` a law is valid for at least one kind of burst."""
-    bursts: tuple[Burst, ...] = ("surface", "free-air")
-    return np.any([_holds(law, burst) for burst in bursts], axis=0)
 
 
 def _holds(law: Law, burst: Burst) -> Bool[np.ndarray, " point"]:
@@ -423,6 +427,7 @@ def _ticks(
     """Draw ticks at boundaries, with labels unless these would overlap."""
     named = 0.0
     here = [mode for mode in modes if mode.unit in UNITS]
+    # from left to right: a label is compared with its left neighbour
     for mode in sorted(here, key=lambda mode: mode.boundary * UNITS[mode.unit]):
         z = mode.boundary * UNITS[mode.unit]
         colour = RESPONSE_COLOURS[mode.response]

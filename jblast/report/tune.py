@@ -102,16 +102,20 @@ def tune_text(answer: TuneAnswer) -> str:
     for name, one in answer.estimates.items():
         value, interval, found = NOT_IDENTIFIED, "", one.found
         if found.value is not None and found.sd is not None:
+            # digits past the twelfth are rounding errors of the search
             sd = max(found.sd, 1e-12 * abs(found.value))
             value = rounded(found.value, sd)
             ends = [rounded(x, sd) for x in (found.q05, found.q95) if x is not None]
             interval = " to ".join(ends)
         unit = "" if one.unit == "1" else one.unit
         rows.append([name, value, interval, unit, f"{found.before:.4g}", one.key])
-    lines = [f"{answer.recorded}: {_who(answer)}", *aligned(rows, right=(1, 4))]
+    by = "the camera" if answer.sensor is None else f"sensor {answer.sensor!r}"
+    title = f"{answer.recorded}: {answer.kind} of {by} of {answer.scene}"
+    lines = [title, *aligned(rows, right=(1, 4))]
     if decibels := _decibels(answer):
         lines.append(decibels)
-    lines.append(_fixed(answer))
+    fixed = [f"{n} {x:.4g}" for n, x in answer.fixed.items() if x is not None]
+    lines += [f"fixed by the scene: {', '.join(fixed)}"] if fixed else []
     left = answer.explained
     worst = min(left.tests.items(), key=lambda item: item[1], default=None)
     if left.error is not None and left.error_allowed is not None:
@@ -147,31 +151,18 @@ def _place(key) -> str:
     return f"{table} {key.name}" + ("" if key.index is None else f"[{key.index}]")
 
 
-def _who(answer: TuneAnswer) -> str:
-    if answer.sensor is None:
-        return f"{answer.kind} of the camera of {answer.scene}"
-    return f"{answer.kind} of sensor {answer.sensor!r} of {answer.scene}"
-
-
 def _decibels(answer: TuneAnswer) -> str:
     """Return sound levels in decibels, as they are usually given."""
     levels = []
     for name in ("ambient_level_pa", "noise_pa"):
         one = answer.estimates.get(name)
         value = None if one is None else one.found.value
+        # silence has no decibels
         if value is not None and value > 0:
+            # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
             level = 20.0 * math.log10(value / 20e-6)
             levels.append(f"{words_of(name)} {level:.1f} dB")
     return f"{', '.join(levels)} re 20 µPa" if levels else ""
-
-
-def _fixed(answer: TuneAnswer) -> str:
-    fixed = [
-        f"{name} {value:.4g}"
-        for name, value in answer.fixed.items()
-        if value is not None
-    ]
-    return f"fixed by the scene: {', '.join(fixed)}" if fixed else ""
 
 
 def tune_answer(
@@ -265,6 +256,7 @@ def warnings_of(tuned: Tuned) -> list[str]:
             )
     poor = [TESTS[name] for name, p in tuned.explained.tests.items() if p < POOR]
     if tuned.explained.is_poor and not poor:
+        # residuals can be too large while every test of their pattern passes
         poor = [TESTS["error"]]
     if poor:
         found.append(

@@ -3,7 +3,7 @@
 import copy
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 import jblast
 from jblast.files import write_text
@@ -30,6 +31,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.tune import key_of, tune_answer
+from jblast.results import Document
 from jblast.scene.reader.tables import LISTS
 
 GREY = "#b0b0b0"
@@ -62,6 +64,7 @@ def frames_figure(tuned: Tuned, evidence: FramesEvidence) -> Figure:
         low, high, scale = 0.0, 255.0, ""
         if name != "recorded":
             high = max(float(np.abs(values[chosen]).max()), 1.0)
+            # symmetric about 0, so that no residual is white
             low, scale = -high, f"colours to ±{high:.2g}"
         for axes, number in zip(axes_row, chosen, strict=False):
             image = np.full(size, np.nan).ravel()
@@ -112,7 +115,7 @@ def events_figure(tuned: Tuned, evidence: EventsEvidence) -> Figure:
             left.axvline(float(one), color=GREY, linewidth=1.0)
         left.set_xlabel("change of the logarithm of light")
         titled(left, f"From event to event, {name}", "grey: thresholds")
-        rest = _clipped(np.asarray(evidence.left(scene)))
+        rest = np.clip(np.asarray(evidence.left(scene)), -1.0, 1.0)
         right.plot(time, rest, ".", color=colour, markersize=2.0, alpha=0.4)
         right.set_ylim(-1.05, 1.05)
         right.set_xlabel("time [ms]")
@@ -121,10 +124,6 @@ def events_figure(tuned: Tuned, evidence: EventsEvidence) -> Figure:
     for axes in grid.ravel():
         quiet(axes)
     return figure
-
-
-def _clipped(values: Any) -> Float[np.ndarray, " event"]:
-    return np.clip(values, -1.0, 1.0)
 
 
 def tune_figure(tuned: Tuned) -> Figure:
@@ -153,6 +152,7 @@ def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
     (wave, spectrum), (left, rest) = figure.subplots(2, 2)
     near = _near(expected[1], record.size)
     time = np.arange(record.size) / rate
+    # a near blast has tens of kPa, and far ones a few Pa
     scale, symbol = (1e-3, "kPa") if np.abs(record[near]).max() > 2e3 else (1.0, "Pa")
     drawn = (
         (record, GREY, 3.0),
@@ -178,7 +178,10 @@ def sound_figure(tuned: Tuned, evidence: SoundEvidence) -> Figure:
     rest.set_xlabel("time by the sensor's clock [s]")
     for axes in (wave, spectrum, left, rest):
         quiet(axes)
-    _legend(figure)
+    names = {"record": GREY, "expected before": VERMILLION, "after": BLUE}
+    lines = [Line2D([], [], color=colour, linewidth=2.0) for colour in names.values()]
+    place = {"loc": "outside lower center", "ncols": 3, "frameon": False}
+    figure.legend(lines, [*names], fontsize=9, **place)
     return figure
 
 
@@ -187,7 +190,9 @@ def _near(expected: Float[np.ndarray, " sample"], count: int) -> slice:
     energy = np.cumsum(np.square(expected))
     if not energy[-1] > 0:
         return slice(0, count)
+    # the last 2 % of the energy arrive in a long, flat tail
     first, last = np.searchsorted(energy, np.array([1e-4, 0.98]) * energy[-1])
+    # a pulse of a few samples needs some more around it to be seen
     length = max(int(last - first), 32)
     start = max(int(first - BEFORE_PART * length), 0)
     return slice(start, min(int(first + AFTER_PART * length), count))
@@ -203,6 +208,7 @@ def _spectra(axes: Axes, evidence: SoundEvidence, tuned: Tuned, rate: float) -> 
     used = bands >= 0
     power = np.asarray(evidence.weights(tuned.scene).power)
     unit = float(evidence.unit(tuned.scene))
+    # one-sided density: 2 |X|^2 over the sample rate and the energy of the taper
     weight = float(np.square(np.asarray(evidence._taper())).sum()) * 0.5 * rate
 
     def level(values: Any, one: float) -> Float[np.ndarray, " band"]:
@@ -229,27 +235,14 @@ def _envelope(
     white: Float[np.ndarray, " sample"],
 ) -> None:
     """Draw the smallest and largest sample of each column."""
+    # about a column a pixel: a line through all samples is slow to draw and looks the
+    # same
     columns = min(white.size, 800)
     edges = np.linspace(0, white.size, columns + 1).astype(int)[:-1]
     low, high = np.minimum.reduceat(white, edges), np.maximum.reduceat(white, edges)
     axes.fill_between(time[edges], low, high, color=BLUE, alpha=0.5, linewidth=0.0)
     axes.set_xlim(0.0, float(time[-1]))
     axes.set_ylabel("standard deviations")
-
-
-def _legend(figure: Figure) -> None:
-    from matplotlib.lines import Line2D
-
-    names = {"record": GREY, "expected before": VERMILLION, "after": BLUE}
-    lines = [Line2D([], [], color=colour, linewidth=2.0) for colour in names.values()]
-    figure.legend(
-        lines,
-        [*names],
-        loc="outside lower center",
-        ncols=3,
-        frameon=False,
-        fontsize=9,
-    )
 
 
 def write_tuned(
@@ -281,14 +274,36 @@ def write_tuned(
     if unknown:
         comments.append(f"not identified by the record: {', '.join(unknown)}")
     text = scene_text(tuned_document(document, values, sensor), comments)
+    return write_scene_and_answer(
+        directory,
+        text,
+        partial(tune_figure, tuned),
+        partial(tune_answer, tuned, scene, recorded),
+    )
+
+
+def write_scene_and_answer(
+    directory: Path,
+    scene: str,
+    draw: Callable[[], Figure],
+    answer: Callable[[tuple[str, ...]], Document],
+) -> tuple[str, ...]:
+    """Write a tuned scene, its figure and the answer; return the file names.
+
+    Args:
+        directory: Output directory, which exists.
+        scene: The scene as TOML.
+        draw: Function that draws the figure.
+        answer: Function that returns the answer, which lists the written files.
+    """
+    # files of an earlier run go first: a figure that fails must not leave an old one
     for name in (SCENE, JSON, FIGURE):
         (directory / name).unlink(missing_ok=True)
-    write_text(directory / SCENE, text)
+    write_text(directory / SCENE, scene)
     names = [SCENE, JSON]
-    if write_drawn(partial(tune_figure, tuned), directory / FIGURE) is not None:
+    if write_drawn(draw, directory / FIGURE) is not None:
         names.append(FIGURE)
-    answer = tune_answer(tuned, scene, recorded, tuple(names))
-    write_text(directory / JSON, answer.to_json())
+    write_text(directory / JSON, answer(tuple(names)).to_json())
     return tuple(names)
 
 
@@ -309,6 +324,8 @@ def tuned_document(
         if name.startswith(CLOCK_OFFSET):
             named = [one for one in tuned.get("sensor", []) if one["name"] == label]
             entry = named[0] if named else _named(tuned, "clock", label)
+            # the clock of a single sensor is an entry of the sensor; a clock that
+            # several share has a table of its own
             written = "clock_offset_s" if named else "offset_s"
         elif key.table == "sensor":
             entry = _named(tuned, "sensor", sensor or "")
@@ -321,6 +338,7 @@ def tuned_document(
             continue
         count = LISTS[written].count(",") + 1
         old = entry.get(written, NEUTRAL.get(written, 0.0))
+        # a scene may have one number for both entries of a list
         parts = list(old) if isinstance(old, list) else [old] * count
         parts[key.index] = value
         entry[written] = parts
@@ -337,6 +355,7 @@ def scene_text(document: Mapping[str, Any], comments: Sequence[str] = ()) -> str
         elif isinstance(value, list):
             arrays.append((key, value))
         else:
+            # plain keys come first: after a header they would belong to its table
             lines.append(f"{_word(key)} = {_value(value)}")
     for key, entry in tables:
         lines += ["", f"[{_word(key)}]", *_entries(entry)]
@@ -367,6 +386,7 @@ def _named(document: dict[str, Any], table: str, name: str) -> dict[str, Any]:
 
 def _charge(document: dict[str, Any], name: str) -> dict[str, Any]:
     charges = document.setdefault("charge", {})
+    # one [charge] is a table, several [[charge]] are a list
     if isinstance(charges, dict):
         return charges
     if not name:
@@ -385,6 +405,7 @@ def _word(key: str) -> str:
 
 def _value(value: Any) -> str:
     """Return a value as TOML."""
+    # before numbers: True is an int, and TOML has true
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -394,6 +415,7 @@ def _value(value: Any) -> str:
         return f"{{ {inner} }}"
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
+    # ten digits are finer than any uncertainty, and hide rounding errors
     return repr(float(f"{value:.10g}")) if isinstance(value, float) else str(value)
 
 

@@ -13,6 +13,13 @@ MAX_NAMED = 5
 """Largest number of lines, or names, that a sentence lists."""
 FORMAT_NAMES = {"CSV": "text"}
 """Names of formats in a sentence; the others have their own names."""
+TEMPLATES: dict[type[Understood], str] = {
+    table.DecimalComma: "decimal commas, as in {0.text} (line {0.line})",
+    table.HeightTaken: "no column up_m: sensors assumed at up = 0",
+    table.Renamed: "{0.theirs} was read as {0.ours}",
+    table.UnitsRow: "line {0.line} was read as the units of the columns",
+}
+"""Sentences with fields of a conversion only; the others have a function."""
 
 
 def conversion_comments(log: Observations) -> list[str]:
@@ -37,30 +44,24 @@ def understood_lines(understood: Sequence[Understood]) -> list[str]:
 @singledispatch
 def understood_words(found: Understood) -> str:
     """Return a sentence on a conversion, an omission or a default."""
-    raise NotImplementedError(type(found).__name__)
+    if type(found) not in TEMPLATES:
+        raise NotImplementedError(type(found).__name__)
+    return TEMPLATES[type(found)].format(found)
 
 
 @understood_words.register
 def _(found: table.Dialect) -> str:
     parts = []
     if found.separator:
-        parts.append(f"fields separated by {_separator(found.separator)}")
+        named_one = found.separator in ("semicolon", "tab")
+        separator = f"{found.separator}s" if named_one else repr(found.separator)
+        parts.append(f"fields separated by {separator}")
     if found.encoding:
         parts.append(found.encoding)
     if found.sheet:
         parts.append(f"sheet {found.sheet!r}")
     named = FORMAT_NAMES.get(found.format, found.format)
     return f"read as {named}" + (f": {', '.join(parts)}" if parts else "")
-
-
-@understood_words.register
-def _(found: table.DecimalComma) -> str:
-    return f"decimal commas, as in {found.text} (line {found.line})"
-
-
-@understood_words.register
-def _(found: table.Renamed) -> str:
-    return f"{found.theirs} was read as {found.ours}"
 
 
 @understood_words.register
@@ -111,19 +112,9 @@ def _(found: table.EmptySkipped) -> str:
 
 
 @understood_words.register
-def _(_: table.HeightTaken) -> str:
-    return "no column up_m: sensors assumed at up = 0"
-
-
-@understood_words.register
 def _(found: table.ColumnsIgnored) -> str:
     columns = "column" if len(found.names) == 1 else "columns"
     return f"{columns} {joined(list(found.names))} ignored"
-
-
-@understood_words.register
-def _(found: table.UnitsRow) -> str:
-    return f"line {found.line} was read as the units of the columns"
 
 
 @understood_words.register
@@ -137,10 +128,6 @@ def _(found: table.MadeLong) -> str:
             "law's scatter is used"
         )
     return text
-
-
-def _separator(name: str) -> str:
-    return f"{name}s" if name in ("semicolon", "tab") else repr(name)
 
 
 def _rows(n: int) -> str:

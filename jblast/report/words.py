@@ -89,12 +89,14 @@ def markdown(head: Sequence[str], rows: Rows, *, right: Collection[int] = ()) ->
 
 def commented(comments: Iterable[str]) -> str:
     """Return comments as lines that precede a CSV table."""
+    # a line break in a comment would begin a row of the table
     return "".join(f"# {' '.join(line.split())}\n" for line in comments)
 
 
 def comma_separated(rows: Iterable[Iterable[Any]]) -> str:
     """Return rows as CSV; the first holds the names of the columns."""
     text = io.StringIO()
+    # the default of csv is CR LF on all systems
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
 
@@ -148,20 +150,18 @@ def finite(number: Any) -> float | None:
 
 def unit_for(name: str, *numbers: float | None, system: System = "si") -> Unit:
     """Return the unit for numbers of one parameter or quantity, by the largest."""
-    ladder = _ladder(split_name(name)[1], system)
+    suffix = split_name(name)[1]
+    ladder = LADDERS[suffix]
+    if system == "us" and suffix in CUSTOMARY:
+        ladder = tuple(
+            (start, Unit(SYMBOLS.get(ending) or ending, si_factor(ending)))
+            for start, ending in CUSTOMARY[suffix]
+        )
     largest = max((abs(n) for n in numbers if n is not None), default=0.0)
+    # 0 has no magnitude to choose a unit by: SI
     if largest == 0.0:
         return next((u for _, u in ladder if u.size == 1.0), ladder[-1][1])
     return [unit for start, unit in ladder if largest >= start][-1]
-
-
-def _ladder(suffix: str, system: System) -> tuple[tuple[float, Unit], ...]:
-    if system == "si" or suffix not in CUSTOMARY:
-        return LADDERS[suffix]
-    return tuple(
-        (start, Unit(SYMBOLS.get(ending) or ending, si_factor(ending)))
-        for start, ending in CUSTOMARY[suffix]
-    )
 
 
 def rounded(number: float, sd: float) -> str:
@@ -170,10 +170,12 @@ def rounded(number: float, sd: float) -> str:
     two_digits = float(f"{sd:.1e}")
     decimals = 1 - math.floor(math.log10(two_digits)) if sd > 0.0 else 12
     decimals = min(decimals, 12)
+    # zeros in place of the rounded digits would make it hard to read
     if decimals < 0 and abs(number) >= 1e7:
         digits = math.floor(math.log10(abs(number))) + decimals
         return scientific(number, max(digits, 1))
     text = f"{round(number, decimals):.{max(decimals, 0)}f}"
+    # a small negative number rounds to -0
     return text.lstrip("-") if float(text) == 0.0 else text
 
 
@@ -185,12 +187,14 @@ def significant(number: float, digits: int = 2) -> str:
     if not -4 <= exponent < 7:
         return scientific(number, digits - 1)
     decimals = digits - 1 - exponent
+    # round also rounds to tens and hundreds, which a format does not
     return f"{round(number, decimals):.{max(decimals, 0)}f}"
 
 
 def scientific(number: float, decimals: int) -> str:
     """Return a number as 2.1e7 rather than 2.1e+07."""
     mantissa, _, exponent = f"{number:.{decimals}e}".partition("e")
+    # int drops the plus sign and the leading zero
     return f"{mantissa}e{int(exponent)}"
 
 
@@ -201,6 +205,7 @@ def printed_number(
     value = float(value)
     unit = unit_for(name, value, system=system)
     text = significant(value / unit.size, digits)
+    # trailing zeros would claim an accuracy that is not known
     if "." in text and "e" not in text:
         text = text.rstrip("0").rstrip(".")
     return f"{text} {unit.symbol}".rstrip()
@@ -235,6 +240,7 @@ def behind(start: str, text: str) -> list[str]:
 def split_name(name: str) -> tuple[str, str, str]:
     """Split a parameter's name: `clock_offset_s.B` is ("clock_offset", "_s", "B")."""
     stem, _, label = name.partition(".")
+    # `UNITS` has longer suffixes first: _m_s ends in _s as well
     for suffix in UNITS:
         if stem.endswith(suffix):
             return stem.removesuffix(suffix), suffix, label

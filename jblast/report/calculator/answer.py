@@ -38,6 +38,7 @@ def header(question: Question) -> list[tuple[str, str]]:
     charge, defaults = question.scene.charge, question.defaults
     system = question.units
     lines = []
+    # both factors of TNT are 1: the line would only repeat the mass
     if charge.explosive != "TNT":
         factors = given.tnt_factor
         text = f"{factors.pressure:g} for pressure and time, "
@@ -49,6 +50,7 @@ def header(question: Question) -> list[tuple[str, str]]:
         text = f"{_span(z)} m/kg^(1/3)"
         if system == "us":
             foot, pound = (unit_for(name, 1.0, system=system) for name in ("_m", "_kg"))
+            # Z is a length over the cube root of a mass, so both units convert it
             text = f"{_span(z * pound.size ** (1 / 3) / foot.size)} ft/lb^(1/3)"
         lines.append(("scaled distance", text))
         unit = unit_for("_m", 1.0, system=system)
@@ -129,11 +131,15 @@ def notes(question: Question, *, has_other_set: bool = True) -> list[str]:
     """
     charge = question.scene.charge
     low, high = _scaled_heights(question)
+    # neither curve set has a depth: a buried charge gets those of its burst, with this
+    # note
     if high < 0.0:
         return [
             f"the charge is buried: the {charge.burst} curves were used; ford_2021 "
             "alone takes the depth into account"
         ]
+    # the range of an inverse question is unknown, and with it the scaled height that
+    # would decide between the curve sets
     if high > 0.0 and question.quantity:
         return [
             f"the {charge.burst} curves were used; a burst above the ground lies "
@@ -203,6 +209,7 @@ def _air(given: Inputs, system: System) -> str:
     pressure = f"{given.pressure_pa / 1e3:.3f} kPa"
     temperature = f"{given.temperature_k:.2f} K"
     if system == "us":
+        # Fahrenheit has an offset, so it is no entry of the units with a size
         temperature = f"{given.temperature_k * 1.8 - 459.67:.2f} °F"
         pressure = printed_number("_pa", given.pressure_pa, system=system)
     words = [
@@ -211,6 +218,7 @@ def _air(given: Inputs, system: System) -> str:
         f"humidity {given.relative_humidity:g}" if given.relative_humidity else "dry",
         f"sound {_speed(given.sound_speed_m_s, system, '.2f')}",
     ]
+    # temperature and pressure follow from the altitude, which is therefore first
     if given.altitude_m is not None:
         altitude = given.altitude_m
         shown = f"{altitude:g} m"
@@ -227,6 +235,7 @@ def _speed(value: float, system: System, digits: str) -> str:
 
 
 def _values(name: str, values: tuple[float, ...], system: System) -> str:
+    # three values fit a title of one line; more are a span with their number
     if len(values) < 4:
         return ", ".join(printed_number(name, v, system=system) for v in values)
     first, last = (
@@ -237,6 +246,7 @@ def _values(name: str, values: tuple[float, ...], system: System) -> str:
 
 def _span(values: np.ndarray) -> str:
     low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    # rows that agree to four digits are printed as one number
     return low if low == high else f"{low} to {high}"
 
 
@@ -340,7 +350,10 @@ def inputs(question: Question) -> Inputs:
     charge, air = scene.charge, scene.air
     path = scene_path(scene)
     temperature, _ = ambient(air)
+    # one factor only: scaled distances are printed for pressures, and impulses have a
+    # factor of their own
     pressure_factor = float(charge.tnt_factor_for("peak_overpressure_pa"))
+    # an inverse question has one given number, and its unknown depends on the law
     mass = distance = unknown = scaled = None
     if question.quantity and question.charge_mass:
         mass, unknown = question.charge_mass[0], "range_m"
@@ -432,6 +445,7 @@ def calculator_answer(
 
     def entry(quantity: str, name: str, of_law: Calculated) -> LawEntry:
         here, beside = _value(of_law), None
+        # a law with one curve set has the same value for every burst
         if other is not None and of_law.two_sets:
             beside = _value(other[quantity][name])
         return LawEntry(here.value, here.valid, of_law.range, beside)
@@ -444,7 +458,12 @@ def calculator_answer(
         inputs=inputs(question),
         quantities=quantities,
         recommended=_recommended(recommended) if recommended else None,
-        disagreements=tuple(map(_disagreement, apart)),
+        disagreements=tuple(
+            DisagreementEntry(
+                found, found.choice.method if found.choice else "", why_taken(found)
+            )
+            for found in apart
+        ),
     )
 
 
@@ -452,8 +471,13 @@ def inverse_answer(
     question: Question, answer: Mapping[str, Roots], recommended: Recommended
 ) -> InverseAnswer:
     """Combine the ranges or masses at which laws take a value."""
-    given = inputs(question)
-    by_law = {name: _root_entry(found) for name, found in answer.items()}
+    given, by_law = inputs(question), {}
+    for name, found in answer.items():
+        # a law may reach the value nowhere: it is null in the JSON, not left out
+        value, valid = found.best() or (None, False)
+        pairs = zip(found.value, found.valid, strict=True)
+        roots = tuple(Root(float(v), bool(ok)) for v, ok in pairs)
+        by_law[name] = RootEntry(value, valid, roots, found.law.range)
     return InverseAnswer(
         given, _recommended(recommended), {given.unknown or "": by_law}
     )
@@ -463,19 +487,8 @@ def _recommended(recommended: Recommended) -> RecommendedEntry:
     return RecommendedEntry(recommended, why_recommended(recommended))
 
 
-def _disagreement(found: Disagreement) -> DisagreementEntry:
-    taken = found.choice.method if found.choice else ""
-    return DisagreementEntry(found, taken, why_taken(found))
-
-
-def _root_entry(found: Roots) -> RootEntry:
-    value, valid = found.best() or (None, False)
-    pairs = zip(found.value, found.valid, strict=True)
-    roots = tuple(Root(float(v), bool(ok)) for v, ok in pairs)
-    return RootEntry(value, valid, roots, found.law.range)
-
-
 def _value(of_law: Calculated) -> LawValue:
+    # one row is a plain number in the JSON, several rows are a list
     if len(of_law.value) == 1:
         return LawValue(float(of_law.value[0]), bool(of_law.valid[0]))
     return LawValue(
@@ -513,6 +526,7 @@ def between_limits(question: Question) -> bool:
 def disagreement_words(found: Disagreement, question: Question) -> str:
     """Return a sentence on valid laws that disagree, with the recommended one."""
     where, rows = "", len(question.rows()[0])
+    # the laws may disagree at many rows: one sentence has their number and the worst
     if rows > 1:
         place = printed_number("_m", found.range_m, system=question.units)
         where = f" at {found.rows} of {rows} rows, most at {place}"

@@ -24,6 +24,7 @@ from jblast.report.figure_style import (
 from jblast.report.fit.figures import runs
 from jblast.report.words import (
     System,
+    Unit,
     capitalised,
     printed_number,
     quantity_words,
@@ -80,13 +81,16 @@ def question_figure(
         recommended: The answer, which is marked; None for several rows.
         law: Only this law; "" for all.
     """
-    x, ranges, masses = _along(question, recommended)
+    of_mass, across = _across(question)
+    ranges, masses = _along(question, recommended)
+    x = (masses if of_mass else ranges) / across.size
     by_law = only(calculate(question.scene, ranges, masses), quantity, law)[quantity]
     first = recommended.law if recommended else ""
     valid = holding(by_law, first)
     figure = new_figure(8.0, 5.4)
     axes = figure.subplots()
     seen = [by_law[name].value[by_law[name].valid] for name in valid]
+    # without a valid law the panel still needs limits, here those of all laws
     seen = np.concatenate(seen or [one.value for one in by_law.values()])
     unit = unit_for(quantity, float(np.median(np.abs(seen))), system=question.units)
     _draw_question(axes, x, by_law, groups(by_law, valid), unit.size)
@@ -94,8 +98,11 @@ def question_figure(
     if recommended is not None:
         value = question.target if question.quantity else recommended.value
         at = recommended.value if question.quantity else question.slant_range[0]
-        _mark(axes, at / _size(question), value / unit.size)
-    axes.set_xlabel(_label(question))
+        at, value = at / across.size, value / unit.size
+        axes.axvline(at, color=MUTED, linewidth=0.8, zorder=1)
+        axes.axhline(value, color=MUTED, linewidth=0.8, zorder=1)
+        axes.plot([at], [value], "o", color=INK, markersize=7, zorder=5)
+    axes.set_xlabel(f"{'charge mass' if of_mass else 'slant range'} ({across.symbol})")
     axes.set_ylabel(unit.symbol)
     titled(axes, capitalised(quantity_words(quantity)))
     burst = question.scene.charge.burst or "surface or free-air"
@@ -118,6 +125,7 @@ def _draw_question(
     for name, of_law in by_law.items():
         if name not in lines:
             draw_curve(axes, x, of_law.value / size, of_law.valid, MUTED)
+    # the recommended law is the first one: its line is black and the widest
     palette = (INK, *COLOURS)
     for i, group in enumerate(together):
         look = {
@@ -126,6 +134,7 @@ def _draw_question(
             "linestyle": STYLES[i % len(STYLES)],
         }
         for name in group:
+            # NaN ends the line at the limit of validity
             value = np.where(by_law[name].valid, by_law[name].value / size, np.nan)
             axes.plot(x, value, zorder=4, **look)
         axes.plot([], [], label=group_words(group), **look)
@@ -141,47 +150,47 @@ def _frame(axes: Axes, seen: Float[np.ndarray, " value"]) -> None:
         axes.set_ylim(low / 1.3, high * 1.3)
         log_ticks(axes.yaxis, axes.get_ylim())
     axes.margins(x=0.0)
+    # x only: grey curves of invalid laws must not stretch the panel upwards
     axes.autoscale_view(scaley=False)
     log_ticks(axes.xaxis, axes.get_xlim())
-
-
-def _mark(axes: Axes, x: float, y: float) -> None:
-    axes.axvline(x, color=MUTED, linewidth=0.8, zorder=1)
-    axes.axhline(y, color=MUTED, linewidth=0.8, zorder=1)
-    axes.plot([x], [y], "o", color=INK, markersize=7, zorder=5)
 
 
 def _along(
     question: Question, recommended: Recommended | None
 ) -> tuple[Float[np.ndarray, " point"], ...]:
-    """Return the abscissa in its unit, and the ranges and masses there."""
+    """Return the ranges and masses of the curves."""
     if question.quantity and not question.charge_mass and recommended is not None:
+        # Z goes with the cube root of the mass: the cube gives the same extent in Z as
+        # a panel against range has
         masses = recommended.value * np.geomspace(AROUND**-3, AROUND**3, POINTS)
         ranges = np.full_like(masses, question.slant_range[0])
-        return masses / _size(question), ranges, masses
+        return ranges, masses
     ranges = question.slant_range or ((recommended.value,) if recommended else (1.0,))
+    ranges = _spaced(ranges, question.charge_mass[0], AROUND)
+    return ranges, np.full_like(ranges, question.charge_mass[0])
+
+
+def _spaced(
+    ranges: Sequence[float], mass: float, around: float
+) -> Float[np.ndarray, " point"]:
+    """Return ranges evenly spaced in ln, from outside the charge on.
+
+    Args:
+        ranges: Ranges of the question [m].
+        mass: Charge mass [kg].
+        around: Factor added on either side if the ranges are nearly equal.
+    """
     low, high = min(ranges), max(ranges)
     if high < 1.5 * low:
-        low, high = low / AROUND, high * AROUND
-    radius = float(charge_radius(question.charge_mass[0]))
-    ranges = np.geomspace(max(low, 1.01 * radius), high, POINTS)
-    masses = np.full_like(ranges, question.charge_mass[0])
-    return ranges / _size(question), ranges, masses
+        low, high = low / around, high * around
+    # inside the charge there is no shock in air, and no law applies
+    return np.geomspace(max(low, 1.01 * float(charge_radius(mass))), high, POINTS)
 
 
-def _of_mass(question: Question) -> bool:
-    return bool(question.quantity) and not question.charge_mass
-
-
-def _size(question: Question) -> float:
-    name = "_kg" if _of_mass(question) else "_m"
-    return unit_for(name, 1.0, system=question.units).size
-
-
-def _label(question: Question) -> str:
-    name = "_kg" if _of_mass(question) else "_m"
-    unit = unit_for(name, 1.0, system=question.units).symbol
-    return f"{'charge mass' if _of_mass(question) else 'slant range'} ({unit})"
+def _across(question: Question) -> tuple[bool, Unit]:
+    """Return whether the abscissa is the mass, not the range, and its unit."""
+    of_mass = bool(question.quantity) and not question.charge_mass
+    return of_mass, unit_for("_kg" if of_mass else "_m", 1.0, system=question.units)
 
 
 def _words(question: Question, recommended: Recommended | None) -> str:
@@ -209,7 +218,7 @@ def calculator_figure(question: Question, law: str = "") -> Figure:
         question: The question, with one mass and one or more ranges.
         law: Only this law; "" for all.
     """
-    ranges = _ranges(question)
+    ranges = _spaced(question.slant_range, question.charge_mass[0], 10.0)
     masses = np.full_like(ranges, question.charge_mass[0])
     answer = only(calculate(question.scene, ranges, masses), law=law)
     panels = [
@@ -221,6 +230,7 @@ def calculator_figure(question: Question, law: str = "") -> Figure:
         quantity: groups(by_law, holding(by_law)) for quantity, by_law in panels
     }
     colours = leader_colours(together.values())
+    # two columns of four panels fit a page; with more panels it takes three
     columns = 2 if len(panels) <= 8 else 3
     rows = -(-len(panels) // columns)
     figure = new_figure(6.0 * columns, 3.7 * rows + 0.6)
@@ -229,7 +239,8 @@ def calculator_figure(question: Question, law: str = "") -> Figure:
         of_panel = together[quantity]
         _panel(axes, quantity, by_law, of_panel, ranges, colours, question.units)
         if len(question.slant_range) == 1:
-            axes.axvline(_x(question), color=MUTED, linewidth=0.8, zorder=1)
+            at = question.slant_range[0] / _across(question)[1].size
+            axes.axvline(at, color=MUTED, linewidth=0.8, zorder=1)
     for axes in list(grid.flat)[len(panels) :]:
         axes.set_axis_off()
     burst = question.scene.charge.burst or "surface or free-air"
@@ -239,18 +250,6 @@ def calculator_figure(question: Question, law: str = "") -> Figure:
     key = "solid: within the law's range of validity    dashed: outside"
     figure.supxlabel(key, fontsize=9, color=MUTED)
     return figure
-
-
-def _x(question: Question) -> float:
-    return question.slant_range[0] / unit_for("_m", 1.0, system=question.units).size
-
-
-def _ranges(question: Question) -> Float[np.ndarray, " point"]:
-    low, high = min(question.slant_range), max(question.slant_range)
-    if high < 1.5 * low:
-        low, high = low / 10.0, high * 10.0
-    radius = float(charge_radius(question.charge_mass[0]))
-    return np.geomspace(max(low, 1.01 * radius), high, POINTS)
 
 
 def _panel(
@@ -269,6 +268,7 @@ def _panel(
     # without any valid law the panel still needs limits
     if not len(seen):
         seen = np.concatenate([of_law.value for of_law in by_law.values()])
+    # a quantity that is 0 or negative somewhere has no logarithm
     logarithmic = bool(np.all(seen > 0))
     unit = unit_for(quantity, float(np.median(np.abs(seen))), system=system)
     _draw(axes, x, by_law, together, colours, unit.size)
@@ -307,6 +307,8 @@ def _draw(
         for name in group:
             of_law = by_law[name]
             draw_curve(axes, x, of_law.value / size, of_law.valid, colour, width)
+        # an empty line makes one entry of the key for the group: its curves are many
+        # lines, split at the limits of validity
         axes.plot([], [], color=colour, linewidth=width, label=group_words(group))
 
 
@@ -317,6 +319,8 @@ def groups(by_law: Curves, names: Iterable[str]) -> list[list[str]]:
     """
     found: list[list[str]] = []
     for name in names:
+        # compared with the first law of a group, not the last: a chain of laws that
+        # differ by 2 % each would drift apart
         for group in found:
             if _coincide(by_law[group[0]], by_law[name]):
                 group.append(name)
@@ -342,6 +346,7 @@ def holding(by_law: Curves, first: str = FIRST) -> list[str]:
 def leader_colours(panels: Iterable[Sequence[Sequence[str]]]) -> dict[str, str]:
     """Return a colour for the first law of every group, the same in all panels."""
     leaders = dict.fromkeys(group[0] for groups in panels for group in groups)
+    # LAW_COLOURS begins with COLOURS: a repeated colour would stand for two laws
     palette = tuple(dict.fromkeys((INK, *COLOURS, *LAW_COLOURS)))
     return {name: palette[i % len(palette)] for i, name in enumerate(leaders)}
 
@@ -350,6 +355,7 @@ def group_words(group: Sequence[str]) -> str:
     """Return the entry of a key: the first law, and those that coincide with it."""
     if len(group) == 1:
         return group[0]
+    # no-break spaces keep the number and its unit on one line of the key
     same = f"= {', '.join(group[1:])} (within\xa0{100 * COINCIDE:g}\xa0%)"
     lines = textwrap.wrap(same, KEY_WIDTH, break_on_hyphens=False)
     return "\n  ".join([group[0], *lines])
@@ -385,6 +391,7 @@ def _coincide(one: Calculated, other: Calculated) -> bool:
 
 def law_colours() -> dict[str, str]:
     """Return a colour for each drawn law, the same in every figure."""
+    # sorted, so that colours do not depend on the order of registration
     ordered = sorted({name for quantity, name in LAWS if quantity not in NOT_DRAWN})
     return {name: LAW_COLOURS[i % len(LAW_COLOURS)] for i, name in enumerate(ordered)}
 
@@ -427,6 +434,7 @@ def name_curves(
     """
     corner = axes.transAxes.inverted()
     places = corner.transform(axes.transData.transform(np.array(list(ends.values()))))
+    # a curve may end above the panel, or in NaN: its name stays at the edge
     places = np.clip(np.nan_to_num(places), 0.0, 1.0)
     for name, (x, y), height in zip(ends, places, spread(places[:, 1]), strict=True):
         axes.annotate(
@@ -457,10 +465,12 @@ def spread(heights: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
 
     Blocks of labels that touch are centred on the mean of their curves.
     """
+    # stable: curves that end at one height keep the order of the caller
     order = np.argsort(heights, kind="stable")
     blocks: list[list[float]] = []  # wanted heights of the labels of each block
     for wanted in heights[order]:
         blocks.append([float(wanted)])
+        # merging moves a block, which may then touch the next one below
         while len(blocks) > 1 and _top(blocks[-2]) > _bottom(blocks[-1]):
             upper = blocks.pop()
             blocks[-1] = blocks[-1] + upper

@@ -70,6 +70,7 @@ def calculation_csv(
     for quantity, by_law in answer.items():
         for name, of_law in by_law.items():
             for i, (r, m) in enumerate(zip(ranges, masses, strict=True)):
+                # all digits: programs read this table
                 value, valid = repr(float(of_law.value[i])), bool(of_law.valid[i])
                 row = (repr(float(r)), repr(float(m)), quantity, name, value)
                 lines.append((*row, str(valid).lower()))
@@ -184,6 +185,7 @@ def root_line(
         by_law: Values of all laws.
     """
     target = printed_number(question.quantity, question.target, system=question.units)
+    # a curve that is not monotonic takes the value at several ranges
     solutions = recommended.solutions or (recommended.value,)
     values = [
         printed_number(recommended.quantity, value, system=question.units)
@@ -323,6 +325,7 @@ def _list(
         value, mark = printed_value(of_law, unit)
         where = scaled_in(of_law.range, question.units)
         lines += entry(name, value, mark, where, column)
+        # laws with one curve set would repeat their value
         if name in other and of_law.two_sets:
             value, mark = printed_value(other[name], unit)
             lines += entry(f"  ({other_burst})", value, mark, "", column)
@@ -334,6 +337,7 @@ def one_unit(
 ) -> Unit:
     """Return one unit for the values of all laws, by their median."""
     values = np.concatenate([of_law.value for of_law in by_law.values()])
+    # the median: one extrapolated law far off would decide the unit of all
     middle = float(np.nanmedian(np.abs(values)))
     return unit_for(quantity, middle, system=question.units)
 
@@ -365,7 +369,9 @@ def _table(
     unit = one_unit(question, quantity, by_law)
     symbol = f" [{unit.symbol}]" if unit.symbol else ""
     lines = [capitalised(quantity_words(quantity)) + symbol]
+    # the inputs are repeated with each group of columns
     heads = [["range", *(printed_number("_m", r, system=system) for r in ranges)]]
+    # a single mass stands in the title
     if len(question.charge_mass) > 1:
         heads.append(
             ["mass", *(printed_number("_kg", m, system=system) for m in masses)]

@@ -62,6 +62,7 @@ def practically_unidentified(estimates: Mapping[str, Estimate]) -> list[str]:
         name
         for name, estimate in estimates.items()
         if estimate.identified
+        # a parameter that can be negative has no sd of ln: it is never listed
         and (finite(estimate.log_sd) or 0.0) > UNIDENTIFIED_LOG_SD
     ]
 
@@ -70,6 +71,7 @@ def null_direction_sentence(direction: NullDirection) -> str:
     """Return the joint change of parameters that leaves every recording unchanged."""
     steps = {n: float(step) for n, step in direction.parameters.items() if step}
     names = [parameter_words(name) for name in steps]
+    # one parameter alone is not a combination
     if len(steps) == 1:
         return f"The recordings do not depend on the {names[0]}."
     # the step is scaled so that the largest change in ln is a factor of two; without a
@@ -81,7 +83,8 @@ def null_direction_sentence(direction: NullDirection) -> str:
     changes = [
         f"{parameter_words(name)} times {significant(2.0 ** (step / pace), 3)}"
         if _in_ln(name, space)
-        else f"{parameter_words(name)} by {_signed(name, moved * step / pace)}"
+        else f"{parameter_words(name)} by {'+' if step > 0 else ''}"
+        f"{printed_number(name, moved * step / pace, 3)}"
         for name, step in steps.items()
     ]
     return (
@@ -92,10 +95,6 @@ def null_direction_sentence(direction: NullDirection) -> str:
 
 def _in_ln(name: str, space: str) -> bool:
     return space != "linear" and parameter_named(name).positive
-
-
-def _signed(name: str, step: float) -> str:
-    return ("+" if step > 0 else "") + printed_number(name, step, 3)
 
 
 def ambiguity_sentence(other: OtherMode) -> str:
@@ -125,6 +124,7 @@ def determined_lines(determined: Sequence[EstimableCombination]) -> list[str]:
         value, sd = finite(entry.value), finite(entry.sd)
         if value is None:
             lines.append(entry.combination)
+        # without an sd there are no significant digits to round to
         elif not sd:
             lines.append(f"{entry.combination} = {significant(value, 4)}")
         else:
@@ -201,6 +201,7 @@ def _determined(of: EstimableCombination) -> Determined:
 
 
 def _explanation(of: WrongSensor) -> Explanation:
+    # keys of the other kinds are left out of the JSON
     pair = of if isinstance(of, ExchangedSensors) else None
     clock = of if isinstance(of, WrongClock) else None
     kind = "exchange" if pair else "clock" if clock else "sensor"

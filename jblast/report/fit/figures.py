@@ -8,10 +8,11 @@ the residuals are visible.
 import sys
 import textwrap
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import ModuleType
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,6 +24,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from jblast.constants import LIGHT_SPEED
 from jblast.inference.fitting.fit import Band, Fit
+from jblast.inference.posterior.parameters import Estimate
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.report.estimates import WIDE_LOG_SD, printed_estimate
 from jblast.report.figure_style import (
@@ -120,14 +122,15 @@ def _residuals_panel(
         )
     for row in outlier_rows(fit):
         if here[row]:
-            x, y = float(along[row]) / unit.size, float(fit.residual[row])
-            _name(axes, x, y, table.sensor[row])
+            at = float(along[row]) / unit.size, float(fit.residual[row])
+            _ringed(axes, at, table.sensor[row], INK, xytext=(11, 0), va="center")
     quiet(axes)
     axes.grid(False, axis="y")
     if np.any(here) and np.all(along[here] > 0.0):
         axes.set_xscale("log")
         log_ticks(axes.xaxis, axes.get_xlim())
     bottom, top = axes.get_ylim()
+    # both lines at 2 sd are in view, however good the fit
     axes.set_ylim(min(bottom, -3.2), max(top, 3.2))
     axes.set_ylabel("residual (sd)")
     words = "time after detonation" if against_time else "slant range"
@@ -149,19 +152,26 @@ def _residuals_panel(
         )
 
 
-def _name(axes: Axes, x: float, y: float, name: str) -> None:
-    axes.plot(
-        x, y, "o", markersize=13, markerfacecolor="none", markeredgecolor=INK
-    )  # fmt: skip
+def _ringed(
+    axes: Axes,
+    at: tuple[float, float],
+    name: str,
+    colour: str,
+    ring: Mapping[str, Any] | None = None,
+    **place: Any,
+) -> None:
+    """Draw a ring about a point, with the name of its sensor."""
+    look = {"markersize": 13, "markerfacecolor": "none", "markeredgecolor": colour}
+    axes.plot(*at, "o", **(look | dict(ring or {})))
+    # names come from logs: a "$" in one is no formula
     axes.annotate(
         name if len(name) <= MAX_NAME else name[: MAX_NAME - 1] + "…",
-        (x, y),
-        xytext=(11, 0),
+        at,
         textcoords="offset points",
-        va="center",
         fontsize=9,
-        color=INK,
+        color=colour,
         parse_math=False,
+        **place,
     )
 
 
@@ -215,6 +225,7 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
     t0 = float(fit.scene.charges[shot].time_s)
     if against_time:
         x, value = table.time[rows] - clock - t0, table.value[rows]
+        # radii are drawn against the time since detonation, as laws have it
         band_x = None if band is None else band.x - t0
     else:
         offset = clock if less and quantity != "arrival_difference_s" else 0.0
@@ -266,6 +277,7 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
 def _error_bars(
     quantity: str, value: Float[np.ndarray, " n"], sd: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    # errors of times are in seconds, those of other quantities are of ln
     if quantity in ADDITIVE:
         return value - sd, value + sd
     return value * np.exp(-sd), value * np.exp(sd)
@@ -325,6 +337,7 @@ def _draw_band(
     for start, stop, valid in runs(band.valid):
         part = np.arange(start, stop)
         part = part[finite[part]]
+        # extrapolated parts are fainter and dashed
         shade, line = (0.22, "-") if valid else (0.10, (0, (4, 2.5)))
         axes.fill_between(
             x[part], low[part], high[part], color=BLUE, alpha=shade, linewidth=0
@@ -354,22 +367,9 @@ def _ring(
     for i, row in enumerate(rows):
         if int(row) not in suspected or not np.isfinite(x[i] + y[i]):
             continue
-        axes.plot(
-            x[i], y[i], "o", markersize=13, markerfacecolor="none",
-            markeredgecolor=VERMILLION, markeredgewidth=1.6, zorder=4,
-        )  # fmt: skip
-        name = fit.observations.sensor[row]
-        axes.annotate(
-            name if len(name) <= MAX_NAME else name[: MAX_NAME - 1] + "…",
-            (x[i], y[i]),
-            xytext=(0, 10),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-            fontsize=9,
-            color=VERMILLION,
-            parse_math=False,
-        )
+        ring, name = {"markeredgewidth": 1.6, "zorder": 4}, fit.observations.sensor[row]
+        place = {"xytext": (0, 10), "ha": "center", "va": "bottom"}
+        _ringed(axes, (x[i], y[i]), name, VERMILLION, ring, **place)
 
 
 def _scales(axes: Axes, x: Float[np.ndarray, " n"], logarithmic: bool) -> None:
@@ -390,6 +390,7 @@ def _frame(axes: Axes, readings: list[Float[np.ndarray, " n"]]) -> None:
             seen += [np.asarray(p.vertices)[:, 1] for p in drawn.get_paths()]
     every = np.concatenate(seen)
     every = every[np.isfinite(every)]
+    # a single reading has no extent
     margin = 0.08 * max(np.ptp(every), 1e-9)
     axes.set_ylim(every.min() - margin, every.max() + margin)
 
@@ -449,6 +450,7 @@ def common_clock(fit: Fit) -> Float[np.ndarray, " row"]:
     """Return the offset of each row's clock from the common clock [s]."""
     offsets = fit.scene.clock_offsets()
     values = [
+        # an unidentified offset is arbitrary: it would shift the points at random
         0.0 if f"clock_offset_s.{clock}" in fit.summary.unidentified else offset
         for clock, offset in offsets.items()
     ]
@@ -465,6 +467,7 @@ def drawn_parameters(fit: Fit) -> list[str]:
         and fit.summary.estimates[name].identified
         and len(fit.draws[name]) > 1
         and bool(np.all(np.isfinite(fit.draws[name])))
+        # corner raises an error if all draws of a parameter are equal
         and np.ptp(fit.draws[name]) > 0.0
     ]
 
@@ -506,10 +509,12 @@ def _corner_key(figure: Figure, count: int, has_truths: bool, note: str) -> None
     key += ["shaded: 90 % interval"] + [
         "orange: accepted value, if in view"
     ] * has_truths
+    # a histogram has no empty corner: its key is below
     if count == 1:
         lines = ["   ·   ".join(key), *textwrap.wrap(note, 90)]
         figure.supxlabel("\n".join(lines), fontsize=9, color=MUTED)
         return
+    # the key stands in the empty upper right, which is narrow for two parameters
     lines = key + textwrap.wrap(note, 26 if count == 2 else 40)
     place = {"ha": "right", "va": "top", "fontsize": 9, "color": MUTED}
     figure.text(0.98, 0.98, "\n".join(lines), **place)
@@ -538,13 +543,13 @@ def _histogram(
 ) -> Figure:
     figure = new_figure(7.2, 3.6)
     axes = figure.subplots()
+    # the outermost draws of a long tail would squeeze the bars into a few
     first, last = (float(q) for q in np.quantile(draws, [0.001, 0.999]))
+    # bars of equal width on a logarithmic axis
     spaced = np.geomspace if _wide(fit, name) else np.linspace
     axes.hist(draws, list(spaced(first, last, 41)), color=BLUE, alpha=0.35)
     estimate = fit.summary.estimates[name]
-    low, high = finite(estimate.q05), finite(estimate.q95)
-    if low is not None and high is not None:
-        axes.axvspan(low / unit.size, high / unit.size, color=BLUE, alpha=0.10, lw=0)
+    _shade_interval(axes, estimate, unit)
     axes.axvline(estimate.value / unit.size, color=BLUE, linewidth=1.6)
     for truth in truths.values():
         axes.axvline(truth, color=VERMILLION, linewidth=1.6)
@@ -596,13 +601,18 @@ def _corner(
         )
     grid = np.array(figure.axes).reshape(count, count)
     for i, name in enumerate(names):
-        _diagonal(grid[i, i], fit, name, units[name])
+        estimate = fit.summary.estimates[name]
+        _shade_interval(grid[i, i], estimate, units[name])
+        printed = printed_estimate(name, estimate)
+        title = f"{printed.value}\n{printed.interval}"
+        grid[i, i].set_title(title, fontsize=9, color=INK)
         if name in truths:
             _accepted_lines(grid, i, truths[name])
         if scales[i] == "log":
             log_ticks(grid[-1, i].xaxis, grid[-1, i].get_xlim())
             if i:
                 log_ticks(grid[i, 0].yaxis, grid[i, 0].get_ylim())
+    # after the scales are set, which replace formatters of ticks
     for axes in figure.axes:
         _in_full(axes.xaxis)
         _in_full(axes.yaxis)
@@ -653,10 +663,7 @@ def _accepted_lines(grid: np.ndarray, i: int, truth: float) -> None:
         axes.axhline(truth, color=VERMILLION, linewidth=1.5)
 
 
-def _diagonal(axes: Axes, fit: Fit, name: str, unit: Unit) -> None:
-    estimate = fit.summary.estimates[name]
+def _shade_interval(axes: Axes, estimate: Estimate, unit: Unit) -> None:
     low, high = finite(estimate.q05), finite(estimate.q95)
     if low is not None and high is not None:
         axes.axvspan(low / unit.size, high / unit.size, color=BLUE, alpha=0.10, lw=0)
-    printed = printed_estimate(name, estimate)
-    axes.set_title(f"{printed.value}\n{printed.interval}", fontsize=9, color=INK)

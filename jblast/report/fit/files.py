@@ -84,6 +84,7 @@ def write_report(
     except Exception as error:
         failures.append(f"{' and '.join(PLACE_FILES)} were not written: {error!r}")
     pictures: dict[str, Picture] = {}
+    # functions, so that each figure is drawn inside the try below
     drawings: dict[str, Callable[[], Figure | None]] = {
         "map": lambda: map_figure(fit, accepted),
         "records": lambda: records() if records else None,
@@ -143,6 +144,7 @@ def check_directory(
             or its parent is not writable.
     """
     directory = Path(directory)
+    # the nearest existing parent decides: the folders below it are created
     there = next(p for p in (directory, *directory.absolute().parents) if p.exists())
     if not there.is_dir():
         what = "got a file" if there == directory else f"but {there} is a file"

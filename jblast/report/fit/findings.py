@@ -32,6 +32,41 @@ WHERE = {
     "later": "at a later time",
 }
 NORMAL = "the 90 % intervals are those of a normal approximation"
+TEMPLATES: dict[type[Finding], str] = {
+    fitting.NotAtOptimum: "the search did not reach an optimum; the last point is "
+    "reported",
+    SamplesRoughlyCounted: "the log-likelihood of the samples is accurate to "
+    "{0.known:.2g} between the points where it was computed, required {0.wanted:g}: "
+    "the intervals are rough; fit the picks instead",
+    fitting.LawsUnsettled: "the automatic choice of law at the answer differs from "
+    "the law of the fit; choose one with --law",
+    fitting.BurstsUnsettled: "the curve sets for the height of burst at the answer "
+    'differ from those of the fit; set burst = "surface" or "free-air" of the charge',
+    fitting.FarFromItsLaw: "the whole shot, or a path, departs from its law by "
+    "{0.times:.1f} times the expected scatter: the law may not apply to this setting",
+    fitting.HeightOfBurst: "{0.note}",
+    fitting.AsAsked: "requested",
+    fitting.DirectionUnidentified: "the log does not identify all directions, so only "
+    "this method applies",
+    importance.FewEffectiveDraws: "importance sampling: effective sample size "
+    "{0.effective:.0f}, required {0.wanted}",
+    importance.ImportanceCannotTell: "importance sampling is unreliable: k-hat "
+    "{0.k_hat:.2f}",
+    importance.DrawsWeighted: "draws of the normal approximation, weighted by the "
+    "posterior (importance sampling, k-hat {0.k_hat:.2f}, effective sample size "
+    "{0.effective:.0f})",
+    importance.RangeFollowed: "draws along the range of the charge: at {0.ranges} "
+    "ranges the posterior is integrated over bearing and all other parameters; the "
+    "prior is flat in ln of the range",
+    mcmc.Interrupted: "stopped by Ctrl-C after {0.steps} steps",
+    mcmc.QuantilesUncertain: "the quantiles of {0.parameter} have a standard error of "
+    "{0.error:.2g} sd, required {0.wanted:g}",
+    mcmc.ChainTooShort: "{0.steps} steps are {0.times:.0f} autocorrelation times of "
+    "{0.parameter}, required {0.wanted:.0f}",
+    mcmc.ChainsDisagree: "R-hat of {0.parameter} is {0.r_hat:.3g}, required "
+    "{0.wanted:g}",
+}
+"""Sentences with fields of the finding only; other findings have a function."""
 
 
 def goodness_p(found: Summary) -> float | None:
@@ -60,6 +95,7 @@ def goodness_sentence(found: Summary) -> str:
             f"The fit is marginal (p {printed_p(p)}): the stated errors give so large "
             "a disagreement in less than 1 % of logs."
         )
+    # as improbable as a poor fit, on the other side
     if p > 1 - POOR:
         return (
             f"The recordings lie closer to the law than their errors allow "
@@ -117,6 +153,7 @@ def reason_words(reason: Finding | None) -> str:
     """Return the reason for the method of the intervals, or ""."""
     if reason is None:
         return ""
+    # the rest of its sentence is on the estimates, not on the intervals
     if isinstance(reason, fitting.NotAtOptimum):
         return "the search did not reach an optimum"
     return words(reason)
@@ -125,7 +162,9 @@ def reason_words(reason: Finding | None) -> str:
 @singledispatch
 def words(finding: Finding) -> str:
     """Return a finding as a sentence, without its full stop."""
-    return posterior_words(finding)
+    if type(finding) not in TEMPLATES:
+        raise NotImplementedError(f"no words for {type(finding).__name__}")
+    return TEMPLATES[type(finding)].format(finding)
 
 
 @words.register
@@ -180,36 +219,6 @@ def _(finding: fitting.LawOutOfRange) -> str:
 
 
 @words.register
-def _(finding: fitting.NotAtOptimum) -> str:
-    return "the search did not reach an optimum; the last point is reported"
-
-
-@words.register
-def _(finding: SamplesRoughlyCounted) -> str:
-    return (
-        "the log-likelihood of the samples is accurate to "
-        f"{finding.known:.2g} between the points where it was computed, required "
-        f"{finding.wanted:g}: the intervals are rough; fit the picks instead"
-    )
-
-
-@words.register
-def _(finding: fitting.LawsUnsettled) -> str:
-    return (
-        "the automatic choice of law at the answer differs from the law of the fit; "
-        "choose one with --law"
-    )
-
-
-@words.register
-def _(finding: fitting.BurstsUnsettled) -> str:
-    return (
-        "the curve sets for the height of burst at the answer differ from those of the "
-        'fit; set burst = "surface" or "free-air" of the charge'
-    )
-
-
-@words.register
 def _(finding: fitting.NoScene) -> str:
     air = "sea-level air"
     if finding.altitude_m:
@@ -238,19 +247,6 @@ def _(finding: fitting.SlowerThanSound) -> str:
 def _(finding: fitting.NothingLearned) -> str:
     names = ", ".join(finding.parameters)
     return f"intervals of {names} are those of the prior: the log does not narrow them"
-
-
-@words.register
-def _(finding: fitting.FarFromItsLaw) -> str:
-    return (
-        f"the whole shot, or a path, departs from its law by {finding.times:.1f} "
-        "times the expected scatter: the law may not apply to this setting"
-    )
-
-
-@words.register
-def _(finding: fitting.HeightOfBurst) -> str:
-    return finding.note
 
 
 @words.register
@@ -350,22 +346,6 @@ def _(finding: fitting.SeveralExplanations) -> str:
 
 
 @words.register
-def _(finding: fitting.AsAsked) -> str:
-    return "requested"
-
-
-@words.register
-def _(finding: fitting.DirectionUnidentified) -> str:
-    return "the log does not identify all directions, so only this method applies"
-
-
-@singledispatch
-def posterior_words(finding: Finding) -> str:
-    """Return a finding on the posterior as a sentence, without its full stop."""
-    raise NotImplementedError(f"no words for {type(finding).__name__}")
-
-
-@posterior_words.register
 def _(finding: importance.IntervalsOff) -> str:
     off, k_hat = finding.off, f"(k-hat {finding.k_hat:.2f})"
     text = NORMAL
@@ -380,44 +360,13 @@ def _(finding: importance.IntervalsOff) -> str:
     return f"{text}; --posterior emcee runs MCMC"
 
 
-@posterior_words.register
+@words.register
 def _(finding: importance.NormalIntervals) -> str:
-    reason = posterior_words(finding.because)
+    reason = words(finding.because)
     return f"{NORMAL} ({reason}); --posterior emcee runs MCMC"
 
 
-@posterior_words.register
-def _(finding: importance.FewEffectiveDraws) -> str:
-    return (
-        f"importance sampling: effective sample size {finding.effective:.0f}, required "
-        f"{finding.wanted}"
-    )
-
-
-@posterior_words.register
-def _(finding: importance.ImportanceCannotTell) -> str:
-    return f"importance sampling is unreliable: k-hat {finding.k_hat:.2f}"
-
-
-@posterior_words.register
-def _(finding: importance.DrawsWeighted) -> str:
-    return (
-        "draws of the normal approximation, weighted by the posterior (importance "
-        f"sampling, k-hat {finding.k_hat:.2f}, effective sample size "
-        f"{finding.effective:.0f})"
-    )
-
-
-@posterior_words.register
-def _(finding: importance.RangeFollowed) -> str:
-    return (
-        f"draws along the range of the charge: at {finding.ranges} ranges the "
-        "posterior is integrated over bearing and all other parameters; the prior is "
-        "flat in ln of the range"
-    )
-
-
-@posterior_words.register
+@words.register
 def _(finding: importance.NormalJudged) -> str:
     checks = (
         f"k-hat {finding.k_hat:.2f} (limit {finding.most_k_hat:g}), "
@@ -428,36 +377,7 @@ def _(finding: importance.NormalJudged) -> str:
     return f"the normal approximation {verdict} its check: {checks}"
 
 
-@posterior_words.register
-def _(finding: mcmc.Interrupted) -> str:
-    return f"stopped by Ctrl-C after {finding.steps} steps"
-
-
-@posterior_words.register
-def _(finding: mcmc.QuantilesUncertain) -> str:
-    return (
-        f"the quantiles of {finding.parameter} have a standard error of "
-        f"{finding.error:.2g} sd, required {finding.wanted:g}"
-    )
-
-
-@posterior_words.register
-def _(finding: mcmc.ChainTooShort) -> str:
-    return (
-        f"{finding.steps} steps are {finding.times:.0f} autocorrelation times of "
-        f"{finding.parameter}, required {finding.wanted:.0f}"
-    )
-
-
-@posterior_words.register
-def _(finding: mcmc.ChainsDisagree) -> str:
-    return (
-        f"R-hat of {finding.parameter} is {finding.r_hat:.3g}, required "
-        f"{finding.wanted:g}"
-    )
-
-
-@posterior_words.register
+@words.register
 def _(finding: mcmc.SeveralModes) -> str:
     parts = [
         f"{100 * share:.0f} % about {_values(peak)}"
@@ -466,7 +386,7 @@ def _(finding: mcmc.SeveralModes) -> str:
     return f"the posterior has {len(parts)} modes: {'; '.join(parts)}"
 
 
-@posterior_words.register
+@words.register
 def _(finding: mcmc.LongRidge) -> str:
     text = (
         f"the posterior is a ridge, {finding.longer:.0f} times as long as its normal "

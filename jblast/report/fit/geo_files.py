@@ -99,6 +99,7 @@ def kml(features: Sequence[Feature], title: str) -> str:
     """
     root, document = new_document(title)
     order = list(FOLDERS)
+    # groupby joins neighbours only, and features come charge by charge
     by_kind = sorted(features, key=lambda feature: order.index(feature.kind))
     for kind, of_kind in groupby(by_kind, key=lambda feature: feature.kind):
         folder = ET.SubElement(document, "Folder")
@@ -112,6 +113,7 @@ def _placemark(folder: ET.Element, feature: Feature) -> None:
     mark = ET.SubElement(folder, "Placemark")
     add_text(mark, "name", feature.name)
     _style(mark, feature)
+    # viewers show these numbers when a placemark is clicked
     table = ET.SubElement(mark, "ExtendedData")
     for name, value in feature.properties.items():
         entry = ET.SubElement(table, "Data", name=name)
@@ -137,6 +139,7 @@ def _style(mark: ET.Element, feature: Feature) -> None:
     if feature.point is not None:
         add_text(ET.SubElement(style, "IconStyle"), "color", f"ff{colour}")
         return
+    # rings are large: in full colour they would hide the charge
     faint = feature.kind == "shock ring"
     line = ET.SubElement(style, "LineStyle")
     add_text(line, "color", f"ff{colour}")
@@ -164,7 +167,14 @@ def geojson(features: Sequence[Feature]) -> str:
 
 def _feature(feature: Feature) -> dict[str, Any]:
     style: dict[str, Any] = {"marker-color": feature.colour}
-    if feature.point is None:
+    if feature.point is not None:
+        at = [round(degree, DECIMALS) for degree in feature.point]
+        geometry = {"type": "Point", "coordinates": at}
+    else:
+        areas = [_closed(polygon) for polygon in feature.polygons]
+        geometry = {"type": "MultiPolygon", "coordinates": areas}
+        if len(areas) == 1:
+            geometry = {"type": "Polygon", "coordinates": areas[0]}
         faint = feature.kind == "shock ring"
         style = {
             "stroke": feature.colour,
@@ -174,22 +184,11 @@ def _feature(feature: Feature) -> dict[str, Any]:
         }
     return {
         "type": "Feature",
-        "geometry": _geometry(feature),
+        "geometry": geometry,
         "properties": plain(
             {"kind": feature.kind, "name": feature.name} | feature.properties | style
         ),
     }
-
-
-def _geometry(feature: Feature) -> dict[str, Any]:
-    if feature.point is not None:
-        lon, lat = feature.point
-        at = [round(lon, DECIMALS), round(lat, DECIMALS)]
-        return {"type": "Point", "coordinates": at}
-    areas = [_closed(polygon) for polygon in feature.polygons]
-    if len(areas) == 1:
-        return {"type": "Polygon", "coordinates": areas[0]}
-    return {"type": "MultiPolygon", "coordinates": areas}
 
 
 def _closed(polygon: Polygon) -> list[list[list[float]]]:
@@ -261,6 +260,7 @@ def _charge(charge: ChargePlace, frame: Frame, found: Summary, label) -> Iterato
 
 def _areas(charge: ChargePlace, frame: Frame) -> Iterator[Feature]:
     of = f" of {charge.name}" if charge.name else ""
+    # the largest first: viewers draw later areas above it, where they can be clicked
     for region in reversed(charge.regions):
         rings = [(outer, *holes) for outer, holes in region.parts]
         yield Feature(
@@ -324,7 +324,9 @@ def _polygons(
     for rings in parts:
         in_degrees = []
         for ring in rings:
+            # up = 0: the height of an area is not written
             enu = np.concatenate([ring, np.zeros((len(ring), 1))], axis=1)
+            # latitude comes first here, longitude in GeoJSON and KML
             in_degrees.append(frame.to_geodetic(enu)[:, 1::-1])
         found += without_crossing(in_degrees)
     return tuple(found)
@@ -336,11 +338,13 @@ def without_crossing(rings: Sequence[Ring]) -> list[Polygon]:
     Args:
         rings: Outline and holes, longitudes -180 to 180; none encloses a pole.
     """
+    # one start for all: a hole must not lie a turn away from its outline
     start = rings[0][0, 0]
     turned = [_continuous(ring, start) for ring in rings]
     low, high = turned[0][:, 0].min(), turned[0][:, 0].max()
     if low >= -180.0 and high <= 180.0:
         return [tuple(turned)]
+    # RFC 7946, section 3.1.9: areas across the meridian are cut at it
     cut = 180.0 if high > 180.0 else -180.0
     found = []
     for side in (1.0, -1.0):

@@ -93,7 +93,10 @@ def map_figure(fit: Fit, accepted: Accepted | None = None) -> Figure | None:
     if shown is None:
         return None
     view = whole_view(shown)
+    # one enlarged map: a second would not fit the width of a page
     near = [(c, v) for c in shown.charges if (v := close_view(c, view))][:1]
+    # the notes are broken to the width of the figure, so their number decides its
+    # height
     width = MAP_WIDTH + KEY_WIDTH + CLOSE_WIDTH * len(near)
     notes = map_notes(shown, view, round(CHARACTERS_PER_INCH * width))
     height = MAP_WIDTH * min(view.height / view.width, MAX_ASPECT)
@@ -123,12 +126,12 @@ def _map(axes: Axes, shown: GroundMap, view: View, larger: set[int]) -> None:
     for station in shown.stations:
         _sensor(axes, station)
     labels = [
-        _label(s.name, s.position, VERMILLION if s.suspected else INK, s.suspected)
+        Label(s.name, s.position, VERMILLION if s.suspected else INK, s.suspected)
         for s in shown.stations
         if s.suspected or len(shown.stations) <= MAX_NAMED_SENSORS
     ]
     labels += [
-        _label(charge.name or "charge", charge.position, VERMILLION, True)
+        Label(charge.name or "charge", charge.position, VERMILLION, True)
         for charge in shown.charges
     ]
     draw_labels(axes, view, 72 * MAP_WIDTH, labels)
@@ -142,19 +145,12 @@ def _map(axes: Axes, shown: GroundMap, view: View, larger: set[int]) -> None:
 
 @dataclass(frozen=True)
 class Label:
-    """A name at a position (east, north) [m], in a colour."""
+    """A name at a position (east, north, up) [m], in a colour."""
 
     name: str
-    east: float
-    north: float
+    position: Float[np.ndarray, "3"]
     colour: str = INK
     needed: bool = False
-
-
-def _label(
-    name: str, position: Float[np.ndarray, "3"], colour: str, needed: bool
-) -> Label:
-    return Label(name, float(position[0]), float(position[1]), colour, needed)
 
 
 def _sensor(axes: Axes, station: Station) -> None:
@@ -232,6 +228,7 @@ def _arrow(
 ) -> None:
     """Draw an arrow of any direction with a label below it; offset in points."""
     assert axes.figure is not None
+    # offsets in points keep arrow and label apart on a map of any size
     inches = axes.figure.dpi_scale_trans
     place = axes.transAxes + ScaledTranslation(offset[0] / 72, offset[1] / 72, inches)
     ends = [
@@ -310,11 +307,12 @@ def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -
         labels: The names; those that are `needed` are always written.
     """
     scale = width / view.width
-    marks = [(label.east * scale, label.north * scale) for label in labels]
+    marks = [tuple((scale * label.position[:2]).tolist()) for label in labels]
     frame = tuple(
         scale * edge for edge in (view.west, view.south, view.east, view.north)
     )
     taken: list[Box] = []
+    # charges and suspected sensors take their room first
     for label, mark in sorted(
         zip(labels, marks, strict=True), key=lambda pair: not pair[0].needed
     ):
@@ -328,7 +326,7 @@ def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -
         taken.append(box)
         axes.annotate(
             name,
-            (label.east, label.north),
+            tuple(label.position[:2].tolist()),
             xytext=(side.dx, side.dy),
             textcoords="offset points",
             ha=side.ha,
@@ -343,14 +341,21 @@ def draw_labels(axes: Axes, view: View, width: float, labels: Sequence[Label]) -
 
 def _room(name, mark, gap, frame: Box, taken: list[Box], marks):
     """Return the first side of a marker where its name hides nothing, else None."""
+    west, south, east, north = frame
     for side, box in _sides(name, mark, gap):
-        inside = (
-            frame[0] <= box[0]
-            and frame[1] <= box[1]
-            and box[2] <= frame[2]
-            and box[3] <= frame[3]
+        left, low, right, high = box
+        inside = west <= left and south <= low and right <= east and high <= north
+        over_name = any(
+            left < other[2] and other[0] < right and low < other[3] and other[1] < high
+            for other in taken
         )
-        if inside and not _hides(box, taken, marks, mark):
+        # 3 points are the radius of a marker, whose centre is stored
+        over_mark = any(
+            left - 3 < x < right + 3 and low - 3 < y < high + 3
+            for x, y in marks
+            if (x, y) != mark
+        )
+        if inside and not over_name and not over_mark:
             return side, box
     return None
 
@@ -359,39 +364,21 @@ def _sides(name: str, mark: tuple[float, float], gap: float) -> list[tuple[Side,
     """Return the boxes for a name right, left, above and below its marker."""
     # 0.62 em is the mean width of a character of DejaVu Sans, 1.15 em its line
     wide, high = 0.62 * FONT_SIZE * len(name), 1.15 * FONT_SIZE
-    x, y = mark
-    return [
-        (
-            Side(gap, 0.0, "left", "center"),
-            (x + gap, y - high / 2, x + gap + wide, y + high / 2),
-        ),
-        (
-            Side(-gap, 0.0, "right", "center"),
-            (x - gap - wide, y - high / 2, x - gap, y + high / 2),
-        ),
-        (
-            Side(0.0, gap, "center", "bottom"),
-            (x - wide / 2, y + gap, x + wide / 2, y + gap + high),
-        ),
-        (
-            Side(0.0, -gap, "center", "top"),
-            (x - wide / 2, y - gap - high, x + wide / 2, y - gap),
-        ),
-    ]
-
-
-def _hides(box, taken, marks, own) -> bool:
-    """Return whether a box overlaps another name or another marker."""
-    left, low, right, high = box
-    over = any(
-        left < other[2] and other[0] < right and low < other[3] and other[1] < high
-        for other in taken
+    back = {"left": 0.0, "center": wide / 2, "right": wide}
+    down = {"bottom": 0.0, "center": high / 2, "top": high}
+    # right first: a name is read from its marker on
+    sides = (
+        Side(gap, 0.0, "left", "center"),
+        Side(-gap, 0.0, "right", "center"),
+        Side(0.0, gap, "center", "bottom"),
+        Side(0.0, -gap, "center", "top"),
     )
-    return over or any(
-        left - 3 < x < right + 3 and low - 3 < y < high + 3
-        for x, y in marks
-        if (x, y) != own
-    )
+    boxes = []
+    for side in sides:
+        left = mark[0] + side.dx - back[side.ha]
+        low = mark[1] + side.dy - down[side.va]
+        boxes.append((side, (left, low, left + wide, low + high)))
+    return boxes
 
 
 def draw_charge(
@@ -415,6 +402,7 @@ def draw_charge(
     for ring in charge.rings:
         _ring(axes, ring, (float(east), float(north)), view)
     if close and charge.draws is not None:
+        # every n-th draw: in MCMC neighbours are correlated
         few = charge.draws[:: max(len(charge.draws) // MAX_DRAWS, 1)]
         axes.plot(*few.T, ".", color=BLUE, markersize=2.5, alpha=0.35, zorder=2)
     for ellipse in charge.ellipses:
@@ -449,9 +437,11 @@ def draw_charge(
 def _ring(axes: Axes, ring: ShockRing, centre: tuple[float, float], view: View) -> None:
     style = "-" if ring.valid else (0, (4, 3))
     thick = ring.range_q95_m - ring.range_q05_m
+    # a thinner band is no wider than the line of the ring
     if thick > 0.004 * view.width:
         band = (
             _circle(centre, ring.range_q95_m),
+            # backwards, so that the winding leaves the inside of the band empty
             _circle(centre, ring.range_q05_m)[::-1],
         )
         path = _path(((band[0], (band[1],)),))

@@ -66,7 +66,8 @@ def report_page(
         accepted: Published values by parameter name, each with its source.
         extra_warnings: Failures since the fit, such as a figure that was not drawn.
     """
-    found, name, used = fit.summary, log_name(fit), laws_used(fit)
+    found, name = fit.summary, log_name(fit)
+    used = laws_used(found, fit.scene.scatter)
     p = goodness_p(found)
     return page(
         "templates/fit.html",
@@ -114,6 +115,8 @@ def _warnings(fit: Fit) -> list[str]:
 
 def _shown(fit: Fit, kind: str, picture: Picture) -> Shown:
     quantities = joined([quantity_words(q) for q in fit.summary.law])
+    # only shock radii are readings at a time; next to any other quantity the range is
+    # the axis
     along = "time" if list(fit.summary.law) == ["shock_radius_m"] else "range"
     values = "; ".join(
         f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"

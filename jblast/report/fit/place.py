@@ -101,6 +101,7 @@ def _time(fit: Fit, name: str) -> str:
     if not half > 0.0:
         value = float(fit.origin_time[0])
         return f"{utc(epoch, value)[:-1].replace('T', ' ')} UTC"
+    # datetime has six decimals of a second
     decimals = min(max(1 - math.floor(math.log10(half)), 0), 6)
     text = utc(epoch, round(estimate.value, decimals))[:-1].replace("T", " ")
     text = text[: len(text) - 6 + decimals] if decimals else text[:-7]
@@ -331,6 +332,8 @@ def view_of(places: Float[np.ndarray, "place 2"]) -> View:
 
 def whole_view(shown: GroundMap) -> View:
     """Return the view of all sensors, charges, ellipses and other optima."""
+    # without published positions: a wrong one far off would shrink the rest of the map
+    # to a spot
     places = [station.position[:2] for station in shown.stations]
     for charge in shown.charges:
         places += _places_of(charge)
@@ -346,8 +349,10 @@ def close_view(charge: ChargePlace, whole: View) -> View | None:
     if size > INSET_BELOW * max(whole.width, whole.height) or not size > 0.0:
         return None
     places = _places_of(charge)
+    # a published position near the ellipse is worth its place on the map
     if charge.accepted is not None and charge.draws is not None:
         away = np.hypot(*(np.array(charge.accepted) - charge.position[:2]))
+        # further away it would shrink the ellipses to a dot again
         if away < 3 * size:
             places.append(np.array(charge.accepted))
     view = view_of(np.array(places))
@@ -383,6 +388,7 @@ def free_corners(
     size = np.array([view.width, view.height])
     shares = (places - np.array([view.west, view.south])) / size
     corners = [(0.0, 0.0), (1.0, 1.0), (0.0, 1.0), (1.0, 0.0)]
+    # the corner whose nearest name is furthest away has most space
     nearest = [np.hypot(*(shares - np.array(c)).T).min() for c in corners]
     return [corners[k] for k in np.argsort(nearest)[::-1]]
 
@@ -436,6 +442,7 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | Non
     unknown = is_fitted and pair is None
     if unknown or charge.range_m is not None or bool(np.isinf(charge.time_s)):
         return None
+    # without agreeing clocks the draws would claim a position
     rests = rests_on_clocks(fit, shot)
     pair = None if rests else pair
     draws = None if pair is None else np.stack(pair, axis=-1)

@@ -118,11 +118,6 @@ def fitted_words(found: Summary) -> tuple[str, str]:
     return f"{n} recording{'s' * (n != 1)}", fitted or "nothing"
 
 
-def not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:
-    """Return the accepted parameters that were not fitted."""
-    return [name for name in accepted or {} if name not in estimates_of(found)]
-
-
 @dataclass(frozen=True)
 class Row:
     """One row of the residual table, ready to print.
@@ -144,6 +139,7 @@ class Row:
 
 def log_name(fit: Fit) -> str:
     """Return the log's file name without its folder, or "" for one made in memory."""
+    # a path from Windows has backslashes, which POSIX takes for letters
     return PurePosixPath(fit.observations.source.replace("\\", "/")).name
 
 
@@ -171,6 +167,7 @@ def residual_rows(fit: Fit) -> list[Row]:
     """Return the log's rows in order; for a long log only the largest residuals."""
     rows = np.arange(len(fit.observations))
     if len(rows) > MAX_ROWS:
+        # rows without a residual count as the largest: readers search for them
         worst = np.argsort(-np.abs(np.nan_to_num(fit.residual, nan=np.inf)))
         rows = np.sort(worst[:MAX_ROWS])
     suspected = outlier_rows(fit)
@@ -181,6 +178,7 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
     table = fit.observations
     quantity, value, sd = table.quantity[i], float(table.value[i]), float(fit.sd[i])
     predicted, residual = float(fit.predicted[i]), float(fit.residual[i])
+    # errors of positive quantities are shares of the value
     in_unit = sd if quantity in ADDITIVE else abs(value) * sd
     unit = unit_for(quantity, value, predicted if np.isfinite(predicted) else None)
 
@@ -198,16 +196,18 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
     else:
         shown_sd = f"{significant(100.0 * sd)} %"
     shown_residual = f"{residual:+.2f}" if np.isfinite(residual) else "-"
-    distance = float(fit.distance[i])
+    distance, is_bound = float(fit.distance[i]), bool(table.bounds()[i])
+    # the residual of a lower bound is exactly 0 where the law predicts at least it
+    is_satisfied = is_bound and residual == 0.0
     return Row(
         line=str(table.line[i]) if i < len(table.line) else str(i + 1),
         sensor=table.sensor[i],
         quantity=quantity_words(quantity),
         range=printed_number("_m", distance) if np.isfinite(distance) else "-",
-        measured=(AT_LEAST if table.bounds()[i] else "") + show(value),
+        measured=(AT_LEAST if is_bound else "") + show(value),
         predicted=show(predicted),
         sd=shown_sd,
-        residual="satisfied" if is_kept(fit, i) else shown_residual,
+        residual="satisfied" if is_satisfied else shown_residual,
         suspected=suspected,
     )
 
@@ -224,6 +224,7 @@ def lower_bound_sentence(fit: Fit) -> str:
     missed = int(np.sum(fit.residual[rows] > 0))
     which = "it" if len(rows) == 1 else f"{missed or 'all'} of them"
     kept = f"predicts less than {which}" if missed else f"satisfies {which}"
+    # a lower bound alone cannot exclude a large charge
     if len(rows) == n:
         return (
             f"All recordings are lower bounds ({sensors}): they exclude small charges "
@@ -231,8 +232,3 @@ def lower_bound_sentence(fit: Fit) -> str:
         )
     one = "is a lower bound" if len(rows) == 1 else "are lower bounds"
     return f"{len(rows)} of {n} recordings {one} ({sensors}); the law {kept}."
-
-
-def is_kept(fit: Fit, row: int) -> bool:
-    """Return whether a row is a lower bound that the law satisfies."""
-    return bool(fit.observations.bounds()[row]) and float(fit.residual[row]) == 0.0

@@ -24,7 +24,7 @@ from jblast.inference.fitting.unidentified import requested
 from jblast.inference.posterior.parameters import Estimate
 from jblast.parameters import CHARGE_POSITION, PARAMETERS, described
 from jblast.registry import LAWS, law_for
-from jblast.report.choice import law_reasons
+from jblast.report.choice import law_reason
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import (
     ambiguity_sentence,
@@ -51,7 +51,6 @@ from jblast.report.fit.rows import (
     fitted_words,
     log_name,
     lower_bound_sentence,
-    not_fitted,
 )
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
@@ -88,12 +87,17 @@ MASS = "charge_mass_kg"
 def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
     """Return one line a log: estimates, goodness of fit and warnings."""
     fits = {name: fit for name, fit in answers.items() if isinstance(fit, Fit)}
+    # logs may have different free parameters: the table has a column for each
     names = list(dict.fromkeys(p for fit in fits.values() for p in fit.summary.free))
     rows = [("log", *map(parameter_words, names), "chi2 (chance)", "")]
     for name, fit in fits.items():
-        found = fit.summary.estimates
-        cells = [_cell(p, found[p]) if p in found else "-" for p in names]
-        rows.append((name, *cells, _goodness(fit), _warnings_of(fit)))
+        found, p = fit.summary, goodness_p(fit.summary)
+        cells = [
+            _cell(n, found.estimates[n]) if n in found.estimates else "-" for n in names
+        ]
+        chance = "-" if p is None else significant(p)
+        goodness = f"{found.chi2:.3g}/{found.dof} ({chance})"
+        rows.append((name, *cells, goodness, _warnings_of(fit)))
     failed = [
         line
         for name, error in answers.items()
@@ -114,27 +118,18 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
             continue
         of_log = {k: getattr(fit.summary, k) for k in OF_LOG}
         for parameter, estimate in fit.summary.estimates.items():
-            numbers = _numbers(estimate)
+            # a cell without a number is empty in CSV, not "nan"
+            numbers = {k: x for k, x in asdict(estimate).items() if not math.isnan(x)}
             rows.append({"log": name, "parameter": parameter} | numbers | of_log)
     return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
 
 
-def _numbers(estimate: Estimate) -> dict[str, float]:
-    """Return the entries of an estimate that are not NaN."""
-    return {k: x for k, x in asdict(estimate).items() if not math.isnan(x)}
-
-
 def _cell(name: str, estimate: Estimate) -> str:
     printed = printed_estimate(name, estimate)
+    # "not identified [-]" would repeat itself
     if printed.interval == "-" and not estimate.identified:
         return printed.value
     return f"{printed.value} [{printed.interval}]"
-
-
-def _goodness(fit: Fit) -> str:
-    p = goodness_p(fit.summary)
-    chance = "-" if p is None else significant(p)
-    return f"{fit.summary.chi2:.3g}/{fit.summary.dof} ({chance})"
 
 
 def _warnings_of(fit: Fit) -> str:
@@ -150,18 +145,20 @@ def _warnings_of(fit: Fit) -> str:
             ("no row within its law's range", found.law_valid_rows == 0),
             ("depends on rows outside their law's range", bool(found.extrapolated)),
             ("outside its law's range", not found.law_valid and not fit.is_outside),
-            *((_fits(wrong), True) for wrong in found.explained_by),
+            *(
+                (
+                    f"fits with {wrong.name} and {wrong.other} exchanged"
+                    if isinstance(wrong, ExchangedSensors)
+                    else f"fits without {wrong.name}",
+                    True,
+                )
+                for wrong in found.explained_by
+            ),
             ("outliers", bool(found.suspected_outliers)),
         )
         if applies
     ]
     return ", ".join(warnings)
-
-
-def _fits(wrong: WrongSensor) -> str:
-    if isinstance(wrong, ExchangedSensors):
-        return f"fits with {wrong.name} and {wrong.other} exchanged"
-    return f"fits without {wrong.name}"
 
 
 def summary(
@@ -196,6 +193,7 @@ def summary(
     lines += section("Reliability", _reliability(fit))
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
+    # an interval that is that of its prior is no fault of the fit
     ordinary = [one for one in found.warnings if isinstance(one, NothingLearned)]
     rest = [one for one in found.warnings if one not in ordinary]
     lines += section("Warnings", [capitalised(one) for one in all_words(rest)])
@@ -226,13 +224,7 @@ def _reliability(fit: Fit) -> list[str]:
 
 def _details(fit: Fit) -> list[str]:
     """Return laws with their reasons, chi2 and the computation of the intervals."""
-    lines = ["", "Laws"]
-    used = laws_used(fit)
-    column = max((len(law.quantity) for law in used), default=0) + 2
-    for law in used:
-        text = "; ".join(part for part in (law.reason, law.scatter) if part)
-        text = f"{law.law}: {text}" if text else law.law
-        lines += hanging(law.quantity.ljust(column) + text, column)
+    lines = law_lines(fit.summary, fit.scene.scatter)
     lines += section("Goodness of fit", [goodness_numbers(fit.summary)])
     reason = reason_words(fit.posterior_reason)
     intervals = [f"{fit.summary.posterior}: {reason}"] if reason else []
@@ -247,6 +239,8 @@ def _estimate_table(found: Summary, accepted: Accepted | None) -> list[str]:
     ]
     indent = max(len(row[0]) for row in rows) + GAP
     lines = []
+    # a row that is too long has its accepted value below; the narrow layout keeps the
+    # columns of such rows below each other
     whole, left = aligned(rows), aligned([row[:3] for row in rows])
     for i, row in enumerate(rows):
         if found.derived and i == len(found.estimates) + 1:
@@ -268,11 +262,18 @@ def not_identified(
         lines.append(
             f"{parameter_words(name)}: practically unidentified (sd of ln {log_sd:.2f})"
         )
-    for direction in found.null_directions:
-        lines += [null_direction_sentence(direction), cure_sentence(direction)]
-    for other in found.ambiguities:
-        lines += [ambiguity_sentence(other), cure_sentence(other)]
-    return [line for line in lines if line]
+    return lines + [line for pair in _unconstrained(found) for line in pair]
+
+
+def _unconstrained(found: Summary | BoundSummary) -> list[tuple[str, str]]:
+    """Return null directions and other modes, each with the data that resolve it."""
+    # a null direction and another mode have the same remedy: more data
+    directions = [
+        (null_direction_sentence(one), cure_sentence(one))
+        for one in found.null_directions
+    ]
+    modes = [(ambiguity_sentence(one), cure_sentence(one)) for one in found.ambiguities]
+    return directions + modes
 
 
 def section(title: str, entries: Sequence[str]) -> list[str]:
@@ -297,6 +298,7 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         sentences, unknown = sentences + unknown, []
     for name, estimate in estimates_of(found).items():
         if estimate.identified and not _repeats(name, found):
+            # sentences on a mass are worded for TNT
             made_of = fit.scene.charge.explosive if name == "charge_mass_kg" else ""
             sentences.append(_estimate_sentence(name, estimate, accepted, made_of))
     sentences += earth_lines(fit)
@@ -320,6 +322,7 @@ def limits(fit: Fit) -> list[str]:
         "the posterior (importance sampling).",
         "emcee": "Intervals come from MCMC draws of the posterior (emcee).",
     }
+    # fixed numbers first: an answer is only as good as they are
     lines = [given_sentence(fit)]
     lines += [f"{capitalised(one)}." for one in all_words(fit.summary.assumptions)]
     if posterior := "weighted" if fit.weighted else fit.summary.posterior:
@@ -352,8 +355,10 @@ def given_sentence(fit: Fit) -> str:
         names += ["air_altitude_m"]
     else:
         names += ["air_temperature_k", "air_pressure_pa"]
+    # still air is listed as an assumption
     if float(scene.air.wind_east) or float(scene.air.wind_north):
         names += ["wind_east_m_s", "wind_north_m_s"]
+    # only ground and law numbers that a used law reads affect the answer
     arguments = {
         argument
         for pair in fit.summary.law.items()
@@ -430,14 +435,7 @@ def _estimate_sentence(
 
 def _unidentified_sentences(found: Summary) -> list[str]:
     """Return sentences on null directions, other modes and very wide intervals."""
-    sentences = [
-        f"{null_direction_sentence(direction)} {cure_sentence(direction)}"
-        for direction in found.null_directions
-    ]
-    sentences += [
-        f"{ambiguity_sentence(other)} {cure_sentence(other)}"
-        for other in found.ambiguities
-    ]
+    sentences = [f"{sentence} {cure}" for sentence, cure in _unconstrained(found)]
     for name in practically_unidentified(found.estimates):
         # 1.645 sd on either side make the 90 % interval of a normal distribution
         factor = significant(2.718281828 ** (1.645 * found.estimates[name].log_sd))
@@ -452,8 +450,8 @@ def accepted_not_fitted(fit: Fit, accepted: Accepted | None) -> list[str]:
     """Return a sentence for each accepted value of a parameter that was not fitted."""
     return [
         f"The accepted {parameter_words(name)} ({label}) was not fitted."
-        for name in not_fitted(fit.summary, accepted)
-        for label in [(accepted or {})[name][1]]
+        for name, (_, label) in (accepted or {}).items()
+        if name not in estimates_of(fit.summary)
     ]
 
 
@@ -469,62 +467,75 @@ class LawUsed:
     scatter: str
 
 
-def laws_used(fit: Fit) -> list[LawUsed]:
-    """Return the law of each quantity of the log, with reason, range and source."""
+def laws_used(found: Summary | BoundSummary, has_scatter: bool) -> list[LawUsed]:
+    """Return the law of each quantity of the log, with reason, range and source.
+
+    Args:
+        found: Results of a fit, or of a bound.
+        has_scatter: Whether the model includes the scatter of the laws.
+    """
     used = []
-    reasons = law_reasons(fit.summary.law_reason)
-    for quantity, name in fit.summary.law.items():
-        law = LAWS.get((quantity, name))
+    for quantity, name in found.law.items():
+        law, reason = LAWS.get((quantity, name)), found.law_reason.get(quantity)
         used.append(
             LawUsed(
                 quantity=quantity_words(quantity),
                 law=name,
-                reason=reasons.get(quantity, ""),
+                reason=law_reason(reason) if reason else "",
                 range=law.range if law else "",
                 source=law.source if law else "",
                 scatter=""
                 if law is None
                 else law.scatter_words()
-                if fit.scene.scatter
+                if has_scatter
                 else "no model error",
             )
         )
     return used
 
 
+def law_lines(found: Summary | BoundSummary, has_scatter: bool) -> list[str]:
+    """Return the titled list of laws, each with the reason for it and its scatter."""
+    used, lines = laws_used(found, has_scatter), ["", "Laws"]
+    column = max((len(law.quantity) for law in used), default=0) + 2
+    for law in used:
+        text = "; ".join(part for part in (law.reason, law.scatter) if part)
+        text = f"{law.law}: {text}" if text else law.law
+        lines += hanging(law.quantity.ljust(column) + text, column)
+    return lines
+
+
+def quantities_by_law(law: Mapping[str, str], has_scatter: bool) -> str:
+    """Return the quantities of each law: "air arrival by Wu-Hao; ..."."""
+    by_law: dict[str, list[str]] = {}
+    for quantity, name in law.items():
+        by_law.setdefault(name, []).append(quantity_words(quantity))
+    clauses = [f"{joined(of)} by {law_words(name)}" for name, of in by_law.items()]
+    return "; ".join(clauses) + ("" if has_scatter else ", without model error")
+
+
 def law_sentence(fit: Fit) -> str:
     """Return a sentence that lists the laws with their quantities."""
-    by_law: dict[str, list[str]] = {}
-    for quantity, name in fit.summary.law.items():
-        by_law.setdefault(name, []).append(quantity_words(quantity))
-    clauses = [
-        f"{joined(quantities)} by {law_words(name)}"
-        for name, quantities in by_law.items()
-    ]
-    exact = "" if fit.scene.scatter else ", without model error"
-    return f"Laws used: {'; '.join(clauses)}{exact}."
+    return f"Laws used: {quantities_by_law(fit.summary.law, fit.scene.scatter)}."
 
 
 def validity_sentence(fit: Fit) -> str:
     """Return a sentence on the range of validity of the laws."""
     if fit.summary.law_valid:
         return "The answer lies within the laws' range of validity."
-    outside = [
-        quantity_words(b.quantity) for b in fit.bands if _leaves_its_range(fit, b)
-    ]
+    table, outside = fit.observations, []
+    for band in fit.bands:
+        # a band extends past the readings: its validity counts at the readings only
+        along = table.time if band.axis == "time_s" else fit.distance
+        x = along[np.isin(table.quantity, band.quantity) & np.isfinite(along)]
+        nearest = np.abs(band.x[None, :] - x[:, None]).argmin(axis=1)
+        if np.any(~band.valid[nearest]):
+            outside.append(quantity_words(band.quantity))
     where = f" ({joined(outside)})" if outside else ""
     return (
         f"The answer lies outside the range of a law it uses{where}: it is an "
         "extrapolation, whose error the intervals do not include."
     )
-
-
-def _leaves_its_range(fit: Fit, band) -> bool:
-    rows = np.array([q == band.quantity for q in fit.observations.quantity])
-    along = fit.observations.time if band.axis == "time_s" else fit.distance
-    x = along[rows & np.isfinite(along)]
-    nearest = np.abs(band.x[None, :] - x[:, None]).argmin(axis=1)
-    return bool(np.any(~band.valid[nearest]))
 
 
 def headline(fit: Fit) -> list[str]:
@@ -533,6 +544,7 @@ def headline(fit: Fit) -> list[str]:
     Unidentified parameters come last, with their intervals if these are known.
     """
     found, lines = fit.summary, []
+    # first: without convergence no other sentence can be relied on
     if not found.converged:
         lines.append("NOT CONVERGED: do not use the numbers below.")
     if fit.is_poor:
