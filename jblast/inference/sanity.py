@@ -57,7 +57,7 @@ from jblast.observations.check import (
     sigmas_doubted,
 )
 from jblast.observations.scenes import for_log
-from jblast.quantities import QUANTITIES, TIMED
+from jblast.quantities import QUANTITIES
 from jblast.scene import Charge, UncertainScene
 from jblast.waves.fireball import LARGEST_RADIUS
 from jblast.waves.propagation import sound_speed_of
@@ -416,10 +416,10 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
 def radii_doubted(observations: Observations) -> list[Doubt]:
     """Return radii of one sensor that shrink with time."""
     found = []
-    rows: dict[tuple[str, str, str], list[int]] = {}
+    rows: dict[tuple[str, str], list[int]] = {}
     for row, quantity in enumerate(observations.quantity):
-        if quantity == "shock_radius_m" and quantity in TIMED:
-            key = observations.sensor[row], quantity, observations.shot[row]
+        if quantity == "shock_radius_m":
+            key = observations.sensor[row], observations.shot[row]
             rows.setdefault(key, []).append(row)
     for its in rows.values():
         its.sort(key=lambda row: observations.time[row])

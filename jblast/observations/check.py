@@ -126,7 +126,10 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
                 is_default=uncertain.source == NO_SCENE,
             )
         except InputError as fault:
-            row = _row_of(fault, log)
+            # the row that the fault names at the start of its message
+            message, places = str(fault), map(log.where, range(len(log)))
+            named = (message.startswith((f"{at}:", f"{at},")) for at in places)
+            row = next((row for row, is_named in enumerate(named) if is_named), None)
             # a fault of the whole log, which no removal of a row can mend
             if row is None:
                 return found or [fault]
@@ -136,16 +139,6 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
         else:
             break
     return found
-
-
-def _row_of(fault: InputError, log: Observations) -> int | None:
-    """Return the row that a fault names at the start of its message."""
-    message = str(fault)
-    for row in range(len(log)):
-        where = log.where(row)
-        if message.startswith((f"{where}:", f"{where},")):
-            return row
-    return None
 
 
 @dataclass(frozen=True)

@@ -335,7 +335,11 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
     """
     rest = text.strip()
     if dated := _DAY.match(rest):
-        day, rest = _day(dated), rest[dated.end() :]
+        try:
+            day, rest = date(*map(int, dated.groups())), rest[dated.end() :]
+        except ValueError:
+            got = repr(dated[0].strip())
+            raise NotAnInstant(f"a day of the calendar, got {got}") from None
     clock = _CLOCK.match(rest)
     if not clock:
         raise NotAnInstant(f"a time as {EXAMPLE} or 15:08:18.310, got {shown(text)}")
@@ -445,13 +449,6 @@ def written(epoch: datetime, seconds: float) -> str:
     nanoseconds = whole + round(seconds * SECOND)
     text = moment(nanoseconds).strftime("%Y-%m-%dT%H:%M:%S")
     return f"{text}.{nanoseconds % SECOND:09d}Z"
-
-
-def _day(match: re.Match[str]) -> date:
-    try:
-        return date(*map(int, match.groups()))
-    except ValueError:
-        raise NotAnInstant(f"a day of the calendar, got {match[0].strip()!r}") from None
 
 
 def _offset(text: str, whole: str) -> tzinfo:

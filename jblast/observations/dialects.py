@@ -302,7 +302,18 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
     Raises:
         InputError: There is one; the message has its position.
     """
-    words = _words_for_values(table)
+    # rows with a word as value and an unknown quantity
+    words: set[int] = set()
+    if {"quantity", "value"} <= set(table.header):
+        values = table.columns[table.header.index("value")]
+        quantities = table.columns[table.header.index("quantity")]
+        words = {
+            row
+            for row, text in enumerate(values)
+            if text[:1].isalpha()
+            and not is_empty(text)
+            and our_name(quantities[row]) is None
+        }
     if names[0] not in table.columns[0] and not table.blank_before and not words:
         return
     first = [spelt(name) for name in names]
@@ -319,21 +330,6 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
                 + ("its header again" if again else "another header")
                 + f" ({', '.join(map(shown, cells[:4]))}); keep one table per file"
             )
-
-
-def _words_for_values(table: Table) -> set[int]:
-    """Return rows with a word as value and an unknown quantity."""
-    if not {"quantity", "value"} <= set(table.header):
-        return set()
-    values = table.columns[table.header.index("value")]
-    quantities = table.columns[table.header.index("quantity")]
-    return {
-        row
-        for row, text in enumerate(values)
-        if text[:1].isalpha()
-        and not is_empty(text)
-        and our_name(quantities[row]) is None
-    }
 
 
 def _holds_a_number(cells: list[str]) -> bool:
@@ -657,7 +653,12 @@ def error_columns(
                 is_share = is_share or _is_share_by_units_row(
                     table, at, ours, units_row
                 )
-                _refuse_share_of_none(table, at, name, is_share=is_share)
+                if is_share and _quantity_named(name) in ADDITIVE:
+                    raise InputError(
+                        f"{table.at(table.header_line)}, column {table.header[at]}: "
+                        f"expected a sigma in the unit of {name}, whose errors are not "
+                        "relative, got %"
+                    )
                 found[i] = ErrorColumn(at, is_share, _dimension(ours) == LEVEL)
     # a column of its own takes precedence over the common one
     if FOR_ALL in keys:
@@ -699,15 +700,6 @@ def _is_share_by_units_row(
             f"{ours.unit}, the unit of its quantity, or %, got {stated.suffix}"
         )
     return False
-
-
-def _refuse_share_of_none(table: Table, at: int, name: str, *, is_share: bool) -> None:
-    """Refuse errors in per cent of a quantity with additive errors."""
-    if is_share and _quantity_named(name) in ADDITIVE:
-        raise InputError(
-            f"{table.at(table.header_line)}, column {table.header[at]}: expected a "
-            f"sigma in the unit of {name}, whose errors are not relative, got %"
-        )
 
 
 def _refuse_idle(

@@ -242,7 +242,19 @@ def credible_regions(
     x = (np.stack([east, north], axis=-1) - centre) @ turned  # the ellipse: |x| = 1
     if _seems_normal(x):
         return ()
-    sparse = _sparseness(x)
+    # imported here, as is contourpy below: an ellipse does not need it
+    from scipy.spatial import KDTree
+
+    # Weighted draws are resampled with repetition. With fewer neighbours than the
+    # copies of one draw the distance would be 0, and the density infinite.
+    _, times = np.unique(x, axis=0, return_counts=True)
+    nearest = min(max(NEIGHBOURS, 3 * int(times.max())), len(x))
+    tree = KDTree(x)
+
+    def sparse(at):
+        """Distance to the k-th nearest draw."""
+        return tree.query(at, nearest)[0][..., -1]
+
     tries = np.random.default_rng(0).uniform(-1.0, 1.0, (TRIES, 2))
     # uniform in the unit disc
     tries = tries[np.sum(tries**2, axis=1) < 1.0]
@@ -266,19 +278,6 @@ def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
     # sum over i, j of (x_i . x_j)^3 is that of the squared third moments
     third = np.einsum("da,db,dc->abc", white, white, white) / len(white)
     return bool(abs(kurtosis - 8.0) < KURTOSIS and np.sum(third**2) < SKEWNESS)
-
-
-def _sparseness(x: Float[np.ndarray, "draw 2"]):
-    """Return a function of places: the distance to the k-th nearest draw."""
-    # imported here, as is contourpy below: an ellipse does not need it
-    from scipy.spatial import KDTree
-
-    # Weighted draws are resampled with repetition. With fewer neighbours than the
-    # copies of one draw the distance would be 0, and the density infinite.
-    _, times = np.unique(x, axis=0, return_counts=True)
-    nearest = min(max(NEIGHBOURS, 3 * int(times.max())), len(x))
-    tree = KDTree(x)
-    return lambda at: tree.query(at, nearest)[0][..., -1]
 
 
 def _outlines(inside, sparse, limit: float, axes, centre):
