@@ -389,12 +389,6 @@ def combination(
     return text + "".join(f" {'-' if neg else '+'} {t}" for neg, t in rest), False
 
 
-def space_of(space: Sequence[str], weights: Float[np.ndarray, " free"]) -> str:
-    """Return the space of a direction: "ln", "linear" or "mixed"."""
-    used = {s for s, w in zip(space, weights, strict=True) if w != 0}
-    return used.pop() if len(used) == 1 else "mixed"
-
-
 def _short(weight: float) -> str:
     return f"{weight:.4g}"
 

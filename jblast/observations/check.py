@@ -78,7 +78,16 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
     logs = [observations] if several else list(by_shot(observations).values())
     found: dict[str, InputError] = {}
     for log in logs:
-        for fault in [*_lawless(log), *_of_log(log, uncertain)]:
+        lawless = [
+            InputError(
+                f"{log.where(log.quantity.index(quantity))}: no law gives {name}: not "
+                "supported yet"
+            )
+            for quantity in dict.fromkeys(log.quantity)
+            for name, _ in components(quantity)
+            if not names_for(name) and quantity != "overpressure_record"
+        ]
+        for fault in [*lawless, *_of_log(log, uncertain)]:
             # the same fault may be found in the log of every shot, and is reported once
             found.setdefault(str(fault), fault)
     return list(found.values())
@@ -96,19 +105,6 @@ def with_places(observations: Observations, uncertain: UncertainScene) -> Observ
         # rows without a position in the log have that of the scene, as in a fit
         position[row] = known.get(observations.sensor[row], position[row])
     return replace(observations, position=position)
-
-
-def _lawless(log: Observations) -> list[InputError]:
-    """Return a fault for each quantity without a law."""
-    return [
-        InputError(
-            f"{log.where(log.quantity.index(quantity))}: no law gives {name}: not "
-            "supported yet"
-        )
-        for quantity in dict.fromkeys(log.quantity)
-        for name, _ in components(quantity)
-        if not names_for(name) and quantity != "overpressure_record"
-    ]
 
 
 def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:

@@ -129,7 +129,12 @@ def read_header(
             continue
         name, unit = ours
         if name in header.theirs:
-            raise InputError(f"{where}: {_twice(name, header.theirs[name], theirs)}")
+            first = header.theirs[name]
+            units = {our.unit if (our := our_name(x)) else "" for x in (first, theirs)}
+            two = ": two units for one column" if len(units) > 1 else ""
+            both = f"{shown(first)} and {shown(theirs)}{two}"
+            got = "it twice" if first == theirs else both
+            raise InputError(f"{where}: expected column {name} once, got {got}")
         header.theirs[name] = theirs
         if unit is not None:
             header.units[name] = unit
@@ -190,15 +195,6 @@ def _with_units_row(
     if there is not None and there.name in COLUMNS:
         return there.name, there
     return (key, None) if key in COLUMNS and key not in NUMBERS else None
-
-
-def _twice(name: str, first: str, second: str) -> str:
-    """Return the message for two columns with one meaning."""
-    if first == second:
-        return f"expected column {name} once, got it twice"
-    units = {our.unit if (our := our_name(x)) else "" for x in (first, second)}
-    two = ": two units for one column" if len(units) > 1 else ""
-    return f"expected column {name} once, got {shown(first)} and {shown(second)}{two}"
 
 
 def _advice(name: str, *, strict: bool) -> str:
@@ -666,7 +662,18 @@ def error_columns(
         for i, name in held.items():
             if i not in found and _quantity_named(name) not in ADDITIVE:
                 found[i] = ErrorColumn(at, True, _dimension(our_name(name)) == LEVEL)
-    _refuse_idle(table, keys, held, {error.column for error in found.values()})
+    used = {error.column for error in found.values()}
+    for i, key in enumerate(keys):
+        words = key.split("_")
+        if "sigma" not in (words[0], words[-1]) and words[-2:] != ["sigma", "percent"]:
+            continue
+        if i not in used and i not in held:
+            raise InputError(
+                f"{table.at(table.header_line)}: expected sigma_ and the name of a "
+                f"quantity's column, as sigma_{spelt(table.header[min(held)])}, in its "
+                f"unit, or {FOR_ALL}, of quantities whose errors are relative; got "
+                f"{shown(table.header[i])}"
+            )
     return found
 
 
@@ -700,24 +707,6 @@ def _is_share_by_units_row(
             f"{ours.unit}, the unit of its quantity, or %, got {stated.suffix}"
         )
     return False
-
-
-def _refuse_idle(
-    table: Table, keys: list[str], held: Mapping[int, str], used: set[int]
-) -> None:
-    """Refuse a column of errors that belongs to no quantity."""
-    for i, key in enumerate(keys):
-        words = key.split("_")
-        if "sigma" not in (words[0], words[-1]) and words[-2:] != ["sigma", "percent"]:
-            continue
-        if i in used or i in held:
-            continue
-        raise InputError(
-            f"{table.at(table.header_line)}: expected sigma_ and the name of a "
-            f"quantity's column, as sigma_{spelt(table.header[min(held)])}, in its "
-            f"unit, or {FOR_ALL}, of quantities whose errors are relative; got "
-            f"{shown(table.header[i])}"
-        )
 
 
 def _dimension(ours: OurName | None) -> str:

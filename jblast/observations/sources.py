@@ -505,25 +505,20 @@ def cell_text(value: Any) -> str:
     if isinstance(value, (int, np.integer)):
         return str(int(value))
     if isinstance(value, (float, np.floating)):
-        return _number_text(value)
+        number = float(value)
+        if math.isnan(number):
+            return ""
+        if isinstance(value, np.floating) and value.dtype.itemsize < 8:
+            # 0.1 in single precision is meant as 0.1
+            return repr(float(str(value)))
+        # spreadsheets store 3 as 3.0
+        whole = number.is_integer() and abs(number) < EXACT_INTEGERS
+        return str(int(number)) if whole else repr(number)
     if isinstance(value, (datetime.date, datetime.time)):
         # NaT is unlike itself
         return "" if value != value else value.isoformat()
     text = str(value).strip()
     return "" if text in ("NaT", "<NA>") else text
-
-
-def _number_text(value: float | np.floating[Any]) -> str:
-    number = float(value)
-    if math.isnan(number):
-        return ""
-    if isinstance(value, np.floating) and value.dtype.itemsize < 8:
-        # 0.1 in single precision is meant as 0.1
-        return repr(float(str(value)))
-    # spreadsheets store 3 as 3.0
-    if number.is_integer() and abs(number) < EXACT_INTEGERS:
-        return str(int(number))
-    return repr(number)
 
 
 def table_of_cells(

@@ -378,7 +378,12 @@ def on_earth(fit: Fit) -> OnEarth:
     )
     first = charges[0]
     dated = any(charge.origin_time_utc for charge in charges)
-    clock = _common_clock(fit) if dated else ""
+    # the clock relative to which others are free; "" for the common clock
+    clock = ""
+    if dated and any(n.startswith(f"{CLOCK_OFFSET}.") for n in fit.summary.free):
+        clocks = dict.fromkeys(fit.observations.clocks())
+        fixed = [c for c in clocks if f"{CLOCK_OFFSET}.{c}" not in fit.summary.free]
+        clock = fixed[0] if len(fixed) == 1 else ""
     return OnEarth(first.place, first.origin_time_utc, clock, charges)
 
 
@@ -419,16 +424,6 @@ def utc(epoch: datetime, seconds: float) -> str:
     # rounded first: the digits beyond microseconds are cut off below
     text = written(epoch.astimezone(UTC), round(seconds, 6))
     return f"{text[:-4]}Z"
-
-
-def _common_clock(fit: Fit) -> str:
-    """Return the clock relative to which others are free; "" for the common clock."""
-    free = [n for n in fit.summary.free if n.startswith(f"{CLOCK_OFFSET}.")]
-    if not free:
-        return ""
-    clocks = dict.fromkeys(fit.observations.clocks())
-    others = [clock for clock in clocks if f"{CLOCK_OFFSET}.{clock}" not in free]
-    return others[0] if len(others) == 1 else ""
 
 
 @dataclass(frozen=True)
