@@ -317,13 +317,16 @@ def cure_of_null(
     )
     clocks = any(name.startswith(f"{CLOCK_OFFSET}.") for name in taking_part)
     is_filmed = bool(set(BY_CAMERA) & set(posterior.layout.quantity))
+    at_sensor = {datum.quantity for datum in data if datum.where == "sensor"}
     data = [
         replace(
             datum,
             on_right_clock=clocks and datum.quantity in CLOCK_TIMES,
             is_bang=is_filmed and datum.quantity == "air_arrival_s",
         )
-        for datum in _without_repeats(data)
+        for datum in data
+        # a new position is omitted if the quantity at a sensor of the log resolves it
+        if datum.where == "sensor" or datum.quantity not in at_sensor
     ]
     if GROWTH in taking_part:
         data.append(ResolvingDatum("fireball_radius_m", "later"))
@@ -346,16 +349,6 @@ def log_reading(posterior, layout, laws, z) -> Float[Array, " row"]:
     timed = np.isin(layout.quantity, TIMES)
     typical = layout_size(posterior) / STANDARD_SOUND_SPEED
     return to_error_scale(jnp.where(timed, value / typical, value), layout.quantity)
-
-
-def _without_repeats(data: Sequence[ResolvingDatum]) -> list[ResolvingDatum]:
-    """Omit a new position if the same quantity at a sensor of the log resolves it."""
-    at_sensor = {datum.quantity for datum in data if datum.where == "sensor"}
-    return [
-        datum
-        for datum in data
-        if datum.where == "sensor" or datum.quantity not in at_sensor
-    ]
 
 
 def cure_of_ambiguity(
@@ -394,12 +387,6 @@ def combination(
     ]
     text = ("-" if first[0] else "") + first[1]
     return text + "".join(f" {'-' if neg else '+'} {t}" for neg, t in rest), False
-
-
-def space_of(space: Sequence[str], weights: Float[np.ndarray, " free"]) -> str:
-    """Return the space of a direction: "ln", "linear" or "mixed"."""
-    used = {s for s, w in zip(space, weights, strict=True) if w != 0}
-    return used.pop() if len(used) == 1 else "mixed"
 
 
 def _short(weight: float) -> str:

@@ -95,6 +95,9 @@ def sampled_records(
     )
     # a front within one sample interval is uniform there: its variance is 1/12
     between = jnp.sqrt(unresolved / 12.0) / case.rate
+    # columns of shared errors that rows without samples have
+    _, shared = own_and_shared_errors(observations)
+    shared[np.array(rows)] = 0.0
     return SampledRecords(
         terms=terms,
         trials=trial_nuisances,
@@ -104,7 +107,7 @@ def sampled_records(
         nuisance=nuisance,
         jitter=jnp.zeros((len(cut), PRIMARY)).at[:, 0].set(between),
         evidence=_evidence(terms, nuisance, case),
-        error_columns=_error_columns(observations, rows),
+        error_columns=tuple(np.flatnonzero(shared.any(axis=0)).tolist()),
     )
 
 
@@ -251,15 +254,6 @@ def _rows(
         tuple(pairs.index((name, quantity)) for quantity in RECORD_QUANTITIES)
         for name in names
     )
-
-
-def _error_columns(
-    observations: Observations, rows: tuple[tuple[int, ...], ...]
-) -> tuple[int, ...]:
-    """Return the columns of shared errors that rows without samples have."""
-    _, shared = own_and_shared_errors(observations)
-    shared[np.array(rows)] = 0.0
-    return tuple(np.flatnonzero(shared.any(axis=0)).tolist())
 
 
 def unknowns_at(

@@ -57,7 +57,7 @@ from jblast.observations.check import (
     sigmas_doubted,
 )
 from jblast.observations.scenes import for_log
-from jblast.quantities import QUANTITIES, TIMED
+from jblast.quantities import QUANTITIES
 from jblast.scene import Charge, UncertainScene
 from jblast.waves.fireball import LARGEST_RADIUS
 from jblast.waves.propagation import sound_speed_of
@@ -282,10 +282,17 @@ def _named(
 def _off(readings: Readings, laws: ScaledLaws, found: Agreement, i: int) -> Doubt:
     """Return the mistaken unit of one row, or its deviation."""
     row, quantity = (int(readings.row[i]),), readings.quantity[i]
-    slip = slip_of_value(readings, laws, found, i)
+    its = readings.only(np.array([i]))
+    # the unit in which the reading would agree best
+    best: tuple[float, str, float] | None = None
+    for name, factor in FACTORS.get(QUANTITIES[quantity].kind, {}).items():
+        changed = _rescaled(its, np.array([True]), factor)
+        left = abs(float(_scores(changed, laws, found, found.offset[[i]])[0]))
+        if left <= MISTAKE_MARGIN and (best is None or left < best[0]):
+            best = left, name, factor
     numbers = {"mass_kg": found.mass}
-    if slip is not None:
-        name, factor = slip
+    if best is not None:
+        _, name, factor = best
         return Doubt("unit_slip", row, numbers | {"factor": factor}, (quantity, name))
     residual = float(found.residual[i])
     if readings.timed[i]:
@@ -416,10 +423,10 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
 def radii_doubted(observations: Observations) -> list[Doubt]:
     """Return radii of one sensor that shrink with time."""
     found = []
-    rows: dict[tuple[str, str, str], list[int]] = {}
+    rows: dict[tuple[str, str], list[int]] = {}
     for row, quantity in enumerate(observations.quantity):
-        if quantity == "shock_radius_m" and quantity in TIMED:
-            key = observations.sensor[row], quantity, observations.shot[row]
+        if quantity == "shock_radius_m":
+            key = observations.sensor[row], observations.shot[row]
             rows.setdefault(key, []).append(row)
     for its in rows.values():
         its.sort(key=lambda row: observations.time[row])
@@ -636,20 +643,6 @@ def slip_of_clock(readings: Readings, found: Agreement, rows: list[int]) -> floa
     return (
         float(steps[0] * HALF_HOUR) if same and (travel < LEFT_BY_A_ZONE).all() else 0.0
     )
-
-
-def slip_of_value(
-    readings: Readings, laws: ScaledLaws, found: Agreement, i: int
-) -> tuple[str, float] | None:
-    """Return the unit in which a reading would agree, and its factor, or None."""
-    its = readings.only(np.array([i]))
-    best: tuple[float, str, float] | None = None
-    for name, factor in FACTORS.get(QUANTITIES[its.quantity[0]].kind, {}).items():
-        changed = _rescaled(its, np.array([True]), factor)
-        left = abs(float(_scores(changed, laws, found, found.offset[[i]])[0]))
-        if left <= MISTAKE_MARGIN and (best is None or left < best[0]):
-            best = left, name, factor
-    return best[1:] if best else None
 
 
 def slip_of_quantity(

@@ -78,7 +78,16 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
     logs = [observations] if several else list(by_shot(observations).values())
     found: dict[str, InputError] = {}
     for log in logs:
-        for fault in [*_lawless(log), *_of_log(log, uncertain)]:
+        lawless = [
+            InputError(
+                f"{log.where(log.quantity.index(quantity))}: no law gives {name}: not "
+                "supported yet"
+            )
+            for quantity in dict.fromkeys(log.quantity)
+            for name, _ in components(quantity)
+            if not names_for(name) and quantity != "overpressure_record"
+        ]
+        for fault in [*lawless, *_of_log(log, uncertain)]:
             # the same fault may be found in the log of every shot, and is reported once
             found.setdefault(str(fault), fault)
     return list(found.values())
@@ -98,19 +107,6 @@ def with_places(observations: Observations, uncertain: UncertainScene) -> Observ
     return replace(observations, position=position)
 
 
-def _lawless(log: Observations) -> list[InputError]:
-    """Return a fault for each quantity without a law."""
-    return [
-        InputError(
-            f"{log.where(log.quantity.index(quantity))}: no law gives {name}: not "
-            "supported yet"
-        )
-        for quantity in dict.fromkeys(log.quantity)
-        for name, _ in components(quantity)
-        if not names_for(name) and quantity != "overpressure_record"
-    ]
-
-
 def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
     """Remove the rows whose positions or times are refused, and return their faults."""
     found: list[InputError] = []
@@ -126,7 +122,10 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
                 is_default=uncertain.source == NO_SCENE,
             )
         except InputError as fault:
-            row = _row_of(fault, log)
+            # the row that the fault names at the start of its message
+            message, places = str(fault), map(log.where, range(len(log)))
+            named = (message.startswith((f"{at}:", f"{at},")) for at in places)
+            row = next((row for row, is_named in enumerate(named) if is_named), None)
             # a fault of the whole log, which no removal of a row can mend
             if row is None:
                 return found or [fault]
@@ -136,16 +135,6 @@ def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
         else:
             break
     return found
-
-
-def _row_of(fault: InputError, log: Observations) -> int | None:
-    """Return the row that a fault names at the start of its message."""
-    message = str(fault)
-    for row in range(len(log)):
-        where = log.where(row)
-        if message.startswith((f"{where}:", f"{where},")):
-            return row
-    return None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from collections.abc import Collection, Sequence
 from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -287,15 +287,22 @@ def converted_clock_times(
         date: The day of those without one.
         zone: The zone of those without one.
     """
-    of = [date_and_zone(text) for text in texts if text]
-    unzoned = sum(not one.zone for one in of)
-    utc = sum(one.zone.upper() in ("Z", "UTC") for one in of)
+    days, zones = [], []
+    for text in filter(None, texts):
+        rest = text.strip()
+        if dated := _DAY.match(rest):
+            rest = rest[dated.end() :]
+        clock = _CLOCK.match(rest)
+        days.append(dated)
+        zones.append(rest[clock.end() :] if clock else "")
+    unzoned = zones.count("")
+    utc = sum(own.upper() in ("Z", "UTC") for own in zones)
     found = ClockTimesTaken(
         date=date or "",
-        undated=sum(not one.date for one in of) if date else 0,
+        undated=days.count(None) if date else 0,
         zone=zone or "",
         unzoned=unzoned if zone else 0,
-        moved=len(of) - unzoned - utc,
+        moved=len(zones) - unzoned - utc,
     )
     return [found] if found.undated or found.unzoned or found.moved else []
 
@@ -335,7 +342,11 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
     """
     rest = text.strip()
     if dated := _DAY.match(rest):
-        day, rest = _day(dated), rest[dated.end() :]
+        try:
+            day, rest = date(*map(int, dated.groups())), rest[dated.end() :]
+        except ValueError:
+            got = repr(dated[0].strip())
+            raise NotAnInstant(f"a day of the calendar, got {got}") from None
     clock = _CLOCK.match(rest)
     if not clock:
         raise NotAnInstant(f"a time as {EXAMPLE} or 15:08:18.310, got {shown(text)}")
@@ -367,27 +378,6 @@ def instant(text: str, day: date | None, zone: tzinfo | None) -> int:
         raise NotAnInstant(f"a year from {YEARS[0]} to {YEARS[1]}, got {shown(text)}")
     seconds = _seconds(datetime(day.year, day.month, day.day, hour, minute), own_zone)
     return (seconds + second) * SECOND + nanoseconds
-
-
-class DateAndZone(NamedTuple):
-    """Day and zone of a time as text.
-
-    Attributes:
-        date: True if it has a date.
-        zone: Text after the time of day: "", "Z", "+03:00".
-    """
-
-    date: bool
-    zone: str
-
-
-def date_and_zone(text: str) -> DateAndZone:
-    """Return the zone of a time as read by `instant`, and True if it has a date."""
-    rest = text.strip()
-    dated = _DAY.match(rest)
-    rest = rest[dated.end() :] if dated else rest
-    clock = _CLOCK.match(rest)
-    return DateAndZone(dated is not None, rest[clock.end() :] if clock else "")
 
 
 def zone_named(name: str) -> tzinfo:
@@ -445,13 +435,6 @@ def written(epoch: datetime, seconds: float) -> str:
     nanoseconds = whole + round(seconds * SECOND)
     text = moment(nanoseconds).strftime("%Y-%m-%dT%H:%M:%S")
     return f"{text}.{nanoseconds % SECOND:09d}Z"
-
-
-def _day(match: re.Match[str]) -> date:
-    try:
-        return date(*map(int, match.groups()))
-    except ValueError:
-        raise NotAnInstant(f"a day of the calendar, got {match[0].strip()!r}") from None
 
 
 def _offset(text: str, whole: str) -> tzinfo:

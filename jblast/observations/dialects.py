@@ -129,7 +129,12 @@ def read_header(
             continue
         name, unit = ours
         if name in header.theirs:
-            raise InputError(f"{where}: {_twice(name, header.theirs[name], theirs)}")
+            first = header.theirs[name]
+            units = {our.unit if (our := our_name(x)) else "" for x in (first, theirs)}
+            two = ": two units for one column" if len(units) > 1 else ""
+            both = f"{shown(first)} and {shown(theirs)}{two}"
+            got = "it twice" if first == theirs else both
+            raise InputError(f"{where}: expected column {name} once, got {got}")
         header.theirs[name] = theirs
         if unit is not None:
             header.units[name] = unit
@@ -190,15 +195,6 @@ def _with_units_row(
     if there is not None and there.name in COLUMNS:
         return there.name, there
     return (key, None) if key in COLUMNS and key not in NUMBERS else None
-
-
-def _twice(name: str, first: str, second: str) -> str:
-    """Return the message for two columns with one meaning."""
-    if first == second:
-        return f"expected column {name} once, got it twice"
-    units = {our.unit if (our := our_name(x)) else "" for x in (first, second)}
-    two = ": two units for one column" if len(units) > 1 else ""
-    return f"expected column {name} once, got {shown(first)} and {shown(second)}{two}"
 
 
 def _advice(name: str, *, strict: bool) -> str:
@@ -302,7 +298,18 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
     Raises:
         InputError: There is one; the message has its position.
     """
-    words = _words_for_values(table)
+    # rows with a word as value and an unknown quantity
+    words: set[int] = set()
+    if {"quantity", "value"} <= set(table.header):
+        values = table.columns[table.header.index("value")]
+        quantities = table.columns[table.header.index("quantity")]
+        words = {
+            row
+            for row, text in enumerate(values)
+            if text[:1].isalpha()
+            and not is_empty(text)
+            and our_name(quantities[row]) is None
+        }
     if names[0] not in table.columns[0] and not table.blank_before and not words:
         return
     first = [spelt(name) for name in names]
@@ -319,21 +326,6 @@ def refuse_two_tables(table: Table, names: list[str]) -> None:
                 + ("its header again" if again else "another header")
                 + f" ({', '.join(map(shown, cells[:4]))}); keep one table per file"
             )
-
-
-def _words_for_values(table: Table) -> set[int]:
-    """Return rows with a word as value and an unknown quantity."""
-    if not {"quantity", "value"} <= set(table.header):
-        return set()
-    values = table.columns[table.header.index("value")]
-    quantities = table.columns[table.header.index("quantity")]
-    return {
-        row
-        for row, text in enumerate(values)
-        if text[:1].isalpha()
-        and not is_empty(text)
-        and our_name(quantities[row]) is None
-    }
 
 
 def _holds_a_number(cells: list[str]) -> bool:
@@ -657,7 +649,12 @@ def error_columns(
                 is_share = is_share or _is_share_by_units_row(
                     table, at, ours, units_row
                 )
-                _refuse_share_of_none(table, at, name, is_share=is_share)
+                if is_share and _quantity_named(name) in ADDITIVE:
+                    raise InputError(
+                        f"{table.at(table.header_line)}, column {table.header[at]}: "
+                        f"expected a sigma in the unit of {name}, whose errors are not "
+                        "relative, got %"
+                    )
                 found[i] = ErrorColumn(at, is_share, _dimension(ours) == LEVEL)
     # a column of its own takes precedence over the common one
     if FOR_ALL in keys:
@@ -665,7 +662,18 @@ def error_columns(
         for i, name in held.items():
             if i not in found and _quantity_named(name) not in ADDITIVE:
                 found[i] = ErrorColumn(at, True, _dimension(our_name(name)) == LEVEL)
-    _refuse_idle(table, keys, held, {error.column for error in found.values()})
+    used = {error.column for error in found.values()}
+    for i, key in enumerate(keys):
+        words = key.split("_")
+        if "sigma" not in (words[0], words[-1]) and words[-2:] != ["sigma", "percent"]:
+            continue
+        if i not in used and i not in held:
+            raise InputError(
+                f"{table.at(table.header_line)}: expected sigma_ and the name of a "
+                f"quantity's column, as sigma_{spelt(table.header[min(held)])}, in its "
+                f"unit, or {FOR_ALL}, of quantities whose errors are relative; got "
+                f"{shown(table.header[i])}"
+            )
     return found
 
 
@@ -699,33 +707,6 @@ def _is_share_by_units_row(
             f"{ours.unit}, the unit of its quantity, or %, got {stated.suffix}"
         )
     return False
-
-
-def _refuse_share_of_none(table: Table, at: int, name: str, *, is_share: bool) -> None:
-    """Refuse errors in per cent of a quantity with additive errors."""
-    if is_share and _quantity_named(name) in ADDITIVE:
-        raise InputError(
-            f"{table.at(table.header_line)}, column {table.header[at]}: expected a "
-            f"sigma in the unit of {name}, whose errors are not relative, got %"
-        )
-
-
-def _refuse_idle(
-    table: Table, keys: list[str], held: Mapping[int, str], used: set[int]
-) -> None:
-    """Refuse a column of errors that belongs to no quantity."""
-    for i, key in enumerate(keys):
-        words = key.split("_")
-        if "sigma" not in (words[0], words[-1]) and words[-2:] != ["sigma", "percent"]:
-            continue
-        if i in used or i in held:
-            continue
-        raise InputError(
-            f"{table.at(table.header_line)}: expected sigma_ and the name of a "
-            f"quantity's column, as sigma_{spelt(table.header[min(held)])}, in its "
-            f"unit, or {FOR_ALL}, of quantities whose errors are relative; got "
-            f"{shown(table.header[i])}"
-        )
 
 
 def _dimension(ours: OurName | None) -> str:

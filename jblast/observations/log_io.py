@@ -55,7 +55,7 @@ from jblast.observations.table import (
     SAMPLES,
     Faults,
     Observations,
-    no_rows,
+    observed,
 )
 from jblast.progress import stages
 from jblast.quantities import CLOCK_TIMES, QUANTITIES
@@ -121,7 +121,7 @@ def read(
         if faults is None:
             raise
         faults.append(fault)
-        return no_rows(source_name(source))
+        return observed((), (), (), (), source=source_name(source))
 
 
 def _read(

@@ -169,8 +169,18 @@ def places_in_degrees(
         frame = Frame(frame.lat_deg, frame.lon_deg)
     position = np.full(places.shape, np.nan)
     position[sound] = frame.to_enu(*places[sound].T)
-    # after the conversion, since distances in degrees depend on the latitude
-    _refuse_far(rows, position)
+    # After the conversion, since distances in degrees depend on the latitude. A median
+    # is not moved by a few wrong positions, which are to be found.
+    away = np.linalg.norm(position - np.nanmedian(position, axis=0), axis=1)
+    rows.refuse(
+        away > MAX_DISTANCE,
+        "lat_deg",
+        lambda row: (
+            f"a place within {MAX_DISTANCE / 1e3:g} km of the other sensors, got one "
+            f"{away[row] / 1e3:.4g} km away; is a sign missing, or are lat_deg and "
+            "lon_deg swapped?"
+        ),
+    )
     return position, frame
 
 
@@ -244,22 +254,6 @@ def _within(rows: Columns, column: str) -> Float[np.ndarray, " row"]:
         ),
     )
     return np.where(bad, np.nan, numbers)
-
-
-def _refuse_far(rows: Columns, position: Float[np.ndarray, "row 3"]) -> None:
-    """Refuse positions more than `MAX_DISTANCE` from the median."""
-    # the median is not moved by a few wrong positions, which are to be found
-    middle = np.nanmedian(position, axis=0)
-    away = np.linalg.norm(position - middle, axis=1)
-    rows.refuse(
-        away > MAX_DISTANCE,
-        "lat_deg",
-        lambda row: (
-            f"a place within {MAX_DISTANCE / 1e3:g} km of the other sensors, got one "
-            f"{away[row] / 1e3:.4g} km away; is a sign missing, or are lat_deg and "
-            "lon_deg swapped?"
-        ),
-    )
 
 
 def mean_frame(

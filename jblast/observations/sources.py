@@ -161,9 +161,18 @@ def table_of(
     data = _data(source, name, expected)
     suffix = PurePath(name).suffix.lower()
     if isinstance(source, (str, os.PathLike)) and not strict:
-        _refuse_ending(name, suffix)
+        if suffix in RECORDINGS:
+            raise InputError(
+                f"{name}: is a recording, not a log; pick its arrival and peak first "
+                "(jblast pick)"
+            )
+        if suffix not in (*TEXTS, *WORKBOOKS, *PARQUET):
+            endings = ", ".join((*TEXTS[1:], *WORKBOOKS, *PARQUET))
+            raise InputError(
+                f"{name}: expected a log in one of {endings}, got {suffix}"
+            )
     # a buffer may have no name: its first bytes decide
-    elif isinstance(data, bytes) and not strict:  # a buffer need not have a name
+    elif isinstance(data, bytes) and not strict:
         suffix = suffix if suffix in (*WORKBOOKS, *PARQUET) else _looks_like(data)
         name = name if PurePath(name).suffix.lower() == suffix else f"{name}{suffix}"
     if isinstance(data, bytes) and not strict:
@@ -206,19 +215,6 @@ def _data(source: Any, name: str, expected: str) -> bytes | str:
     if isinstance(data, str):
         return data.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     return bytes(data)
-
-
-def _refuse_ending(name: str, suffix: str) -> None:
-    """Raise an error for files whose suffix is not that of a table."""
-    if suffix in (*TEXTS, *WORKBOOKS, *PARQUET):
-        return
-    if suffix in RECORDINGS:
-        raise InputError(
-            f"{name}: is a recording, not a log; pick its arrival and peak first "
-            "(jblast pick)"
-        )
-    known = ", ".join((*TEXTS[1:], *WORKBOOKS, *PARQUET))
-    raise InputError(f"{name}: expected a log in one of {known}, got {suffix}")
 
 
 def _looks_like(data: bytes) -> str:
@@ -509,25 +505,20 @@ def cell_text(value: Any) -> str:
     if isinstance(value, (int, np.integer)):
         return str(int(value))
     if isinstance(value, (float, np.floating)):
-        return _number_text(value)
+        number = float(value)
+        if math.isnan(number):
+            return ""
+        if isinstance(value, np.floating) and value.dtype.itemsize < 8:
+            # 0.1 in single precision is meant as 0.1
+            return repr(float(str(value)))
+        # spreadsheets store 3 as 3.0
+        whole = number.is_integer() and abs(number) < EXACT_INTEGERS
+        return str(int(number)) if whole else repr(number)
     if isinstance(value, (datetime.date, datetime.time)):
         # NaT is unlike itself
         return "" if value != value else value.isoformat()
     text = str(value).strip()
     return "" if text in ("NaT", "<NA>") else text
-
-
-def _number_text(value: float | np.floating[Any]) -> str:
-    number = float(value)
-    if math.isnan(number):
-        return ""
-    if isinstance(value, np.floating) and value.dtype.itemsize < 8:
-        # 0.1 in single precision is meant as 0.1
-        return repr(float(str(value)))
-    # spreadsheets store 3 as 3.0
-    if number.is_integer() and abs(number) < EXACT_INTEGERS:
-        return str(int(number))
-    return repr(number)
 
 
 def table_of_cells(
@@ -617,7 +608,13 @@ def refuse_several_headers(source: str, rows: Sequence[Sequence[Any]]) -> None:
         InputError: There are several tables, below or next to one another, or cells
             other than comments above the header.
     """
-    found = headers_within(rows)
+    found: list[HeaderCells] = []
+    for number, row in enumerate(rows, start=1):
+        if sum(isinstance(cell, str) and bool(cell) for cell in row) < LEAST_NAMES:
+            continue
+        for column, names in _runs(row):
+            if sum(map(_is_ours, names)) >= LEAST_NAMES:
+                found.append(HeaderCells(number, column, names))
     if len(found) > 1:
         places = " and ".join(str(one) for one in found[:2])
         more = f" and {len(found) - 2} more" if len(found) > 2 else ""
@@ -634,22 +631,6 @@ def refuse_several_headers(source: str, rows: Sequence[Sequence[Any]]) -> None:
                 f"and the header in {found[0]}; begin the rows above it with #, or "
                 "remove them"
             )
-
-
-def headers_within(rows: Sequence[Sequence[Any]]) -> list[HeaderCells]:
-    """Return the headers of a sheet: cells in a row that are names of our columns.
-
-    Args:
-        rows: Its cells.
-    """
-    found = []
-    for number, row in enumerate(rows, start=1):
-        if sum(isinstance(cell, str) and bool(cell) for cell in row) < LEAST_NAMES:
-            continue
-        for column, names in _runs(row):
-            if sum(map(_is_ours, names)) >= LEAST_NAMES:
-                found.append(HeaderCells(number, column, names))
-    return found
 
 
 def _runs(row: Sequence[Any]) -> list[tuple[int, tuple[str, ...]]]:

@@ -244,11 +244,6 @@ def observed(
     )
 
 
-def no_rows(source: str) -> Observations:
-    """Return the log of a file without readable rows."""
-    return observed((), (), (), (), source=source)
-
-
 @dataclass(frozen=True)
 class Dialect(Understood):
     """Properties of the format of a file that differ from ours.

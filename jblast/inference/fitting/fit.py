@@ -38,7 +38,6 @@ from jblast.inference.fitting.solution import (
     room_for,
     settle_laws,
     with_sample_density,
-    with_samples,
 )
 from jblast.inference.fitting.summary import Summary, summary_of
 from jblast.inference.fitting.uncertainty import Method, uncertainty
@@ -287,9 +286,17 @@ def _fit(
 ) -> Fit:
     """Fit one log in its scene."""
     begin = _stages(of_samples=SAMPLES in observations.quantity)
+    sampled = None
     if SAMPLES in observations.quantity:
         begin("reading samples")
-    observations, sampled = with_samples(observations, scaling, high_pass_hz)
+        # importing picks takes a second, which logs without samples do not need
+        from jblast.inference.sampled_records import sampled_records
+        from jblast.signals.picks.pick_log import picked_log
+
+        observations, picks = picked_log(
+            observations, scaling, high_pass_hz=high_pass_hz
+        )
+        sampled = sampled_records(observations, picks)
     # in this order: the log decides which numbers are free, then its positions are
     # resolved, then the fireball
     uncertain = for_log(uncertain, observations)

@@ -242,7 +242,19 @@ def credible_regions(
     x = (np.stack([east, north], axis=-1) - centre) @ turned  # the ellipse: |x| = 1
     if _seems_normal(x):
         return ()
-    sparse = _sparseness(x)
+    # imported here, as is contourpy below: an ellipse does not need it
+    from scipy.spatial import KDTree
+
+    # Weighted draws are resampled with repetition. With fewer neighbours than the
+    # copies of one draw the distance would be 0, and the density infinite.
+    _, times = np.unique(x, axis=0, return_counts=True)
+    nearest = min(max(NEIGHBOURS, 3 * int(times.max())), len(x))
+    tree = KDTree(x)
+
+    def sparse(at):
+        """Distance to the k-th nearest draw."""
+        return tree.query(at, nearest)[0][..., -1]
+
     tries = np.random.default_rng(0).uniform(-1.0, 1.0, (TRIES, 2))
     # uniform in the unit disc
     tries = tries[np.sum(tries**2, axis=1) < 1.0]
@@ -266,19 +278,6 @@ def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
     # sum over i, j of (x_i . x_j)^3 is that of the squared third moments
     third = np.einsum("da,db,dc->abc", white, white, white) / len(white)
     return bool(abs(kurtosis - 8.0) < KURTOSIS and np.sum(third**2) < SKEWNESS)
-
-
-def _sparseness(x: Float[np.ndarray, "draw 2"]):
-    """Return a function of places: the distance to the k-th nearest draw."""
-    # imported here, as is contourpy below: an ellipse does not need it
-    from scipy.spatial import KDTree
-
-    # Weighted draws are resampled with repetition. With fewer neighbours than the
-    # copies of one draw the distance would be 0, and the density infinite.
-    _, times = np.unique(x, axis=0, return_counts=True)
-    nearest = min(max(NEIGHBOURS, 3 * int(times.max())), len(x))
-    tree = KDTree(x)
-    return lambda at: tree.query(at, nearest)[0][..., -1]
 
 
 def _outlines(inside, sparse, limit: float, axes, centre):
@@ -379,7 +378,12 @@ def on_earth(fit: Fit) -> OnEarth:
     )
     first = charges[0]
     dated = any(charge.origin_time_utc for charge in charges)
-    clock = _common_clock(fit) if dated else ""
+    # the clock relative to which others are free; "" for the common clock
+    clock = ""
+    if dated and any(n.startswith(f"{CLOCK_OFFSET}.") for n in fit.summary.free):
+        clocks = dict.fromkeys(fit.observations.clocks())
+        fixed = [c for c in clocks if f"{CLOCK_OFFSET}.{c}" not in fit.summary.free]
+        clock = fixed[0] if len(fixed) == 1 else ""
     return OnEarth(first.place, first.origin_time_utc, clock, charges)
 
 
@@ -420,16 +424,6 @@ def utc(epoch: datetime, seconds: float) -> str:
     # rounded first: the digits beyond microseconds are cut off below
     text = written(epoch.astimezone(UTC), round(seconds, 6))
     return f"{text[:-4]}Z"
-
-
-def _common_clock(fit: Fit) -> str:
-    """Return the clock relative to which others are free; "" for the common clock."""
-    free = [n for n in fit.summary.free if n.startswith(f"{CLOCK_OFFSET}.")]
-    if not free:
-        return ""
-    clocks = dict.fromkeys(fit.observations.clocks())
-    others = [clock for clock in clocks if f"{CLOCK_OFFSET}.{clock}" not in free]
-    return others[0] if len(others) == 1 else ""
 
 
 @dataclass(frozen=True)

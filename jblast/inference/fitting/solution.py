@@ -36,9 +36,6 @@ from jblast.inference.posterior.posterior import (
 )
 from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.kept_programs import kept
-from jblast.observations import Observations
-from jblast.observations.records.formats import Scaling
-from jblast.observations.table import SAMPLES
 from jblast.progress import each
 from jblast.scene import Scene
 from jblast.sensors import Layout, resolve_laws
@@ -175,20 +172,6 @@ def settle_laws(
         return int(np.sum(np.asarray(valid))), float(optima.log_density[0])
 
     return max(tried, key=valid_rows_and_density)
-
-
-def with_samples(
-    log: Observations, scaling: Scaling | None, high_pass_hz: float | None
-) -> tuple[Observations, SampledRecords | None]:
-    """Return a log of readings, and the samples that replace some of them."""
-    if SAMPLES not in log.quantity:
-        return log, None
-    # importing picks takes a second, which logs without samples do not need
-    from jblast.inference.sampled_records import sampled_records
-    from jblast.signals.picks.pick_log import picked_log
-
-    readings, picks = picked_log(log, scaling, high_pass_hz=high_pass_hz)
-    return readings, sampled_records(readings, picks)
 
 
 def nodes_for(free: int) -> int:

@@ -21,7 +21,6 @@ from jblast.inference.identifiability import (
     cure_of_ambiguity,
     cure_of_null,
     estimable_forms,
-    space_of,
 )
 from jblast.inference.mode.laplace import NORMAL_Q95, laplace
 from jblast.inference.mode.search import SEPARATE
@@ -195,18 +194,19 @@ def _reach(posterior: Posterior, z: Float[np.ndarray, " free"]) -> float:
 def null_directions(solution: Solution) -> tuple[NullDirection, ...]:
     """Return every null direction with its remedies."""
     parameters = solution.posterior.parameters
-    return tuple(
-        NullDirection(
-            parameters={
-                name: float(weight)
-                for name, weight in zip(parameters.names, direction, strict=True)
-                if weight != 0
-            },
-            space=space_of(parameters.space(), direction),
-            cure=cure_of_null(solution.posterior, solution.laplace.z, direction),
+    found = []
+    for direction in solution.identifiability.null:
+        triples = zip(parameters.names, parameters.space(), direction, strict=True)
+        used = [(name, space, float(w)) for name, space, w in triples if w != 0]
+        spaces = {space for _, space, _ in used}
+        found.append(
+            NullDirection(
+                parameters={name: weight for name, _, weight in used},
+                space=spaces.pop() if len(spaces) == 1 else "mixed",
+                cure=cure_of_null(solution.posterior, solution.laplace.z, direction),
+            )
         )
-        for direction in solution.identifiability.null
-    )
+    return tuple(found)
 
 
 def estimable_combinations(solution: Solution) -> tuple[EstimableCombination, ...]:

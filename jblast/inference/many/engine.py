@@ -288,8 +288,19 @@ class CompiledLoop:
         """Return the program of one block; compiled once."""
         if (chunks, each) not in self.programs:
 
-            def here(stragglers, inputs):
-                return _one_by_one(self.loop, chunks, stragglers, inputs)
+            def here(stragglers, inputs: Inputs) -> LaneResults:
+                """Fit the chunks of a device one after another."""
+                if chunks == 1:
+                    return self.loop.fit(stragglers, inputs)
+                split = jax.tree.map(
+                    lambda x: jnp.moveaxis(x.reshape(*x.shape[:-1], chunks, -1), -2, 0),
+                    inputs,
+                )
+                results = jax.lax.map(lambda x: self.loop.fit(stragglers, x), split)
+                return jax.tree.map(
+                    lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1),
+                    results,
+                )
 
             spread = here if devices == 1 else _over_devices(here, devices)
             self.programs[chunks, each] = jax.jit(spread)
@@ -472,19 +483,6 @@ def _cut(x: Array, begin: int, end: int) -> Array:
     around = [(0, 0)] * (x.ndim - 1) + [(0, short)]
     # 1 is True for the flag `bad`, and a harmless reading or error
     return jnp.pad(x, around, constant_values=1) if short else x
-
-
-def _one_by_one(loop: Loop, chunks: int, stragglers, inputs: Inputs) -> LaneResults:
-    """Fit the chunks of a device one after another."""
-    if chunks == 1:
-        return loop.fit(stragglers, inputs)
-    split = jax.tree.map(
-        lambda x: jnp.moveaxis(x.reshape(*x.shape[:-1], chunks, -1), -2, 0), inputs
-    )
-    results = jax.lax.map(lambda x: loop.fit(stragglers, x), split)
-    return jax.tree.map(
-        lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1), results
-    )
 
 
 def _over_devices(

@@ -26,7 +26,7 @@ from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.observations.grouping import located
 from jblast.registry import names_for
-from jblast.scene import Scene, UncertainScene
+from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import Layout, layout_of, resolve_laws
 from jblast.sensors.law_choice import law_names
@@ -289,7 +289,15 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
         is_default=uncertain.source == NO_SCENE,
     )
     layout = layout_of(first, uncertain.scene)
-    laws = _named_laws(uncertain.scene, layout)
+    named = dict(uncertain.scene.law)
+    for quantity in layout.quantities():
+        names = names_for(quantity)
+        if named.get(quantity, "auto") == "auto" and len(names) > 1:
+            raise InputError(
+                f"[law] {quantity}: expected a name, one of {', '.join(names)}, as all "
+                "logs of a batch share their laws; got auto"
+            )
+    laws = law_names(resolve_laws(uncertain.scene, layout))
     for number, log in enumerate(logs):
         _refuse_other_rows(log, logs[0], number)
         if (bounds := log.bounds()).any():
@@ -309,19 +317,6 @@ def batch_of(logs: Sequence[Observations], uncertain: UncertainScene) -> Batch:
     values = np.array([log.value for log in logs])
     sigma = np.nan_to_num(np.array([log.error_scale() for log in logs]))
     return Batch(layout, values, sigma, laws)
-
-
-def _named_laws(scene: Scene, layout: Layout) -> dict[str, str]:
-    """Return the law of every quantity, if the scene names all of them."""
-    named = dict(scene.law)
-    for quantity in layout.quantities():
-        if named.get(quantity, "auto") == "auto" and len(names_for(quantity)) > 1:
-            raise InputError(
-                f"[law] {quantity}: expected a name, one of "
-                f"{', '.join(names_for(quantity))}, as all logs of a batch share their "
-                "laws; got auto"
-            )
-    return law_names(resolve_laws(scene, layout))
 
 
 def _refuse_other_rows(log: Observations, first: Observations, number: int) -> None:

@@ -29,14 +29,14 @@ from jaxtyping import Array
 INNER = ("jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "remat2")
 # Primitives that cannot be evaluated entry by entry; most are loops or branches.
 NOT_ELEMENTWISE = ("while", "scan", "cond", "sort", "cumsum", "custom_vjp_call")
-# Reductions, with the operation that combines two entries.
+# Reductions, with the primitive that combines two entries.
 REDUCE = {
-    "reduce_sum": "add",
-    "reduce_max": "max",
-    "reduce_min": "min",
-    "reduce_and": "and",
-    "reduce_or": "or",
-    "reduce_prod": "mul",
+    "reduce_sum": lax.add_p,
+    "reduce_max": lax.max_p,
+    "reduce_min": lax.min_p,
+    "reduce_and": lax.and_p,
+    "reduce_or": lax.or_p,
+    "reduce_prod": lax.mul_p,
 }
 # Scatters, with the operation that combines an entry with its update (None: replace).
 SCATTER = {
@@ -45,15 +45,6 @@ SCATTER = {
     "scatter-mul": lax.mul_p,
     "scatter-min": lax.min_p,
     "scatter-max": lax.max_p,
-}
-# These operations as primitives on cells.
-WITH_CELLS = {
-    "add": lax.add_p,
-    "max": lax.max_p,
-    "min": lax.min_p,
-    "and": lax.and_p,
-    "or": lax.or_p,
-    "mul": lax.mul_p,
 }
 # Primitives that only move entries: they are run on the numbers of the entries.
 REARRANGE = [
@@ -271,9 +262,9 @@ def computed(primitive, cells: list[Cell], params) -> Cell:
 
 
 def reduced(
-    operation: Operations, name: str, x: np.ndarray, axes: Sequence[int]
+    operation: Operations, primitive, x: np.ndarray, axes: Sequence[int]
 ) -> np.ndarray:
-    """Combine cells along axes."""
+    """Combine cells along axes by a primitive."""
     kept = [a for a in range(x.ndim) if a not in axes]
     shape = tuple(x.shape[a] for a in kept)
     rows = x.transpose(*kept, *axes).reshape(*shape, -1)
@@ -281,7 +272,7 @@ def reduced(
     for at in np.ndindex(shape):
         total, *rest = rows[at]
         for cell in rest:
-            total = operation(WITH_CELLS[name], [total, cell], {})
+            total = operation(primitive, [total, cell], {})
         out[at] = total
     return out
 
@@ -326,7 +317,7 @@ def contracted(operation: Operations, a, b, contract, batch) -> np.ndarray:
             pairs = zip(a[i].ravel(), b[j].ravel(), strict=True)
             for k, pair in enumerate(pairs):
                 products[(*i, *j, k)] = operation(lax.mul_p, list(pair), {})
-    return reduced(operation, "add", products, [products.ndim - 1])
+    return reduced(operation, lax.add_p, products, [products.ndim - 1])
 
 
 def rearranged(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
@@ -345,18 +336,17 @@ def rearranged(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
     params = dict(equation.params)
     if name == "gather":
         params["fill_value"] = -1  # marks entries outside of the array
-    where = at_once(equation.primitive, params, [*numbers, *rest])
-    return [_looked_up(every, w) for w in where]
-
-
-def _looked_up(every: np.ndarray, where: np.ndarray) -> np.ndarray:
-    if (where < 0).any():
-        raise CannotFoldError("gather outside of its array")
-    # entry by entry: indexing by an array of no dimensions would return the cell itself
-    out = np.empty(where.shape, object)
-    for at in np.ndindex(where.shape):
-        out[at] = every[where[at]]
-    return out
+    found = []
+    for where in at_once(equation.primitive, params, [*numbers, *rest]):
+        if (where < 0).any():
+            raise CannotFoldError("gather outside of its array")
+        # entry by entry: indexing by an array of no dimensions would return the cell
+        # itself
+        out = np.empty(where.shape, object)
+        for at in np.ndindex(where.shape):
+            out[at] = every[where[at]]
+        found.append(out)
+    return found
 
 
 def by_numpy(primitive, params, inputs: list[np.ndarray]) -> np.ndarray | None:

@@ -474,7 +474,19 @@ def checked(layout: Layout, values, sigma):
             in the unit of the reading instead of relative.
     """
     checked_shapes(layout, np.shape(values), np.shape(sigma))
-    _refuse_absolute(layout, values, sigma)
+    errors = np.atleast_2d(np.asarray(sigma))
+    # errors larger than the reading in most logs are not relative; single errors above
+    # 1 occur: a relative error of 150 % is allowed
+    most = np.mean(errors > 1.0, axis=0) > 0.5
+    for row in np.flatnonzero(most & ~np.isin(layout.quantity, ADDITIVE)):
+        typical = float(np.median(errors[:, row]))
+        reading = float(np.median(np.abs(np.asarray(values)[:, row])))
+        if np.isfinite(reading) and reading > typical:
+            raise InputError(
+                f"relative_sigma, row {row} ({layout.quantity[row]}): expected a share "
+                f"of the reading, got {typical:g}: divide by the reading, {reading:g} "
+                f"there, which makes {typical / reading:.3g}"
+            )
     values = jnp.asarray(values)
     if np.ndim(sigma) > 1:
         return values, jnp.asarray(sigma)
@@ -500,22 +512,6 @@ def checked_shapes(
         raise InputError(
             f"relative_sigma: expected {values[1:]} or {values}, got {sigma}"
         )
-
-
-def _refuse_absolute(layout: Layout, values, sigma) -> None:
-    """Reject errors larger than the reading in most logs: they are not relative."""
-    errors = np.atleast_2d(np.asarray(sigma))
-    # single errors above 1 occur: a relative error of 150 % is allowed
-    most = np.mean(errors > 1.0, axis=0) > 0.5
-    for row in np.flatnonzero(most & ~np.isin(layout.quantity, ADDITIVE)):
-        typical = float(np.median(errors[:, row]))
-        reading = float(np.median(np.abs(np.asarray(values)[:, row])))
-        if np.isfinite(reading) and reading > typical:
-            raise InputError(
-                f"relative_sigma, row {row} ({layout.quantity[row]}): expected a share "
-                f"of the reading, got {typical:g}: divide by the reading, {reading:g} "
-                f"there, which makes {typical / reading:.3g}"
-            )
 
 
 def read(rows: LaneRows, values, sigma) -> Readings:

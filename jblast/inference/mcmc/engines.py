@@ -186,10 +186,13 @@ class Emcee:
             moves=moves(mixture),
             vectorize=True,
         )
+        random = state.random
+        position, has_normal = (int(x) for x in random["place"])
+        normal = float(random["normal"])
         start = emcee.State(
             state.walkers,
             log_prob=state.log_density,
-            random_state=of_emcee(state.random),
+            random_state=("MT19937", random["key"], position, has_normal, normal),
         )
         done: list[tuple] = []
         interrupted = False
@@ -208,12 +211,6 @@ class Emcee:
             _arrays(done[-1][2]) if done else state.random,
             interrupted,
         )
-
-
-def of_emcee(random: Mapping[str, np.ndarray]) -> tuple:
-    """Return the state of the random numbers in the form of emcee."""
-    position, has_normal = (int(x) for x in random["place"])
-    return "MT19937", random["key"], position, has_normal, float(random["normal"])
 
 
 def _arrays(state) -> dict[str, np.ndarray]:

@@ -115,7 +115,13 @@ def starts(
         )
     ]
     z = places_along_sight(posterior, jnp.stack(columns, axis=1), normal)
-    return with_times_met(posterior, z, normal)
+    # free origin times by the known clocks, then the free clock offsets
+    for i, label in _free(posterior, "origin_time_s"):
+        z = _with_origin_time(posterior, z, i, label, normal[:, i])
+    timed = np.isin(posterior.layout.quantity, CLOCK_TIMES)
+    for i, label in _free(posterior, CLOCK_OFFSET):
+        z = _met(posterior, z, i, timed & (np.array(posterior.layout.clock) == label))
+    return z
 
 
 def _spread(
@@ -147,22 +153,15 @@ def _spread(
         # most charges are at the surface, while sensors may be on masts or vehicles
         middle = posterior.layout.position.mean(axis=0).at[2].set(0.0)  # on the ground
         if far and parameter.name in CHARGE_POSITION[:2]:
-            # the same factor for east and north, or starts would lie near the axes
-            moved = moved * _spread_factors(len(moved))
+            # Of every four starts two lie among the sensors, one in their surroundings,
+            # and one beyond: even in ln of the distance, as no scale is preferred. East
+            # and north have the same factor, or starts would lie near the axes.
+            number = np.arange(len(moved))
+            beyond = MAX_WIDTHS ** ((number * GOLDEN) % 1.0)
+            outer = np.where(number % 4 == 3, beyond, AMONG)
+            moved = moved * np.where(number % 4 == 0, 1.0, outer)
         return middle[parameter.key.index] + moved
     return (0.0 if value is None else value) + 0.0 * moved
-
-
-def _spread_factors(count: int) -> Float[np.ndarray, " start"]:
-    """Return the factor on the distance of each start from the middle of the sensors.
-
-    Of every four starts two lie among the sensors, one in their surroundings, and one
-    beyond. East and north have the same factor, evenly spread in its ln.
-    """
-    # far starts are even in ln of the distance: no scale is preferred
-    number = np.arange(count)
-    beyond = MAX_WIDTHS ** ((number * GOLDEN) % 1.0)
-    return np.where(number % 4 == 0, 1.0, np.where(number % 4 == 3, beyond, AMONG))
 
 
 def sight_length(posterior: Posterior) -> Float[Array, ""]:
@@ -247,26 +246,6 @@ def _along_sight(
     return jnp.where(jnp.arange(len(place))[:, None] % 2 == 0, on_line, place)
 
 
-def with_times_met(
-    posterior: Posterior,
-    z: Float[Array, "start free"],
-    normal: Float[Array, "start free"],
-) -> Float[Array, "start free"]:
-    """Set free origin times by the known clocks, then the free clock offsets.
-
-    Args:
-        posterior: Posterior with the readings.
-        z: Starts with their positions set.
-        normal: Standard normal draw of each coordinate.
-    """
-    for i, label in _free(posterior, "origin_time_s"):
-        z = _with_origin_time(posterior, z, i, label, normal[:, i])
-    timed = np.isin(posterior.layout.quantity, CLOCK_TIMES)
-    for i, label in _free(posterior, CLOCK_OFFSET):
-        z = _met(posterior, z, i, timed & (np.array(posterior.layout.clock) == label))
-    return z
-
-
 def _free(posterior: Posterior, base: str) -> list[tuple[int, str]]:
     """Return index and label of the free coordinates with a base name."""
     parameters = posterior.parameters
@@ -314,7 +293,13 @@ def _with_origin_time(
     rows = flash if radii.any() and flash.any() else rows
     z = _met(posterior, z, i, rows)
     if radii.any():
-        z = z.at[:, i].set(_before_radii(z[:, i], layout.time[radii], normal))
+        # A radius before the explosion hardly constrains its time: origin times after
+        # the first radius are set before it. Radii grow for a time comparable with
+        # their span.
+        origin, times = z[:, i], layout.time[radii]
+        long = jnp.maximum(jnp.ptp(times), MIN_GROWTH_SPAN)
+        earlier = times.min() - jnp.abs(normal) * long
+        z = z.at[:, i].set(jnp.where(origin < times.min(), origin, earlier))
     return z
 
 
@@ -325,14 +310,3 @@ def _met(posterior: Posterior, z, i: int, rows: Bool[np.ndarray, " row"]):
     residual = jax.vmap(lambda z: posterior.misfit(z).residual)(z)
     # a median, not a mean: a start should not follow one wrong clock
     return z.at[:, i].add(jnp.median(residual[:, np.flatnonzero(rows)], axis=1))
-
-
-def _before_radii(origin, times, normal):
-    """Return origin times; those after the first radius are set before it.
-
-    A radius before the explosion hardly constrains its time.
-    """
-    # radii grow for a time comparable with their span
-    long = jnp.maximum(jnp.ptp(times), MIN_GROWTH_SPAN)
-    earlier = times.min() - jnp.abs(normal) * long
-    return jnp.where(origin < times.min(), origin, earlier)

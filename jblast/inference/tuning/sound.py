@@ -228,7 +228,12 @@ class SoundEvidence(eqx.Module):
         return jnp.where(inside, scaled * rms / jnp.where(inside, taper, 1.0), 0.0)
 
     def _taper(self) -> Float[Array, " sample"]:
-        return jnp.asarray(taper_of(self.samples.size))
+        """Return the taper of the record: 1 with a cosine ramp at both ends."""
+        count = self.samples.size
+        faded = max(1, round(TAPER * count))
+        rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(faded) + 0.5) / faded)
+        flat = np.ones(count - 2 * faded)
+        return jnp.asarray(np.concatenate([rise, flat, rise[::-1]]))
 
 
 def over(
@@ -410,13 +415,6 @@ def filled(
     pulls = jnp.fft.irfft(lax.complex(share * of.real, share * of.imag), left.size)
     pulls = pulls.at[places].get(mode="fill", fill_value=0.0)
     return others.at[places].set(-held @ pulls, mode="drop")
-
-
-def taper_of(count: int) -> Float[np.ndarray, " sample"]:
-    """Return the taper of a record: 1 with a cosine ramp at both ends."""
-    faded = max(1, round(TAPER * count))
-    rise = 0.5 - 0.5 * np.cos(np.pi * (np.arange(faded) + 0.5) / faded)
-    return np.concatenate([rise, np.ones(count - 2 * faded), rise[::-1]])
 
 
 def around_limit(

@@ -320,7 +320,13 @@ def _index(path: Path, scene: Scene, source: str, sensor: str | None) -> int:
     if not heard:
         raise InputError(f"{source}: expected a [[sensor]] of kind {kinds}, got none")
     if sensor is not None:
-        _check_name(sensor, names, scene, source)
+        if sensor not in names:
+            kind_of = {one.name: one.kind or "not stated" for one in scene.sensors}
+            got = f"got {sensor!r}{nearest(sensor, names)}"
+            if kind := kind_of.get(sensor):
+                got = f"which record sound, got {sensor!r}, whose kind is {kind}"
+            known = f"one of {', '.join(names)} in {source}"
+            raise InputError(f"{argument('sensor')}: expected {known}, {got}")
         index = heard[names.index(sensor)]
     elif path.stem in names:
         index = heard[names.index(path.stem)]
@@ -338,22 +344,6 @@ def _index(path: Path, scene: Scene, source: str, sensor: str | None) -> int:
             f"rest, got {'a mount' if own.mount else 'nothing'}"
         )
     return index
-
-
-def _check_name(name: str, names: Sequence[str], scene: Scene, source: str) -> None:
-    if name in names:
-        return
-    of_all = {one.name: one.kind for one in scene.sensors}
-    if name in of_all:
-        kind = of_all[name] or "not stated"
-        raise InputError(
-            f"{argument('sensor')}: expected one of {', '.join(names)} in {source}, "
-            f"which record sound, got {name!r}, whose kind is {kind}"
-        )
-    raise InputError(
-        f"{argument('sensor')}: expected one of {', '.join(names)} in {source}, got "
-        f"{name!r}{nearest(name, names)}"
-    )
 
 
 def explained_sound(

@@ -208,7 +208,13 @@ def record_files(
         if not name.is_dir():
             files.append(name)
             continue
-        held = [path for path in sorted(name.iterdir()) if _is_seen(path, stations)]
+        held = [
+            path
+            for path in sorted(name.iterdir())
+            if path.is_file()
+            and not path.name.startswith(".")
+            and not (stations and Path(stations).exists() and path.samefile(stations))
+        ]
         # of sensors, or a log
         tables = (".csv", ".tsv", ".txt")
         records = [
@@ -225,10 +231,3 @@ def record_files(
         files += records
         left_out += [path for path in held if path not in records]
     return RecordFiles(tuple(files), tuple(left_out))
-
-
-def _is_seen(path: Path, stations: str | None) -> bool:
-    """Return True if a file of a folder is neither hidden nor the table of stations."""
-    if path.name.startswith(".") or not path.is_file():
-        return False
-    return not (stations and Path(stations).exists() and path.samefile(stations))

@@ -43,7 +43,20 @@ def open_seismic(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
             f"{path}: expected miniSEED or SAC, got a file that ObsPy cannot read "
             f"({str(error) or type(error).__name__})"
         ) from None
-    _check_whole(path, traces)
+    if not any(len(trace.data) for trace in traces):
+        raise InputError(f"{path}: expected samples, got none")
+    before: dict[str, Any] = {}
+    for trace in sorted(traces, key=lambda trace: trace.stats.starttime.ns):
+        last = before.get(trace.id)
+        if last is not None:
+            # the next sample is due one step after the last one
+            apart = trace.stats.starttime - last.stats.endtime - last.stats.delta
+            what = "a gap" if apart > 0 else "an overlap"
+            raise InputError(
+                f"{path}: trace {trace.id}: expected one segment, got {what} of "
+                f"{abs(apart):.6g} s after {last.stats.endtime}; cut the record there"
+            )
+        before[trace.id] = trace
     notes = tuple(
         f"trace {trace.id}: its header's factor of {trace.stats.calib:g} is not applied"
         for trace in traces
@@ -80,21 +93,3 @@ def _unit(path: Path, label: str, stats: Any) -> str:
             f"{path}: {label}: expected pressure, got {IDEP[kind]} (idep {kind})"
         )
     return "V" if kind == IDEP_VOLTS else ""
-
-
-def _check_whole(path: Path, traces: list[Any]) -> None:
-    """Raise an error for a file without samples and for gaps within a channel."""
-    if not any(len(trace.data) for trace in traces):
-        raise InputError(f"{path}: expected samples, got none")
-    before: dict[str, Any] = {}
-    for trace in sorted(traces, key=lambda trace: trace.stats.starttime.ns):
-        last = before.get(trace.id)
-        if last is not None:
-            # the next sample is due one step after the last one
-            apart = trace.stats.starttime - last.stats.endtime - last.stats.delta
-            what = "a gap" if apart > 0 else "an overlap"
-            raise InputError(
-                f"{path}: trace {trace.id}: expected one segment, got {what} of "
-                f"{abs(apart):.6g} s after {last.stats.endtime}; cut the record there"
-            )
-        before[trace.id] = trace

@@ -280,7 +280,14 @@ def opened_sound(path: Path) -> Iterator["soundfile.SoundFile"]:
     # imported here: loading libsndfile would delay readers of other formats
     import soundfile
 
-    _check_is_file(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file; {EXPECTED}")
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; {EXPECTED}")
+    if path.is_file() and path.stat().st_size == 0:
+        raise InputError(f"{path}: is empty; {EXPECTED}")
+    if not os.access(path, os.R_OK):
+        raise InputError(f"{path}: may not be read; {EXPECTED}")
     try:
         with soundfile.SoundFile(path) as file:
             check_kind(path, file.format, file.subtype, file.channels)
@@ -295,27 +302,14 @@ def opened_sound(path: Path) -> Iterator["soundfile.SoundFile"]:
                 )
             yield file
     except soundfile.LibsndfileError as error:
-        raise InputError(_unreadable(path, error.error_string)) from None
-
-
-def _check_is_file(path: Path) -> None:
-    if not path.exists():
-        raise InputError(f"{path}: no such file; {EXPECTED}")
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; {EXPECTED}")
-    if path.is_file() and path.stat().st_size == 0:
-        raise InputError(f"{path}: is empty; {EXPECTED}")
-    if not os.access(path, os.R_OK):
-        raise InputError(f"{path}: may not be read; {EXPECTED}")
-
-
-def _unreadable(path: Path, reason: str) -> str:
-    """Return the message for a file that libsndfile cannot read."""
-    with path.open("rb") as file:
-        start = file.read(4)
-    if any(mark.startswith(start) for mark in (b"RIFF", b"RF64", b"fLaC")):
-        return f"{path}: is cut short or damaged ({reason.strip().rstrip('.')})"
-    return f"{path}: is not a sound file; {EXPECTED}"
+        with path.open("rb") as file:
+            start = file.read(4)
+        if any(mark.startswith(start) for mark in (b"RIFF", b"RF64", b"fLaC")):
+            reason = error.error_string.strip().rstrip(".")
+            fault = f"{path}: is cut short or damaged ({reason})"
+        else:
+            fault = f"{path}: is not a sound file; {EXPECTED}"
+        raise InputError(fault) from None
 
 
 def check_kind(path: Path, kind: str, subtype: str, channels: int) -> None:
