@@ -194,14 +194,13 @@ def random_scores_of(count: int, dimensions: int, seed: int) -> np.ndarray:
     return random_scores(np.arange(count), dimensions, seed)
 
 
-@jax.jit
-def _pressures(scores):
-    return jax.vmap(pressure)(scores)
+# Compiled once for all calls: a `jit` inside the function would trace at each call.
+_PRESSURES = jax.jit(jax.vmap(pressure))
 
 
 def pressures(scores: np.ndarray) -> np.ndarray:
     """Return the pressures of draws [Pa]."""
-    return np.asarray(_pressures(jnp.asarray(scores)))
+    return np.asarray(_PRESSURES(jnp.asarray(scores)))
 
 
 def margin_at(threshold_pa: float) -> Margin:

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import warp as wp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 import jblast.vehicle.warp  # noqa: F401 - which keeps Warp quiet
 from jblast.constants import FLIGHT_GRAVITY
@@ -622,19 +622,6 @@ def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
     return State(jnp.asarray(HOME), still, level, turn, jnp.full(4, speed))
 
 
-def quickened(gains: Gains, times: Float[Array, ""]) -> Gains:
-    """Return the gains of a loop that is `times` times faster."""
-    square = times * times
-    return Gains(
-        position=square * gains.position,
-        velocity=times * gains.velocity,
-        attitude=square * gains.attitude,
-        body_rate=times * gains.body_rate,
-        integral=square * times * gains.integral,
-        integral_limit=gains.integral_limit,
-    )
-
-
 def swings(integrator: str) -> Swings:
     """Fly every named vehicle at every share of its limit, with control at each step.
 
@@ -647,11 +634,21 @@ def swings(integrator: str) -> Swings:
         limits.append(step_limit(integrator, float(vehicle.motor_lag_s), gains))
         for share in SHARES:
             times = jnp.asarray(share * limits[-1] / CONTROLLER_STEP)
-            # a step longer by s is the same step with motors and gains faster by s
+            # a step longer by s is the same step with motors and gains faster by s:
+            # a gain in 1/s^n grows by s^n, and all flights share one compiled step
             lag = vehicle.motor_lag_s / times
             bare = eqx.tree_at(lambda v: v.motor_lag_s, named(name), lag)
             vehicles.append(eqx.tree_at(lambda v: v.body, bare, None))
-            holds.append(PositionHold(HOME, quickened(gains, times)))
+            square = times * times
+            faster = Gains(
+                position=square * gains.position,
+                velocity=times * gains.velocity,
+                attitude=square * gains.attitude,
+                body_rate=times * gains.body_rate,
+                integral=square * times * gains.integral,
+                integral_limit=gains.integral_limit,
+            )
+            holds.append(PositionHold(HOME, faster))
     starts = [hovering(vehicle, (START, 2 * START, START)) for vehicle in vehicles]
 
     @jax.jit  # simulate refuses steps past a limit unless the limit is a tracer

@@ -22,7 +22,7 @@ of a site and of a shot is its posterior mean over what four sites and 22 shots 
 """
 
 import json
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from typing import Any
 
@@ -141,19 +141,12 @@ def ground_motion_valid(
     return reached & (height >= -1.5) & (height <= 1.0)
 
 
-def ground_motion_displacement_scatter(
-    slant_range: Number, charge_mass: Number, height_of_burst: Number
+def ground_motion_scatter(
+    quantity: str, slant_range: Number, charge_mass: Number, height_of_burst: Number
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Return the scatter of displacements at a new site, in ln."""
-    curve = ground_motion_curve("ground_displacement_m")
-    return curve.scatter(slant_range, charge_mass, height_of_burst)
-
-
-def ground_motion_velocity_scatter(
-    slant_range: Number, charge_mass: Number, height_of_burst: Number
-) -> tuple[Numbers, Numbers, Numbers]:
-    """Return the scatter of velocities at a new site, in ln."""
-    curve = ground_motion_curve("ground_peak_velocity_m_s")
+    """Return the scatter of a quantity at a new site, in ln."""
+    # The curve is read here, not at import, when float64 may not be enabled yet.
+    curve = ground_motion_curve(quantity)
     return curve.scatter(slant_range, charge_mass, height_of_burst)
 
 
@@ -193,17 +186,9 @@ def log_scaled_place(
     return jnp.log(slant_range) - log_scale, height * jnp.exp(-log_scale)
 
 
-for _quantity, _law, _scatter in (
-    (
-        "ground_displacement_m",
-        ground_motion_displacement,
-        ground_motion_displacement_scatter,
-    ),
-    (
-        "ground_peak_velocity_m_s",
-        ground_motion_velocity,
-        ground_motion_velocity_scatter,
-    ),
+for _quantity, _law in (
+    ("ground_displacement_m", ground_motion_displacement),
+    ("ground_peak_velocity_m_s", ground_motion_velocity),
 ):
     register(
         Law(
@@ -213,7 +198,7 @@ for _quantity, _law, _scatter in (
             range=RANGE,
             source=SOURCE,
             valid=ground_motion_valid,
-            scatter=_scatter,
+            scatter=partial(ground_motion_scatter, _quantity),
             scatter_source=SCATTER_SOURCE,
         )
     )

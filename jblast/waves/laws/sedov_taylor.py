@@ -99,7 +99,13 @@ def sedov_taylor_shock_radius(
         time_since_detonation, charge_mass, air_density
     )
     missing = jnp.isnan(time)
-    time = _continued_time(jnp.where(missing, 1.0, time), mass)
+    time = jnp.where(missing, 1.0, time)
+    earliest = EARLIEST_TIME * jnp.cbrt(mass)
+    early = time < earliest
+    # Two guards: the divisor must not be zero in the branch that is not used either,
+    # because its gradient would be NaN.
+    before = earliest**2 / jnp.where(early, 2.0 * earliest - time, 1.0)
+    time = jnp.where(early, before, time)
     energy = TNT_SPECIFIC_ENERGY * mass
     radius = (energy / (sedov_alpha(sedov_gamma) * density)) ** 0.2 * time**0.4
     return jnp.where(missing, jnp.nan, radius)
@@ -143,16 +149,6 @@ def sedov_taylor_valid(
     gamma = as_float_array(sedov_gamma)
     computed = (gamma >= GAMMAS[0]) & (gamma <= GAMMAS[1])
     return begun & computed & (pressure >= STRONG_SHOCK * ambient)
-
-
-def _continued_time(time, mass):
-    """Return the time after `EARLIEST_TIME`, and its positive continuation before."""
-    earliest = EARLIEST_TIME * jnp.cbrt(mass)
-    early = time < earliest
-    # Two guards: the divisor must not be zero in the branch that is not used either,
-    # because its gradient would be NaN.
-    before = earliest**2 / jnp.where(early, 2.0 * earliest - time, 1.0)
-    return jnp.where(early, before, time)
 
 
 @checked
