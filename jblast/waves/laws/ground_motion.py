@@ -78,6 +78,8 @@ class GroundMotionCurve(eqx.Module):
         """
         place = log_scaled_place(slant_range, charge_mass, height_of_burst)
         gradient = log_gradient(self.coefficients, *place)
+        # In the precision of the arguments: float64 numbers would promote a float32
+        # fit.
         covariance, site, shot, path, own = (
             jnp.asarray(x, gradient.dtype)
             for x in (
@@ -88,12 +90,14 @@ class GroundMotionCurve(eqx.Module):
                 self.record_sd,
             )
         )
+        # Delta method: covariance of the coefficients through the gradient of ln y.
         fitted = jnp.einsum("...i,ij,...j->...", gradient, covariance, gradient)
         return jnp.sqrt(site**2 + shot**2 + fitted), path, own
 
 
 def ground_motion_curve(quantity: str) -> GroundMotionCurve:
     """Return the packaged curve of a quantity, from all 22 shots."""
+    # Only the text is cached: an array has the precision enabled when it is made.
     curve = _packaged()["curves"][quantity]
     return GroundMotionCurve(**{name: np.array(x) for name, x in curve.items()})
 
@@ -128,6 +132,7 @@ def ground_motion_velocity(
     """
     curve = ground_motion_curve("ground_peak_velocity_m_s")
     place = log_scaled_place(slant_range, charge_mass, height_of_burst)
+    # By Hopkinson charges of all sizes have one velocity at one Z: S = 1.
     return jnp.exp(log_curve(curve.coefficients, *place))
 
 
@@ -137,6 +142,7 @@ def ground_motion_valid(
     """Return True within the range of the recordings, `RANGE`."""
     log_range, height = log_scaled_place(slant_range, charge_mass, height_of_burst)
     scaled_range = jnp.exp(log_range)
+    # Recorded are Z = 28 to 902 and x = -1.43 to 0.81; the bounds are rounded outward.
     reached = (scaled_range >= 25.0) & (scaled_range <= 1000.0)
     return reached & (height >= -1.5) & (height <= 1.0)
 
@@ -166,6 +172,7 @@ def log_gradient(
     coupled = jax.nn.sigmoid(b4 * (b5 - height))
     slope = b3 * coupled * (1.0 - coupled)
     by_coefficient = (
+        # The law is linear in b_1 and b_2: their derivatives contain no coefficient.
         jnp.ones_like(log_range),
         log_range,
         coupled,
