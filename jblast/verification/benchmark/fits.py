@@ -280,6 +280,7 @@ def sampler_points(
     long, took = timed_walk(Scan(), case.density, free, reference, REFERENCE_SEED)
     long = long @ axes.T
     true, sd = interval_ends(long), long.reshape(-1, free).std(axis=0)
+    # Two halves differ by twice the error of the whole, if they are independent.
     half = len(long) // 2
     halves = interval_ends(long[:half]) - interval_ends(long[half:])
     uncertainty = 0.5 * float(np.max(np.abs(halves) / sd))
@@ -412,6 +413,7 @@ def fit_outcomes(logs: Logs, solved: int, looped: int) -> list[FitOutcome]:
 
 def by_scipy(logs: Logs, count: int) -> Float[np.ndarray, "log free"]:
     """Fit the first logs from their poor starts by MINPACK, one after another."""
+    # Readings as an argument, not a constant: one program serves all logs.
     function = jax.jit(lambda z, measured: residuals(z, (logs.blank, measured)))
     slopes = jax.jit(jax.jacfwd(lambda z, m: residuals(z, (logs.blank, m))))
 

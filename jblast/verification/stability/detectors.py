@@ -142,11 +142,35 @@ def record_failures() -> list[FailureMode]:
             "peak over noise, and less",
             words=lambda snr: f"{snr:g}",
         ),
-        _rise(),
+        _row(
+            f"pick, rise time of {RISES[-1]:g} to {RISES[0]:g} samples",
+            RISES,
+            shares_of([Recorder(snr=CLEAR, rise=rise) for rise in RISES]),
+            "samples",
+            words=lambda rise: f"{rise:g} samples",
+        ),
         _rate(),
-        _wander(),
+        _row(
+            f"pick, baseline that oscillates by {WANDER:.0%} of the peak",
+            PERIODS,
+            shares_of(
+                [Recorder(snr=CLEAR, wander=WANDER, wander_period=p) for p in PERIODS]
+            ),
+            "durations a period, and less",
+            words=lambda period: f"{period:g} durations",
+        ),
         _echo_delay(),
-        _clipped_records(),
+        _row(
+            "pick of a clipped record",
+            LEFT,
+            # the whole peak is left at 1: a record that is not clipped
+            shares_of(
+                [Recorder(snr=CLEAR, full_scale=x if x < 1.0 else None) for x in LEFT]
+            ),
+            "of the peak is left",
+            words=lambda left: f"{left:g}",
+            message="clipped samples are bounds; ",
+        ),
     ]
 
 
@@ -205,17 +229,6 @@ def _row(
     )
 
 
-def _rise() -> FailureMode:
-    shares = shares_of([Recorder(snr=CLEAR, rise=rise) for rise in RISES])
-    return _row(
-        f"pick, rise time of {RISES[-1]:g} to {RISES[0]:g} samples",
-        RISES,
-        shares,
-        "samples",
-        words=lambda rise: f"{rise:g} samples",
-    )
-
-
 def _rate() -> FailureMode:
     recorders = []
     for count in PER_PHASE:
@@ -232,19 +245,6 @@ def _rate() -> FailureMode:
         words=lambda count: f"{count:g}",
         message="records with fewer than 8 are reported as under-sampled, and the "
         "onset is reported if no pulse fits; ",
-    )
-
-
-def _wander() -> FailureMode:
-    recorders = [
-        Recorder(snr=CLEAR, wander=WANDER, wander_period=period) for period in PERIODS
-    ]
-    return _row(
-        f"pick, baseline that oscillates by {WANDER:.0%} of the peak",
-        PERIODS,
-        shares_of(recorders),
-        "durations a period, and less",
-        words=lambda period: f"{period:g} durations",
     )
 
 
@@ -266,20 +266,6 @@ def _echo_delay() -> FailureMode:
         most_unmarked=TWO_OF_30,
         message=f"at {MERGED[0]:g} durations and less an echo counts as part of the "
         f"front, up to {merged:.0%} unmarked outliers; ",
-    )
-
-
-def _clipped_records() -> FailureMode:
-    recorders = [
-        Recorder(snr=CLEAR, full_scale=left if left < 1.0 else None) for left in LEFT
-    ]
-    return _row(
-        "pick of a clipped record",
-        LEFT,
-        shares_of(recorders),
-        "of the peak is left",
-        words=lambda left: f"{left:g}",
-        message="clipped samples are bounds; ",
     )
 
 

@@ -69,7 +69,7 @@ def _held_below_ambient(pressure: np.ndarray) -> np.ndarray:
     """Return readings with a smooth limit below the ambient pressure."""
     d = np.log(pressure / STANDARD_PRESSURE)
     t = np.clip((d + AMBIENT_HALF_WIDTH) / (2.0 * AMBIENT_HALF_WIDTH), 0.0, 1.0)
-    # By d this rises with one minus the quintic smoothstep 6 t^5 - 15 t^4 + 10 t^3:
+    # The derivative by d is one minus the quintic smoothstep 6 t^5 - 15 t^4 + 10 t^3:
     # value, slope and curvature have no jump at either end.
     d = np.minimum(d, AMBIENT_HALF_WIDTH) - 2.0 * AMBIENT_HALF_WIDTH * t**4 * (
         t**2 - 3.0 * t + 2.5
