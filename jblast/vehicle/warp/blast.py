@@ -345,7 +345,7 @@ def wave_functions(real: type) -> SimpleNamespace:
     names = {name: wp.constant(n) for n, name in enumerate(WaveCurves._fields)}
     ARRIVAL, PEAK, DURATION = names["sound_fraction"], names["peak"], names["duration"]
     DECAY, SUCTION = names["decay"], names["suction"]
-    # Ways are no shorter than FIRST, so no curve is read before its first node.
+    # No distance is below FIRST, so no curve is read before its first node.
     assert nodes[0] <= np.log(FIRST) + 1e-12
 
     class Blasts:

@@ -215,7 +215,7 @@ def sum_functions(real: type) -> SimpleNamespace:
         more = body.moved(gain, one, before.left)
         after = Sum()
         after.motion = body.moved(before.motion, one, more)
-        # What the rounded sum has gained; the rest of the increment is carried over.
+        # Gain of the rounded sum; the rest of the increment is carried over.
         added = body.moved(after.motion, -one, before.motion)
         after.left = body.moved(more, -one, added)
         return after
