@@ -117,8 +117,8 @@ def curved(name: str, dimensions: int, distance: float, bend: float) -> RareRegi
     def density(length: float) -> float:
         # of the length of the other coordinates, so that it is finite at 0
         q = length**2
-        others = 2.0 * length * chi2.pdf(q, dimensions - 1)
-        return float(ndtr(-(distance + bend * q)) * others)
+        beyond = ndtr(-(distance + bend * q))
+        return float(beyond * 2.0 * length * chi2.pdf(q, dimensions - 1))
 
     return RareRegion(
         name,
