@@ -6,6 +6,7 @@ reflection from the ground.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 import jax.numpy as jnp
 import numpy as np
@@ -76,6 +77,10 @@ def blast_load(
     """
     air = scene.air
     blasts = tuple(_blast(charge, scene) for charge in scene.charges)
+    ups = [blast.position_m[..., 2] for blast in blasts]
+    # A traced height may be above the ground. For a known one on the ground an image
+    # would only add work: it is one more blast in every step.
+    above = [isinstance(up, Tracer) or np.any(np.asarray(up) > 0) for up in ups]
     return BlastLoad(
         blasts=blasts,
         pressure_pa=ambient(air)[1],
@@ -84,7 +89,7 @@ def blast_load(
         drag=drag,
         front=front,
         rotors=rotors,
-        images=images_of([b for b in blasts if _may_be_above(b)]) if reflection else (),
+        images=images_of(list(compress(blasts, above))) if reflection else (),
     )
 
 
@@ -105,12 +110,6 @@ def images_of(blasts: Sequence[Blast]) -> tuple[Blast, ...]:
         time = jnp.where(up > 0, blast.time_s, jnp.inf)
         found.append(replace(blast, position_m=mirrored, time_s=time))
     return tuple(found)
-
-
-def _may_be_above(blast: Blast) -> bool:
-    """Return whether a charge is above the ground or its height is traced."""
-    up = blast.position_m[..., 2]
-    return isinstance(up, Tracer) or bool(np.any(np.asarray(up) > 0))
 
 
 def free_air_at(scene: Scene, charge: Charge, place: Array) -> Bool[Array, " place"]:

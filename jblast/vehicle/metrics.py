@@ -104,6 +104,7 @@ def flight_metrics(
     times = jnp.broadcast_to(time, error.shape)
     after = times >= blast
     seen = known & after
+    # -1 is below every distance, so rows that do not count never have the maximum.
     peak_row = jnp.argmax(jnp.where(seen, error, -1.0), axis=-1, keepdims=True)
     some = jnp.any(seen, axis=-1)
 
@@ -130,6 +131,7 @@ def _rms(
 ) -> Float[Array, "*batch"]:
     """Root mean square over selected rows; NaN without rows."""
     count = jnp.sum(rows.astype(error.dtype), axis=-1)
+    # Masked before the square: the NaN of a diverged row would pass a product with 0.
     total = jnp.sum(jnp.square(jnp.where(rows, error, 0.0)), axis=-1)
     return jnp.where(count > 0, jnp.sqrt(total / jnp.maximum(count, 1)), jnp.nan)
 
@@ -154,6 +156,7 @@ def _recovery(
 
     high, low = pick(error, last), pick(error, following)
     falls = high > low
+    # An interval that does not fall has no crossing; 1 keeps its quotient finite.
     share = (high - tolerance) / jnp.where(falls, high - low, 1.0)
     start = pick(times, last)
     at = start + jnp.where(falls, share, 1.0) * (pick(times, following) - start)

@@ -224,6 +224,7 @@ def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle
             the inertia is not positive definite, or there are not four rotors. Values
             are not checked inside jit or grad.
     """
+    # A misspelt optional name would leave its default without a warning.
     for key in parameters:
         if key not in USED + IGNORED:
             raise InputError(
@@ -239,6 +240,7 @@ def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle
         )
     low = get("rotor_speed_min", 0.0, default=0.0)
     high = get("rotor_speed_max", 0.0)
+    # The sum is traced if either of them is.
     if not isinstance(low + high, Tracer) and low >= high:
         raise InputError(
             "vehicle parameter rotor_speed_max: expected more than rotor_speed_min, "
@@ -270,6 +272,7 @@ def _inertia(parameters: Mapping[str, Any]) -> Float[Array, "3 3"]:
     # RotorPy's products of inertia are entries of the matrix, without a minus sign.
     matrix = jnp.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz]).reshape(3, 3)
     if not isinstance(matrix, Tracer):
+        # Positive entries of the diagonal do not exclude an axis of negative inertia.
         least = np.linalg.eigvalsh(np.asarray(matrix))[0]
         if not least > 0:
             raise InputError(
@@ -288,6 +291,7 @@ def _rotors(parameters: Mapping[str, Any]) -> Any:
                 "vehicle parameter rotor_pos: expected four rotors, r1 to r4, got "
                 + ", ".join(map(str, rows))
             )
+        # `rotor_directions` is a plain list, in the order r1 to r4.
         rows = [rows[key] for key in sorted(rows)]
     return rows
 
@@ -378,6 +382,8 @@ def numbers(
     what = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
     if not isinstance(value, jax.Array):
         try:
+            # A missing value becomes an empty array, whose shape the message below
+            # reports.
             value = np.asarray([] if value is None else value, dtype=float)
         except (TypeError, ValueError):
             raise InputError(
@@ -388,6 +394,7 @@ def numbers(
         raise InputError(
             f"vehicle parameter {key}: expected {what}, got the shape {array.shape}"
         )
+    # Inside jit only the shape is known.
     if isinstance(array, Tracer):
         return array
     if not bool(jnp.all(jnp.isfinite(array))):

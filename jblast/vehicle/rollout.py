@@ -181,6 +181,7 @@ def fly(
         control_held: True if the controller's period is longer than a step.
         axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
     """
+    # Once, outside the loop over steps: it depends on the vehicle only.
     if hasattr(flight.control, "ready"):
         flight = flight._replace(control=flight.control.ready(flight.vehicle))
     one = OneStep(flight, period_s, integrator, control_held, axis)
@@ -218,6 +219,7 @@ def fly(
         parts.append(jax.tree.map(lambda x: x[None], end))
         times.append(ticks.stages[-1:, 2])
     rows = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
+    # Of the stored rows only, not of every step.
     forces = jax.vmap(wrench)(rows, jnp.concatenate(times))
     # A vehicle that diverged once stays lost, even if its numbers become finite again.
     lost = ~jnp.isfinite(sum(jax.tree.leaves((rows, forces))))
@@ -435,10 +437,13 @@ def timetable(
     count = steps_in(duration_s, step_s)
     start = np.arange(count) * step_s
     length = np.full(count, step_s)
+    # A remainder by rounding does not make the last step shorter.
     if abs(count * step_s - duration_s) > 1e-9 * step_s:
         length[-1] = duration_s - start[-1]
     stages = start[:, None] + length[:, None] * np.array([INWARD, 0.5, 1 - INWARD])
+    # Inside the step, so that rounding at its end cannot select the next command.
     command = np.floor(stages / command_step_s).astype(np.int32)
+    # -1 is no row: the controller is sampled at the first step.
     before = np.concatenate([[-1], command[:-1, 1]])
     rounding = 2 * np.finfo(dtype).eps * (start + length)
     inward = np.maximum(INWARD * length, rounding)

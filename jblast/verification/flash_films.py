@@ -285,6 +285,7 @@ def car(rng: np.random.Generator) -> Disturbance:
 
     def passing(time: float, behind: Light) -> Light:
         left = begin + speed * time
+        # Shares of partly covered pixels, so that the edges of the car move smoothly.
         cover = np.clip(_X - left + 0.5, 0, 1) * np.clip(left + length - _X + 0.5, 0, 1)
         cover = (
             cover * np.clip(_Y - y + 0.5, 0, 1) * np.clip(y + height - _Y + 0.5, 0, 1)
@@ -380,6 +381,7 @@ def lightning(rng: np.random.Generator) -> Disturbance:
 
 def mains(rng: np.random.Generator) -> Disturbance:
     """Return mains lamps, which flicker at 100 or 120 Hz, over a part of the scene."""
+    # Light follows the power, at twice the frequency of the mains.
     hz, depth = rng.choice([100.0, 120.0]), rng.uniform(0.1, 0.9)
     x, y = _place(rng)
     reach, phase = rng.uniform(5.0, 120.0), rng.uniform(0, 2 * np.pi)
@@ -446,6 +448,7 @@ def auto_exposure(rng: np.random.Generator) -> Disturbance:
         gain = gains[at]
         if at and ramp and time - edges[at - 1] < ramp:
             part = (time - edges[at - 1]) / ramp
+            # A ramp linear in stops, in which a camera sets its exposure.
             gain = gains[at - 1] * (gains[at] / gains[at - 1]) ** part
         return np.float32(gain) * (behind + lamp)
 
@@ -522,6 +525,7 @@ def door(rng: np.random.Generator) -> Disturbance:
 
     def opening(time: float, behind: Light) -> Light:
         part = np.clip((time - begin) / lasts, 0.0, 1.0)
+        # It slows down until it stands open.
         width = wide * part * (2.0 - part)
         if width == 0.0:
             return behind
@@ -590,6 +594,7 @@ def welding(rng: np.random.Generator) -> Disturbance:
     x, y = _place(rng)
     size, reach = rng.uniform(0.7, 3.0), rng.uniform(3.0, 25.0)
     power = rng.uniform(5.0, 60.0)
+    # From before the film, so that the arc may burn in its first frame.
     edges = np.cumsum(rng.exponential(rng.uniform(3e-3, 60e-3), 400)) - 0.1
     flicker = rng.uniform(0.0, 0.6)
     hz, phase = rng.choice([100.0, 120.0, 300.0]), rng.uniform(0.0, 2 * np.pi)
@@ -601,6 +606,7 @@ def welding(rng: np.random.Generator) -> Disturbance:
     starts = rng.uniform(-0.1, 0.3, count)
 
     def burning(time: float, behind: Light) -> Light:
+        # Every second interval is an interruption.
         if np.searchsorted(edges, time) % 2:
             return behind
         wave = 1.0 - flicker * (0.5 + 0.5 * np.sin(2 * np.pi * hz * time + phase))
@@ -637,6 +643,7 @@ def negative(kind: str, seed: int, rate_hz: float = RATE_HZ) -> Sequence:
         seed: Seed of the scene.
         rate_hz: Frame rate [Hz].
     """
+    # With the kind in the seed, scenes of two kinds do not share their numbers.
     rng = np.random.default_rng([(KINDS + OTHERS).index(kind), seed])
     behind = random_background(rng, moving=1.0 if kind == "ego-motion" else 0.7)
     sensor = ImageSensor()
@@ -703,6 +710,7 @@ def texture(
     white = np.fft.rfft2(rng.standard_normal((SIZE, SIZE)))
     field = np.fft.irfft2(white * amplitude, s=(SIZE, SIZE))
     field *= contrast / field.std()
+    # The mean of a log-normal is exp(sd^2/2), which is divided out.
     return np.clip(mean * np.exp(field - 0.5 * contrast**2), 0.0, 1.5).astype(
         np.float32
     )

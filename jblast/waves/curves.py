@@ -610,5 +610,6 @@ def data_rows(name: str) -> list[dict[str, str]]:
         name: Name of the file in `data/`, without the suffix.
     """
     text = files("jblast.waves").joinpath(f"data/{name}.csv").read_text()
+    # The head of a table states its provenance in comments.
     lines = (line for line in text.splitlines() if not line.startswith("#"))
     return list(csv.DictReader(lines))

@@ -40,6 +40,7 @@ def image_range(
         sensor_height: $h_s$ [m]; negative heights count as zero.
     """
     r, h, h_s = as_float_arrays(slant_range, height_of_burst, sensor_height)
+    # The image is at -h: R'^2 - R^2 = (h + h_s)^2 - (h - h_s)^2.
     lifted = 4.0 * jnp.maximum(h, 0.0) * jnp.maximum(h_s, 0.0)
     above = lifted > 0.0
     # R itself on the ground: the root of a square would lose its last digits, and its

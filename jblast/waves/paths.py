@@ -165,6 +165,7 @@ def path_between(
     ground = slant_range(source[:, :2], position[:, :2])
     if charge.range_m is not None:
         slant = ground = jnp.broadcast_to(charge.range_m, slant.shape)
+    # A NaN of the unused branch would reach the gradient.
     stated = jnp.where(given, stated_range, 1.0)
     temperature, pressure = ambient(air)
     sound_speed = sound_speed_of(air)

@@ -108,6 +108,7 @@ def standard_atmosphere(
         ISO 2533:1975.
     """
     altitude = as_float_array(altitude)
+    # Capped: from 44 km on the line would be below 0 K, and its power NaN.
     temperature = STANDARD_TEMPERATURE - LAPSE_RATE * jnp.minimum(altitude, TROPOPAUSE)
     troposphere = (temperature / STANDARD_TEMPERATURE) ** (
         HYDROSTATIC_GRADIENT / LAPSE_RATE
@@ -350,7 +351,9 @@ def iso_9613_absorption(
     frequency, temperature, pressure = as_float_arrays(frequency, temperature, pressure)
     atmospheres = pressure / STANDARD_PRESSURE
     theta = temperature / REFERENCE_TEMPERATURE
+    # The relaxation frequencies of the standard are fits in per cent, not in fractions.
     percent = 100.0 * water_vapour_fraction(temperature, pressure, relative_humidity)
+    # Dry air leaves 24 and 9 Hz an atmosphere, so neither divisor below is ever zero.
     oxygen = atmospheres * (
         24.0 + 4.04e4 * percent * (0.02 + percent) / (0.391 + percent)
     )
@@ -459,6 +462,7 @@ def absorb(
     transfer = absorption_transfer(
         count, rate, distance, temperature, pressure, relative_humidity
     )
+    # In the precision of the samples, whatever that of the distance.
     spectrum = jnp.fft.rfft(samples, count)
     return jnp.fft.irfft(spectrum * transfer.astype(spectrum.dtype), count)[:n]
 

@@ -132,6 +132,7 @@ def shock_overpressure(
         ambient_pressure: $P_0$ [Pa], positive.
     """
     m, ambient = as_float_arrays(mach_number, ambient_pressure)
+    # Factored: M^2 - 1 cancels for a weak shock.
     return 7.0 / 6.0 * ambient * (m - 1.0) * (m + 1.0)
 
 
@@ -254,6 +255,7 @@ def oblique_reflected_pressure_arl(
         peak_overpressure, reflected_pressure, incidence_angle
     )
     cos = jnp.cos(angle)
+    # 1 + cos^2 - 2 cos as a square, which does not cancel near normal incidence.
     return reflected * cos**2 + incident * (1.0 - cos) ** 2
 
 
@@ -273,6 +275,7 @@ class WeakShockTail:
 
     def log_pressure(self, log_z: Any) -> Any:
         """Return ln p (p in Pa) for NumPy and JAX arrays; log_z must exceed ln b."""
+        # NumPy stays NumPy: tables are integrated in float64, also under jit.
         log = jnp.log if isinstance(log_z, jax.Array) else np.log
         return (
             math.log(self.amplitude) - log_z - 0.5 * log(log_z - math.log(self.length))
@@ -292,6 +295,7 @@ def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
     """
     if not slope < -1.0:
         raise InputError(f"slope at join must be steeper than -1, got {slope:g}")
+    # ln(Z/b), from the slope -1 - 1/(2 ln(Z/b)).
     log_reach = -0.5 / (slope + 1.0)
     return WeakShockTail(
         join=join,

@@ -159,6 +159,7 @@ class BlastLoad(eqx.Module):
         flies = jnp.stack(
             turned(motion.quaternion, air_wrench(vehicle, motion, wind)[0])
         )
+        # A float64 constant of NumPy would promote a flight in float32.
         acceleration = flies / vehicle.mass_kg - FLIGHT_GRAVITY * _UP.astype(
             flies.dtype
         )
@@ -280,6 +281,7 @@ class BlastLoad(eqx.Module):
             first, last = RANGE[blast.burst]
             source = jnp.broadcast_to(blast.position_m, position_m.shape)
             distance = slant_range(source, position_m)
+            # ln Z needs a positive distance; at the charge Z is out of range anyway.
             positive = jnp.maximum(distance, 1e-9)
             z = scaled_distance(positive, blast.mass_kg, self.pressure_pa)
             return (z >= first) & (z <= last)
@@ -297,6 +299,7 @@ def _only(happens: Bool[Array, ""], v: Vector) -> Vector:
 
 
 def _length(v: Float[Array, "3"]) -> Float[Array, ""]:
+    # No guard at zero: `pulse_wrench` stops the gradient of `quiet_until`.
     return jnp.sqrt(jnp.sum(jnp.square(v)))
 
 

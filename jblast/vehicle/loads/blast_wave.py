@@ -104,6 +104,7 @@ def wave_curves(burst: str) -> WaveCurves:
     """Tabulate the laws of a burst, "surface" or "free-air"."""
     count = int(np.ceil(np.log(LAST / FIRST) / SPACING)) + 1
     z = np.geomspace(FIRST, LAST, count)
+    # Also if first called while a program is traced: the cache must hold numbers.
     with jax.ensure_compile_time_eval():
         columns = [
             np.asarray(x, float)

@@ -142,6 +142,7 @@ class CustomProfile(eqx.Module):
         world = jnp.stack(times(attitude, three(push)))
         step = end_s - start_s
         never = jnp.isposinf(self.time_s)
+        # An infinite time would give NaN gradients, although it is masked below.
         time_s = jnp.where(never, end_s, self.time_s)
         first = (start_s - time_s - delay) / self.duration_s
 
@@ -178,6 +179,7 @@ class CustomProfile(eqx.Module):
         """Return distance [m], weights and angles [rad] of the directions."""
         toward = self.charge_m - position_m
         square = jnp.sum(jnp.square(toward))
+        # 1 mm at least, so that the direction is finite at the charge itself.
         distance = jnp.sqrt(jnp.maximum(square, 1e-6))
         attitude = rotation(unit(four(quaternion)))
         seen = jnp.stack(times_transposed(attitude, three(toward / distance)))
@@ -226,6 +228,7 @@ def custom_profile(
             raise InputError(f"{name}: expected 3 numbers [m], got {value.shape}")
     delay, distance, polar, azimuth = cases[:, :4].T
     push = cases[:, 4:7]
+    # About the centre of mass: M_c = M_p - r x J, with r from the point to it.
     turn = cases[:, 7:] - np.cross(arm, push)
     toward = np.stack(
         [
@@ -250,6 +253,7 @@ def custom_profile(
         filled = [column[np.pad(o, (0, most - len(o)), mode="edge")] for o in order]
         return as_float_array(np.stack(filled))
 
+    # An impulse falls about as 1/R^2: times R^2 it is flat between two cases.
     square = np.square(distance)[:, None]
     logs = np.array(table(np.log(distance)))
     # Padding must ascend for `interp`; its values are constant, so the step is free.
@@ -274,6 +278,7 @@ def _spacing(toward: np.ndarray) -> float:
     if len(toward) == 1:
         return SOLE_DIRECTION_RAD
     angle = np.arccos(np.clip(toward @ toward.T, -1, 1))
+    # A direction is not its own neighbour.
     np.fill_diagonal(angle, np.inf)
     return float(angle.min(axis=1).max())
 

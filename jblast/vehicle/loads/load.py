@@ -111,6 +111,7 @@ def pulse_wrench(
 
         def mean(load: Any = load) -> Wrench:
             given = load.impulse(start_s, end_s, joined(motion), vehicle)
+            # A constant force over the step gives the whole impulse at any step.
             return _plus((zero, zero), given, 1 / step_s)
 
         def none() -> Wrench:
@@ -216,6 +217,7 @@ class FriedlanderGust(eqx.Module):
         self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
     ) -> Float[Array, "3"]:
         """Velocity of the air [m/s]."""
+        # Any negative time is before the arrival, where the pulse is zero.
         since = jnp.where(time_s >= self.start_s, time_s - self.start_s, -1)
         one = jnp.ones_like(since)
         shape = modified_friedlander_pressure(since, one, self.duration_s, self.decay)

@@ -83,6 +83,7 @@ def printed_angular_impulse(
     distance_m: Float[Array, "..."],
 ) -> Float[Array, "... 3"]:
     """Return the angular impulse of the file, body axes [N m s]."""
+    # `interp` is constant beyond the file, so there the moment falls as 1/R^2.
     log = jnp.log(distance_m)
     square = DISTANCES_M[:, None] ** 2
     columns = [

@@ -271,6 +271,8 @@ def drag_functions(real: type) -> SimpleNamespace:
                 since = low + (high - low) * gauss[k, 0]
                 share = width * gauss[k, 1]
                 p = wave.overpressure(passage.wave, since)
+                # Density ratio of a shock by Rankine and Hugoniot, for a ratio of 1.4
+                # of the heat capacities.
                 ratio = (real(7.0) + real(6.0) * p) / (real(7.0) + p)
                 speed = wave.wind_speed(passage.wave, since, p)
                 past_s = (since - passage.start) / passage.rate
@@ -283,6 +285,7 @@ def drag_functions(real: type) -> SimpleNamespace:
                     past = speed * passage.away + gone
                     dense = passage.density * ratio
                     force = drag_force(vehicle, passage.attitude, dense, past)
+                    # Only the excess over the drag in ambient air is due to the blast.
                     force -= drag_force(
                         vehicle, passage.attitude, passage.density, gone
                     )
@@ -342,6 +345,7 @@ def wave_functions(real: type) -> SimpleNamespace:
     names = {name: wp.constant(n) for n, name in enumerate(WaveCurves._fields)}
     ARRIVAL, PEAK, DURATION = names["sound_fraction"], names["peak"], names["duration"]
     DECAY, SUCTION = names["decay"], names["suction"]
+    # No distance is below FIRST, so no curve is read before its first node.
     assert nodes[0] <= np.log(FIRST) + 1e-12
 
     class Blasts:
@@ -389,6 +393,7 @@ def wave_functions(real: type) -> SimpleNamespace:
         """Return the value of a curve; constant before its first node."""
         inside = wp.clamp(log_z, first, last)
         way = (inside - first) * per_spacing
+        # The last node belongs to the last interval.
         stretch = wp.min(int(way), stretches - 1)
         t = way - real(stretch)
         c = blasts.curves[n, stretch]
@@ -434,9 +439,13 @@ def wave_functions(real: type) -> SimpleNamespace:
         wave.peak = wp.exp(curve(blasts, row + PEAK, log_z))
         wave.suction = wp.exp(curve(blasts, row + SUCTION, log_z))
         wave.decay = curve(blasts, row + DECAY, log_z)
+        # The duration scales with the mass for impulses, which may differ from that for
+        # pressures.
         own_z = log_r - blasts.rows[b, 6, n]
         wave.duration = wp.exp(curve(blasts, row + DURATION, own_z))
         wave.duration = wave.duration * blasts.rows[b, 7, n]
+        # The integral of 6.75 s (1 - s)^2 is 9/16: the suction takes all of the
+        # positive impulse back.
         impulse = pulse_impulse(real(1.0), wave.peak, wave.duration, wave.decay)
         wave.suction_time = real(16.0) / real(9.0) * impulse / wave.suction
         c = blasts.rows[b, 8, n]
@@ -454,6 +463,7 @@ def wave_functions(real: type) -> SimpleNamespace:
         s = wp.clamp(later, real(0.0), real(1.0))
         left = (real(1.0) - s) * (real(1.0) - s)
         pulse = wave.peak * (real(1.0) - x) * wp.exp(-wave.decay * x)
+        # 6.75 is one over the largest value of s (1 - s)^2, that at s = 1/3.
         return pulse - real(6.75) * wave.suction * s * left
 
     @wp.func
@@ -463,6 +473,7 @@ def wave_functions(real: type) -> SimpleNamespace:
         later = (since - wave.duration) / wave.suction_time
         s = wp.clamp(later, real(0.0), real(1.0))
         given = pulse_impulse(x, wave.peak, wave.duration, wave.decay)
+        # The integral of s (1 - s)^2 from 0, over s^2.
         curved = real(0.5) - real(2.0) / real(3.0) * s + real(0.25) * s * s
         given -= wave.suction * wave.suction_time * real(6.75) * s * s * curved
         plane = real(5.0) / real(7.0) * wave.sound_speed * p

@@ -101,6 +101,8 @@ def body_functions(real: type) -> SimpleNamespace:
     def air_wrench(vehicle: Vehicle, speed: vec4, u: vec3, w: vec3) -> Wrench:
         """As `dynamics.air_wrench`, along body axes; u: velocity through the air."""
         total = Wrench()
+        # No guard at rest as in JAX: it is for derivatives, which a kernel does not
+        # have.
         total.force = -wp.length(u) * wp.cw_mul(vehicle.frame_drag, u)
         total.moment = vec3(real(0.0))
         for i in range(4):
@@ -213,6 +215,7 @@ def sum_functions(real: type) -> SimpleNamespace:
         more = body.moved(gain, one, before.left)
         after = Sum()
         after.motion = body.moved(before.motion, one, more)
+        # Gain of the rounded sum; the rest of the increment is carried over.
         added = body.moved(after.motion, -one, before.motion)
         after.left = body.moved(more, -one, added)
         return after

@@ -97,6 +97,7 @@ class KernelFlight:
             device=self.device,
             block_dim=THREADS,
         )
+        # A launch returns before the kernel ends, and JAX does not wait for Warp.
         wp.synchronize_device(self.device)
 
     def trajectory(self) -> Trajectory:
@@ -144,6 +145,7 @@ class Sender:
         """Return a Warp array; JAX arrays are not copied if they are on the device."""
         kind = kind or self.real
         if isinstance(value, jax.Array):
+            # Shared without a copy, so it must be complete: Warp does not wait for JAX.
             there = wp.from_jax(jax.block_until_ready(value.astype(kind)))
             return there.to(self.device)
         scalar = getattr(kind, "_wp_scalar_type_", kind)  # scalar type of a vector type
@@ -152,6 +154,7 @@ class Sender:
 
     def columns(self, value: Any) -> Any:
         """Return (..., k) as (k, vehicles)."""
+        # Vehicles in the last axis: neighbouring threads read neighbouring numbers.
         return self.array(jnp.asarray(value).reshape(-1, value.shape[-1]).T)
 
     def vehicles(self, struct: Any, vehicle: Vehicle | Each) -> Any:

@@ -59,6 +59,7 @@ def hold_functions(real: type) -> SimpleNamespace:
     @wp.func
     def order_of(rows: wp.array2d[real], lane: int) -> Order:
         """Read an order; rows are numbers, columns vehicles, or one for all."""
+        # A single column serves every vehicle of the batch.
         n = wp.min(lane, rows.shape[1] - 1)
         order = Order()
         for i in range(3):
@@ -75,6 +76,7 @@ def hold_functions(real: type) -> SimpleNamespace:
     @wp.func
     def unit(v: vec3) -> vec3:
         """Vector of length 1; zero has no direction and gives NaN."""
+        # One division and three products: a division takes several times as long.
         return v * (real(1.0) / wp.sqrt(wp.dot(v, v)))
 
     @wp.func
@@ -106,6 +108,7 @@ def hold_functions(real: type) -> SimpleNamespace:
     def feasible_share(room: real, requested: real) -> real:
         """As `allocation._feasible_share`."""
         share = one
+        # A branch, because without a request and without room the quotient is 0/0.
         if requested > room:
             share = room / requested
         return share
@@ -162,6 +165,8 @@ def hold_functions(real: type) -> SimpleNamespace:
         speed = vehicle.speed_max
         most = real(4.0) * vehicle.thrust_coefficient * speed * speed / vehicle.mass
         limited = wp.min(wp.max(up, floor), most)
+        # Anti-windup: the integral does not grow while the limit that it drives into
+        # acts.
         if ((back < dive or up < floor) and gained[2] < real(0.0)) or (
             up > most and gained[2] > real(0.0)
         ):
@@ -192,6 +197,7 @@ def hold_functions(real: type) -> SimpleNamespace:
 def orders(hold: PositionHold) -> Float[Array, "*batch row"]:
     """Return the numbers of a controller in the rows that `order_of` reads."""
     yaw, k = hold.yaw_rad[..., None], hold.gains
+    # The last number of the heading is a zero of the shape of the batch.
     order = [hold.target_m, jnp.cos(yaw), jnp.sin(yaw), 0 * yaw]
     order += [k.position, k.velocity, k.integral]
     order += [x[..., None] for x in (k.attitude, k.body_rate, k.integral_limit)]

@@ -84,6 +84,7 @@ def rollout_kernel(
             rows[k, 6 + i, lane] = motion.quaternion[i]
             rows[k, 13 + i, lane] = motion.rotor_speed[i]
             total += motion.quaternion[i] + motion.rotor_speed[i]
+        # One test for 23 numbers: a NaN or an infinity in any makes the sum not finite.
         return wp.isfinite(total)
 
     @wp.func
@@ -115,6 +116,7 @@ def rollout_kernel(
         now = begun(start, lane)
         total = sums.Sum()
         total.motion = now
+        # Without commands the rotors keep the speed of the start.
         command = now.rotor_speed
         memory = vec3(real(0.0))
         impulse_wrench = Wrench()
@@ -130,6 +132,7 @@ def rollout_kernel(
         passed = wp.int32(0)  # one bit per blast whose wave has passed
         count = clock.step.shape[0]
         if not alive:
+            # A start that is not finite leaves all rows to the NaN below.
             row = 0
             count = 0
         for n in range(count):

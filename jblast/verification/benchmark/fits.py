@@ -194,14 +194,13 @@ def random_scores_of(count: int, dimensions: int, seed: int) -> np.ndarray:
     return random_scores(np.arange(count), dimensions, seed)
 
 
-@jax.jit
-def _pressures(scores):
-    return jax.vmap(pressure)(scores)
+# Compiled once for all calls: a `jit` inside the function would trace at each call.
+_PRESSURES = jax.jit(jax.vmap(pressure))
 
 
 def pressures(scores: np.ndarray) -> np.ndarray:
     """Return the pressures of draws [Pa]."""
-    return np.asarray(_pressures(jnp.asarray(scores)))
+    return np.asarray(_PRESSURES(jnp.asarray(scores)))
 
 
 def margin_at(threshold_pa: float) -> Margin:
@@ -281,6 +280,7 @@ def sampler_points(
     long, took = timed_walk(Scan(), case.density, free, reference, REFERENCE_SEED)
     long = long @ axes.T
     true, sd = interval_ends(long), long.reshape(-1, free).std(axis=0)
+    # Two halves differ by twice the error of the whole, if they are independent.
     half = len(long) // 2
     halves = interval_ends(long[:half]) - interval_ends(long[half:])
     uncertainty = 0.5 * float(np.max(np.abs(halves) / sd))
@@ -413,6 +413,7 @@ def fit_outcomes(logs: Logs, solved: int, looped: int) -> list[FitOutcome]:
 
 def by_scipy(logs: Logs, count: int) -> Float[np.ndarray, "log free"]:
     """Fit the first logs from their poor starts by MINPACK, one after another."""
+    # Readings as an argument, not a constant: one program serves all logs.
     function = jax.jit(lambda z, measured: residuals(z, (logs.blank, measured)))
     slopes = jax.jit(jax.jacfwd(lambda z, m: residuals(z, (logs.blank, m))))
 

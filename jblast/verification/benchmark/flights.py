@@ -6,8 +6,9 @@ the second a controller holds the position through the blast of 1 kg of TNT; its
 is 10 ms whatever the step. The reference is RK4 in float64 with a step of 0.05 ms.
 """
 
-import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
+from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import jax
@@ -161,36 +162,29 @@ def flight_points(
         count: Vehicles in each case.
         repeats: Number of timed repetitions.
     """
-    progress = in_words()
-    return [
-        point
-        for case in cases(count)
-        for point in _points(case, progress, count, repeats)
-    ]
-
-
-def _points(
-    case: Case, progress: Callable[[str], None], count: int, repeats: int
-) -> Iterator[BenchmarkPoint]:
-    progress(f"{case.name}, the reference")
-    truth = fly(case, "rk4", REFERENCE_STEP, "float64")
-    for dtype in DTYPES:
-        for words, integrator in INTEGRATORS.items():
+    progress, points = in_words(), []
+    for case in cases(count):
+        progress(f"{case.name}, the reference")
+        truth = fly(case, "rk4", REFERENCE_STEP, "float64")
+        for dtype, (words, integrator) in product(DTYPES, INTEGRATORS.items()):
             measured = []
             for step in case.steps:
                 progress(f"{case.name}, {words} {1e3 * step:g} ms, {dtype}")
-                flight = functools.partial(fly, case, integrator, step, dtype)
+                flight = partial(fly, case, integrator, step, dtype)
                 took, found = best_of(flight, repeats)
                 measured.append((took / (count * DURATION), farthest(found, truth)))
             slope = order([error for _, error in measured], case.steps)
-            for step, (cost, error) in zip(case.steps, measured, strict=True):
-                yield BenchmarkPoint(
+            points += [
+                BenchmarkPoint(
                     f"{words} {1e3 * step:g} ms",
                     cost,
                     1e3 * error,
                     f"{dtype}, {case.name}; measured order {slope:.1f}",
                     f"{case.name}, {dtype}",
                 )
+                for step, (cost, error) in zip(case.steps, measured, strict=True)
+            ]
+    return points
 
 
 register_benchmark(

@@ -53,7 +53,6 @@ from jblast.waves.curves import log_sound_fraction
 from jblast.waves.euler import March, decay_at, point_source_march
 from jblast.waves.euler.run import ORDERS
 from jblast.waves.laws.point_source import log_overpressure_ratio, point_source_arrival
-from jblast.waves.paths import Path
 from jblast.waves.waveform import (
     friedlander_decay,
     friedlander_pressure,
@@ -200,6 +199,7 @@ def waveform_points(
         runs[number] = waveforms(run, gauges)
     forms = {}
     for name, form in {**POSITIVE, **WHOLE}.items():
+        # Some forms are in both tables, and timed once.
         if form not in forms:
             progress(name)
             forms[form] = form_seconds(form)
@@ -285,6 +285,7 @@ def waveforms(run: March, gauges: Sequence[float]) -> list[Waveform]:
                 f"end: expected a run past the end of the negative phase at lambda = "
                 f"{gauge:g}, got one to {run.history.clock[-1]:.3g}"
             )
+        # The first zero ends the positive phase, the second the negative one.
         duration, end = crossings[:2]
         turns = pressure.derivative().roots(extrapolate=False)
         within = turns[(turns > duration) & (turns < end)]
@@ -404,27 +405,24 @@ def method_seconds(quantity: str, method: str) -> float:
     if method == errors.SOLVER:
         return errors.seconds_of_run()
     law = law_for(quantity, method)
-    path = _random_paths()
-    compiled = eqx.filter_jit(lambda path: call(law.function, path))
-    return seconds(lambda: compiled(path)) / POINTS
-
-
-def _random_paths() -> Path:
-    """Return `POINTS` paths of random mass, pressure and range, Z about 0.07 to 40."""
     rng = np.random.default_rng(0)
+    # In random order: sorted ranges would read neighbouring rows of a table, faster
+    # than readings do.
     z, mass = (
         jnp.asarray(np.exp(rng.uniform(math.log(low), math.log(high), POINTS)))
         for low, high in ((0.07, 40.0), (1e-2, 1e6))
     )
     pressure = jnp.asarray(rng.uniform(7e4, 1.05e5, POINTS))
     distance = z * jnp.cbrt(mass * STANDARD_PRESSURE / pressure)
-    return dataclasses.replace(
+    path = dataclasses.replace(
         standard_path(np.ones(POINTS), "surface"),
         slant_range=distance,
         ground_range=distance,
         charge_mass=mass,
         ambient_pressure=pressure,
     )
+    compiled = eqx.filter_jit(lambda path: call(law.function, path))
+    return seconds(lambda: compiled(path)) / POINTS
 
 
 def law_points(quantity: str) -> list[BenchmarkPoint]:

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from jblast.fidelity.timing import best_of
 from jblast.inference.posterior.parameters import parameters_of
@@ -242,15 +241,14 @@ class Trial(NamedTuple):
     drawn: int
 
 
-@jax.jit
-def _densities(posterior: Posterior, z: Float[Array, " place"]) -> Array:
-    return jax.lax.map(posterior.log_density, z[:, None])
+# One node after another: a batch of all would need the memory of all at once.
+_DENSITIES = jax.jit(lambda p, z: jax.lax.map(p.log_density, z[:, None]))
 
 
 def _on_grid(posterior: Posterior, centre: float, sd: float, count: int) -> Answer:
     """Return the estimate by quadrature on nodes about a centre."""
     z = centre + sd * np.linspace(-REACH_SD, REACH_SD, count)
-    density = np.asarray(_densities(posterior, jnp.asarray(z)))
+    density = np.asarray(_DENSITIES(posterior, jnp.asarray(z)))
     fine = np.linspace(z[0], z[-1], 2001)
     # relative to the largest, since the exponential of a log density underflows
     weight = np.exp(np.interp(fine, z, density) - np.nanmax(density))

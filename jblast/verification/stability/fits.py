@@ -172,10 +172,11 @@ def outlier_shifts() -> OutlierShifts:
     """Fit the same log with an outlier of growing size."""
     clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")
     posterior, z = clean.solution.posterior, clean.solution.laplace.z
+    outlier = SIGMA * (np.arange(SENSORS) == OUTLIER_ROW)
     normal = fit_many(
         clean.uncertain,
         posterior.layout,
-        np.array([_with_outlier(clean.log, size).value for size in FINE_SIZES]),
+        clean.log.value + FINE_SIZES[:, None] * outlier,
         np.asarray(posterior.sigma),
         LAWS,
         noise="gaussian",
@@ -183,19 +184,16 @@ def outlier_shifts() -> OutlierShifts:
     )
     mass = np.asarray(normal.z)[:, 0]
     sd = float(normal.sd()[0, 0])
-    found = [_student_fit(clean, _with_outlier(clean.log, size)) for size in SIZES]
-    student = np.array([log_mass for log_mass, _ in found])
-    return OutlierShifts(
-        (mass - mass[0]) / sd,
-        (student - student[0]) / sd,
-        np.array([suspected for _, suspected in found]),
-    )
-
-
-def _with_outlier(log: Observations, size: float) -> Observations:
-    value = log.value.copy()
-    value[OUTLIER_ROW] += size * SIGMA
-    return replace(log, value=value)
+    student, suspected = np.empty(len(SIZES)), np.empty(len(SIZES), bool)
+    for i, size in enumerate(SIZES):
+        log = replace(clean.log, value=clean.log.value + size * outlier)
+        found = solve(log, clean.uncertain)
+        at = found.laplace.z
+        residual = standardised_residuals(found.posterior, at).residual
+        suspects = suspected_outliers(log, residual, found.posterior.noise)
+        student[i] = at[0]
+        suspected[i] = any(o.sensor == log.sensor[OUTLIER_ROW] for o in suspects)
+    return OutlierShifts((mass - mass[0]) / sd, (student - student[0]) / sd, suspected)
 
 
 class SolvedLog(NamedTuple):
@@ -210,16 +208,6 @@ class SolvedLog(NamedTuple):
     log: Observations
     uncertain: UncertainScene
     solution: Solution
-
-
-def _student_fit(clean: SolvedLog, log: Observations) -> tuple[float, bool]:
-    """Return ln mass, and True if the reading is a suspected outlier."""
-    found = solve(log, clean.uncertain)
-    posterior, z = found.posterior, found.laplace.z
-    suspects = suspected_outliers(
-        log, standardised_residuals(posterior, z).residual, posterior.noise
-    )
-    return float(z[0]), any(o.sensor == log.sensor[OUTLIER_ROW] for o in suspects)
 
 
 def outlier_failure() -> FailureMode:
@@ -247,27 +235,16 @@ def outlier_failure() -> FailureMode:
     )
 
 
-class Solutions(NamedTuple):
-    """Solutions of one log from many starts.
-
-    Attributes:
-        z: Fitted coordinates of those that report success at the least cost.
-        good: Number of these fits.
-    """
-
-    z: np.ndarray
-    good: int
-
-
-def stock_solutions(solution: Solution, starts: np.ndarray) -> Solutions:
-    """Fit one log from many starts; keep the successful fits of least cost."""
+def stock_solutions(
+    solution: Solution, starts: np.ndarray
+) -> Float[np.ndarray, "good free"]:
+    """Fit one log from many starts; return the successful fits of least cost."""
     posterior = solution.posterior
     measured = np.tile(np.asarray(posterior.measured), (len(starts), 1))
-    fits: StockFits = stock_fits(LM, posterior, measured, starts)
+    fits = stock_fits(LM, posterior, measured, starts)
     cost = np.asarray(costs(posterior, jnp.asarray(measured), jnp.asarray(fits.z)))
     # 1e-6 in cost is 1e-3 sd: the rest that the tolerance of the solver leaves
-    best = fits.successful & (cost - np.nanmin(cost) < 1e-6)
-    return Solutions(fits.z[best], int(best.sum()))
+    return fits.z[fits.successful & (cost - np.nanmin(cost) < 1e-6)]
 
 
 def poor_starts(seed: int = 0) -> np.ndarray:
@@ -295,7 +272,7 @@ def collinear_failure() -> FailureMode:
     boundary = crossing(lambda bent: mirror_excess(bent) - AMBIGUITY, 0.0, 5.0, to=0.01)
     at = solved_log(line(), *MIRRORED).solution
     fits = stock_solutions(at, poor_starts())
-    wrong = int(np.sum(fits.z[:, 2] < 0))
+    wrong = int(np.sum(fits[:, 2] < 0))
     north = abs(float(at.laplace.z[2]))
     return FailureMode(
         area="fits",
@@ -303,8 +280,8 @@ def collinear_failure() -> FailureMode:
         failure="the mirror image of the charge explains the arrivals as well",
         boundary=boundary,
         unit="m that one sensor stands off the line",
-        beyond=f"of {fits.good} fits at the least cost, all reporting success, {wrong} "
-        f"end {north:.0f} m south and {fits.good - wrong} {north:.0f} m north",
+        beyond=f"of {len(fits)} fits at the least cost, all reporting success, {wrong} "
+        f"end {north:.0f} m south and {len(fits) - wrong} {north:.0f} m north",
         response=verified(
             "marks",
             len(other_modes(at, True)) == 1
@@ -340,9 +317,9 @@ def one_place_failure() -> FailureMode:
     )
     one = log_at_positions(1).solution
     fits = stock_solutions(one, poor_starts())
-    mass = np.exp(fits.z[:, 0])
+    mass = np.exp(fits[:, 0])
     null = one.identifiability.null
-    positions = fits.z[:, 1:]
+    positions = fits[:, 1:]
     separation = positions[:, None, :] - positions[None, :, :]
     return FailureMode(
         area="fits",
@@ -350,7 +327,7 @@ def one_place_failure() -> FailureMode:
         failure="mass and position from arrivals at fewer positions",
         boundary=float(needed),
         unit="positions",
-        beyond=f"eight arrivals at one position: {fits.good} of {FITS} fits report "
+        beyond=f"eight arrivals at one position: {len(fits)} of {FITS} fits report "
         f"success at the same cost, with {mass.min():.2g} to {mass.max():.2g} kg up to "
         f"{float(np.sqrt((separation**2).sum(axis=-1)).max()):.0f} m apart",
         response=verified("marks", len(null) == 2, "one sensor"),
@@ -375,7 +352,7 @@ def null_direction_failure() -> FailureMode:
     # starts from 0.1 to 1,000 kg, and speeds of air and rock far beyond plausible ones
     low, high = np.log([[0.1, 200.0, 3000.0], [1000.0, 600.0, 8000.0]])
     fits = stock_solutions(found, rng.uniform(low, high, (FITS, 3)))
-    values = np.exp(fits.z[np.argsort(fits.z[:, 0])])
+    values = np.exp(fits[np.argsort(fits[:, 0])])
     least, most = values[0], values[-1]
     (null,) = found.identifiability.null
     along = ", ".join(f"{weight:.3g}" for weight in null)
@@ -385,7 +362,7 @@ def null_direction_failure() -> FailureMode:
         failure="a null direction: reported masses differ by this factor",
         boundary=float(most[0] / least[0]),
         unit="",
-        beyond=f"{fits.good} of {FITS} fits report success at the same cost, from "
+        beyond=f"{len(fits)} of {FITS} fits report success at the same cost, from "
         f"({least[0]:.2g} kg, {least[1]:.0f} m/s) to ({most[0]:.3g} kg, "
         f"{most[1]:.0f} m/s)",
         response=verified(

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import warp as wp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 import jblast.vehicle.warp  # noqa: F401 - which keeps Warp quiet
 from jblast.constants import FLIGHT_GRAVITY
@@ -355,7 +355,13 @@ def falls() -> tuple[Float[np.ndarray, " step"], Float[np.ndarray, " step"]]:
     exact = up - FLIGHT_GRAVITY * FALL_S**2 / 2
     plain, ours = [], []
     for step in STEPS:
-        plain.append(abs(_plain_fall(up, float(step)) - exact))
+        x, v = np.float32(up), np.float32(0.0)
+        h, g = np.float32(step), np.float32(FLIGHT_GRAVITY)
+        for _ in range(round(FALL_S / float(step))):
+            # exact in real numbers, so that only rounding is left
+            x = x + h * (v - g * h / np.float32(2))
+            v = v - g * h
+        plain.append(abs(float(x) - exact))
         flown = simulate(
             vehicle,
             start,
@@ -366,16 +372,6 @@ def falls() -> tuple[Float[np.ndarray, " step"], Float[np.ndarray, " step"]]:
         )
         ours.append(abs(float(flown.position_m[-1, 2]) - exact))
     return np.array(plain), np.array(ours)
-
-
-def _plain_fall(up: float, step: float) -> float:
-    """Return the height after a fall, exact increments summed in float32 [m]."""
-    x, v = np.float32(up), np.float32(0.0)
-    h, g = np.float32(step), np.float32(FLIGHT_GRAVITY)
-    for _ in range(round(FALL_S / step)):
-        x = x + h * (v - g * h / np.float32(2))
-        v = v - g * h
-    return float(x)
 
 
 def sum_failure() -> FailureMode:
@@ -622,19 +618,6 @@ def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
     return State(jnp.asarray(HOME), still, level, turn, jnp.full(4, speed))
 
 
-def quickened(gains: Gains, times: Float[Array, ""]) -> Gains:
-    """Return the gains of a loop that is `times` times faster."""
-    square = times * times
-    return Gains(
-        position=square * gains.position,
-        velocity=times * gains.velocity,
-        attitude=square * gains.attitude,
-        body_rate=times * gains.body_rate,
-        integral=square * times * gains.integral,
-        integral_limit=gains.integral_limit,
-    )
-
-
 def swings(integrator: str) -> Swings:
     """Fly every named vehicle at every share of its limit, with control at each step.
 
@@ -647,11 +630,21 @@ def swings(integrator: str) -> Swings:
         limits.append(step_limit(integrator, float(vehicle.motor_lag_s), gains))
         for share in SHARES:
             times = jnp.asarray(share * limits[-1] / CONTROLLER_STEP)
-            # a step longer by s is the same step with motors and gains faster by s
+            # a step longer by s is the same step with motors and gains faster by s:
+            # a gain in 1/s^n grows by s^n, and all flights share one compiled step
             lag = vehicle.motor_lag_s / times
             bare = eqx.tree_at(lambda v: v.motor_lag_s, named(name), lag)
             vehicles.append(eqx.tree_at(lambda v: v.body, bare, None))
-            holds.append(PositionHold(HOME, quickened(gains, times)))
+            square = times * times
+            faster = Gains(
+                position=square * gains.position,
+                velocity=times * gains.velocity,
+                attitude=square * gains.attitude,
+                body_rate=times * gains.body_rate,
+                integral=square * times * gains.integral,
+                integral_limit=gains.integral_limit,
+            )
+            holds.append(PositionHold(HOME, faster))
     starts = [hovering(vehicle, (START, 2 * START, START)) for vehicle in vehicles]
 
     @jax.jit  # simulate refuses steps past a limit unless the limit is a tracer

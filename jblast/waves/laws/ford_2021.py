@@ -83,6 +83,8 @@ class FordCurve(eqx.Module):
             slant_range, charge_mass, height_of_burst, ambient_pressure
         )
         gradient = log_gradient(self.coefficients, log_range, height)
+        # In the precision of the arguments: float64 numbers would promote a float32
+        # fit.
         covariance, site, shot, burial, path, own = (
             jnp.asarray(x, gradient.dtype)
             for x in (
@@ -94,6 +96,7 @@ class FordCurve(eqx.Module):
                 self.record_sd,
             )
         )
+        # Delta method: covariance of the coefficients through the gradient of ln y.
         fitted = jnp.einsum("...i,ij,...j->...", gradient, covariance, gradient)
         depth = jnp.maximum(-height, 0.0)
         shared = site**2 + shot**2 + (burial * depth) ** 2
@@ -120,6 +123,7 @@ def _packaged() -> dict[str, Any]:
 
 def ford_2021() -> Ford2021:
     """Return the packaged calibration, from all 18 shots."""
+    # Only the text is cached: an array has the precision enabled when it is made.
     curves = {
         quantity: FordCurve(**{name: np.array(x) for name, x in curve.items()})
         for quantity, curve in _packaged()["curves"].items()
@@ -194,6 +198,7 @@ def ford_2021_valid(
     the ground term has vanished, and at 1 a charge is free of the ground.
     """
     slant_range, height_of_burst = as_float_arrays(slant_range, height_of_burst)
+    # At standard pressure, where Sachs' length is W^(1/3): the range is stated in it.
     scale = sachs_distance_factor(charge_mass)
     scaled_range, height = slant_range / scale, height_of_burst / scale
     reached = (scaled_range >= 20.0) & (scaled_range <= 1000.0)
@@ -210,6 +215,8 @@ def ford_2021_laws(calibration: Ford2021 | None, name: str) -> list[Law]:
         name: Name of the laws, as in `--law NAME`.
     """
 
+    # Explicit parameters: `registry.call` passes the attributes of a path by the names
+    # in the signature.
     def impulse(
         slant_range, charge_mass, height_of_burst, ambient_pressure, sound_speed
     ):
@@ -279,6 +286,7 @@ def log_gradient(
     """Return the derivative of `log_curve` by each coefficient."""
     _, _, b3, b4 = jnp.asarray(coefficients, log_range.dtype)
     by_coefficient = (
+        # The law is linear in b_1 and b_2: their derivatives contain no coefficient.
         jnp.ones_like(log_range),
         log_range,
         b4 * height * jax.nn.sigmoid(-b3 * height),

@@ -32,6 +32,7 @@ from jblast.waves.scaling import (
     scaled_distance,
 )
 
+# The leading zeros are Z^0, which `ReciprocalPolynomial` expects and the print lacks.
 PRINTED = (
     (0.05, 0.3, (0.0, 14.072, 5.540, -0.357, 0.00625)),
     (0.3, 1.0, (0.0, 6.194, -0.326, 2.132)),

@@ -71,6 +71,7 @@ SOURCE = "Kingery & Bulmash 1984 (ARBRL-TR-02555), over eight transcriptions"
 RANGE = "Z = 0.0674 (free-air 0.0531) to 40 m/kg^(1/3)"
 DURATION_RANGE = "Z = 0.178 (free-air 0.147) to 40 m/kg^(1/3)"
 TABLE_NAMES = {"surface": "hemispherical", "free-air": "spherical"}
+# 1 kPa ms is 1 Pa s, so impulses need no factor.
 SI_UNITS = {
     "kPa": 1e3,
     "kPa-ms/kg^(1/3)": 1.0,
@@ -304,6 +305,8 @@ def kingery_bulmash_curve(quantity: str, burst: str) -> LogCurve:
     """
     if burst not in TABLE_NAMES:
         raise ValueError(f"burst must be 'surface' or 'free-air', got {burst!r}")
+    # Python numbers, not arrays: an array made while a program is traced, and cached,
+    # would leak its tracer.
     return LogCurve(
         tuple(
             _segment(row)
@@ -339,6 +342,7 @@ def segment_in_si(
         scale: $k_1$.
     """
     first, *others = coefficients
+    # In ln a unit is a summand, so only the constant term changes.
     return LogPolynomial(
         z_min=float(row["z_min"]),
         z_max=float(row["z_max"]),
@@ -387,6 +391,8 @@ def _log_ground_factor() -> HermiteCurve:
         log_z = log_z - (free_air.log_value(log_z) - pressure) / free_air.log_slope(
             log_z
         )
+    # f is the cube of the ratio of both Z at one pressure; its slope is that of the
+    # implicit function.
     return hermite_curve(
         nodes,
         3.0 * (nodes - log_z),

@@ -299,6 +299,7 @@ def kinney_graham_arrival() -> Arrival:
 def _log_relative_pressure(log_z: np.ndarray) -> np.ndarray:
     """Return ln(p/P0) in NumPy, as the curve does in JAX."""
     value = np.full_like(log_z, math.log(RELATIVE_PRESSURE.factor))
+    # ln(1 + e^x) by logaddexp, which does not overflow far beyond a break.
     for z, power, share in RELATIVE_PRESSURE.breaks:
         value += share * np.logaddexp(0.0, power * (log_z - math.log(z)))
     return value

@@ -90,6 +90,7 @@ PRINTED: dict[tuple[str, str], tuple[Any, ...]] = {
         (11.0, 0.0),
     ),
 }
+# 1 kPa ms is 1 Pa s, so the impulse needs no factor.
 SI_UNITS = {"pressure": 1e3, "impulse": 1.0, "duration": 1e-3}
 
 
@@ -185,6 +186,8 @@ class _Parabola:
     def log_value(self, log_z):
         """Return ln y."""
         z = jnp.exp(log_z)
+        # Each printed parabola is positive on its own interval, so the logarithm
+        # exists.
         return jnp.log((self.a * z + self.b) * z + self.c)
 
     def log_slope(self, log_z: float) -> float:

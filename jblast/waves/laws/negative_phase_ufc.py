@@ -59,6 +59,7 @@ def ufc_curve(column: str) -> HermiteCurve:
     rows = data_rows("negative_phase_ufc")
     unit = SI_UNITS[column.partition("_neg_")[2]]
     value = unit * np.array([float(row[column]) for row in rows])
+    # Only a pressure has this bound; impulses and durations have none.
     if column.endswith("kPa"):
         value = _held_below_ambient(value)
     return natural_log_spline(np.array([float(row["Z_m_kg13"]) for row in rows]), value)
@@ -68,6 +69,8 @@ def _held_below_ambient(pressure: np.ndarray) -> np.ndarray:
     """Return readings with a smooth limit below the ambient pressure."""
     d = np.log(pressure / STANDARD_PRESSURE)
     t = np.clip((d + AMBIENT_HALF_WIDTH) / (2.0 * AMBIENT_HALF_WIDTH), 0.0, 1.0)
+    # The derivative by d is one minus the quintic smoothstep 6 t^5 - 15 t^4 + 10 t^3:
+    # value, slope and curvature have no jump at either end.
     d = np.minimum(d, AMBIENT_HALF_WIDTH) - 2.0 * AMBIENT_HALF_WIDTH * t**4 * (
         t**2 - 3.0 * t + 2.5
     )

@@ -214,6 +214,7 @@ def _log_fraction_near(log_lambda):
     Its first factor is Sedov's and Taylor's $R = (E t^2/\alpha\rho_0)^{1/5}$.
     """
     a, b = 6.0 / 7.0 * STRONG, 1.0 + 6.0 / 7.0 * strong_offset()
+    # NumPy where the table starts, in float64; JAX in the law.
     xp = np if isinstance(log_lambda, float) else jnp
     w = b / a * xp.exp(3.0 * log_lambda)
     total, binomial = 0.0, 1.0  # binomial coefficients of (1 + w)^(-1/2)
@@ -267,6 +268,7 @@ def log_overpressure_ratio(log_lambda: Float[Array, "..."]) -> Float[Array, "...
     """Return ln(p/P0)."""
     curve, offset = point_source_curve(), strong_offset()
     first, last = math.log(ENDS[0]), math.log(ENDS[1])
+    # Each branch has an argument in its own range, so that no unused gradient is NaN.
     close = jnp.minimum(log_lambda, first)
     strong = math.log(STRONG) - 3.0 * close
     strong = strong + jnp.log1p(offset / STRONG * jnp.exp(3.0 * close))

@@ -39,6 +39,7 @@ RANGE = (1.0, 15.0)
 
 
 def _cubic(first: float, second: float, third: float) -> LogCurve:
+    # No constant term: far away the pressure vanishes.
     terms = tuple(KGF_PER_CM2 * c for c in (0.0, first, second, third))
     return LogCurve((ReciprocalPolynomial(*RANGE, terms),))
 

@@ -99,7 +99,13 @@ def sedov_taylor_shock_radius(
         time_since_detonation, charge_mass, air_density
     )
     missing = jnp.isnan(time)
-    time = _continued_time(jnp.where(missing, 1.0, time), mass)
+    time = jnp.where(missing, 1.0, time)
+    earliest = EARLIEST_TIME * jnp.cbrt(mass)
+    early = time < earliest
+    # Two guards: the divisor must not be zero in the branch that is not used either,
+    # because its gradient would be NaN.
+    before = earliest**2 / jnp.where(early, 2.0 * earliest - time, 1.0)
+    time = jnp.where(early, before, time)
     energy = TNT_SPECIFIC_ENERGY * mass
     radius = (energy / (sedov_alpha(sedov_gamma) * density)) ** 0.2 * time**0.4
     return jnp.where(missing, jnp.nan, radius)
@@ -145,16 +151,6 @@ def sedov_taylor_valid(
     return begun & computed & (pressure >= STRONG_SHOCK * ambient)
 
 
-def _continued_time(time, mass):
-    """Return the time after `EARLIEST_TIME`, and its positive continuation before."""
-    earliest = EARLIEST_TIME * jnp.cbrt(mass)
-    early = time < earliest
-    # Two guards: the divisor must not be zero in the branch that is not used either,
-    # because its gradient would be NaN.
-    before = earliest**2 / jnp.where(early, 2.0 * earliest - time, 1.0)
-    return jnp.where(early, before, time)
-
-
 @checked
 def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     r"""Return $\alpha$ of a spherical point explosion, $E = \alpha\rho_0 R^5/t^2$ [-].
@@ -179,7 +175,14 @@ def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
 
 
 def _alpha(gamma: Float[Array, ""]) -> Float[Array, ""]:
-    nodes, projection = (jnp.asarray(array, gamma.dtype) for array in _legendre(NODES))
+    # Nodes on (0, 1), and the matrix from values there to Legendre coefficients; in
+    # NumPy, because they are constants of the compiled program.
+    points, weights = np.polynomial.legendre.leggauss(NODES)
+    values = np.polynomial.legendre.legvander(points, NODES - 1).T
+    projection = (np.arange(NODES)[:, None] + 0.5) * values * weights
+    nodes, projection = (
+        jnp.asarray(array, gamma.dtype) for array in ((points + 1.0) / 2.0, projection)
+    )
     k = 3.0 * (gamma - 1.0) / (2.0 * gamma + 1.0)
     coefficients = projection @ _analytic_part(nodes, gamma)
     # The integral of x^(k-1) P_n is (-1)^n/k times the product of (j-k)/(j+k), j to n;
@@ -213,14 +216,6 @@ def _analytic_part(
     dv = 0.4 / (b * gamma)  # dV/dx2
     slope = minus_a2 + x2 * dv * (-0.4 / v + a1 * e / (1.0 - e * v))
     return (x2 + x4) * jnp.exp(a5 * jnp.log(x4) + (a4 - 5.0 * a1) * jnp.log(x3)) * slope
-
-
-def _legendre(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes on (0, 1), and the matrix from values to Legendre coefficients."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    degree = np.arange(count)[:, None]
-    values = np.polynomial.legendre.legvander(nodes, count - 1).T
-    return (nodes + 1.0) / 2.0, (degree + 0.5) * values * weights
 
 
 register(

@@ -270,6 +270,7 @@ def _continued(
     near = curve.log_value(log_z)
     end = math.log(END_OF_TABLE)
     at_end = curve.segments[-1].log_value(end)
+    # Clamped, because nearer than b the growth would be the root of a negative number.
     far = at_end + log_growth(jnp.maximum(log_z, end))
     return near + smooth_step(log_z, BLEND) * (far - near)
 

@@ -47,6 +47,7 @@ from jblast.waves.scaling import (
     scaled_distance,
 )
 
+# The print goes to 198.5, but recorded shots decay more slowly past 20 (see above).
 END = {"incident_pressure": 40.0}
 """Largest valid scaled distance of curves that are printed farther [m/kg^(1/3)]."""
 SOURCE = "Swisdak 1994 (ADA526744), metric, over three transcriptions"
@@ -203,6 +204,7 @@ def swisdak_curve(quantity: str) -> LogCurve:
 def _segment(row: dict[str, str]) -> LogPolynomial:
     """Return the polynomial of a row in SI; the logarithms of the table are natural."""
     coefficients = [float(row[letter]) for letter in "ABCDEFG"]
+    # The table pads shorter polynomials with zeros, each a product of no effect.
     while coefficients[-1] == 0.0:
         coefficients.pop()
     return segment_in_si(row, coefficients)

@@ -89,6 +89,7 @@ def thesis_sound_duration(
     Args:
         slant_range: Range [m].
     """
+    # Adding it gives the constant the shape and the precision of the ranges.
     nothing = 0.0 * as_float_array(slant_range)
     near, mass = _alike(nothing, RANGE, MASS)
     return kingery_bulmash_duration(near, mass) + nothing

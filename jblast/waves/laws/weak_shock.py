@@ -46,7 +46,6 @@ pressure falls by 0.003 at most for the charges above.
 """
 
 import math
-from functools import cache
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
@@ -114,7 +113,10 @@ def weak_shock_iso_pressure(
     start = math.log(JOIN)
     growth = (jnp.maximum(log_z, start) - log_length) / (start - log_length)
     time_factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
-    duration = _duration_at_join(burst) * time_factor * jnp.sqrt(growth)
+    curve = kingery_bulmash_curve("positive_phase_duration", burst)
+    # t_20 by Kingery and Bulmash, from where a weak shock lengthens as its tail does
+    at_join = math.exp(curve.segments[-1].log_value(start))
+    duration = at_join * time_factor * jnp.sqrt(growth)
     # one frequency stands for the pulse: half a period is the positive phase
     absorption = iso_9613_absorption(
         0.5 / duration, temperature, ambient_pressure, relative_humidity
@@ -123,13 +125,6 @@ def weak_shock_iso_pressure(
     path = jnp.maximum(as_float_array(slant_range) - first, 0.0)
     peak = shock_kinematics_pressure(slant_range, charge_mass, ambient_pressure, burst)
     return peak * jnp.exp(-absorption * path)
-
-
-@cache
-def _duration_at_join(burst: str) -> float:
-    """Return the positive duration at Z = 20 [s/kg^(1/3)]."""
-    curve = kingery_bulmash_curve("positive_phase_duration", burst)
-    return math.exp(curve.segments[-1].log_value(math.log(JOIN)))
 
 
 def weak_shock_iso_valid(

@@ -52,6 +52,7 @@ def wu_hao_air_valid(
     $R/t_a \ge c_a$ means $R^{0.4} \le Q^{0.2}/0.34$. Nowhere in free air.
     """
     slant_range, charge_mass = as_float_arrays(slant_range, charge_mass)
+    # 14.8 is 0.34^-2.5 rounded: this form has the digits of the arrival instead.
     return (slant_range**0.4 <= charge_mass**0.2 / 0.34) & (burst == "surface")
 
 
