@@ -195,8 +195,12 @@ def causal_filter(
             )
             for i in range(order // 2)
         ]
-        for section in sections:
-            a, b, c, d = _in_series((a, b, c, d), section)
+        for a2, b2, c2, d2 in sections:
+            # in series: the system so far feeds the section
+            nothing = jnp.zeros((a.shape[0], a2.shape[0]))
+            a = jnp.block([[a, nothing], [b2 @ c, a2]])
+            b = jnp.concatenate([b, b2 @ d])
+            c, d = jnp.concatenate([d2 @ c, c2], axis=1), d2 @ d
     return _in_chunks(a, b, c, d)
 
 
@@ -287,16 +291,6 @@ def _two_poles(gain, damping: float, name: str):
         return a, b, low[None, :], a3[None, None]
     c = -(damping * band + low)
     return a, b, c[None, :], (1.0 - damping * a2 - a3)[None, None]
-
-
-def _in_series(first, second):
-    """Return the system in which the first feeds the second."""
-    a1, b1, c1, d1 = first
-    a2, b2, c2, d2 = second
-    nothing = jnp.zeros((a1.shape[0], a2.shape[0]))
-    a = jnp.block([[a1, nothing], [b2 @ c1, a2]])
-    b = jnp.concatenate([b1, b2 @ d1])
-    return a, b, jnp.concatenate([d2 @ c1, c2], axis=1), d2 @ d1
 
 
 def _in_chunks(a, b, c, d) -> CausalFilter:

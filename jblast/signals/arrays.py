@@ -210,7 +210,10 @@ def relative_times(
             f"samples: expected finite numbers, got {samples[channel, at]} at sample "
             f"{at} of channel {channel + 1}"
         )
-    fade = _fade(length)
+    # a window that fades only at its ends (Tukey's)
+    ends = max(int(TAPERED_SHARE * length), 1)
+    rise = 0.5 * (1 - np.cos(np.pi * (np.arange(ends) + 0.5) / ends))
+    fade = np.concatenate([rise, np.ones(length - 2 * ends), rise[::-1]])
     spectra = np.fft.rfft((samples - samples.mean(axis=1, keepdims=True)) * fade)
     noise = np.asarray(noise_variance, float) * np.sum(fade**2)
     loudest = np.max(np.abs(spectra) ** 2, axis=1, keepdims=True)
@@ -233,13 +236,6 @@ def relative_times(
         for i, j in combinations(range(count), 2)
     }
     return _combined(pairs, count)
-
-
-def _fade(length: int) -> Float[np.ndarray, " n"]:
-    """Return a window that fades only at its ends (Tukey's)."""
-    ends = max(int(TAPERED_SHARE * length), 1)
-    rise = 0.5 * (1 - np.cos(np.pi * (np.arange(ends) + 0.5) / ends))
-    return np.concatenate([rise, np.ones(length - 2 * ends), rise[::-1]])
 
 
 def _gain_and_sound(

@@ -589,35 +589,15 @@ def in_window(
         cells: Mask of cells that may show something.
         rays: Rays of the whole image.
         look: Returns the image along rays; zero outside the cells.
-        parts: As in `laid_in_window`.
+        parts: As in `laid_in_windows`.
     """
     shape, dtype = rays.farthest.shape, jax.eval_shape(look, rays).dtype
     nothing = jnp.zeros((*shape, 4), dtype)
-    return laid_in_window(cells, rays, lambda part, _: look(part), nothing, parts)
 
+    def over(part: Rays, _behind: Array, _each: None) -> Array:
+        return look(part)
 
-def laid_in_window(
-    cells: Bool[Array, "_ _"],
-    rays: Rays,
-    lay: Callable[[Rays, Float[Array, "row column _"]], Float[Array, "row column _"]],
-    behind: Float[Array, "row column _"],
-    parts: Sequence[tuple[float, float]] = WINDOW_SIZES,
-) -> Float[Array, "row column _"]:
-    """Return an image with a layer over it, calculated only where cells are touched.
-
-    Args:
-        cells: Mask of cells that may show something.
-        rays: Rays of the whole image.
-        lay: Lays the layer along rays over a background, unchanged outside the cells.
-        behind: The whole image.
-        parts: Rows and columns of windows, as shares of the image; the last is all. A
-            window of zero rows or columns is not calculated.
-    """
-
-    def over(part: Rays, beneath: Array, _: None) -> Array:
-        return lay(part, beneath)
-
-    return laid_in_windows(cells[None], rays, over, behind[None], None, parts)[0]
+    return laid_in_windows(cells[None], rays, over, nothing[None], None, parts)[0]
 
 
 def laid_in_windows(
@@ -635,10 +615,12 @@ def laid_in_windows(
     Args:
         cells: Mask of touched cells of each image.
         rays: Rays of every image.
-        lay: As in `laid_in_window`; its third argument is the entry of `each`.
+        lay: Lays the layer along rays over a background, unchanged outside the cells;
+            its third argument is the entry of `each`.
         behind: The images.
         each: Arrays whose first axis is that of the images, or None.
-        parts: As in `laid_in_window`.
+        parts: Rows and columns of windows, as shares of the image; the last is all. A
+            window of zero rows or columns is not calculated.
     """
     shape = rays.farthest.shape
     if min(shape) < WHOLE_IMAGE:

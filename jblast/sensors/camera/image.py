@@ -144,15 +144,9 @@ def over(
         As many channels as the background has; black where both are transparent.
     """
     behind = background if background.shape[-1] == 4 else opaque(background)
-    seen = over_premultiplied(premultiplied(layer), premultiplied(behind))
+    front = premultiplied(layer)
+    seen = front + (1.0 - front[..., 3:]) * premultiplied(behind)
     return straight(seen) if background.shape[-1] == 4 else seen[..., :3]
-
-
-def over_premultiplied(
-    layer: Float[Array, "... 4"], background: Float[Array, "... 4"]
-) -> Float[Array, "... 4"]:
-    """Return a layer over a background, both with colours times their alpha."""
-    return layer + (1.0 - layer[..., 3:]) * background
 
 
 def laid_over(

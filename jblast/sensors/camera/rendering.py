@@ -345,7 +345,13 @@ def render_carried(
         raise InputError("camera mount: expected a mount on a vehicle, got none")
     times = as_float_array(times)
     if not isinstance(times, Tracer):
-        check_times_on(path, np.asarray(times))
+        first, last = float(path.time[0]), float(path.time[-1])
+        starts = np.asarray(times)
+        if len(starts) and not first <= starts.min() <= starts.max() <= last:
+            raise InputError(
+                f"times: expected times within the camera's path, {first:g} to "
+                f"{last:g} s, got {starts.min():g} to {starts.max():g} s"
+            )
     exposure = camera.exposure_s
     if not isinstance(exposure, Tracer) and exposure.item() == 0:
         exposures = 1
@@ -360,20 +366,6 @@ def render_carried(
     return _carried_frames(
         scene, camera, path, times, behind, (lens, middles), counts, (look, views)
     )
-
-
-def check_times_on(path: CameraPath, times: Float[np.ndarray, " time"]) -> None:
-    """Reject times outside a camera's path.
-
-    Raises:
-        InputError: A time is before the first or after the last row.
-    """
-    first, last = float(path.time[0]), float(path.time[-1])
-    if len(times) and not first <= times.min() <= times.max() <= last:
-        raise InputError(
-            f"times: expected times within the camera's path, {first:g} to {last:g} s, "
-            f"got {times.min():g} to {times.max():g} s"
-        )
 
 
 @eqx.filter_jit

@@ -316,7 +316,8 @@ def prepared(
     def until(reach):
         """Return the case of an interval, and its end."""
         last = jnp.minimum(front.sample + reach.astype(front.sample.dtype), count)
-        used = bins_within(bins, front.sample, first, last)
+        edge = front.sample + bins.first
+        used = (edge >= first) & (edge + bins.width <= last)
         weight = jnp.where(used & ~unusable, root / noise.sigma, 0.0)
         case = Case(
             white=weight * white,
@@ -375,15 +376,6 @@ def _clipped_bins(
     return bound, means_in_bins(bins, near, front) > 1e-9
 
 
-def widths_of(samples: int) -> list[int]:
-    """Return the step widths for a record of some length."""
-    widths, width = [], 1
-    while width <= min(max(samples // 8, 1), LARGEST_WIDTH):
-        widths.append(width)
-        width *= 2
-    return widths
-
-
 def first_front(samples: Float[Array, " sample"]) -> Front:
     """Return the first front of a record.
 
@@ -391,7 +383,9 @@ def first_front(samples: Float[Array, " sample"]) -> Front:
         samples: Overpressure in any unit.
     """
     n = samples.shape[0]
-    widths = widths_of(n)
+    widths = [1]
+    while 2 * widths[-1] <= min(max(n // 8, 1), LARGEST_WIDTH):
+        widths.append(2 * widths[-1])
     sums = jnp.concatenate([jnp.zeros_like(samples[:1]), jnp.cumsum(samples)])
     many = max(n // LEVEL_PARTS, 1)
     steps = _Steps(
@@ -651,17 +645,6 @@ def means_in_bins(
     # bins of one sample have its value: a difference of running sums loses digits
     single = bins.single
     return wide.at[single].set(samples[first[single]])
-
-
-def bins_within(
-    bins: Bins,
-    front: Int[Array, ""],
-    first: Int[Array, ""] | int,
-    last: Int[Array, ""] | int,
-) -> Bool[Array, " bin"]:
-    """Return True for bins whose samples are in a range, its last one excluded."""
-    start = front + bins.first
-    return (start >= first) & (start + bins.width <= last)
 
 
 def bank_of(bins: Bins, samples: int) -> Bank:

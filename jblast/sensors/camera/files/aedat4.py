@@ -87,9 +87,12 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
             f"{path}: expected an AEDAT4 file with packets of events, got none"
         ) from None
     except RuntimeError as error:
+        # the first line of the message is a position in the library's source
+        lines = str(error).splitlines()
+        reason = (lines[1] if len(lines) > 1 else lines[0]).partition(" - Error info")
         raise InputError(
             f"{path}: expected a complete AEDAT4 file, which dv-processing cannot read "
-            f"({_reason(error)})"
+            f"({reason[0]})"
         ) from None
     columns = {
         name: np.concatenate(
@@ -109,13 +112,6 @@ def _stream(path: Path, file: Any) -> str:
             f"{', '.join(file.getStreamNames()) or 'nothing'}"
         )
     return names[0]
-
-
-def _reason(error: RuntimeError) -> str:
-    """Return the message of an error without its position in the library's source."""
-    lines = str(error).splitlines()
-    message = lines[1] if len(lines) > 1 else lines[0]
-    return message.partition(" - Error info")[0]
 
 
 class Packet(NamedTuple):
