@@ -8,6 +8,7 @@ import numpy as np
 
 from jblast.observations import Observations
 from jblast.report.flights import EastNorthUpM, FlightsAnswer
+from jblast.report.listen import Recordings
 from jblast.report.provenance import Provenance
 from jblast.report.words import aligned, comma_separated, commented
 from jblast.results import AMONG, Document
@@ -210,7 +211,7 @@ class WorldAnswer(Document):
     not_perceived: int
     readings: int
     flight: FlightsAnswer | None
-    sound: Mapping[str, Any] | None
+    sound: Recordings | None
     imu: Mapping[str, ImuWritten] | None
     camera: FilmMade | None
     warnings: tuple[str, ...]
@@ -230,7 +231,7 @@ class WorldRun:
         flights: Flights of the vehicle; None without one.
         made: Provenance.
         flight: The answer on the flights; None without a vehicle.
-        sound: The document of the records of samples; None without any.
+        sound: The records of samples; None without any.
         imu: Record of each inertial measurement unit; None without one.
         film: Film of the camera; None without one.
         warnings: Further warnings.
@@ -245,7 +246,7 @@ class WorldRun:
     flights: Flights | None
     made: Provenance
     flight: FlightsAnswer | None = None
-    sound: dict[str, Any] | None = None
+    sound: Recordings | None = None
     imu: Mapping[str, ImuWritten] | None = None
     film: FilmMade | None = None
     warnings: list[str] = field(default_factory=list)

@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from jblast.report.film_files import FilmOutputs, FilmWriter, cleared
 from jblast.report.fit.files import check_directory
 from jblast.report.flight_files import flight_csv
 from jblast.report.flights import flights_answer
-from jblast.report.listen import listening_document
+from jblast.report.listen import Recordings, recordings_answer
 from jblast.report.listen_files import provenance, write_tracks
 from jblast.report.provenance import provenance_of
 from jblast.report.words import comma_separated, commented
@@ -166,7 +165,7 @@ def run_world(
     readings = joined(readings, jolts)
     if sound is not None and by_samples:
         recordings = _recordings(sound, by_samples, directory / SOUND)
-        found = picked_readings(world, arrivals, recordings, sound["seconds"])
+        found = picked_readings(world, arrivals, recordings, sound.seconds)
         readings = joined(readings, found.readings)
         missed += found.missed
     notes += [*straight, *_missed_words(missed)]
@@ -217,14 +216,14 @@ def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
 
 
 def _recordings(
-    sound: Mapping[str, Any], sensors: Sequence[Sensor], directory: Path
+    sound: Recordings, sensors: Sequence[Sensor], directory: Path
 ) -> dict[str, Recording]:
     """Open the files of sensors whose readings are picked."""
     recordings = {}
     for sensor in sensors:
-        entry = sound["sensors"][sensor.name]
-        scaling = Scaling(entry.get("full_scale_pa"), None)
-        (recordings[sensor.name],) = open_record(directory / entry["file"], scaling)
+        entry = sound.sensors[sensor.name]
+        scaling = Scaling(entry.full_scale_pa, None)
+        (recordings[sensor.name],) = open_record(directory / entry.file, scaling)
     return recordings
 
 
@@ -272,7 +271,7 @@ def listened(
     seconds: float,
     tracks: Mapping[str, Track],
     directory: Path,
-) -> dict[str, Any] | None:
+) -> Recordings | None:
     """Write the record of every sampling sensor; None without such a sensor."""
     kinds = {sensor.kind for sensor in world.scene.sensors}
     if not kinds & set(sampling_kinds()):
@@ -282,7 +281,7 @@ def listened(
     listening = plan(uncertain, world.seed, seconds, tracks, scene_of)
     comments = provenance(listening, world.source, world.seed)
     records = write_tracks(listening, directory, comments)
-    return listening_document(listening, records)
+    return recordings_answer(listening, records)
 
 
 def filmed(

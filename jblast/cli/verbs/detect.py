@@ -177,19 +177,18 @@ def _check(options: argparse.Namespace) -> None:
 
 def _of_sound(found: "SoundDetections") -> Answer:
     """Return the document, the text, and the function that writes files."""
-    from jblast.report.detect import detection_document, detection_text
+    from jblast.report.detect import detection_answer, detection_text
 
     searched, dead, method, log = found
-    document = detection_document(
-        searched, dead, method.keys, log.arrays if log else ()
-    )
+    arrays = log.arrays if log else ()
+    answer = detection_answer(searched, dead, method.keys, arrays)
 
     def write(folder: Path, text: str) -> list[str]:
         from jblast.report.detect_files import write_detection
 
         return write_detection(folder, searched, text, log)
 
-    return document, detection_text(searched, dead, method.words, log), write
+    return answer.to_dict(), detection_text(searched, dead, method.words, log), write
 
 
 def _of_film(found: "FilmDetections") -> Answer:
