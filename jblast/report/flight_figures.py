@@ -153,7 +153,8 @@ def controllers_figure(flights: Flights) -> Figure:
     figure = new_figure(11.5, 4.8)
     on, thrown = figure.subplots(1, 2)
     away, label = distances(flights)
-    groups = groups_of(away)
+    number = max(1, min(MAX_GROUPS, away.size // MIN_VEHICLES))
+    groups = np.array_split(np.argsort(away, kind="stable"), number)
     x = np.array([np.median(away[group]) for group in groups])
     most = max(
         float(np.nanmax(metric(f, "peak_deviation_m"))) for f in flights.holds.values()
@@ -210,12 +211,6 @@ def distances(flights: Flights) -> tuple[Float[np.ndarray, " vehicle"], str]:
     where = np.asarray(encounter.scaled_distance if scaled else encounter.distance_m)
     label = "scaled distance [m/kg$^{1/3}$]" if scaled else "distance of the charge [m]"
     return np.take_along_axis(where, first, axis=-1)[:, 0], label
-
-
-def groups_of(away: Float[np.ndarray, " vehicle"]) -> list[np.ndarray]:
-    """Return indices of vehicles in groups by distance, the nearest group first."""
-    count = max(1, min(MAX_GROUPS, away.size // MIN_VEHICLES))
-    return np.array_split(np.argsort(away, kind="stable"), count)
 
 
 def loads_figure(flights: Flights) -> Figure:

@@ -32,13 +32,11 @@ from jblast.report.study_results import (
     LaneShares,
     StudyReportAnswer,
     Table,
-    cell_summaries,
     number_table,
     sensitivity_table,
     share_table,
     shares_of,
     study_report_answer,
-    summaries_of,
     summary_of,
     text_lines,
 )
@@ -99,12 +97,19 @@ class StudyReport:
     @cached_property
     def overall(self):
         """Each outcome over all samples."""
-        return summaries_of(self.columns)
+        return [summary_of(self.columns, lane) for lane in self.columns.lanes]
 
     @cached_property
     def cells(self):
         """Each outcome in each cell of the axes."""
-        return cell_summaries(self.columns)
+        columns = self.columns
+        if not columns.axes:
+            return []
+        return [
+            summary_of(columns, lane, mask, cell)
+            for lane in columns.lanes
+            for cell, mask in columns.cells()
+        ]
 
     @cached_property
     def shares(self):
@@ -201,14 +206,8 @@ class StudyReport:
         picture = self.pictures.get(name)
         if picture is None:
             return []
-        return [
-            {
-                "source": picture.source,
-                "alt": alt,
-                "caption": caption,
-                "width": picture.width,
-            }
-        ]
+        own = {"source": picture.source, "width": picture.width}
+        return [own | {"alt": alt, "caption": caption}]
 
 
 def write_report(report: StudyReport, directory: Path) -> None:
@@ -391,15 +390,11 @@ def scaled(axes: Axes, axis: StudyAxis, along: str = "x") -> None:
     """Label an axis of the study; make it logarithmic if its values are geometric."""
     target = axes.xaxis if along == "x" else axes.yaxis
     target.set_label_text(axis.label)
-    if is_geometric(axis.values):
+    steps = np.diff(axis.values)
+    growing = len(steps) > 1 and steps[-1] > GEOMETRIC * steps[0]
+    if axis.values[0] > 0 and growing:
         (axes.set_xscale if along == "x" else axes.set_yscale)("log")
         log_ticks(target, (axis.values[0], axis.values[-1]))
-
-
-def is_geometric(values: np.ndarray) -> bool:
-    """Return whether values are positive with growing steps."""
-    steps = np.diff(values)
-    return bool(values[0] > 0 and len(steps) > 1 and steps[-1] > GEOMETRIC * steps[0])
 
 
 def response_figure(columns: StudyColumns) -> Figure | None:

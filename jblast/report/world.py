@@ -328,7 +328,17 @@ def world_answer(run: WorldRun) -> WorldAnswer:
 
 def warnings_of(run: WorldRun) -> list[str]:
     """Return warnings on the use of the run."""
-    warnings = [] if run.world.preset is None else preset_notes(run.world.preset)
+    warnings, preset = [], run.world.preset
+    if preset is not None:
+        warnings.append(
+            f"{preset_words(preset)} ({preset.source}); jblast fit uses the scene's "
+            "laws, which differ"
+        )
+        if preset.pressure_speed_m_s is not None:
+            warnings.append(
+                f"pressure and force travel at {preset.pressure_speed_m_s:g} m/s, the "
+                "sound by eq. 3.4: one blast arrives at two times, as in the thesis"
+            )
     warnings += run.warnings
     if not run.world.shots:
         warnings.append("no blast was sampled: no perceptions and no flight")
@@ -370,17 +380,3 @@ def perceived_csv(perceived: Sequence[Perceived], comments: Sequence[str]) -> st
 def preset_words(preset: Preset) -> str:
     """Return the mark of a run with a preset, for all that it prints and writes."""
     return f"preset {preset.name}: {MARK}"
-
-
-def preset_notes(preset: Preset) -> list[str]:
-    """Return warnings on the use of a run with a preset."""
-    notes = [
-        f"{preset_words(preset)} ({preset.source}); jblast fit uses the scene's laws, "
-        "which differ"
-    ]
-    if preset.pressure_speed_m_s is not None:
-        notes.append(
-            f"pressure and force travel at {preset.pressure_speed_m_s:g} m/s, the "
-            "sound by eq. 3.4: one blast arrives at two times, as in the thesis"
-        )
-    return notes

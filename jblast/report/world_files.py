@@ -133,15 +133,16 @@ def run_world(
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         # tables of an earlier run next to new ones would mislead
-        for name in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN):
-            (directory / name).unlink(missing_ok=True)
-        clear_imus(directory)
+        stale = [directory / n for n in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN)]
+        for file in (*stale, *directory.glob("imu*.csv")):
+            file.unlink(missing_ok=True)
     save_text(blasts_csv(world, head), directory / BLASTS)
     begin("flying")
     flights = flown(world, seconds)
     tracks, flight, answer = {}, None, None
     if flights is not None:
-        flight = flight_of(flights)
+        # the scene's controller, or that with integral action
+        flight = trajectory_of(flights, next(iter(flights.holds)))
         tracks = tracks_of(world.scene, flight)
         save_text(flight_csv(flights), directory / FLIGHT)
         answer = flights_answer(flights, scene=source, seed=seed)
@@ -246,11 +247,8 @@ def flown(world: DrawnWorld, seconds: float) -> Flights | None:
     padded = UncertainScene(with_nevers(world.scene), source=world.source)
     by = "laws" if world.preset is None else world.preset.load
     flights = fly(padded, Options(seconds=seconds, load=by), seed=world.seed)
-    return _of_first(flights, len(world.scene.charges))
-
-
-def _of_first(flights: Flights, count: int) -> Flights:
-    """Return flights with the first charges only; the remaining ones are padding."""
+    # `with_nevers` pads the charges, so that one program serves several counts
+    count = len(world.scene.charges)
     holds = {
         name: replace(
             hold, encounter=Encounter(*(x[..., :count] for x in hold.encounter))
@@ -259,11 +257,6 @@ def _of_first(flights: Flights, count: int) -> Flights:
     }
     blasts, places = flights.blasts[:count], flights.places_m[..., :count, :]
     return replace(flights, blasts=blasts, places_m=places, holds=holds)
-
-
-def flight_of(flights: Flights) -> Trajectory:
-    """Return the flight with the scene's controller, or with integral action."""
-    return trajectory_of(flights, next(iter(flights.holds)))
 
 
 def listened(
@@ -362,9 +355,3 @@ def write_imus(
         if record.row_s > 1.5 / rate:
             notes.append(f"{name}: {INTERPOLATED.format(row=record.row_s)}")
     return entries or None, notes
-
-
-def clear_imus(directory: Path) -> None:
-    """Remove the tables of inertial measurement units of an earlier run."""
-    for file in directory.glob("imu*.csv"):
-        file.unlink()

@@ -176,7 +176,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         answers: Fits of the readings of each blast, if requested.
     """
     document = run.document
-    count = len(document["blasts"])
+    count, preset = len(document["blasts"]), document.get("preset")
     tables = [_blasts(document), _perceived(document)]
     tables += [_answers(answers)] if answers else []
     tables += [_recovery(document["flight"])] if document["flight"] else []
@@ -189,7 +189,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         "templates/world.html",
         title=f"{count} blast{'' if count == 1 else 's'} in {document['seconds']:g} s",
         subtitle=f"{document['scene']}, seed {document['seed']}",
-        mark=_mark(document.get("preset")),
+        mark=f"Preset {preset['name']}: {preset['mark']}." if preset else "",
         tables=tables,
         pictures=[_picture(*one) for one in shown if one[0] is not None],
         warnings=document["warnings"],
@@ -199,11 +199,6 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
             f"Scene: SHA-256 {document['scene_sha256']}",
         ],
     )
-
-
-def _mark(preset: dict[str, Any] | None) -> str:
-    """Return the mark of a run with a preset, or ""."""
-    return f"Preset {preset['name']}: {preset['mark']}." if preset else ""
 
 
 def _blasts(document: dict[str, Any]) -> Table:
@@ -253,12 +248,8 @@ def _answers(answers: Sequence[ShotAnswer]) -> Table:
 
 
 def _recovery(flight: dict[str, Any]) -> Table:
-    keys = (
-        "peak_deviation_m",
-        "peak_time_s",
-        "recovery_time_s",
-        "peak_overpressure_pa",
-    )
+    keys = ("peak_deviation_m", "peak_time_s", "recovery_time_s")
+    keys += ("peak_overpressure_pa",)
     rows = [
         [
             capitalised(name.replace("_", " ")),
@@ -283,12 +274,8 @@ def _recovery(flight: dict[str, Any]) -> Table:
 
 def _picture(figure: Figure, alt: str, caption: str) -> dict[str, Any]:
     picture = picture_of(figure)
-    return {
-        "source": picture.source,
-        "alt": alt,
-        "caption": caption,
-        "width": picture.width,
-    }
+    own = {"source": picture.source, "width": picture.width}
+    return own | {"alt": alt, "caption": caption}
 
 
 def timeline_figure(run: RunFolder) -> Figure | None:
@@ -473,11 +460,13 @@ def read_run(path: str | Path) -> RunFolder:
     flight = None
     if document["flight"] is not None:
         flight = _table(path / "flight.csv")
+    sensors = (document["sound"] or {"sensors": {}})["sensors"]
+    waves = (_waveform(path / "sound", name, of) for name, of in sensors.items())
     return RunFolder(
         path,
         document,
         flight,
-        _waveforms(path / "sound", document["sound"]),
+        tuple(waves),
         *_film(path / "camera", document["camera"]),
     )
 
@@ -509,11 +498,6 @@ def _table(file: Path) -> pd.DataFrame:
         return pd.read_csv(file, skiprows=comments)
     except (OSError, ValueError, StopIteration) as error:
         raise InputError(f"{file}: expected a table ({error})") from None
-
-
-def _waveforms(directory: Path, sound: dict[str, Any] | None) -> tuple[Waveform, ...]:
-    sensors = sound["sensors"] if sound else {}
-    return tuple(_waveform(directory, name, of) for name, of in sensors.items())
 
 
 def _waveform(directory: Path, name: str, entry: dict[str, Any]) -> Waveform:
