@@ -85,6 +85,7 @@ def _table(searched: Sequence[Searched]) -> list[str]:
     rows, tested = [], any(one.fits for one in searched)
     for one in searched:
         for found, fit in zip_longest(one.detections, one.fits):
+            # a time is printed to the second significant digit of its standard error
             digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
             rows.append(
                 (

@@ -196,6 +196,7 @@ def _envelope(
     if samples.size <= 2 * COLUMNS:
         axes.plot(np.arange(samples.size) / rate_hz, samples, color=colour, lw=0.7)
         return
+    # with over two samples a column the starts differ, as reduceat requires
     starts = np.linspace(0, samples.size, COLUMNS, endpoint=False).astype(int)
     low = np.minimum.reduceat(samples, starts)
     high = np.maximum.reduceat(samples, starts)

@@ -85,6 +85,7 @@ def distribution_figure(flights: Flights) -> Figure:
     log_ticks(deviation.xaxis, deviation.get_xlim())
     deviation.set_xlabel(f"peak deviation [{unit.symbol}]; dotted: tolerance")
     recovery.set_xlabel("recovery time [s]")
+    # the recovery time is infinite for a vehicle that does not recover
     slowest = max(
         float(np.max(f.metrics.recovery_time_s, where=_back(f), initial=0.0))
         for f in flights.holds.values()
@@ -154,6 +155,7 @@ def controllers_figure(flights: Flights) -> Figure:
     on, thrown = figure.subplots(1, 2)
     away, label = distances(flights)
     number = max(1, min(MAX_GROUPS, away.size // MIN_VEHICLES))
+    # stable: equal distances give the same groups on every platform
     groups = np.array_split(np.argsort(away, kind="stable"), number)
     x = np.array([np.median(away[group]) for group in groups])
     most = max(

@@ -97,8 +97,10 @@ def trajectory_csv(
     parts = [np.asarray(trajectory.time_s)[:, None]]
     parts += [np.asarray(getattr(trajectory, name)) for name in COLUMNS]
     rows = np.hstack([*parts, path_error_m[:, None]])
+    # the rows of a flight are not finite after its divergence
     rows = rows[np.isfinite(rows).all(axis=1)]
     first = 1 + names.index("quaternion_i")
+    # SciPy has the scalar last, as the columns have
     attitude = Rotation.from_quat(rows[:, first : first + 4]).as_matrix()
     rows = np.hstack([rows, attitude[:, :, 2]])
     columns = ["time_s", *names, "path_error_m", *PULL]

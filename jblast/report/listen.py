@@ -119,6 +119,7 @@ class SensorRecord:
         """Yield the packets, and update envelopes, spectrogram and clipping."""
         for packet in packets:
             magnitude = np.linalg.norm(packet, axis=1)
+            # one curve a sensor: of a vector its magnitude
             signal = packet[:, 0] if packet.shape[1] == 1 else magnitude
             self.whole.push(signal, self.samples)
             if self.near is not None:
@@ -133,6 +134,7 @@ class SensorRecord:
     def _clip(self, times: Float[np.ndarray, " n"]) -> None:
         """Count clipped samples, and assign them to the last blast that arrived."""
         self.clipped_samples += times.size
+        # charges may be in any order; a sample belongs to the last arrival before it
         order = np.argsort(self._first)
         # a sample is the mean over its interval, so its front may lie inside it
         came = np.searchsorted(self._first[order], times + 1.0 / self.rate_hz)
@@ -376,6 +378,7 @@ class Envelope:
     ):
         self.start, self.stop, self.rate_hz = start, stop, rate_hz
         columns = max(1, min(columns, stop - start))
+        # integers: each sample is in one column, for packets of any size
         self.edges = start + (stop - start) * np.arange(columns + 1) // columns
         self.low = np.full(columns, np.nan)
         self.high = np.full(columns, np.nan)
@@ -388,8 +391,10 @@ class Envelope:
         inside = samples[begin - at : end - at]
         first = int(np.searchsorted(self.edges, begin, side="right")) - 1
         last = int(np.searchsorted(self.edges, end, side="left"))
+        # the first column may have begun in an earlier packet
         cuts = np.maximum(self.edges[first:last], begin) - begin
         low, high = self.low[first:last], self.high[first:last]
+        # fmin and fmax ignore the NaN of a column without samples so far
         np.fmin(low, np.minimum.reduceat(inside, cuts), out=low)
         np.fmax(high, np.maximum.reduceat(inside, cuts), out=high)
 
@@ -479,11 +484,13 @@ class Spectrogram:
 
     def __init__(self, samples: int, rate_hz: float):
         self.rate_hz, self.samples = rate_hz, samples
+        # a power of two, for which the Fourier transform is fastest
         size = 2 ** round(math.log2(max(WINDOW_S * rate_hz, 16.0)))
         while size > max(samples, 16):
             size //= 2
         least, most = (size // overlap for overlap in reversed(OVERLAPS))
         self.size, self.step = size, max(1, least, min(most, samples // MAX_INSTANTS))
+        # the periodic window: overlapping copies have a constant sum
         self.window = np.hanning(size + 1)[:-1]
         frames = max(1, (samples - size) // self.step + 1)
         self.frames, columns = frames, min(frames, MAX_INSTANTS)
@@ -514,6 +521,7 @@ class Spectrogram:
             np.add.at(self.power, columns, power)
             np.add.at(self.count, columns, 1.0)
             self._done += frames
+        # the next window starts here, and may need samples of the next packet
         self._left = waiting[frames * self.step :]
 
     def density(self) -> Float[np.ndarray, "instant frequency"]:

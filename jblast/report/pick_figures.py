@@ -202,6 +202,7 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
 def curves(picks: Sequence[RecordPick]) -> list[Curve]:
     """Return the curves of picks that keep their samples."""
     edges = [_edges(one) for one in picks]
+    # one shape for all picks, so that one program is compiled
     padded = np.array([np.pad(e, (0, BINS + 1 - e.size), mode="edge") for e in edges])
     start = np.array([one.record.start_s for one in picks])[:, None]
     rate = np.array([one.record.rate_hz for one in picks])[:, None]
@@ -255,6 +256,7 @@ def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
     last = int((arrival + AFTER * wave - record.start_s) * record.rate_hz) + 2
     first, last = max(first, 0), min(last, record.samples.size)
     first = max(min(first, last - 2), 0)
+    # bins of equal size are means over one axis of a reshaped array
     size = -(-(last - first) // BINS)
     return np.arange(first, last + 1, size)
 

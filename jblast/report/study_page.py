@@ -250,6 +250,7 @@ def share_figure(shares: Sequence[LaneShares]) -> Figure | None:
             axes.barh(place + away, value, 0.34, color=colour, alpha=0.85, label=words)
             axes.hlines(place + away, *ends, color=INK, linewidth=1.2)
         axes.set_yticks(place, of.names)
+        # barh counts from below; the first parameter belongs at the top
         axes.invert_yaxis()
         axes.set_xlim(0, max(1.0, float(of.total_interval[1].max()) * 1.05))
         axes.set_xlabel("share of the variance")
@@ -286,6 +287,7 @@ def contour_figure(columns: StudyColumns) -> Figure | None:
     assert drawn is not None, "there is a panel"
     bar = figure.colorbar(drawn, ax=list(grid.flat[: len(panels)]), shrink=0.85)
     of = f": {lanes[0].long_name or lanes[0].name}" if len(lanes) == 1 else " of yes"
+    # a long name would be cut off, as labels of colour bars are not wrapped
     bar.set_label(textwrap.fill(f"share{of}", LABEL_WIDTH), color=INK)
     bar.outline.set_visible(False)
     handles = [
@@ -351,6 +353,7 @@ def _panel(
         (shares[1], 1.0, "dashed"),
         (shares[2], 1.0, "dashed"),
     ):
+        # Matplotlib warns about a contour level outside the values
         if np.nanmin(values) < EVEN < np.nanmax(values):
             axes.contour(
                 x, y, values, [EVEN], colors=INK, linewidths=width, linestyles=style

@@ -151,6 +151,7 @@ def _axes(store: Store, groups: int) -> tuple[StudyAxis, ...]:
         columns[axis.key] = np.array([values[n] for values in study.cells])[cell]
     each = len(study.variants)
     for axis in study.words:
+        # variants count in mixed radix, the last axis fastest
         each //= len(axis.values)
         columns[axis.key] = (variant // each % len(axis.values)).astype(float)
     for v in store.variables:

@@ -360,6 +360,7 @@ def _events(axes: Axes, run: RunFolder) -> None:
     seconds = run.document["seconds"]
     count, edges = np.histogram(run.events_s, bins=BINS, range=(0.0, seconds))
     axes.stairs(count / np.diff(edges), edges, color=BLUE, fill=True)
+    # most bins are empty between blasts, and a logarithm has no zero
     axes.set_yscale("symlog", linthresh=100.0)
 
 
@@ -373,6 +374,7 @@ def _strip(figure: SubFigure, run: RunFolder) -> None:
     numbers = [
         int(np.searchsorted(times, burst)) + step
         for burst in bursts
+        # growing intervals, as a fireball changes fastest at first
         for step in np.unique(np.geomspace(1.0, 60.0, shown).astype(int)) - 1
     ]
     numbers = sorted({n for n in numbers if n < len(times)} or {0})[:FRAMES]
@@ -417,6 +419,7 @@ def map_figure(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer]) -> F
     label = "blast, and its mass"
     for blast in run.document["blasts"]:
         east, north, _ = blast["position_m"]
+        # lengths of a blast grow with the cube root of the mass (Hopkinson-Cranz)
         size = 5.0 + 4.0 * blast["mass_kg"] ** (1.0 / 3.0)
         axes.plot(
             *(east, north, "o"), color=VERMILLION, markersize=min(size, 24.0),
@@ -494,6 +497,7 @@ def _table(file: Path) -> pd.DataFrame:
     """Return a CSV table without its leading comments."""
     try:
         with file.open(encoding="utf-8") as lines:
+            # `comment="#"` of pandas would also cut cells that contain the character
             comments = next(n for n, line in enumerate(lines) if line[:1] != "#")
         return pd.read_csv(file, skiprows=comments)
     except (OSError, ValueError, StopIteration) as error:
@@ -514,8 +518,10 @@ def _waveform(directory: Path, name: str, entry: dict[str, Any]) -> Waveform:
     else:
         table = _table(file)
         time, samples = table["time_s"].to_numpy(), table[list(names)].to_numpy()
+        # one curve a sensor: the component with the largest range
         part = int(np.argmax(np.ptp(samples, axis=0))) if len(samples) else 0
         samples, names = samples[:, part], (names[part],)
+    # unique: a record can have fewer samples than columns
     edges = np.unique(np.linspace(0, len(samples), COLUMNS_DRAWN + 1).astype(int)[:-1])
     if not len(samples):
         return Waveform(name, names[0], *np.zeros((3, 0)))
