@@ -393,11 +393,15 @@ def scaled(axes: Axes, axis: StudyAxis, along: str = "x") -> None:
     """Label an axis of the study; make it logarithmic if its values are geometric."""
     target = axes.xaxis if along == "x" else axes.yaxis
     target.set_label_text(axis.label)
-    steps = np.diff(axis.values)
-    growing = len(steps) > 1 and steps[-1] > GEOMETRIC * steps[0]
-    if axis.values[0] > 0 and growing:
+    if is_geometric(axis.values):
         (axes.set_xscale if along == "x" else axes.set_yscale)("log")
         log_ticks(target, (axis.values[0], axis.values[-1]))
+
+
+def is_geometric(values: np.ndarray) -> bool:
+    """Return whether values are positive with growing steps."""
+    steps = np.diff(values)
+    return bool(values[0] > 0 and len(steps) > 1 and steps[-1] > GEOMETRIC * steps[0])
 
 
 def response_figure(columns: StudyColumns) -> Figure | None:
