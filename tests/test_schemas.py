@@ -245,7 +245,7 @@ def test_the_schema_of_failure_modes_takes_one():
     [
         *("fit", "pick", "one_pick", "bound", "calc", "check", "choose", "fly"),
         *("discover", "stability_mode", "render", "events", "world", "serve"),
-        *("tune", "one_tuned"),
+        *("tune", "one_tuned", "detect", "one_arrival", "one_array", "listen"),
     ],
 )
 def test_every_key_of_an_answer_is_told(name):

@@ -9,12 +9,14 @@ from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
 from jblast.report.check import CheckAnswer
 from jblast.report.choice import ChoiceAnswer
 from jblast.report.design import BoundAnswer
+from jblast.report.detect import DetectionAnswer
 from jblast.report.discovery import DiscoveryAnswer
 from jblast.report.film import EventsAnswer, FilmAnswer
 from jblast.report.fit.document import FitAnswer, FitsAnswer
 from jblast.report.flash import FlashAnswer
 from jblast.report.flights import FlightsAnswer
 from jblast.report.gains import GainsAnswer
+from jblast.report.listen import ListenAnswer
 from jblast.report.missions import MissionAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer
 from jblast.report.stability import StabilityAnswer
@@ -32,9 +34,11 @@ DOCUMENTS: dict[str, tuple[type, str]] = {
     "check": (CheckAnswer, "An answer of jblast check"),
     "calc": (CalculatorAnswer, "An answer of jblast calc"),
     "calc_inverse": (InverseAnswer, "A range or a mass by jblast calc"),
+    "detect": (DetectionAnswer, "Sound searched by jblast detect"),
     "detect_film": (FlashAnswer, "Film seen by jblast detect"),
     "render": (FilmAnswer, "An answer of jblast render"),
     "events": (EventsAnswer, "An answer of jblast events"),
+    "listen": (ListenAnswer, "An answer of jblast listen"),
     "study": (StudyAnswer, "An answer of jblast study"),
     "choose": (ChoiceAnswer, "An answer of jblast choose"),
     "fly": (FlightsAnswer, "An answer of jblast fly"),
@@ -56,7 +60,10 @@ DOCUMENTS: dict[str, tuple[type, str]] = {
 PARTS = {
     "one_pick": ("pick", "picks"),
     "calc_inputs": ("calc", "inputs"),
+    "one_arrival": ("detect", "arrivals"),
+    "one_array": ("detect", "arrays"),
     "one_flash": ("detect_film", "flashes"),
+    "one_record": ("listen", "sensors"),
     "one_outcome": ("study", "outcomes"),
     "one_tuned": ("tune", "estimates"),
     "tried_gains": ("tune_gains", "after"),

@@ -1,12 +1,13 @@
 """The answer of `jblast detect` for sound."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Any
 
 from jblast.report.words import aligned, joined
-from jblast.results import plain
+from jblast.results import AMONG, Document
 from jblast.signals.arrival_log import (
     LEAST_PLANE_PROBABILITY,
     MAX_ARRAY_WIDTH,
@@ -52,11 +53,26 @@ def detection_text(
     ]
     if count:
         lines += ["", *_table(searched), ""]
-    lines += [f"search target: {target}", *_thresholds(searched)]
+    levels = [one.threshold_snr_db for one in searched]
+    low, high = min(levels), max(levels)
+    # the difference of one printed digit
+    span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
+    latency = max(one.latency_s for one in searched)
+    lines += [
+        f"search target: {target}",
+        f"threshold {span} dB (2E/N0); detection delay {1e3 * latency:.3g} ms "
+        "from the first sample",
+    ]
     if dead:
         noun = "constant channel" if len(dead) == 1 else "constant channels"
         lines.append(f"{noun} skipped: {joined(list(dead))}")
-    lines += _forms(searched)
+    fits = [fit for one in searched for fit in one.fits]
+    if other := sum(not fit.blast_form for fit in fits):
+        lines += [
+            f"{len(fits) - other} of {len(fits)} have the form of a blast pulse; the "
+            "remaining ones can be doors, clicks, thunder,",
+            "or distant or reverberant blasts (--blast-form removes them)",
+        ]
     if rejected := sum(len(one.rejected) for one in searched):
         sounds = "impulsive sound" if rejected == 1 else "impulsive sounds"
         lines.append(f"{rejected} {sounds} rejected: not the form of a blast pulse")
@@ -65,35 +81,11 @@ def detection_text(
     return "\n".join(lines) + "\n"
 
 
-def _thresholds(searched: Sequence[Searched]) -> list[str]:
-    """Return the line with the threshold and the delay of a detection."""
-    levels = [one.threshold_snr_db for one in searched]
-    low, high = min(levels), max(levels)
-    span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
-    latency = max(one.latency_s for one in searched)
-    return [
-        f"threshold {span} dB (2E/N0); detection delay {1e3 * latency:.3g} ms "
-        "from the first sample"
-    ]
-
-
-def _forms(searched: Sequence[Searched]) -> list[str]:
-    """Return the number of arrivals with the form of a blast, if that was tested."""
-    fits = [fit for one in searched for fit in one.fits]
-    other = sum(not fit.blast_form for fit in fits)
-    if not other:
-        return []
-    return [
-        f"{len(fits) - other} of {len(fits)} have the form of a blast pulse; the "
-        "remaining ones can be doors, clicks, thunder,",
-        "or distant or reverberant blasts (--blast-form removes them)",
-    ]
-
-
 def _table(searched: Sequence[Searched]) -> list[str]:
     rows, tested = [], any(one.fits for one in searched)
     for one in searched:
         for found, fit in zip_longest(one.detections, one.fits):
+            # a time is printed to the second significant digit of its standard error
             digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
             rows.append(
                 (
@@ -157,12 +149,150 @@ def _of_array(finding: ArrayFinding) -> list[str]:
     return [text]
 
 
-def detection_document(
+@dataclass(frozen=True)
+class BlastForm:
+    """The test of an arrival for the form of a blast pulse.
+
+    Attributes:
+        blast_form: Whether the arrival has the form of a blast pulse.
+        misfit: Unexplained energy over that of the pulse.
+        log_likelihood_ratio: Natural logarithm of the likelihood of the pulse over that
+            of the best decaying oscillation.
+        fit_p: Probability of a larger chi-squared for the largest accepted misfit.
+        fit_dof: Degrees of freedom of chi-squared.
+        noise_level: Rms noise before the arrival over that of the whole recording.
+    """
+
+    blast_form: bool
+    misfit: float
+    log_likelihood_ratio: float
+    fit_p: float
+    fit_dof: int
+    noise_level: float
+
+
+@dataclass(frozen=True)
+class SoundArrival:
+    """An arrival in a channel.
+
+    Attributes:
+        time_s: Arrival time since the start of the recording.
+        snr_db: Estimate of 2E/N0 [dB].
+        sigma_s: Standard error of the time.
+        channel: Number of the channel in its file, from 1.
+        sensor: Name of the sensor.
+        form: Test of its form; absent in a search with a template.
+    """
+
+    time_s: float
+    snr_db: float
+    sigma_s: float
+    channel: int
+    sensor: str
+    form: BlastForm | None = field(metadata=AMONG)
+
+
+@dataclass(frozen=True)
+class SearchedChannel:
+    """A searched channel.
+
+    Attributes:
+        sensor: Name of the sensor.
+        record: Name of the record.
+        channel: Number of the channel in its file, from 1.
+        rate_hz: Sampling rate [1/s].
+        seconds: Length [s].
+        threshold_snr_db: Detection threshold [dB].
+    """
+
+    sensor: str
+    record: str
+    channel: int
+    rate_hz: float
+    seconds: float
+    threshold_snr_db: float
+
+
+@dataclass(frozen=True)
+class ArrayDirection:
+    """Direction of the source by an array.
+
+    Attributes:
+        layout: Arrangement of the microphones.
+        bearing_rad: Bearing, clockwise from north.
+        bearing_sd_rad: Its standard deviation.
+        elevation_rad: Elevation.
+        elevation_sd_rad: Its standard deviation.
+        undetermined: Angles that are not identified.
+        mirror_rad: Bearing and elevation of an equally possible direction; null for
+            none.
+        p_plane_wave: Probability of a larger chi-squared for a plane wave.
+    """
+
+    layout: str
+    bearing_rad: float
+    bearing_sd_rad: float
+    elevation_rad: float
+    elevation_sd_rad: float
+    undetermined: tuple[str, ...]
+    mirror_rad: tuple[float, float] | None
+    p_plane_wave: float
+
+
+@dataclass(frozen=True)
+class ArrayAnswer:
+    """A bang at an array.
+
+    Attributes:
+        array: Name of its recorder.
+        bang: Number of the bang, from 1.
+        in_log: Whether the log has one row for the array.
+        direction: Direction of the source; absent without a common wave.
+    """
+
+    array: str
+    bang: int
+    in_log: bool
+    direction: ArrayDirection | None = field(metadata=AMONG)
+
+
+@dataclass(frozen=True)
+class DetectionAnswer(Document):
+    """The answer of `jblast detect` for sound.
+
+    Attributes:
+        detected: Whether a blast was detected.
+        arrivals: Arrivals in order of time; the keys on the form of the pulse are
+            absent in a search with a template.
+        threshold_snr_db: Detection threshold, maximum over all channels [dB].
+        latency_s: Time from the first sample of a blast to its report, maximum over all
+            channels.
+        method: Search target.
+        channels: The searched channels.
+        dead_channels: Names of constant channels, which were skipped.
+        arrays: Bangs at arrays, in a search with positions; the keys on the direction
+            are absent without a common wave.
+        rejected_arrivals: Arrivals above the threshold that do not have the form of a
+            blast pulse, or with equally loud noise before them (`--blast-form`).
+    """
+
+    detected: bool
+    arrivals: tuple[SoundArrival, ...]
+    threshold_snr_db: float
+    latency_s: float
+    method: Mapping[str, Any]
+    channels: tuple[SearchedChannel, ...]
+    dead_channels: tuple[str, ...]
+    arrays: tuple[ArrayAnswer, ...]
+    rejected_arrivals: tuple[SoundArrival, ...]
+
+
+def detection_answer(
     searched: Sequence[Searched],
     dead: Sequence[str],
-    method: dict[str, Any],
+    method: Mapping[str, Any],
     arrays: Sequence[ArrayFinding] = (),
-) -> dict[str, Any]:
+) -> DetectionAnswer:
     """Return the arrivals as a document.
 
     Args:
@@ -171,76 +301,58 @@ def detection_document(
         method: Parameters of the search, by key.
         arrays: Results of arrays.
     """
+    # a search with a template has detections without fits
     arrivals = [
         _arrival(one, found, fit)
         for one in searched
         for found, fit in zip_longest(one.detections, one.fits)
     ]
     rejected = [_arrival(one, *pair) for one in searched for pair in one.rejected]
-    for entries in (arrivals, rejected):
-        entries.sort(key=lambda arrival: arrival["time_s"])
-    document = {
-        "schema": 1,
-        "detected": bool(arrivals),
-        "arrivals": arrivals,
-        "threshold_snr_db": max(one.threshold_snr_db for one in searched),
-        "latency_s": max(one.latency_s for one in searched),
-        "method": method,
-        "channels": [
-            {
-                "sensor": one.channel.sensor,
-                "record": one.channel.record,
-                "channel": one.channel.number,
-                "rate_hz": one.channel.rate_hz,
-                "seconds": one.channel.samples.size / one.channel.rate_hz,
-                "threshold_snr_db": one.threshold_snr_db,
-            }
+    return DetectionAnswer(
+        detected=bool(arrivals),
+        arrivals=tuple(sorted(arrivals, key=lambda arrival: arrival.time_s)),
+        threshold_snr_db=max(one.threshold_snr_db for one in searched),
+        latency_s=max(one.latency_s for one in searched),
+        method=method,
+        channels=tuple(
+            SearchedChannel(
+                one.channel.sensor,
+                one.channel.record,
+                one.channel.number,
+                one.channel.rate_hz,
+                one.channel.samples.size / one.channel.rate_hz,
+                one.threshold_snr_db,
+            )
             for one in searched
-        ],
-        "dead_channels": list(dead),
-        "arrays": [_array(finding) for finding in arrays],
-        "rejected_arrivals": rejected,
-    }
-    return plain(document)
+        ),
+        dead_channels=tuple(dead),
+        arrays=tuple(_array(finding) for finding in arrays),
+        rejected_arrivals=tuple(sorted(rejected, key=lambda arrival: arrival.time_s)),
+    )
 
 
-def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> dict[str, Any]:
-    entry = {
-        "time_s": found.time_s,
-        "snr_db": found.snr_db,
-        "sigma_s": found.sigma_s,
-        "channel": one.channel.number,
-        "sensor": one.channel.sensor,
-    }
+def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> SoundArrival:
+    form = None
     if fit is not None:
-        entry |= {
-            "blast_form": fit.blast_form,
-            "misfit": fit.misfit,
-            "log_likelihood_ratio": fit.log_likelihood_ratio,
-            "fit_p": fit.p,
-            "fit_dof": fit.dof,
-            "noise_level": fit.level,
-        }
-    return entry
+        numbers = fit.misfit, fit.log_likelihood_ratio, fit.p, fit.dof, fit.level
+        form = BlastForm(fit.blast_form, *numbers)
+    channel = one.channel
+    times = found.time_s, found.snr_db, found.sigma_s
+    return SoundArrival(*times, channel.number, channel.sensor, form)
 
 
-def _array(finding: ArrayFinding) -> dict[str, Any]:
-    came = finding.direction
-    document = {
-        "array": finding.array,
-        "bang": finding.bang + 1,
-        "in_log": finding.used,
-    }
-    if came is None:
-        return document
-    sds = came.covariance.diagonal() ** 0.5
-    return document | {
-        "layout": came.layout,
-        "bearing_rad": came.bearing,
-        "bearing_sd_rad": sds[0],
-        "elevation_rad": came.elevation,
-        "elevation_sd_rad": sds[1],
-        "undetermined": list(came.undetermined),
-        "mirror_rad": came.mirror,
-        "p_plane_wave": finding.probability,
-    }
+def _array(finding: ArrayFinding) -> ArrayAnswer:
+    came, direction = finding.direction, None
+    if came is not None:
+        bearing_sd, elevation_sd = came.covariance.diagonal() ** 0.5
+        direction = ArrayDirection(
+            layout=came.layout,
+            bearing_rad=came.bearing,
+            bearing_sd_rad=bearing_sd,
+            elevation_rad=came.elevation,
+            elevation_sd_rad=elevation_sd,
+            undetermined=tuple(came.undetermined),
+            mirror_rad=came.mirror,
+            p_plane_wave=finding.probability,
+        )
+    return ArrayAnswer(finding.array, finding.bang + 1, finding.used, direction)

@@ -1,6 +1,6 @@
 """Files of `jblast detect --out`: the log, and figures of the detections."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,6 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.signals.arrival_log import Log
 from jblast.signals.flash.search import Flash, FlashDetections
 from jblast.signals.search import Searched
 
@@ -39,29 +38,41 @@ MAX_LABELS = 5
 """Largest number of labelled arrivals, the loudest: more labels would overlap."""
 
 
-def write_flashes(
+def write_detection(
     directory: Path,
-    watched: FlashDetections,
-    shape: tuple[int, int],
     text: str,
+    draw: Callable[[], Figure],
     log: Observations | None,
+    searched: Sequence[Searched] = (),
 ) -> list[str]:
-    """Write the document, the figure and the log; return the names of the files.
+    """Write document, filter output, figure and log; return the names of the files.
 
     Args:
         directory: Output directory; created if missing.
-        watched: Flashes and the statistic of the search.
-        shape: Height and width of the image [px].
         text: The document.
-        log: Rows of the flashes; without rows an older log is removed.
+        draw: Function that draws the figure.
+        log: Rows of the arrivals; without rows an older log is removed.
+        searched: Channels of sound, whose filter output is written, one file a
+            recording.
 
     Raises:
         OSError: It cannot be written.
     """
     directory.mkdir(parents=True, exist_ok=True)
     write_text(directory / JSON, text)
-    write_figure(flash_figure(watched, shape), directory / PICTURE)
-    names = [JSON, PICTURE]
+    names = [JSON]
+    records: dict[str, list[Searched]] = {}
+    for one in searched:
+        records.setdefault(one.channel.record, []).append(one)
+    for record, members in records.items():
+        name = FILTERED if len(records) == 1 else f"{Path(record).stem}.{FILTERED}"
+        # outputs of one file can differ in length by the length of the filter
+        length = min(member.statistic.size for member in members)
+        outputs = np.array([member.statistic[:length] for member in members])
+        write_sound(directory / name, outputs, members[0].channel.rate_hz)
+        names.append(name)
+    write_figure(draw(), directory / PICTURE)
+    names.append(PICTURE)
     (directory / LOG).unlink(missing_ok=True)
     if log is not None and len(log):
         write(directory / LOG, log)
@@ -84,7 +95,16 @@ def flash_figure(watched: FlashDetections, shape: tuple[int, int]) -> Figure:
     for row, flash in enumerate(shown):
         _picture(figure.add_subplot(grid[row, 0]), flash, shape)
         _growth(figure.add_subplot(grid[row, 1]), flash)
-    _statistic(figure.add_subplot(grid[-1, :]), watched)
+    axes = figure.add_subplot(grid[-1, :])
+    axes.plot(watched.times, watched.statistic, color=BLUE, linewidth=1.0)
+    axes.axhline(watched.threshold, color=INK, linewidth=0.9, linestyle="--")
+    for flash in watched.flashes:
+        axes.axvline(flash.growth.time_s, color=VERMILLION, linewidth=0.9, zorder=0)
+    axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
+    quiet(axes)
+    count = len(watched.flashes)
+    title = f"{count} detected" if count else "no flash detected"
+    titled(axes, title, f"dashed: threshold, {watched.threshold:.1f}")
     return figure
 
 
@@ -127,60 +147,6 @@ def _growth(axes: Axes, flash: Flash) -> None:
     titled(
         axes, f"first light {grown.time_s:.5f} s ± {1e3 * grown.sigma_s:.2g} ms", note
     )
-
-
-def _statistic(axes: Axes, watched: FlashDetections) -> None:
-    axes.plot(watched.times, watched.statistic, color=BLUE, linewidth=1.0)
-    axes.axhline(watched.threshold, color=INK, linewidth=0.9, linestyle="--")
-    for flash in watched.flashes:
-        axes.axvline(flash.growth.time_s, color=VERMILLION, linewidth=0.9, zorder=0)
-    axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
-    quiet(axes)
-    count = len(watched.flashes)
-    title = f"{count} detected" if count else "no flash detected"
-    titled(axes, title, f"dashed: threshold, {watched.threshold:.1f}")
-
-
-def write_detection(
-    directory: Path, searched: Sequence[Searched], text: str, log: Log | None
-) -> list[str]:
-    """Write document, filter output, figure and log; return the names of the files.
-
-    Args:
-        directory: Output directory; created if missing.
-        searched: Channels that were searched.
-        text: The document.
-        log: Rows of the arrivals, if positions are known; without rows an older log is
-            removed.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    directory.mkdir(parents=True, exist_ok=True)
-    write_text(directory / JSON, text)
-    names = [JSON, *_write_outputs(directory, searched)]
-    write_figure(detection_figure(searched), directory / PICTURE)
-    names.append(PICTURE)
-    (directory / LOG).unlink(missing_ok=True)
-    if log is not None and len(log.observations):
-        write(directory / LOG, log.observations)
-        names.append(LOG)
-    return names
-
-
-def _write_outputs(directory: Path, searched: Sequence[Searched]) -> list[str]:
-    """Write the filter output of the searched channels, one file a recording."""
-    records: dict[str, list[Searched]] = {}
-    for one in searched:
-        records.setdefault(one.channel.record, []).append(one)
-    names = []
-    for record, members in records.items():
-        name = FILTERED if len(records) == 1 else f"{Path(record).stem}.{FILTERED}"
-        length = min(member.statistic.size for member in members)
-        outputs = np.array([member.statistic[:length] for member in members])
-        write_sound(directory / name, outputs, members[0].channel.rate_hz)
-        names.append(name)
-    return names
 
 
 def detection_figure(searched: Sequence[Searched]) -> Figure:
@@ -230,6 +196,7 @@ def _envelope(
     if samples.size <= 2 * COLUMNS:
         axes.plot(np.arange(samples.size) / rate_hz, samples, color=colour, lw=0.7)
         return
+    # with over two samples a column the starts differ, as reduceat requires
     starts = np.linspace(0, samples.size, COLUMNS, endpoint=False).astype(int)
     low = np.minimum.reduceat(samples, starts)
     high = np.maximum.reduceat(samples, starts)

@@ -37,12 +37,18 @@ def discovery_text(
         doubt = doubts_text(found, again, state)
         if doubt:
             lines += [doubt, *_further_lines(further, state), ""]
+        skill, skill_words = found.judged[state].skill, "the integration diverges"
+        if math.isfinite(skill):
+            skill_words = (
+                f"the squared error is {100.0 * max(skill, 0.0):.1f} % smaller than "
+                "that of a constant prediction"
+            )
         lines += [equation_text(found, state), ""]
         lines += _terms_lines(found, state)
         lines += [
             f"  {_replay_words(found, again, state)} (noise of {name}: "
             f"{significant(found.noise_sd[state])})",
-            f"  {_skill_words(found, state)}",
+            f"  held-out data: {skill_words}",
             "",
         ]
     if found.repeated:
@@ -69,20 +75,8 @@ def slowing_text(slowing: Slowing) -> str:
 
 def outcomes_text(outcomes: Sequence[Outcome]) -> str:
     """Return a table with a row for each equation and noise level."""
-    rows = [
-        (
-            "of",
-            "noise",
-            "exact",
-            "missing",
-            "false",
-            "error",
-            "in 90 %",
-            "holds",
-            "law",
-            "whole",
-        )
-    ]
+    head = "of,noise,exact,missing,false,error,in 90 %,holds,law,whole"
+    rows: list[tuple[str, ...]] = [tuple(head.split(","))]
     for o in outcomes:
         rows.append(
             (
@@ -130,17 +124,6 @@ def _further_lines(further: tuple[Discovery, Replay] | None, state: int) -> list
         f"also doubtful: {'; '.join(words)}" if words else "without these problems"
     )
     return [f"One degree more: {equation_text(further[0], state)}, {verdict}"]
-
-
-def _skill_words(found: Discovery, state: int) -> str:
-    """Return the skill of an equation on held-out data."""
-    skill = found.judged[state].skill
-    if not math.isfinite(skill):
-        return "held-out data: the integration diverges"
-    return (
-        "held-out data: the squared error is "
-        f"{100.0 * max(skill, 0.0):.1f} % smaller than that of a constant prediction"
-    )
 
 
 def _replay_words(found: Discovery, again: Replay, state: int) -> str:

@@ -240,12 +240,6 @@ class Stamps(NamedTuple):
     how: Literal["solved for", "interpolated", "of the frame"]
 
 
-def is_solvable(film: Film) -> bool:
-    """Return whether the light is the law's fireball before a still background."""
-    still = film.path is None and not isinstance(film.background, MovingBackground)
-    return film.views is None and film.supersample == 1 and still
-
-
 def saved(path: Path, frame: np.ndarray) -> np.ndarray:
     """Write a frame of linear light; return its sRGB values of 8 bits."""
     values = srgb_bytes(frame)
@@ -313,7 +307,10 @@ class FilmWriter:
         """Write the events; return their numbers and the accuracy of their times."""
         film, camera = self.film, self.film.camera
         stamps = Stamps(SOLVED, "solved for")
-        if noise or not is_solvable(film):
+        # solvable: the law's fireball before a still background, one ray a pixel
+        still = film.path is None and not isinstance(film.background, MovingBackground)
+        solvable = film.views is None and film.supersample == 1 and still
+        if noise or not solvable:
             shape = camera.height, camera.width
             brighter, darker = (float(step) for step in camera.threshold)
             steps = brighter, darker

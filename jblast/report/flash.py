@@ -179,6 +179,7 @@ def _film_words(film: Searched) -> str:
 
 def _lines(flash: FlashSeen, number: int | None) -> list[str]:
     grown, seen_from = flash.grown, flash.direction
+    # a time is printed to the second significant digit of its standard error
     digits = min(max(1 - math.floor(math.log10(grown.sigma_s)), 1), 9)
     late = 1e3 * (flash.alarm.told_s - grown.time_s)
     lines = [f"Blast {number}"] if number else []

@@ -85,6 +85,7 @@ def distribution_figure(flights: Flights) -> Figure:
     log_ticks(deviation.xaxis, deviation.get_xlim())
     deviation.set_xlabel(f"peak deviation [{unit.symbol}]; dotted: tolerance")
     recovery.set_xlabel("recovery time [s]")
+    # the recovery time is infinite for a vehicle that does not recover
     slowest = max(
         float(np.max(f.metrics.recovery_time_s, where=_back(f), initial=0.0))
         for f in flights.holds.values()
@@ -153,7 +154,9 @@ def controllers_figure(flights: Flights) -> Figure:
     figure = new_figure(11.5, 4.8)
     on, thrown = figure.subplots(1, 2)
     away, label = distances(flights)
-    groups = groups_of(away)
+    number = max(1, min(MAX_GROUPS, away.size // MIN_VEHICLES))
+    # stable: equal distances give the same groups on every platform
+    groups = np.array_split(np.argsort(away, kind="stable"), number)
     x = np.array([np.median(away[group]) for group in groups])
     most = max(
         float(np.nanmax(metric(f, "peak_deviation_m"))) for f in flights.holds.values()
@@ -210,12 +213,6 @@ def distances(flights: Flights) -> tuple[Float[np.ndarray, " vehicle"], str]:
     where = np.asarray(encounter.scaled_distance if scaled else encounter.distance_m)
     label = "scaled distance [m/kg$^{1/3}$]" if scaled else "distance of the charge [m]"
     return np.take_along_axis(where, first, axis=-1)[:, 0], label
-
-
-def groups_of(away: Float[np.ndarray, " vehicle"]) -> list[np.ndarray]:
-    """Return indices of vehicles in groups by distance, the nearest group first."""
-    count = max(1, min(MAX_GROUPS, away.size // MIN_VEHICLES))
-    return np.array_split(np.argsort(away, kind="stable"), count)
 
 
 def loads_figure(flights: Flights) -> Figure:

@@ -97,8 +97,10 @@ def trajectory_csv(
     parts = [np.asarray(trajectory.time_s)[:, None]]
     parts += [np.asarray(getattr(trajectory, name)) for name in COLUMNS]
     rows = np.hstack([*parts, path_error_m[:, None]])
+    # the rows of a flight are not finite after its divergence
     rows = rows[np.isfinite(rows).all(axis=1)]
     first = 1 + names.index("quaternion_i")
+    # SciPy has the scalar last, as the columns have
     attitude = Rotation.from_quat(rows[:, first : first + 4]).as_matrix()
     rows = np.hstack([rows, attitude[:, :, 2]])
     columns = ["time_s", *names, "path_error_m", *PULL]
@@ -110,7 +112,7 @@ def flights_text(flights: Flights) -> str:
     """Return results, blasts, sampled parameters and notes, for the terminal."""
     lines = [_title(flights), "", *aligned(_holds(flights))]
     estimates = [(hold_words(name), one.thrown) for name, one in flights.holds.items()]
-    lines += estimate_lines(estimates, flights.blasts, _number)
+    lines += estimate_lines(estimates, flights.blasts, number_words)
     lines += ["", *aligned(_blasts(flights)), ""]
     if flights.drawn:
         lines += [*aligned(_drawn(flights)), ""]
@@ -137,7 +139,7 @@ def _drawn(flights: Flights) -> list[tuple[str, ...]]:
     return [
         (head, ""),
         *(
-            (parameter_words(name), _number(name, values))
+            (parameter_words(name), number_words(name, values))
             for name, values in flights.drawn.items()
         ),
     ]
@@ -155,10 +157,10 @@ def _blasts(flights: Flights) -> list[tuple[str, ...]]:
         rows.append(
             (
                 name or "the charge",
-                _number("arrival_s", encounter.arrival_s[..., n]),
-                _number("distance_m", encounter.distance_m[..., n]),
-                _number("", encounter.scaled_distance[..., n]),
-                _number("overpressure_pa", encounter.overpressure_pa[..., n]),
+                number_words("arrival_s", encounter.arrival_s[..., n]),
+                number_words("distance_m", encounter.distance_m[..., n]),
+                number_words("", encounter.scaled_distance[..., n]),
+                number_words("overpressure_pa", encounter.overpressure_pa[..., n]),
                 _yes(bool(inside))
                 if flights.count == 1
                 else f"{100 * np.mean(inside):.3g} %",
@@ -177,7 +179,7 @@ def _holds(flights: Flights) -> list[tuple[str, ...]]:
     ]
     rows = [("5 %, 50 %, 95 %" if several else "", *head)]
     for name in METRICS:
-        cells = [_number(name, metric(f, name)) for f in holds.values()]
+        cells = [number_words(name, metric(f, name)) for f in holds.values()]
         rows.append((WORDS[name], *cells))
     if several:
         shares = {
@@ -202,7 +204,7 @@ def _exposures(flights: Flights) -> list[tuple[str, ...]]:
     model, rows = flights.vehicle.model, []
     for name in EXPOSURES:
         held = flights.holds.values()
-        rows.append((WORDS[name], *(_number(name, metric(f, name)) for f in held)))
+        rows.append((WORDS[name], *(number_words(name, metric(f, name)) for f in held)))
         past = [past_threshold(model, f)[name] for f in held]
         cells = [
             "unknown"
@@ -238,7 +240,7 @@ def _interval(flags: np.ndarray) -> str:
     return f"{100 * np.mean(flags):.4g} % [{low:.4g} to {high:.4g} %]"
 
 
-def _number(name: str, values: ArrayLike) -> str:
+def number_words(name: str, values: ArrayLike) -> str:
     """Return a number with its unit, or the quantiles of several."""
     known = np.asarray(values)
     if not known.ndim:
@@ -555,14 +557,14 @@ def flights_csv(flights: Flights) -> str:
         columns += [flown.metrics.settled, flown.metrics.crashed, flown.lost]
         rows = zip(*map(np.asarray, columns), strict=True)
         for lane, row in enumerate(rows):
-            table.append([str(lane), hold, *map(_field, row)])
+            cells = (
+                ("true" if value else "false")
+                if isinstance(value, np.bool_)
+                else f"{value:.9g}"
+                for value in row
+            )
+            table.append([str(lane), hold, *cells])
     return comma_separated(table)
-
-
-def _field(value: Any) -> str:
-    if isinstance(value, np.bool_):
-        return "true" if value else "false"
-    return f"{value:.9g}"
 
 
 def _outcome(model: str, flown: Flown) -> Outcome:

@@ -6,7 +6,8 @@ take constant memory and do not depend on the size of the chunks.
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +24,11 @@ from jblast.report.words import (
     law_words,
     printed_number,
 )
-from jblast.results import plain
+from jblast.results import ABSENT, AMONG, Document
 from jblast.scene import Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import clipping
-from jblast.sensors.listening import Listening, instrument_of, samples_of
+from jblast.sensors.listening import Listening, Truth, instrument_of, samples_of
 
 MAX_LINES = 20
 """Largest number of printed sensors, half a screen; truth.csv has all of them."""
@@ -118,6 +119,7 @@ class SensorRecord:
         """Yield the packets, and update envelopes, spectrogram and clipping."""
         for packet in packets:
             magnitude = np.linalg.norm(packet, axis=1)
+            # one curve a sensor: of a vector its magnitude
             signal = packet[:, 0] if packet.shape[1] == 1 else magnitude
             self.whole.push(signal, self.samples)
             if self.near is not None:
@@ -132,6 +134,7 @@ class SensorRecord:
     def _clip(self, times: Float[np.ndarray, " n"]) -> None:
         """Count clipped samples, and assign them to the last blast that arrived."""
         self.clipped_samples += times.size
+        # charges may be in any order; a sample belongs to the last arrival before it
         order = np.argsort(self._first)
         # a sample is the mean over its interval, so its front may lie inside it
         came = np.searchsorted(self._first[order], times + 1.0 / self.rate_hz)
@@ -150,9 +153,12 @@ def listening_text(
     """
     rows = [["sensor", "kind", "file", "ground", "air", "peak"]]
     for number, record in enumerate(records[:MAX_LINES]):
-        values = {name: row[number] for name, row in listening.truth.values.items()}
-        shot = int(np.nan_to_num(values["air_arrival_s"], nan=np.inf).argmin())
-        numbers = [_number(name, values[name][shot]) for name in PRINTED]
+        shot = _first_shot(listening.truth, number)
+        values = [listening.truth.values[name][number, shot] for name in PRINTED]
+        numbers = [
+            printed_number(name, value) if np.isfinite(value) else "never"
+            for name, value in zip(PRINTED, values, strict=True)
+        ]
         rows.append([record.sensor.name, record.sensor.kind, record.file, *numbers])
     lines = aligned(rows, right=(3, 4, 5))
     if len(records) > MAX_LINES:
@@ -165,14 +171,90 @@ def listening_text(
     return "\n".join(lines) + "\n"
 
 
-def _number(name: str, value: float) -> str:
-    return printed_number(name, value) if np.isfinite(value) else "never"
+@dataclass(frozen=True)
+class BlastAtSensor:
+    """A blast at a sensor.
+
+    Attributes:
+        values: The quantities of `laws`; null for a wave that does not arrive.
+        clipped: Whether a sample is clipped before the next blast arrives.
+    """
+
+    values: Mapping[str, float] = field(metadata=AMONG)
+    clipped: bool
 
 
-def listening_document(
+@dataclass(frozen=True)
+class RecordAnswer:
+    """The record of a sensor.
+
+    Attributes:
+        kind: Kind of the sensor.
+        file: Name of the file.
+        rate_hz: Sampling rate [1/s].
+        samples: Number of samples.
+        values: The quantities of `laws`, for the first blast to arrive.
+        clipped: Whether a sample is clipped.
+        clipped_samples: Number of clipped samples.
+        largest: Largest magnitude, with its unit in the key.
+        full_scale_pa: Pressure of a sample of 1 in the file of a microphone: 1 for
+            floats.
+        blasts: With several blasts, the quantities of each, by name of the charge.
+    """
+
+    kind: str
+    file: str
+    rate_hz: float
+    samples: int
+    values: Mapping[str, float] = field(metadata=AMONG)
+    clipped: bool
+    clipped_samples: int
+    largest: Mapping[str, float] = field(metadata=AMONG)
+    full_scale_pa: float | None = field(metadata=ABSENT)
+    blasts: Mapping[str, BlastAtSensor] | None = field(metadata=ABSENT)
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """The records of a scene; null for a wave that does not arrive.
+
+    Attributes:
+        seconds: Duration of each record [s].
+        laws: Law of each quantity.
+        sensors: Records by name of the sensor: `largest_overpressure_pa`,
+            `largest_wind_speed_m_s` or `largest_ground_velocity_m_s`, and the
+            quantities of `laws`, such as `air_arrival_s`, for the first blast to
+            arrive.
+        skipped: Reason why a sensor has no file, by name.
+        warnings: Positions outside a law's range, clipping, blasts outside the record.
+    """
+
+    seconds: float
+    laws: Mapping[str, str]
+    sensors: Mapping[str, RecordAnswer]
+    skipped: Mapping[str, str]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ListenAnswer(Document):
+    """The answer of `jblast listen`.
+
+    Attributes:
+        scene: The scene's file.
+        seed: Seed of all random draws.
+        recordings: The records.
+    """
+
+    scene: str
+    seed: int
+    recordings: Recordings = field(metadata=AMONG)
+
+
+def recordings_answer(
     listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return the document of `--json`; null for a blast that does not arrive.
+) -> Recordings:
+    """Return the records as a part of a document.
 
     With several blasts, the arrivals and peak of a sensor are those of its first one.
 
@@ -181,43 +263,51 @@ def listening_document(
         records: The records.
         notes: Further notes.
     """
-    return plain(
+    return Recordings(
+        listening.seconds,
+        listening.truth.laws,
         {
-            "seconds": listening.seconds,
-            "laws": listening.truth.laws,
-            "sensors": {
-                record.sensor.name: _sensor(listening, number, record)
-                for number, record in enumerate(records)
-            },
-            "skipped": listening.skipped,
-            "warnings": [*notes, *listening.notes, *warnings_of(listening, records)],
-        }
+            record.sensor.name: _record(listening.truth, number, record)
+            for number, record in enumerate(records)
+        },
+        listening.skipped,
+        (*notes, *listening.notes, *warnings_of(listening, records)),
     )
 
 
-def _sensor(listening: Listening, number: int, record: SensorRecord) -> dict[str, Any]:
-    truth = listening.truth
-    values = {name: rows[number] for name, rows in truth.values.items()}
-    shot = int(np.nan_to_num(values["air_arrival_s"], nan=np.inf).argmin())
-    document = {
-        "kind": record.sensor.kind,
-        "file": record.file,
-        "rate_hz": record.rate_hz,
-        "samples": record.samples,
-        **{name: row[shot] for name, row in values.items()},
-        "clipped": record.clipped_samples > 0,
-        "clipped_samples": record.clipped_samples,
-        f"largest_{record.column}": record.largest,
+def _record(truth: Truth, number: int, record: SensorRecord) -> RecordAnswer:
+    blasts = {
+        name: BlastAtSensor(
+            {
+                quantity: float(rows[number, n])
+                for quantity, rows in truth.values.items()
+            },
+            bool(record.clipped[n]),
+        )
+        for n, name in enumerate(truth.shots)
     }
-    if record.is_sound:
-        document["full_scale_pa"] = record.full_scale
-    if len(truth.shots) > 1:
-        document["blasts"] = {
-            name: {quantity: row[n] for quantity, row in values.items()}
-            | {"clipped": record.clipped[n]}
-            for n, name in enumerate(truth.shots)
-        }
-    return document
+    first = _first_shot(truth, number)
+    return RecordAnswer(
+        kind=record.sensor.kind,
+        file=record.file,
+        rate_hz=record.rate_hz,
+        samples=record.samples,
+        values={
+            name: float(rows[number, first]) for name, rows in truth.values.items()
+        },
+        clipped=record.clipped_samples > 0,
+        clipped_samples=record.clipped_samples,
+        largest={f"largest_{record.column}": record.largest},
+        full_scale_pa=record.full_scale if record.is_sound else None,
+        blasts=blasts if len(blasts) > 1 else None,
+    )
+
+
+def _first_shot(truth: Truth, number: int) -> int:
+    """Return the number of the blast that arrives first at a sensor."""
+    # argmin would select a NaN
+    times = truth.values["air_arrival_s"][number]
+    return int(np.nan_to_num(times, nan=np.inf).argmin())
 
 
 def warnings_of(listening: Listening, records: Sequence[SensorRecord]) -> list[str]:
@@ -288,6 +378,7 @@ class Envelope:
     ):
         self.start, self.stop, self.rate_hz = start, stop, rate_hz
         columns = max(1, min(columns, stop - start))
+        # integers: each sample is in one column, for packets of any size
         self.edges = start + (stop - start) * np.arange(columns + 1) // columns
         self.low = np.full(columns, np.nan)
         self.high = np.full(columns, np.nan)
@@ -300,8 +391,10 @@ class Envelope:
         inside = samples[begin - at : end - at]
         first = int(np.searchsorted(self.edges, begin, side="right")) - 1
         last = int(np.searchsorted(self.edges, end, side="left"))
+        # the first column may have begun in an earlier packet
         cuts = np.maximum(self.edges[first:last], begin) - begin
         low, high = self.low[first:last], self.high[first:last]
+        # fmin and fmax ignore the NaN of a column without samples so far
         np.fmin(low, np.minimum.reduceat(inside, cuts), out=low)
         np.fmax(high, np.maximum.reduceat(inside, cuts), out=high)
 
@@ -364,7 +457,12 @@ def write_samples(
             for packet in packets:
                 times = (written + np.arange(len(packet))) / rate_hz
                 rows = np.column_stack([times, packet]).tolist()
-                file.write(comma_separated(map(_cells, rows)))
+                # a time to the nanosecond, and samples with the digits of 32 bits
+                cells = (
+                    [f"{time:.9f}", *(f"{sample:.9g}" for sample in samples)]
+                    for time, *samples in rows
+                )
+                file.write(comma_separated(cells))
                 written += len(packet)
         except BaseException as error:
             # without a sample the error leaves `replacing`, and an old file stays
@@ -374,12 +472,6 @@ def write_samples(
     if broken is not None:
         raise broken
     return written
-
-
-def _cells(row: Sequence[float]) -> list[str]:
-    """Return a time to the nanosecond, and samples with the digits of 32 bits."""
-    time, *samples = row
-    return [f"{time:.9f}", *(f"{sample:.9g}" for sample in samples)]
 
 
 class Spectrogram:
@@ -392,11 +484,13 @@ class Spectrogram:
 
     def __init__(self, samples: int, rate_hz: float):
         self.rate_hz, self.samples = rate_hz, samples
+        # a power of two, for which the Fourier transform is fastest
         size = 2 ** round(math.log2(max(WINDOW_S * rate_hz, 16.0)))
         while size > max(samples, 16):
             size //= 2
         least, most = (size // overlap for overlap in reversed(OVERLAPS))
         self.size, self.step = size, max(1, least, min(most, samples // MAX_INSTANTS))
+        # the periodic window: overlapping copies have a constant sum
         self.window = np.hanning(size + 1)[:-1]
         frames = max(1, (samples - size) // self.step + 1)
         self.frames, columns = frames, min(frames, MAX_INSTANTS)
@@ -427,6 +521,7 @@ class Spectrogram:
             np.add.at(self.power, columns, power)
             np.add.at(self.count, columns, 1.0)
             self._done += frames
+        # the next window starts here, and may need samples of the next packet
         self._left = waiting[frames * self.step :]
 
     def density(self) -> Float[np.ndarray, "instant frequency"]:

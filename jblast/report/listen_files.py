@@ -53,7 +53,9 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
         quiet(axes)
         axes.grid(False)
         spectrogram = record.spectrogram
-        reference, words = _reference(record)
+        reference, words = 1.0, f"({unit_for(record.column, 1.0).symbol})²/Hz"
+        if record.kind.unit == "pa":
+            reference, words = HEARING_PA, "(20 µPa)²/Hz"
         density = spectrogram.density().T
         with np.errstate(divide="ignore"):
             level = 10.0 * np.log10(density / reference**2)
@@ -87,13 +89,6 @@ def spectrogram_figure(listening: Listening, records: Sequence[SensorRecord]) ->
         _arrivals(axes, listening, number, light=True)
     grid[-1].set_xlabel("time by the sensor's clock [s]")
     return figure
-
-
-def _reference(record: SensorRecord) -> tuple[float, str]:
-    """Return the reference of power densities, and its unit as text."""
-    if record.kind.unit == "pa":
-        return HEARING_PA, "(20 µPa)²/Hz"
-    return 1.0, f"({unit_for(record.column, 1.0).symbol})²/Hz"
 
 
 def waveform_figure(listening: Listening, records: Sequence[SensorRecord]) -> Figure:
@@ -152,7 +147,12 @@ def write_tracks(
     records = []
     for sensor in each(listening.sensors, "sensors"):
         record = SensorRecord(listening, sensor, names[sensor.name])
-        own = f"{sensor.kind} {sensor.name!r} {_standpoint(sensor)}"
+        place, directions = sensor.position_m, "east, north, up"
+        if sensor.mount:
+            place = sensor.offset_m
+            directions = f"forward, left, up from the middle of the {sensor.mount}"
+        at = ", ".join(f"{x:g}" for x in np.asarray(place).tolist())
+        own = f"{sensor.kind} {sensor.name!r} at ({at}) m {directions}"
         record.write(
             directory / record.file,
             packets(listening, sensor, packets_hz),
@@ -163,16 +163,6 @@ def write_tracks(
     return records
 
 
-def _standpoint(sensor: Sensor) -> str:
-    """Return the position of a sensor, as text."""
-    place, axes = sensor.position_m, "east, north, up"
-    if sensor.mount:
-        place = sensor.offset_m
-        axes = f"forward, left, up from the middle of the {sensor.mount}"
-    at = ", ".join(f"{x:g}" for x in np.asarray(place).tolist())
-    return f"at ({at}) m {axes}"
-
-
 def write_pictures(
     listening: Listening, records: Sequence[SensorRecord], directory: Path
 ) -> list[str]:
@@ -180,12 +170,11 @@ def write_pictures(
 
     A figure that cannot be drawn is left out, with a warning.
     """
-    written = []
-    for name, draw in FIGURES.items():
-        figure = write_drawn(partial(draw, listening, records), directory / name)
-        if figure is not None:
-            written.append(name)
-    return written
+    return [
+        name
+        for name, draw in FIGURES.items()
+        if write_drawn(partial(draw, listening, records), directory / name) is not None
+    ]
 
 
 def provenance(listening: Listening, source: str, seed: int) -> list[str]:

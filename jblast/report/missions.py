@@ -6,16 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from jblast.missions.mission import geodetic
 from jblast.missions.plan import COMMANDS
 from jblast.report.flights import (
+    MET,
     BlastMet,
     EastNorthUpM,
     EstimateThrown,
     estimate_lines,
     estimates_thrown,
+    number_words,
 )
 from jblast.report.words import (
     WIDTH,
@@ -23,7 +24,6 @@ from jblast.report.words import (
     capitalised,
     parameter_words,
     printed_number,
-    significant,
 )
 from jblast.results import Document, among
 from jblast.study.missions import WATCHED_S, Disturbance, MissionFlight, Waypoint
@@ -35,10 +35,10 @@ def mission_text(flight: MissionFlight) -> str:
     lines = [*_title(flight), "", *aligned(_waypoints(flight)), ""]
     lines += aligned(_blasts(flight))
     names = [one.charge for one in flight.disturbances]
-    lines += estimate_lines([("", flight.thrown)], names, _any_number)
+    lines += estimate_lines([("", flight.thrown)], names, number_words)
     if flight.drawn:
         drawn = [
-            (parameter_words(name), _number(name, value))
+            (parameter_words(name), number_words(name, value))
             for name, value in flight.drawn.items()
         ]
         lines += ["", *aligned([("sampled, by --seed", ""), *drawn])]
@@ -71,9 +71,9 @@ def _waypoints(flight: MissionFlight) -> list[tuple[str, ...]]:
             (
                 f"{one.item.number} {COMMANDS[one.item.command].name}",
                 f"{one.time_s:.2f} s" if one.reached else "no",
-                _number("path_error_m", one.error_m),
-                _number("path_error_m", one.path_error_rms_m),
-                _number("path_error_m", one.path_error_max_m),
+                number_words("path_error_m", one.error_m),
+                number_words("path_error_m", one.path_error_rms_m),
+                number_words("path_error_m", one.path_error_max_m),
             )
         )
     return rows
@@ -93,13 +93,13 @@ def _blasts(flight: MissionFlight) -> list[tuple[str, ...]]:
         rows.append(
             (
                 one.charge or "the charge",
-                _number("arrival_s", float(came.arrival_s[n])),
+                number_words("arrival_s", float(came.arrival_s[n])),
                 to,
-                _number("distance_m", float(came.distance_m[n])),
-                _number("overpressure_pa", float(came.overpressure_pa[n])),
-                _number("path_error_m", one.error_before_m),
-                _number("path_error_m", one.peak_deviation_m),
-                _number("recovery_time_s", one.recovery_time_s),
+                number_words("distance_m", float(came.distance_m[n])),
+                number_words("overpressure_pa", float(came.overpressure_pa[n])),
+                number_words("path_error_m", one.error_before_m),
+                number_words("path_error_m", one.peak_deviation_m),
+                number_words("recovery_time_s", one.recovery_time_s),
             )
         )
     return rows
@@ -116,21 +116,6 @@ def _notes(flight: MissionFlight) -> list[str]:
     ]
     notes += [f"{capitalised(warning)}." for warning in mission_warnings(flight)]
     return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
-
-
-def _any_number(name: str, value: ArrayLike) -> str:
-    return _number(name, float(np.asarray(value)))
-
-
-def _number(name: str, value: float) -> str:
-    if math.isnan(value):
-        return "-"
-    if math.isinf(value):
-        return {"recovery_time_s": "not reached", "arrival_s": "never"}.get(name, "-")
-    # rounding of the integration: 1e-6 of any unit here is far below what matters
-    if 0 < abs(value) < 1e-6:
-        return printed_number(name, 0.0)
-    return printed_number(name, value, 4) if name else significant(value, 4)
 
 
 @dataclass(frozen=True)
@@ -247,6 +232,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
     judged = ("peak_overpressure_pa", "peak_acceleration_m_s2")
     lat, lon, alt = geodetic(mission.frame, mission.home_m).tolist()
     east, north, up = mission.home_m.tolist()
+    charges = [one.charge for one in flight.disturbances]
     return MissionAnswer(
         scene=scene,
         mission=mission.plan.source,
@@ -270,11 +256,18 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
             for one in flight.waypoints
         ),
         blasts=tuple(
-            _met(flight, n, one.charge) for n, one in enumerate(flight.disturbances)
+            BlastMet(
+                charge=charge,
+                **{name: float(getattr(flight.encounter, name)[n]) for name in MET},
+                in_range=bool(flight.encounter.in_range[n]),
+            )
+            for n, charge in enumerate(charges)
         ),
         disturbances=tuple(_through(flight, one) for one in flight.disturbances),
         estimator=options.estimator,
-        estimates=_estimates(flight),
+        estimates=()
+        if flight.thrown is None
+        else estimates_thrown(flight.thrown, charges, float),
         peak_overpressure_pa=float(flight.exposure.peak_overpressure_pa),
         peak_acceleration_m_s2=float(flight.exposure.peak_acceleration_m_s2),
         thresholds={name: limits[name] for name in judged},
@@ -307,26 +300,6 @@ def mission_warnings(flight: MissionFlight) -> list[str]:
                 f"{name} lies outside the {limit}: its load is not reliable"
             )
     return warnings
-
-
-def _met(flight: MissionFlight, n: int, name: str) -> BlastMet:
-    came = flight.encounter
-    return BlastMet(
-        charge=name,
-        arrival_s=float(came.arrival_s[n]),
-        distance_m=float(came.distance_m[n]),
-        scaled_distance=float(came.scaled_distance[n]),
-        overpressure_pa=float(came.overpressure_pa[n]),
-        in_range=bool(came.in_range[n]),
-    )
-
-
-def _estimates(flight: MissionFlight) -> tuple[EstimateThrown, ...]:
-    """Return the errors of the estimate at each blast; none with the true state."""
-    if flight.thrown is None:
-        return ()
-    names = [one.charge for one in flight.disturbances]
-    return estimates_thrown(flight.thrown, names, float)
 
 
 def _through(flight: MissionFlight, one: Disturbance) -> BlastFlownThrough:

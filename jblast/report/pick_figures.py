@@ -90,14 +90,6 @@ def write_picks(
     if len(log.observations):
         write(directory / LOG, log.observations)
         written.append(LOG)
-    pictures = _pictures(directory, found, written)
-    page = picks_page(found, pictures, lines, made, log.observations.comments)
-    write_text(directory / PAGE, page)
-    return [*written, PAGE]
-
-
-def _pictures(directory: Path, found: Gathered, written: list[str]) -> list[Figure]:
-    """Draw the records, `MAX_RECORDS` a figure, and write the figures."""
     names, pictures = found.named(), []
     firsts = range(0, len(found.picks), MAX_RECORDS)[:MAX_PICTURES]
     for number, first in enumerate(firsts, start=1):
@@ -108,7 +100,9 @@ def _pictures(directory: Path, found: Gathered, written: list[str]) -> list[Figu
         if figure is not None:
             pictures.append(figure)
             written.append(name)
-    return pictures
+    page = picks_page(found, pictures, lines, made, log.observations.comments)
+    write_text(directory / PAGE, page)
+    return [*written, PAGE]
 
 
 def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
@@ -208,6 +202,7 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
 def curves(picks: Sequence[RecordPick]) -> list[Curve]:
     """Return the curves of picks that keep their samples."""
     edges = [_edges(one) for one in picks]
+    # one shape for all picks, so that one program is compiled
     padded = np.array([np.pad(e, (0, BINS + 1 - e.size), mode="edge") for e in edges])
     start = np.array([one.record.start_s for one in picks])[:, None]
     rate = np.array([one.record.rate_hz for one in picks])[:, None]
@@ -261,6 +256,7 @@ def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
     last = int((arrival + AFTER * wave - record.start_s) * record.rate_hz) + 2
     first, last = max(first, 0), min(last, record.samples.size)
     first = max(min(first, last - 2), 0)
+    # bins of equal size are means over one axis of a reshaped array
     size = -(-(last - first) // BINS)
     return np.arange(first, last + 1, size)
 
@@ -335,15 +331,13 @@ def picks_page(
         subtitle=f"{channels} {'record' if channels == 1 else 'records'} read",
         columns=[TITLES.get(q) or capitalised(quantity_words(q)) for q in NAMES],
         rows=rows,
-        pictures=[_picture(figure) for figure in pictures],
+        pictures=[
+            {"source": picture.source, "alt": RECORDS_ALT, "width": picture.width}
+            for picture in map(picture_of, pictures)
+        ],
         caption=RECORDS_CAPTION,
         lines=lines,
         provenance=provenance_lines(made, "File"),
         comments="\n".join(comments),
         version=jblast.__version__,
     )
-
-
-def _picture(figure: Figure) -> dict[str, str | int]:
-    picture = picture_of(figure)
-    return {"source": picture.source, "alt": RECORDS_ALT, "width": picture.width}

@@ -32,13 +32,11 @@ from jblast.report.study_results import (
     LaneShares,
     StudyReportAnswer,
     Table,
-    cell_summaries,
     number_table,
     sensitivity_table,
     share_table,
     shares_of,
     study_report_answer,
-    summaries_of,
     summary_of,
     text_lines,
 )
@@ -99,12 +97,19 @@ class StudyReport:
     @cached_property
     def overall(self):
         """Each outcome over all samples."""
-        return summaries_of(self.columns)
+        return [summary_of(self.columns, lane) for lane in self.columns.lanes]
 
     @cached_property
     def cells(self):
         """Each outcome in each cell of the axes."""
-        return cell_summaries(self.columns)
+        columns = self.columns
+        if not columns.axes:
+            return []
+        return [
+            summary_of(columns, lane, mask, cell)
+            for lane in columns.lanes
+            for cell, mask in columns.cells()
+        ]
 
     @cached_property
     def shares(self):
@@ -201,14 +206,8 @@ class StudyReport:
         picture = self.pictures.get(name)
         if picture is None:
             return []
-        return [
-            {
-                "source": picture.source,
-                "alt": alt,
-                "caption": caption,
-                "width": picture.width,
-            }
-        ]
+        own = {"source": picture.source, "width": picture.width}
+        return [own | {"alt": alt, "caption": caption}]
 
 
 def write_report(report: StudyReport, directory: Path) -> None:
@@ -251,6 +250,7 @@ def share_figure(shares: Sequence[LaneShares]) -> Figure | None:
             axes.barh(place + away, value, 0.34, color=colour, alpha=0.85, label=words)
             axes.hlines(place + away, *ends, color=INK, linewidth=1.2)
         axes.set_yticks(place, of.names)
+        # barh counts from below; the first parameter belongs at the top
         axes.invert_yaxis()
         axes.set_xlim(0, max(1.0, float(of.total_interval[1].max()) * 1.05))
         axes.set_xlabel("share of the variance")
@@ -287,6 +287,7 @@ def contour_figure(columns: StudyColumns) -> Figure | None:
     assert drawn is not None, "there is a panel"
     bar = figure.colorbar(drawn, ax=list(grid.flat[: len(panels)]), shrink=0.85)
     of = f": {lanes[0].long_name or lanes[0].name}" if len(lanes) == 1 else " of yes"
+    # a long name would be cut off, as labels of colour bars are not wrapped
     bar.set_label(textwrap.fill(f"share{of}", LABEL_WIDTH), color=INK)
     bar.outline.set_visible(False)
     handles = [
@@ -352,6 +353,7 @@ def _panel(
         (shares[1], 1.0, "dashed"),
         (shares[2], 1.0, "dashed"),
     ):
+        # Matplotlib warns about a contour level outside the values
         if np.nanmin(values) < EVEN < np.nanmax(values):
             axes.contour(
                 x, y, values, [EVEN], colors=INK, linewidths=width, linestyles=style

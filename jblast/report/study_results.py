@@ -384,22 +384,6 @@ def summary_of(
     return LaneSummary(lane, cell, numbers(found | dict(named)))
 
 
-def summaries_of(columns: StudyColumns) -> list[LaneSummary]:
-    """Return each lane over all samples."""
-    return [summary_of(columns, lane) for lane in columns.lanes]
-
-
-def cell_summaries(columns: StudyColumns) -> list[LaneSummary]:
-    """Return each lane in each cell of the axes; none without axes."""
-    if not columns.axes:
-        return []
-    return [
-        summary_of(columns, lane, mask, cell)
-        for lane in columns.lanes
-        for cell, mask in columns.cells()
-    ]
-
-
 def shares_of(columns: StudyColumns) -> list[LaneShares]:
     """Return the sensitivity of the first lanes, if their samples identify it.
 

@@ -82,7 +82,11 @@ def summary_columns(
         number += 1
         if number in ends:
             lanes = _lanes(store, states)
-            course.append((_counted(lanes), _course(lanes)))
+            whole = {
+                lane.title: found_in(lane.kind, lane.state, slice(None), quantiles=())
+                for lane in lanes
+            }
+            course.append((_counted(lanes), whole))
     axes = _axes(store, summary.groups)
     lanes = () if states is None else _lanes(store, states)
     notes = [NOTE] if attributes["complete"] else [NOTE, incomplete]
@@ -108,14 +112,6 @@ def _counted(lanes: tuple[Lane, ...]) -> int:
     kinds = {"yes_no": lambda x: (x.known, x.lost)}
     parts = kinds.get(lanes[0].kind, lambda x: x.moments[:3])(lanes[0].state)
     return int(sum(np.sum(part) for part in parts))
-
-
-def _course(lanes: tuple[Lane, ...]) -> dict[str, dict[str, Any]]:
-    """Return the statistics of each lane over all cells together."""
-    return {
-        lane.title: found_in(lane.kind, lane.state, slice(None), quantiles=())
-        for lane in lanes
-    }
 
 
 def _lanes(store: Store, states: dict[str, State]) -> tuple[Lane, ...]:
@@ -155,6 +151,7 @@ def _axes(store: Store, groups: int) -> tuple[StudyAxis, ...]:
         columns[axis.key] = np.array([values[n] for values in study.cells])[cell]
     each = len(study.variants)
     for axis in study.words:
+        # variants count in mixed radix, the last axis fastest
         each //= len(axis.values)
         columns[axis.key] = (variant // each % len(axis.values)).astype(float)
     for v in store.variables:

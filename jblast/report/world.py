@@ -8,6 +8,7 @@ import numpy as np
 
 from jblast.observations import Observations
 from jblast.report.flights import EastNorthUpM, FlightsAnswer
+from jblast.report.listen import Recordings
 from jblast.report.provenance import Provenance
 from jblast.report.words import aligned, comma_separated, commented
 from jblast.results import AMONG, Document
@@ -210,7 +211,7 @@ class WorldAnswer(Document):
     not_perceived: int
     readings: int
     flight: FlightsAnswer | None
-    sound: Mapping[str, Any] | None
+    sound: Recordings | None
     imu: Mapping[str, ImuWritten] | None
     camera: FilmMade | None
     warnings: tuple[str, ...]
@@ -230,7 +231,7 @@ class WorldRun:
         flights: Flights of the vehicle; None without one.
         made: Provenance.
         flight: The answer on the flights; None without a vehicle.
-        sound: The document of the records of samples; None without any.
+        sound: The records of samples; None without any.
         imu: Record of each inertial measurement unit; None without one.
         film: Film of the camera; None without one.
         warnings: Further warnings.
@@ -245,7 +246,7 @@ class WorldRun:
     flights: Flights | None
     made: Provenance
     flight: FlightsAnswer | None = None
-    sound: dict[str, Any] | None = None
+    sound: Recordings | None = None
     imu: Mapping[str, ImuWritten] | None = None
     film: FilmMade | None = None
     warnings: list[str] = field(default_factory=list)
@@ -327,7 +328,17 @@ def world_answer(run: WorldRun) -> WorldAnswer:
 
 def warnings_of(run: WorldRun) -> list[str]:
     """Return warnings on the use of the run."""
-    warnings = [] if run.world.preset is None else preset_notes(run.world.preset)
+    warnings, preset = [], run.world.preset
+    if preset is not None:
+        warnings.append(
+            f"{preset_words(preset)} ({preset.source}); jblast fit uses the scene's "
+            "laws, which differ"
+        )
+        if preset.pressure_speed_m_s is not None:
+            warnings.append(
+                f"pressure and force travel at {preset.pressure_speed_m_s:g} m/s, the "
+                "sound by eq. 3.4: one blast arrives at two times, as in the thesis"
+            )
     warnings += run.warnings
     if not run.world.shots:
         warnings.append("no blast was sampled: no perceptions and no flight")
@@ -369,17 +380,3 @@ def perceived_csv(perceived: Sequence[Perceived], comments: Sequence[str]) -> st
 def preset_words(preset: Preset) -> str:
     """Return the mark of a run with a preset, for all that it prints and writes."""
     return f"preset {preset.name}: {MARK}"
-
-
-def preset_notes(preset: Preset) -> list[str]:
-    """Return warnings on the use of a run with a preset."""
-    notes = [
-        f"{preset_words(preset)} ({preset.source}); jblast fit uses the scene's laws, "
-        "which differ"
-    ]
-    if preset.pressure_speed_m_s is not None:
-        notes.append(
-            f"pressure and force travel at {preset.pressure_speed_m_s:g} m/s, the "
-            "sound by eq. 3.4: one blast arrives at two times, as in the thesis"
-        )
-    return notes

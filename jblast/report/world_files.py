@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from jblast.report.film_files import FilmOutputs, FilmWriter, cleared
 from jblast.report.fit.files import check_directory
 from jblast.report.flight_files import flight_csv
 from jblast.report.flights import flights_answer
-from jblast.report.listen import listening_document
+from jblast.report.listen import Recordings, recordings_answer
 from jblast.report.listen_files import provenance, write_tracks
 from jblast.report.provenance import provenance_of
 from jblast.report.words import comma_separated, commented
@@ -134,15 +133,16 @@ def run_world(
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         # tables of an earlier run next to new ones would mislead
-        for name in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN):
-            (directory / name).unlink(missing_ok=True)
-        clear_imus(directory)
+        stale = [directory / n for n in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN)]
+        for file in (*stale, *directory.glob("imu*.csv")):
+            file.unlink(missing_ok=True)
     save_text(blasts_csv(world, head), directory / BLASTS)
     begin("flying")
     flights = flown(world, seconds)
     tracks, flight, answer = {}, None, None
     if flights is not None:
-        flight = flight_of(flights)
+        # the scene's controller, or that with integral action
+        flight = trajectory_of(flights, next(iter(flights.holds)))
         tracks = tracks_of(world.scene, flight)
         save_text(flight_csv(flights), directory / FLIGHT)
         answer = flights_answer(flights, scene=source, seed=seed)
@@ -166,7 +166,7 @@ def run_world(
     readings = joined(readings, jolts)
     if sound is not None and by_samples:
         recordings = _recordings(sound, by_samples, directory / SOUND)
-        found = picked_readings(world, arrivals, recordings, sound["seconds"])
+        found = picked_readings(world, arrivals, recordings, sound.seconds)
         readings = joined(readings, found.readings)
         missed += found.missed
     notes += [*straight, *_missed_words(missed)]
@@ -217,14 +217,14 @@ def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
 
 
 def _recordings(
-    sound: Mapping[str, Any], sensors: Sequence[Sensor], directory: Path
+    sound: Recordings, sensors: Sequence[Sensor], directory: Path
 ) -> dict[str, Recording]:
     """Open the files of sensors whose readings are picked."""
     recordings = {}
     for sensor in sensors:
-        entry = sound["sensors"][sensor.name]
-        scaling = Scaling(entry.get("full_scale_pa"), None)
-        (recordings[sensor.name],) = open_record(directory / entry["file"], scaling)
+        entry = sound.sensors[sensor.name]
+        scaling = Scaling(entry.full_scale_pa, None)
+        (recordings[sensor.name],) = open_record(directory / entry.file, scaling)
     return recordings
 
 
@@ -247,11 +247,8 @@ def flown(world: DrawnWorld, seconds: float) -> Flights | None:
     padded = UncertainScene(with_nevers(world.scene), source=world.source)
     by = "laws" if world.preset is None else world.preset.load
     flights = fly(padded, Options(seconds=seconds, load=by), seed=world.seed)
-    return _of_first(flights, len(world.scene.charges))
-
-
-def _of_first(flights: Flights, count: int) -> Flights:
-    """Return flights with the first charges only; the remaining ones are padding."""
+    # `with_nevers` pads the charges, so that one program serves several counts
+    count = len(world.scene.charges)
     holds = {
         name: replace(
             hold, encounter=Encounter(*(x[..., :count] for x in hold.encounter))
@@ -262,17 +259,12 @@ def _of_first(flights: Flights, count: int) -> Flights:
     return replace(flights, blasts=blasts, places_m=places, holds=holds)
 
 
-def flight_of(flights: Flights) -> Trajectory:
-    """Return the flight with the scene's controller, or with integral action."""
-    return trajectory_of(flights, next(iter(flights.holds)))
-
-
 def listened(
     world: DrawnWorld,
     seconds: float,
     tracks: Mapping[str, Track],
     directory: Path,
-) -> dict[str, Any] | None:
+) -> Recordings | None:
     """Write the record of every sampling sensor; None without such a sensor."""
     kinds = {sensor.kind for sensor in world.scene.sensors}
     if not kinds & set(sampling_kinds()):
@@ -282,7 +274,7 @@ def listened(
     listening = plan(uncertain, world.seed, seconds, tracks, scene_of)
     comments = provenance(listening, world.source, world.seed)
     records = write_tracks(listening, directory, comments)
-    return listening_document(listening, records)
+    return recordings_answer(listening, records)
 
 
 def filmed(
@@ -363,9 +355,3 @@ def write_imus(
         if record.row_s > 1.5 / rate:
             notes.append(f"{name}: {INTERPOLATED.format(row=record.row_s)}")
     return entries or None, notes
-
-
-def clear_imus(directory: Path) -> None:
-    """Remove the tables of inertial measurement units of an earlier run."""
-    for file in directory.glob("imu*.csv"):
-        file.unlink()

@@ -176,7 +176,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         answers: Fits of the readings of each blast, if requested.
     """
     document = run.document
-    count = len(document["blasts"])
+    count, preset = len(document["blasts"]), document.get("preset")
     tables = [_blasts(document), _perceived(document)]
     tables += [_answers(answers)] if answers else []
     tables += [_recovery(document["flight"])] if document["flight"] else []
@@ -189,7 +189,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         "templates/world.html",
         title=f"{count} blast{'' if count == 1 else 's'} in {document['seconds']:g} s",
         subtitle=f"{document['scene']}, seed {document['seed']}",
-        mark=_mark(document.get("preset")),
+        mark=f"Preset {preset['name']}: {preset['mark']}." if preset else "",
         tables=tables,
         pictures=[_picture(*one) for one in shown if one[0] is not None],
         warnings=document["warnings"],
@@ -199,11 +199,6 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
             f"Scene: SHA-256 {document['scene_sha256']}",
         ],
     )
-
-
-def _mark(preset: dict[str, Any] | None) -> str:
-    """Return the mark of a run with a preset, or ""."""
-    return f"Preset {preset['name']}: {preset['mark']}." if preset else ""
 
 
 def _blasts(document: dict[str, Any]) -> Table:
@@ -253,12 +248,8 @@ def _answers(answers: Sequence[ShotAnswer]) -> Table:
 
 
 def _recovery(flight: dict[str, Any]) -> Table:
-    keys = (
-        "peak_deviation_m",
-        "peak_time_s",
-        "recovery_time_s",
-        "peak_overpressure_pa",
-    )
+    keys = ("peak_deviation_m", "peak_time_s", "recovery_time_s")
+    keys += ("peak_overpressure_pa",)
     rows = [
         [
             capitalised(name.replace("_", " ")),
@@ -283,12 +274,8 @@ def _recovery(flight: dict[str, Any]) -> Table:
 
 def _picture(figure: Figure, alt: str, caption: str) -> dict[str, Any]:
     picture = picture_of(figure)
-    return {
-        "source": picture.source,
-        "alt": alt,
-        "caption": caption,
-        "width": picture.width,
-    }
+    own = {"source": picture.source, "width": picture.width}
+    return own | {"alt": alt, "caption": caption}
 
 
 def timeline_figure(run: RunFolder) -> Figure | None:
@@ -373,6 +360,7 @@ def _events(axes: Axes, run: RunFolder) -> None:
     seconds = run.document["seconds"]
     count, edges = np.histogram(run.events_s, bins=BINS, range=(0.0, seconds))
     axes.stairs(count / np.diff(edges), edges, color=BLUE, fill=True)
+    # most bins are empty between blasts, and a logarithm has no zero
     axes.set_yscale("symlog", linthresh=100.0)
 
 
@@ -386,6 +374,7 @@ def _strip(figure: SubFigure, run: RunFolder) -> None:
     numbers = [
         int(np.searchsorted(times, burst)) + step
         for burst in bursts
+        # growing intervals, as a fireball changes fastest at first
         for step in np.unique(np.geomspace(1.0, 60.0, shown).astype(int)) - 1
     ]
     numbers = sorted({n for n in numbers if n < len(times)} or {0})[:FRAMES]
@@ -430,6 +419,7 @@ def map_figure(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer]) -> F
     label = "blast, and its mass"
     for blast in run.document["blasts"]:
         east, north, _ = blast["position_m"]
+        # lengths of a blast grow with the cube root of the mass (Hopkinson-Cranz)
         size = 5.0 + 4.0 * blast["mass_kg"] ** (1.0 / 3.0)
         axes.plot(
             *(east, north, "o"), color=VERMILLION, markersize=min(size, 24.0),
@@ -473,11 +463,13 @@ def read_run(path: str | Path) -> RunFolder:
     flight = None
     if document["flight"] is not None:
         flight = _table(path / "flight.csv")
+    sensors = (document["sound"] or {"sensors": {}})["sensors"]
+    waves = (_waveform(path / "sound", name, of) for name, of in sensors.items())
     return RunFolder(
         path,
         document,
         flight,
-        _waveforms(path / "sound", document["sound"]),
+        tuple(waves),
         *_film(path / "camera", document["camera"]),
     )
 
@@ -505,15 +497,11 @@ def _table(file: Path) -> pd.DataFrame:
     """Return a CSV table without its leading comments."""
     try:
         with file.open(encoding="utf-8") as lines:
+            # `comment="#"` of pandas would also cut cells that contain the character
             comments = next(n for n, line in enumerate(lines) if line[:1] != "#")
         return pd.read_csv(file, skiprows=comments)
     except (OSError, ValueError, StopIteration) as error:
         raise InputError(f"{file}: expected a table ({error})") from None
-
-
-def _waveforms(directory: Path, sound: dict[str, Any] | None) -> tuple[Waveform, ...]:
-    sensors = sound["sensors"] if sound else {}
-    return tuple(_waveform(directory, name, of) for name, of in sensors.items())
 
 
 def _waveform(directory: Path, name: str, entry: dict[str, Any]) -> Waveform:
@@ -530,8 +518,10 @@ def _waveform(directory: Path, name: str, entry: dict[str, Any]) -> Waveform:
     else:
         table = _table(file)
         time, samples = table["time_s"].to_numpy(), table[list(names)].to_numpy()
+        # one curve a sensor: the component with the largest range
         part = int(np.argmax(np.ptp(samples, axis=0))) if len(samples) else 0
         samples, names = samples[:, part], (names[part],)
+    # unique: a record can have fewer samples than columns
     edges = np.unique(np.linspace(0, len(samples), COLUMNS_DRAWN + 1).astype(int)[:-1])
     if not len(samples):
         return Waveform(name, names[0], *np.zeros((3, 0)))

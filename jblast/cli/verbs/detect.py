@@ -8,6 +8,7 @@ are searched for a growing flash. Exit code 3: nothing is found.
 import argparse
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -177,19 +178,19 @@ def _check(options: argparse.Namespace) -> None:
 
 def _of_sound(found: "SoundDetections") -> Answer:
     """Return the document, the text, and the function that writes files."""
-    from jblast.report.detect import detection_document, detection_text
+    from jblast.report.detect import detection_answer, detection_text
 
     searched, dead, method, log = found
-    document = detection_document(
-        searched, dead, method.keys, log.arrays if log else ()
-    )
+    arrays = log.arrays if log else ()
+    answer = detection_answer(searched, dead, method.keys, arrays)
 
     def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import write_detection
+        from jblast.report.detect_files import detection_figure, write_detection
 
-        return write_detection(folder, searched, text, log)
+        draw, rows = partial(detection_figure, searched), log and log.observations
+        return write_detection(folder, text, draw, rows, searched)
 
-    return document, detection_text(searched, dead, method.words, log), write
+    return answer.to_dict(), detection_text(searched, dead, method.words, log), write
 
 
 def _of_film(found: "FilmDetections") -> Answer:
@@ -214,9 +215,9 @@ def _of_film(found: "FilmDetections") -> Answer:
     )
 
     def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import write_flashes
+        from jblast.report.detect_files import flash_figure, write_detection
 
-        shape = found.height, found.width
-        return write_flashes(folder, seen, shape, text, found.log)
+        draw = partial(flash_figure, seen, (found.height, found.width))
+        return write_detection(folder, text, draw, found.log)
 
     return answer.to_dict(), flash_text(answer), write

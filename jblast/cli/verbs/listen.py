@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
     begin("starting")
     start_jax(quick=True)
     from jblast.report.fit.files import check_directory
-    from jblast.report.listen import listening_document, listening_text
+    from jblast.report.listen import ListenAnswer, listening_text, recordings_answer
     from jblast.report.listen_files import (
         JSON,
         TRUTH,
@@ -76,7 +76,6 @@ def run(options: argparse.Namespace) -> int:
         write_pictures,
         write_tracks,
     )
-    from jblast.results import to_json
     from jblast.scene import read_scene
     from jblast.sensors.listening import plan, with_ambient
 
@@ -87,9 +86,8 @@ def run(options: argparse.Namespace) -> int:
     begin("recording")
     with writing(options.out):
         tracks = write_tracks(listening, Path(options.out), comments, options.packets)
-    header = {"schema": 1, "scene": options.scene, "seed": options.seed}
-    document = header | listening_document(listening, tracks, notes)
-    text = to_json(document)
+    recordings = recordings_answer(listening, tracks, notes)
+    text = ListenAnswer(options.scene, options.seed, recordings).to_json()
     save_text(text, Path(options.out) / JSON)
     begin("drawing")
     pictures = write_pictures(listening, tracks, Path(options.out))

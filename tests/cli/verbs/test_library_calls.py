@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 import jblast as library
+from docs.generate import documents
 from jblast.errors import InputError
 from jblast.inference.fitting.fit_input import fit_input
 from jblast.observations import Observations, read, to_pandas
-from jblast.report.detect import detection_document
+from jblast.report.detect import detection_answer
 from jblast.report.film_files import film_outputs, write_film
 from jblast.report.fit.document import fit_document
 from jblast.report.flights import flights_answer
@@ -127,10 +129,9 @@ def test_sound_is_searched_as_by_the_command(jblast):
     found = library.detect(path, template=pulse)
     assert isinstance(found, SoundDetections)
     assert found.detected
-    same(
-        detection_document(found.searched, found.dead, found.method.keys),
-        json.loads(out),
-    )
+    document = detection_answer(found.searched, found.dead, found.method.keys).to_dict()
+    same(document, json.loads(out))
+    Draft202012Validator(documents.schema("detect")).validate(document)
 
 
 def test_the_kind_of_a_recording_is_that_of_its_suffix(tmp_path):

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import soundfile
+from jsonschema import Draft202012Validator
 
+from docs.generate import documents
 from jblast.scene import SENSOR_KINDS
 
 SCENE = """
@@ -57,6 +59,7 @@ def test_every_sensor_writes_what_the_laws_say(jblast):
     assert (code, err) == (0, ""), err
     told = json.loads(out)
     assert json.loads(jblast.text("o/listen.json")) == told
+    Draft202012Validator(documents.schema("listen")).validate(told)
     assert told["skipped"] == {"light": "kind flash writes no samples over time"}
     phone, studio, gauge = (told["sensors"][n] for n in ("phone", "studio", "gauge"))
     for sensor in (phone, studio, gauge):
