@@ -228,19 +228,11 @@ def _schema_of_class(
             required += [k for k in own["required"] if k in picked and not is_optional]
         else:
             others = schema_of(value, words, names)["additionalProperties"]
-    return object_schema(properties) | {
-        "additionalProperties": others,
-        "required": required,
-    }
-
-
-def object_schema(properties: Mapping[str, Schema]) -> Schema:
-    """Return the schema of an object with these entries, all of them required."""
     return {
         "type": "object",
-        "properties": dict(properties),
-        "required": list(properties),
-        "additionalProperties": False,
+        "properties": properties,
+        "required": required,
+        "additionalProperties": others,
     }
 
 

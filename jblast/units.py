@@ -267,8 +267,12 @@ def what_to_write(foreign: str) -> str:
     the factor.
     """
     words, whole = words_of(foreign), spelt(foreign)
-    if weighted := _level_of_another_kind(whole):
-        return weighted
+    level = "expected peak_level_db, of the unweighted peak, re 20 uPa"
+    if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
+        return f"; it is a weighted or an equivalent level, not a peak: {level}"
+    # `words_of` has removed the accepted reference, so that this is another one
+    if "_db_re_" in whole:
+        return f"; it is re another pressure: {level}"
     for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
         word = "_".join(words[:-length]).lower()
         meant = unit_spelt("_".join(words[-length:]))
@@ -384,14 +388,6 @@ def unit_spelt(suffix: str) -> tuple[Unit, ...]:
         for dimension, suffixes in SUFFIXES.items()
         if "_".join(reading) in suffixes
     )
-
-
-def _level_of_another_kind(whole: str) -> str:
-    """Return advice for a weighted level, or one with another reference."""
-    expected = "expected peak_level_db, of the unweighted peak, re 20 uPa"
-    if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
-        return f"; it is a weighted or an equivalent level, not a peak: {expected}"
-    return f"; it is re another pressure: {expected}" if "_db_re_" in whole else ""
 
 
 def _no_unit(ending: str, ours: str, dimension: str) -> str:

@@ -38,7 +38,12 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
     atexit.register(gc.freeze)
 
     if quick:
-        _compile_quickly()
+        release = ".".join(version("jaxlib").split(".")[:2])
+        quick_flags = f"{QUICK.get(release, '')} {UNOPTIMISED}".strip()
+        flags = os.environ.get("XLA_FLAGS", "")
+        # XLA takes the last of two equal flags, so that those of the user prevail
+        if quick_flags not in flags:
+            os.environ["XLA_FLAGS"] = f"{quick_flags} {flags}".strip()
     import jax
 
     if all_cores:
@@ -59,12 +64,3 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
     write_cache_atomically()
     if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
         keep_in(folder)
-
-
-def _compile_quickly() -> None:
-    """Set flags of XLA for little optimisation; flags of the user take precedence."""
-    release = ".".join(version("jaxlib").split(".")[:2])
-    quick_flags = f"{QUICK.get(release, '')} {UNOPTIMISED}".strip()
-    flags = os.environ.get("XLA_FLAGS", "")
-    if quick_flags not in flags:
-        os.environ["XLA_FLAGS"] = f"{quick_flags} {flags}".strip()

@@ -385,8 +385,9 @@ def stops_of(
         at = stops[-1].goal_m
         ended = item.command in (LAND, RETURN, LOITER)
     if not ended:
-        last = stops[-1]
-        stops.append(unlimited_stop(last))
+        stops.append(
+            replace(stops[-1], hold_s=math.inf, stops=False, turns=0.0, lands=False)
+        )
     if not may_hover_on and not stops[-1].lands:
         raise InputError(
             f"{where}: expected a landing (21) or a return (20) at the end, or a "
@@ -628,11 +629,6 @@ def _table(rows: Sequence[dict]) -> Legs:
         name: np.array([row[name] for row in whole]) for name in FIELDS
     }
     return Legs(**columns)
-
-
-def unlimited_stop(stop: Stop) -> Stop:
-    """Return a stop at the same position without an end."""
-    return replace(stop, hold_s=math.inf, stops=False, turns=0.0, lands=False)
 
 
 def stops_for(

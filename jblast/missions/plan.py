@@ -400,7 +400,13 @@ def read_ground_control(text: str, source: str) -> Plan:
         hover_speed_m_s=None if speed is None else float(speed),
         firmware=firmware if type(firmware) is int else 12,
         source=source,
-        not_flown=tuple(_not_flown(document)),
+        not_flown=tuple(
+            f"{name}: {words}"
+            for name, (lists, words) in PARTS.items()
+            if isinstance(part := document.get(name), dict)
+            # QGroundControl writes both parts into every plan, mostly with empty lists
+            and any(part.get(each) for each in lists)
+        ),
         rest=document,
     )
 
@@ -492,16 +498,6 @@ def _is_number(value: Any, above: float = float("-inf")) -> bool:
     """Return whether a value is a finite number of a plausible size."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return is_number and abs(value) < 1e9 and value > above
-
-
-def _not_flown(document: dict[str, Any]) -> list[str]:
-    """Return descriptions of the plan's ignored parts."""
-    found = []
-    for name, (lists, words) in PARTS.items():
-        part = document.get(name)
-        if isinstance(part, dict) and any(part.get(each) for each in lists):
-            found.append(f"{name}: {words}")
-    return found
 
 
 def checked_item(

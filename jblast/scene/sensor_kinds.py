@@ -141,11 +141,6 @@ def own_keys() -> tuple[str, ...]:
     return tuple(dict.fromkeys(every))
 
 
-def has_key(kind: SensorKind, key: str) -> bool:
-    """Return whether a key is one of a kind's own."""
-    return any(one.name == key for one in kind.keys)
-
-
 def hears_ambient(kind: str) -> bool:
     """Return whether a kind's samples contain ambient sound; True without a kind."""
     return kind not in SENSOR_KINDS or SENSOR_KINDS[kind].hears_ambient

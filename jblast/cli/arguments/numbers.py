@@ -222,7 +222,8 @@ def measured(dimension: str, example: str) -> Callable[[str], float]:
         if "," in text:
             raise ArgumentTypeError(f"expected a decimal point, got {shown(text)}")
         found = NUMBER_AND_UNIT.fullmatch(text.strip())
-        if found is None or _is_number(text):
+        # `float` reads 1_000, which the pattern would split into 1 and a unit _000
+        if found is None or not math.isnan(_number_or_nan(text)):
             return number(text)
         digits, unit = found.groups()
         return number(digits) * _factor(unit, dimension, example)
@@ -241,14 +242,6 @@ def measured_positive(dimension: str, example: str) -> Callable[[str], float]:
         return value
 
     return positive_in_si
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _factor(unit: str, dimension: str, example: str) -> float:

@@ -183,7 +183,13 @@ def run(options: argparse.Namespace) -> int:
     quantity, law = selection(options)
     if options.plot:
         check_figure("--plot", options.plot, force=options.force)
-        check_plot(question)
+        # a figure against range has one curve a law, so that several masses do not fit
+        if not question.quantity and len(question.charge_mass) != 1:
+            raise InputError(
+                "--plot: expected one --mass and --range, got "
+                f"{len(question.charge_mass)} masses; the figure has all laws against "
+                "range"
+            )
     answer = _roots if question.quantity else _forward
     text, recommended = answer(options, question, quantity, law)
     if options.plot:
@@ -292,19 +298,6 @@ def question_of(options: argparse.Namespace) -> "Question":
     )
     _check_rows(question, measured)
     return with_burst(question)
-
-
-def check_plot(question: "Question") -> None:
-    """Check that the answer is a curve against range.
-
-    Raises:
-        InputError: The answer is no such curve.
-    """
-    if not question.quantity and len(question.charge_mass) != 1:
-        raise InputError(
-            f"--plot: expected one --mass and --range, got {len(question.charge_mass)} "
-            "masses; the figure has all laws against range"
-        )
 
 
 def check_roots(question: "Question", found: "dict[str, Roots]") -> None:

@@ -110,6 +110,7 @@ def run(options: argparse.Namespace) -> int:
     """Search, write, print; return the exit code."""
     from jblast.signals.detect_files import (
         SoundDetections,
+        check_target,
         detect,
         recording_kind,
     )
@@ -125,7 +126,17 @@ def run(options: argparse.Namespace) -> int:
     of_film = {"fps": options.fps, "scene": options.scene}
     kind = recording_kind(options.recordings, of_sound, of_film)
     if kind == "sound":
-        _check(options)
+        # `detect` checks the same, but after the output folder is made and JAX started
+        check_target(
+            options.template,
+            options.charge,
+            options.range,
+            blast_form=options.blast_form,
+        )
+        if options.positions and not options.out:
+            raise InputError(
+                "--positions: expected --out to write the log to, got none"
+            )
     if options.out:
         from jblast.report.fit.files import check_directory
 
@@ -158,21 +169,6 @@ def run(options: argparse.Namespace) -> int:
             scene = free if is_sound else f"--scene {options.scene}"
             sys.stdout.write(f"Fit it with: jblast fit {log} {scene}\n")
     return 0 if found.detected else NOT_FOUND
-
-
-def _check(options: argparse.Namespace) -> None:
-    """Check that the options agree with one another.
-
-    Raises:
-        InputError: The options contradict one another.
-    """
-    from jblast.signals.detect_files import check_target
-
-    check_target(
-        options.template, options.charge, options.range, blast_form=options.blast_form
-    )
-    if options.positions and not options.out:
-        raise InputError("--positions: expected --out to write the log to, got none")
 
 
 def _of_sound(found: "SoundDetections") -> Answer:

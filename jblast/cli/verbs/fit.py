@@ -6,7 +6,6 @@ With --positions the files are pressure records, which are picked first.
 import argparse
 import os
 import sys
-from collections.abc import Sequence
 
 from jblast.cli.arguments.logs import (
     WALK,
@@ -110,9 +109,9 @@ def run(options: argparse.Namespace) -> int:
     shares = {"starting": 3.0, "reading": picking, "fitting": 9.0}
     begin = stages(shares | ({"writing": 3.0} if options.out else {}))
     begin("starting")
+    size = sum(os.path.getsize(f) for f in options.observations if os.path.isfile(f))
     start_jax(
-        quick=options.posterior in ("weighted", "laplace")
-        and _is_small(options.observations)
+        quick=options.posterior in ("weighted", "laplace") and size < SMALL_LOGS_BYTES
     )
     from pathlib import Path
 
@@ -190,14 +189,6 @@ def run(options: argparse.Namespace) -> int:
     if not options.json:
         sys.stdout.write(summary(answer, out=out, verbose=options.verbose) + "\n")
     return answer.exit_code
-
-
-def _is_small(files: Sequence[str]) -> bool:
-    """Return whether a fit of logs compiles for longer than it runs."""
-    return (
-        sum(os.path.getsize(file) for file in files if os.path.isfile(file))
-        < SMALL_LOGS_BYTES
-    )
 
 
 def _many(answers, picks, out, made_of, options: argparse.Namespace) -> int:

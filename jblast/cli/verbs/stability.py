@@ -59,19 +59,15 @@ def run(options: argparse.Namespace) -> int:
         begin(area)
         modes[area] = failure_modes_of(area)
     if options.out:
-        _write(Path(options.out), modes)
+        from jblast.report.stability import stability_csv, stability_markdown
+        from jblast.report.stability_figures import stability_figure
+
+        table, page, picture = (Path(options.out) / name for name in FILES)
+        save_text(stability_csv(modes), table)
+        save_text(stability_markdown(modes), page)
+        save_figure(stability_figure(modes), picture)
     answer = StabilityAnswer(modes)
     sys.stdout.write(answer.to_json() if options.json else stability_text(modes))
     if options.out and not options.json:
         sys.stdout.write(f"\nWritten: {options.out}, {', '.join(FILES)}\n")
     return 0
-
-
-def _write(directory: Path, modes) -> None:
-    from jblast.report.stability import stability_csv, stability_markdown
-    from jblast.report.stability_figures import stability_figure
-
-    table, page, picture = (directory / name for name in FILES)
-    save_text(stability_csv(modes), table)
-    save_text(stability_markdown(modes), page)
-    save_figure(stability_figure(modes), picture)

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jblast.errors import InputError, shown
 from jblast.scene.random_blasts import (
@@ -163,21 +162,15 @@ def _region(region: dict[str, Any], where: str) -> Box | Ring:
         fixed_list(corner, f"{where}[{n}]", LISTS["position_m"])
         for n, corner in enumerate(corners)
     )
-    _check_box(low, high, where, corners)
-    return Box(low, high)
-
-
-def _check_box(
-    low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"], where: str, got: Any
-) -> None:
     for axis, (least, most) in enumerate(zip(low, high, strict=True)):
         flat = axis == 2 and least == most  # a region of constant height is valid
         if not (least < most or flat):
             name = ("east", "north", "up")[axis]
             raise InputError(
                 f"{where}: expected a region with an extent, its first corner less "
-                f"than its second {name}, got {shown(got)}"
+                f"than its second {name}, got {shown(corners)}"
             )
+    return Box(low, high)
 
 
 def _check_times(world: WorldSpec, where: str) -> None:

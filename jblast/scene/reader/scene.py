@@ -417,7 +417,13 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     if "exposure_s" in entry:
         # The exposure of a frame ends before the next frame begins.
         interval = 1 / optional.get("frames_hz", FRAMES_HZ)
-        optional["exposure_s"] = _exposure(entry["exposure_s"], interval, where)
+        exposure = finite(entry["exposure_s"], f"{where} exposure_s")
+        if not 0 <= exposure <= interval:
+            raise InputError(
+                f"{where} exposure_s: expected between 0 and {interval:g}, the time "
+                f"from frame to frame, got {shown(entry['exposure_s'])}"
+            )
+        optional["exposure_s"] = exposure
     if (key := "daylight_lux") in entry:
         optional["daylight"] = _positive(entry[key], f"{where} {key}")
     if "threshold" in entry:
@@ -529,17 +535,6 @@ def _positive(value: Any, where: str) -> float:
     if number <= 0:
         raise InputError(f"{where}: expected a positive number, got {shown(value)}")
     return number
-
-
-def _exposure(value: Any, interval: float, where: str) -> float:
-    """Return the exposure time, at most the time between frames."""
-    exposure = finite(value, f"{where} exposure_s")
-    if not 0 <= exposure <= interval:
-        raise InputError(
-            f"{where} exposure_s: expected between 0 and {interval:g}, the time from "
-            f"frame to frame, got {shown(value)}"
-        )
-    return exposure
 
 
 def _pixels(entry: dict[str, Any], key: str, where: str) -> int:

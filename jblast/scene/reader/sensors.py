@@ -51,7 +51,6 @@ from jblast.scene.sensor_kinds import (
     SENSOR_KINDS,
     SensorKind,
     all_instrument_keys,
-    has_key,
     kind_of,
     own_keys,
     sampling_kinds,
@@ -263,17 +262,12 @@ def read_instrument(
             )
     rate = RATE_HZ
     if "rate_hz" in entry:
-        rate = _positive(entry["rate_hz"], f"{where} rate_hz")
+        rate = _number(entry["rate_hz"], True, f"{where} rate_hz")
     full_scale, noise = None, None
     if (key := f"full_scale_{unit}") in entry:
-        full_scale = _positive(entry[key], f"{where} {key}")
+        full_scale = _number(entry[key], True, f"{where} {key}")
     if (key := f"noise_{unit}") in entry:
-        noise = fixed_number(entry[key], f"{where} {key}")
-        if noise < 0:
-            raise InputError(
-                f"{where} {key}: expected a number that is not negative, "
-                f"got {shown(entry[key])}"
-            )
+        noise = _number(entry[key], False, f"{where} {key}")
     bits = _bits(entry.get("bits", "float"), f"{where} bits")
     # The quantization step is the range over 2**bits.
     if bits is not None and full_scale is None:
@@ -357,9 +351,13 @@ def read_settings(entry: dict[str, Any], kind: str, where: str) -> dict[str, flo
     shared = (*all_instrument_keys(), *(key.name for key in keys))
     for key in own_keys():
         if key in entry and key not in shared:
-            whose = (name for name, one in SENSOR_KINDS.items() if has_key(one, key))
+            whose = next(
+                name
+                for name, one in SENSOR_KINDS.items()
+                if key in [its.name for its in one.keys]
+            )
             raise InputError(
-                f'{where} {key}: expected kind = "{next(whose)}" with it, got '
+                f'{where} {key}: expected kind = "{whose}" with it, got '
                 f"{shown(kind) if kind else 'no kind'}"
             )
     if kind == "imu":  # `read_imu`
@@ -388,15 +386,6 @@ def _number(value: Any, positive: bool, where: str) -> float:
     return number
 
 
-def _positive(value: Any, where: str) -> float:
-    number = fixed_number(value, where)
-    if number <= 0:
-        raise InputError(
-            f"{where}: expected a number that is positive, got {shown(value)}"
-        )
-    return number
-
-
 def _bits(value: Any, where: str) -> int | None:
     if value == "float":
         return None
@@ -411,7 +400,7 @@ def _bits(value: Any, where: str) -> int | None:
 def _corners(value: Any, rate: float, where: str) -> tuple[float | None, float | None]:
     """Return the corner frequencies of high- and low-pass; None without a filter."""
     high_pass, low_pass = (
-        None if corner == "none" else _positive(corner, f"{where}[{index}]")
+        None if corner == "none" else _number(corner, True, f"{where}[{index}]")
         for index, corner in enumerate(number_list(value, where, LISTS["filter_hz"]))
     )
     for index, corner in enumerate((high_pass, low_pass)):
