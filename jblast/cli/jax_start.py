@@ -56,11 +56,13 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
         write_cache_atomically,
     )
 
+    # Arrivals of milliseconds on clocks of days exceed the seven digits of float32.
     jax.config.update("jax_enable_x64", True)
     folder = cache_folder()
     jax.config.update("jax_compilation_cache_dir", str(folder))
     for name, value in CACHE_SETTINGS.items():
         jax.config.update(name, value)
     write_cache_atomically()
+    # For laws that depend on something outside of their code, which is not in the key.
     if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
         keep_in(folder)

@@ -126,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
     of_film = {"fps": options.fps, "scene": options.scene}
     kind = recording_kind(options.recordings, of_sound, of_film)
     if kind == "sound":
-        # `detect` checks the same, but after the output folder is made and JAX started
+        # `detect` checks the same, but only after the seconds in which JAX starts
         check_target(
             options.template,
             options.charge,
@@ -141,6 +141,7 @@ def run(options: argparse.Namespace) -> int:
         from jblast.report.fit.files import check_directory
 
         check_directory(options.out, options.force)
+    # Pulses of laws and the camera of a scene need JAX; other searches use NumPy.
     if options.scene or (kind == "sound" and not options.template):
         from jblast.cli.jax_start import start_jax
 
@@ -165,6 +166,7 @@ def run(options: argparse.Namespace) -> int:
             sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
         if "observations.csv" in written:
             log = Path(options.out) / "observations.csv"
+            # The default scene has its charge at the origin at time 0.
             free = "--free origin_time_s,charge_east_m,charge_north_m"
             scene = free if is_sound else f"--scene {options.scene}"
             sys.stdout.write(f"Fit it with: jblast fit {log} {scene}\n")

@@ -86,12 +86,14 @@ def run(options: argparse.Namespace) -> int:
     comments = [*provenance(listening, options.scene, options.seed), *notes]
     begin("recording")
     with writing(options.out):
+        # With --packets the files grow packet by packet, in constant memory.
         tracks = write_tracks(listening, Path(options.out), comments, options.packets)
     header = {"schema": 1, "scene": options.scene, "seed": options.seed}
     document = header | listening_document(listening, tracks, notes)
     text = to_json(document)
     save_text(text, Path(options.out) / JSON)
     begin("drawing")
+    # After the JSON file: a failed figure leaves complete recordings.
     pictures = write_pictures(listening, tracks, Path(options.out))
     if options.json:
         sys.stdout.write(text)

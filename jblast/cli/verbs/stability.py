@@ -44,11 +44,13 @@ def run(options: argparse.Namespace) -> int:
     """Measure, print, and return the exit code."""
     from jblast.verification.stability.failure import AREAS, area_named
 
+    # Each area once, as it takes minutes; a wrong name is rejected before that.
     areas = list(dict.fromkeys(map(area_named, options.areas))) or list(AREAS)
     if options.out:
         check_out(Path(options.out), FILES, force=options.force)
     from jblast.cli.jax_start import start_jax
 
+    # Optimised code, as the samplers run for minutes.
     start_jax()
     from jblast.progress import stages
     from jblast.report.stability import StabilityAnswer, stability_text

@@ -121,6 +121,7 @@ def _sensor(
     carried = {}
     if mount:
         _check_mountable(kind_of(kind), records, where)
+        # A sensor without an offset is at the centre of the vehicle.
         carried = {"offset_m": np.zeros(3)} | {
             name: fixed_list(entry[key], f"{where} {key}", LISTS[key])
             for name, key in (("offset_m", "offset_m"), ("quaternion", QUATERNION))
@@ -157,6 +158,7 @@ def _times(value: Any, where: str) -> tuple[float, ...]:
     if not isinstance(value, list) or not value:
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     times = [finite(time, f"{where}[{i}]") for i, time in enumerate(value)]
+    # Rows of one sensor are distinguished by their times.
     if any(late <= early for early, late in pairwise(times)):
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     return tuple(times)
@@ -236,6 +238,7 @@ def read_instrument(
     Raises:
         InputError: As in `read_scene`.
     """
+    # Sound in the ground has no law; a geophone records its motion.
     if kind == "microphone" and position[2] < 0:
         raise InputError(
             f"{where} position_m[2]: expected a microphone on the ground or above it, "
@@ -252,6 +255,7 @@ def read_instrument(
             f"{where} {given[0]}: expected a sensor that writes samples "
             f"({', '.join(sampling_kinds())}), got kind {shown(kind)}"
         )
+    # A sensor without a kind records pressure.
     unit = "pa" if known is None else known.unit
     for key in given:
         stem = next((s for s in ("full_scale", "noise") if key.startswith(s)), None)
@@ -404,6 +408,7 @@ def _corners(value: Any, rate: float, where: str) -> tuple[float | None, float |
         for index, corner in enumerate(number_list(value, where, LISTS["filter_hz"]))
     )
     for index, corner in enumerate((high_pass, low_pass)):
+        # Above the Nyquist frequency a digital filter is not defined.
         if corner is not None and corner >= rate / 2:
             raise InputError(
                 f"{where}[{index}]: expected a corner below {rate / 2:g}, half of "
@@ -448,6 +453,7 @@ def read_records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
                 f"{other or nearest(quantity, QUANTITIES)}; "
                 f"expected one of {', '.join(QUANTITIES)}"
             )
+        # Times may be zero or negative, so that they have no relative error.
         read = _additive if quantity in ADDITIVE else _share
         pairs.append((quantity, read(sigma, quantity, f"{where} {quantity}")))
     return tuple(pairs)
@@ -472,6 +478,7 @@ def _share(sigma: Any, quantity: str, where: str) -> float:
     share_match = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
     if share_match is not None and (share := float(share_match.group(1)) / 100) > 0:
         return finite(share, where, expected)
+    # A share and an error in the unit look the same, hence both readings.
     advice = ""
     if isinstance(sigma, int | float) and not isinstance(sigma, bool) and sigma > 0:
         unit = QUANTITIES[quantity].unit
