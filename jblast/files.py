@@ -36,6 +36,7 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
         OSError: The file cannot be written; its old content is unchanged, unless it is
             written in place.
     """
+    # The target of a link: renaming onto the link would replace the link.
     target = Path(os.path.realpath(path))
     try:  # of the link's target; a circle of links is an error here
         mode = Path(path).stat().st_mode
@@ -80,9 +81,11 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 def _created(target: Path) -> Path:
     """Create and return a hidden file with a unique name next to another."""
     while True:
+        # Hidden, and without the suffix of the file: no reader of a folder takes it.
         name = f".{target.name[:NAMED_AFTER]}.{os.urandom(4).hex()}.part"
         temporary = target.with_name(name)
         try:
+            # Exclusive creation, so that two processes never share a temporary file.
             temporary.touch(exist_ok=False)
         except FileExistsError:
             continue

@@ -145,7 +145,7 @@ class Charge(Described):
         Args:
             time: On the common clock [s].
         """
-        # Before the detonation every law gives nothing.
+        # A negative time is before the detonation, and has no effect.
         return jnp.where(self.never, -1.0, time - self.as_if_at_zero().time_s)
 
     def tnt_mass(self, quantity: str) -> Float[Array, ""]:
@@ -177,8 +177,7 @@ class Explosive:
 
 
 def _by_mass(pressure: float, impulse: float, source: str = IATG) -> Explosive:
-    # A strong shock depends on the energy, for which the pressure factor is the nearest
-    # measured one.
+    # No factor of the energy is printed; that of the pressure is used.
     return Explosive(pressure, impulse, source, energy=pressure)
 
 

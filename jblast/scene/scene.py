@@ -209,6 +209,7 @@ class Scene(eqx.Module):
 
     def clock_offsets(self) -> dict[str, Float[Array, "..."]]:
         """Return the offset of every clock by name: a sensor's own, or a recorder's."""
-        # A recorder named like a sensor takes precedence; the reader rejects this case.
+        # A recorder takes precedence over a sensor of its name; the reader rejects a
+        # file with offsets of both.
         own = {sensor.name: sensor.clock_offset_s for sensor in self.sensors}
         return own | {clock.name: clock.offset_s for clock in self.clocks}

@@ -327,7 +327,7 @@ def read_place(document: dict[str, Any], source: str) -> Place | None:
     numbers = {key: fixed_number(entry[key], f"{where} {key}") for key in entry}
     for key, number in numbers.items():
         if not PLACE_LIMITS[key].allows(number):
-            # A longitude is rarely a valid latitude.
+            # A latitude out of its range is probably a longitude.
             swapped = "; are lat_deg and lon_deg swapped?" if key == "lat_deg" else ""
             expected = f"a number that is {PLACE_LIMITS[key].words()}"
             raise InputError(
