@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from jblast.lazy import lazy_face
 
+# Type checkers and editors see the names, which only exist at their first use.
 if TYPE_CHECKING:
     from jblast.discovery.law_search import discover_law as discover_law
     from jblast.fidelity import choose as choose
@@ -62,6 +63,7 @@ __all__ = [
     "simulate",
 ]
 
+# Spelled out for a fast import: a scan of the packages would import them.
 _HOMES = {
     "Charge": "jblast.scene",
     "Scene": "jblast.scene",

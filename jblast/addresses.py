@@ -22,6 +22,7 @@ def host_and_port(
     Raises:
         InputError: The text has another form, or its port is larger than `MOST_PORT`.
     """
+    # From the right, as IPv6 addresses have colons themselves.
     host, _, digits = text.rpartition(":")
     port = whole_number(digits)
     bare = host.removeprefix("[").removesuffix("]")
@@ -40,6 +41,8 @@ def is_loopback(host: str) -> bool:
     if host == "localhost":
         return True
     try:
+        # Names are not resolved, because a resolver may be slow or answer otherwise
+        # later.
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False

@@ -22,6 +22,7 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str):
+        # One line, as scripts and logs expect; file names may have line breaks.
         self._marked = " ".join(message.split())
         super().__init__(self._marked.replace(MARK, ""))
 
@@ -151,12 +152,14 @@ def decoded(
         raise InputError(
             f"{path}: line 1: expected UTF-8 text, got UTF-16; save it as UTF-8"
         )
+    # An .xlsx with the suffix .csv; its bytes would fail as text without a hint.
     if data.startswith(b"PK\x03\x04"):
         raise InputError(
             f"{path}: line 1: expected {expected}, got a zip archive "
             "(a spreadsheet's workbook?); export it as plain text"
         )
     try:
+        # With or without the mark, which spreadsheets write.
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         start = error.start + (len(data) - len(error.object))  # after the mark
@@ -165,6 +168,7 @@ def decoded(
             f"{path}: line {line}: expected UTF-8 text, got the byte "
             f"0x{data[start]:02x}; save the file as UTF-8"
         ) from None
+    # Line numbers of messages must be those of an editor.
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     controls = sorted(set(text) & _CONTROLS)
     if controls:

@@ -36,9 +36,18 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
         OSError: The file cannot be written; its old content is unchanged, unless it is
             written in place.
     """
+    # The target of a link: renaming onto the link would replace the link.
     target = Path(os.path.realpath(path))
-    mode = _mode(Path(path))
-    if mode is not None and not _is_replaceable(target, mode):
+    try:  # of the link's target; a circle of links is an error here
+        mode = Path(path).stat().st_mode
+    except FileNotFoundError:
+        mode = None
+    if mode is not None and not (
+        stat.S_ISREG(mode)
+        and os.access(target.parent, os.W_OK | os.X_OK)
+        # without write permission it is opened directly, for the system's message
+        and os.access(target, os.W_OK)
+    ):
         yield Path(path)  # not the target: the link of a pipe does not name a path
         return
     temporary = _created(target)
@@ -69,33 +78,14 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def _mode(path: Path) -> int | None:
-    """Return type and permissions of a file; None if it does not exist.
-
-    Raises:
-        OSError: Links form a circle, or a part of the path is not a folder.
-    """
-    try:
-        return path.stat().st_mode
-    except FileNotFoundError:
-        return None
-
-
-def _is_replaceable(target: Path, mode: int) -> bool:
-    """Return whether an existing file can be replaced by another.
-
-    A file without write permission is opened directly, for the system's error message.
-    """
-    folder = os.access(target.parent, os.W_OK | os.X_OK)
-    return stat.S_ISREG(mode) and folder and os.access(target, os.W_OK)
-
-
 def _created(target: Path) -> Path:
     """Create and return a hidden file with a unique name next to another."""
     while True:
+        # Hidden, and without the suffix of the file: no reader of a folder takes it.
         name = f".{target.name[:NAMED_AFTER]}.{os.urandom(4).hex()}.part"
         temporary = target.with_name(name)
         try:
+            # Exclusive creation, so that two processes never share a temporary file.
             temporary.touch(exist_ok=False)
         except FileExistsError:
             continue

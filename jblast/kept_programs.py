@@ -257,8 +257,17 @@ def _program(data: bytes, structure: Any, options: Any) -> Callable:
 
 
 def _key(function: Callable, arguments: Any) -> str:
-    """Return a key of everything that a program depends on."""
-    whole = f"{_surroundings()} {spelled(function)} {spelled(arguments)}"
+    """Return a key of everything that a program depends on.
+
+    Raises:
+        Unkept: A law from outside the package, or a part of an argument, has no lasting
+            description.
+    """
+    # Settings of JAX that change a traced program without changing its arguments.
+    settings = [getattr(jax.config, name) for name in SETTINGS]
+    foreign = sorted(f"{law.quantity} {law.name} {source_of(law)}" for law in others())
+    around = f"{_source()} {jax.default_backend()} {settings} {foreign}"
+    whole = f"{around} {spelled(function)} {spelled(arguments)}"
     return hashlib.sha256(whole.encode()).hexdigest()
 
 
@@ -308,18 +317,6 @@ def _files(root: Path) -> Iterator[str]:
         for name in sorted(names):
             if not name.endswith(".pyc"):
                 yield os.path.join(folder, name)
-
-
-def _surroundings() -> str:
-    """Return settings, versions and foreign laws that tracing depends on.
-
-    Raises:
-        Unkept: A law from outside the package has no lasting description.
-    """
-    # Settings of JAX that change a traced program without changing its arguments.
-    settings = [getattr(jax.config, name) for name in SETTINGS]
-    foreign = sorted(f"{law.quantity} {law.name} {source_of(law)}" for law in others())
-    return f"{_source()} {jax.default_backend()} {settings} {foreign}"
 
 
 class Unkept(Exception):

@@ -27,6 +27,7 @@ def lazy_face(face: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
         if name not in homes:
             raise AttributeError(f"module {face!r} has no attribute {name!r}")
         home = import_module(homes[name])
+        # A submodule is itself the value, not a name in it.
         value = home if homes[name] == f"{face}.{name}" else getattr(home, name)
         # Stored, so that `__getattr__` is called once per name.
         setattr(sys.modules[face], name, value)

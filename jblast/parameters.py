@@ -51,6 +51,7 @@ class Bounds:
     def allows(self, value):
         """Return whether a number is within the bounds, elementwise for arrays."""
         return (
+            # `|` and `&`, so that arrays are compared elementwise.
             ((value > self.above) | (self.above == -math.inf))
             & ((value >= self.at_least) | (self.at_least == -math.inf))
             & ((value <= self.at_most) | (self.at_most == math.inf))
@@ -74,6 +75,7 @@ UNBOUNDED = Bounds()
 TEMPERATURES = Bounds(at_least=150.0, at_most=400.0)
 ALTITUDES = Bounds(at_least=-500.0, at_most=11_000.0)
 WINDS = Bounds(at_least=-100.0, at_most=100.0)
+# The lowest land is 0.43 km below the sea; 100 km is the edge of the atmosphere.
 PLACE_LIMITS = {
     "lat_deg": Bounds(at_least=-90.0, at_most=90.0),
     "lon_deg": Bounds(at_least=-180.0, at_most=360.0),
@@ -205,6 +207,7 @@ _ROWS = (
         words="charge up",
         attribute="charge.position_m",
         key=Key("charge", "position_m", 2),
+        # Charges are near the ground, while sensors may be far away.
         spread=Spread(0.1, "layout"),
         decides=True,
         opening="It stood at height {}",
@@ -321,6 +324,7 @@ _ROWS = (
         key=Key("law", "sedov_gamma"),
         spread=Spread(1.05, "factor"),
         default=AIR_HEAT_CAPACITY_RATIO,
+        # At 1 the energy of the air in the strong shock would be infinite.
         bounds=Bounds(above=1.0),
     ),
     Parameter(
@@ -382,6 +386,7 @@ DERIVED_NUMBERS: dict[str, DerivedNumber] = {
 
 def described(name: str) -> Parameter | DerivedNumber | None:
     """Return the row of a number by any of its names; None if the name is unknown."""
+    # The suffix names the charge or the clock.
     base = name.partition(".")[0]
     if base == CLOCK_OFFSET:
         return CLOCK

@@ -48,6 +48,7 @@ class Listener:
 
     def over(self, depth: int, last: Level | None) -> None:
         """Remove a task after its last report, unless another one replaced it."""
+        # Compared by value: a later task may already be at this depth.
         if last is not None and self.levels[depth : depth + 1] == (last,):
             self.levels = self.levels[:depth]
 
@@ -65,6 +66,7 @@ class Listener:
     def share(self) -> float:
         """Return the finished share of the whole task."""
         share = 0.0
+        # From the innermost: each level fills the current part of the one above.
         for level in reversed(self.levels):
             share = level.through + level.current * share
         return share
@@ -107,6 +109,7 @@ def counted(total: int, what: str) -> Callable[[float | int], None]:
 
     def through(done: float | int) -> None:
         words = f"{done:,.0f} of {total:,.0f} {what}"
+        # The item in progress has one part of the total, except after the last.
         task(Level("", words, done / total, min(1.0, total - done) / total))
 
     if total > 0:

@@ -23,6 +23,7 @@ Kind = Literal[
     "displacement",
     "shape",
 ]
+# Readings of a clock include its offset; a time difference does not.
 CLOCK_KINDS = ("flash", "arrival")
 TIME_KINDS = (*CLOCK_KINDS, "time difference")
 PULSE_KINDS = ("impulse", "duration")
@@ -340,6 +341,7 @@ ADDABLE = {q.name: q.default_sigma for q in _RECORDED if q.default_sigma is not 
 def components(quantity: str) -> tuple[tuple[str, float], ...]:
     """Return pairs of a quantity with a law and a sign, whose sum is the quantity."""
     known = QUANTITIES.get(quantity)
+    # A plain quantity is its own only part, so that callers need no special case.
     return (known.parts if known else ()) or ((quantity, 1.0),)
 
 

@@ -133,6 +133,7 @@ class Law:
 
     def is_exact(self) -> bool:
         """Return whether the law has no scatter."""
+        # A scatter with arguments depends on the path, and is never zero everywhere.
         return not inspect.signature(self.scatter).parameters and not any(
             self.scatter()
         )
@@ -159,6 +160,7 @@ def reserve(law: Law) -> Law:
 
 def mark_packaged(*laws: Law) -> None:
     """Mark laws, or all registered so far, as those of the package itself."""
+    # Listed laws last, as they take precedence in `law_for`.
     marked = laws or (*RESERVED.values(), *LAWS.values())
     PACKAGED.update({(law.quantity, law.name): law for law in marked})
 
@@ -182,6 +184,7 @@ def law_for(quantity: str, name: str) -> Law:
             f"no law named {name!r} gives {quantity}; "
             f"expected one of {', '.join(names_for(quantity)) or '(none yet)'}"
         )
+    # A listed law precedes a reserved one of the same name.
     return LAWS.get((quantity, name)) or RESERVED[quantity, name]
 
 
@@ -206,6 +209,7 @@ def call(function: Callable[..., Any], path: Any) -> Any:
     Without a single curve set for the path, the height of burst selects it per
     position.
     """
+    # Laws are called by the names of their arguments, as each has another set.
     names = inspect.signature(function).parameters
     if "burst" in names and path.burst is None:
         return path.by_height(lambda way: call(function, way))

@@ -109,6 +109,7 @@ def plain(value: Any, words: Words = NO_WORDS) -> Any:
     if isinstance(value, (str, bool, int)) or value is None:
         return value
     if isinstance(value, float):
+        # `float`, as NumPy numbers are subclasses of it with another repr.
         return float(value) if math.isfinite(value) else None
     return plain(np.asarray(value).tolist(), words)
 
@@ -133,6 +134,7 @@ def to_json(document: Mapping[str, Any]) -> str:
     Raises:
         ValueError: A number is not finite.
     """
+    # NaN and infinity are no JSON; `plain` has replaced them by null.
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -142,6 +144,7 @@ def to_frame(results: Iterable[Any], words: Words = NO_WORDS) -> Any:
     Nested entries have separate columns, such as `air_arrival_s.value`. Units are in
     `frame.attrs["units"]`, by the name of the field.
     """
+    # An optional use: pandas takes long to import.
     import pandas
 
     rows = list(results)
@@ -154,6 +157,7 @@ def to_frame(results: Iterable[Any], words: Words = NO_WORDS) -> Any:
 def described(cls: type) -> dict[str, tuple[str, str]]:
     """Return description and unit of each field of a result."""
     found: dict[str, tuple[str, str]] = {}
+    # Fields of base classes first, as in the dataclass itself.
     for base in reversed(cls.__mro__[:-1]):
         _, _, listed = cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
         listed = re.split(r"\n(?=\S)", listed)[0]  # up to the next section
@@ -228,19 +232,11 @@ def _schema_of_class(
             required += [k for k in own["required"] if k in picked and not is_optional]
         else:
             others = schema_of(value, words, names)["additionalProperties"]
-    return object_schema(properties) | {
-        "additionalProperties": others,
-        "required": required,
-    }
-
-
-def object_schema(properties: Mapping[str, Schema]) -> Schema:
-    """Return the schema of an object with these entries, all of them required."""
     return {
         "type": "object",
-        "properties": dict(properties),
-        "required": list(properties),
-        "additionalProperties": False,
+        "properties": properties,
+        "required": required,
+        "additionalProperties": others,
     }
 
 

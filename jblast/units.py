@@ -243,6 +243,7 @@ def our_name(foreign: str) -> OurName | None:
     Args:
         foreign: A name that ends in a unit.
     """
+    # The longest unit first: psi_ms is no name that ends in ms.
     for word, unit in _taken_apart(foreign):
         name = _names(unit.dimension).get(word)
         if name is not None:
@@ -267,8 +268,12 @@ def what_to_write(foreign: str) -> str:
     the factor.
     """
     words, whole = words_of(foreign), spelt(foreign)
-    if weighted := _level_of_another_kind(whole):
-        return weighted
+    level = "expected peak_level_db, of the unweighted peak, re 20 uPa"
+    if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
+        return f"; it is a weighted or an equivalent level, not a peak: {level}"
+    # `words_of` has removed the accepted reference, so that this is another one
+    if "_db_re_" in whole:
+        return f"; it is re another pressure: {level}"
     for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
         word = "_".join(words[:-length]).lower()
         meant = unit_spelt("_".join(words[-length:]))
@@ -281,6 +286,7 @@ def what_to_write(foreign: str) -> str:
         ours = any(word in _names(of) for of in SUFFIXES)
         if meant and not ours and (near := _near(word, meant[0])):
             return near
+    # Absolute readings need the ambient pressure, which a log does not have.
     if words and words[-1].lower() in ABSOLUTE:
         return "; it is absolute: subtract the ambient pressure, and write gauge units"
     for dimension, suffixes in SUFFIXES.items():
@@ -376,6 +382,7 @@ def unit_spelt(suffix: str) -> tuple[Unit, ...]:
     readings = [lower]
     if lower[0] in MILLI_OR_MEGA:
         both = MILLI_OR_MEGA[lower[0]]
+        # MPa and mPa as written are distinct; any other case is ambiguous.
         kept = (words[0],) if words[0] in both else both
         readings = [[first, *lower[1:]] for first in kept]
     return tuple(
@@ -384,14 +391,6 @@ def unit_spelt(suffix: str) -> tuple[Unit, ...]:
         for dimension, suffixes in SUFFIXES.items()
         if "_".join(reading) in suffixes
     )
-
-
-def _level_of_another_kind(whole: str) -> str:
-    """Return advice for a weighted level, or one with another reference."""
-    expected = "expected peak_level_db, of the unweighted peak, re 20 uPa"
-    if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
-        return f"; it is a weighted or an equivalent level, not a peak: {expected}"
-    return f"; it is re another pressure: {expected}" if "_db_re_" in whole else ""
 
 
 def _no_unit(ending: str, ours: str, dimension: str) -> str:
@@ -487,5 +486,6 @@ def _product(factor: Decimal, texts: tuple[str, ...]) -> float:
 
 def _short(word: str) -> str:
     """Return the short name of a unit, or the word itself."""
+    # Also "ms" becomes "m", which is no full name, so that the word is returned.
     singular = word.removesuffix("s")
     return WRITTEN_OUT.get(word) or WRITTEN_OUT.get(singular) or word

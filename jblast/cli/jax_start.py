@@ -38,7 +38,12 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
     atexit.register(gc.freeze)
 
     if quick:
-        _compile_quickly()
+        release = ".".join(version("jaxlib").split(".")[:2])
+        quick_flags = f"{QUICK.get(release, '')} {UNOPTIMISED}".strip()
+        flags = os.environ.get("XLA_FLAGS", "")
+        # XLA takes the last of two equal flags, so that those of the user prevail
+        if quick_flags not in flags:
+            os.environ["XLA_FLAGS"] = f"{quick_flags} {flags}".strip()
     import jax
 
     if all_cores:
@@ -51,20 +56,13 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
         write_cache_atomically,
     )
 
+    # Arrivals of milliseconds on clocks of days exceed the seven digits of float32.
     jax.config.update("jax_enable_x64", True)
     folder = cache_folder()
     jax.config.update("jax_compilation_cache_dir", str(folder))
     for name, value in CACHE_SETTINGS.items():
         jax.config.update(name, value)
     write_cache_atomically()
+    # For laws that depend on something outside of their code, which is not in the key.
     if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
         keep_in(folder)
-
-
-def _compile_quickly() -> None:
-    """Set flags of XLA for little optimisation; flags of the user take precedence."""
-    release = ".".join(version("jaxlib").split(".")[:2])
-    quick_flags = f"{QUICK.get(release, '')} {UNOPTIMISED}".strip()
-    flags = os.environ.get("XLA_FLAGS", "")
-    if quick_flags not in flags:
-        os.environ["XLA_FLAGS"] = f"{quick_flags} {flags}".strip()

@@ -59,8 +59,10 @@ class Verb(NamedTuple):
 
 def verb_parser(verb: Verb) -> VerbParser:
     """Return the parser of one verb; no other verb is imported."""
+    # One module only: importing those of all verbs would delay each command.
     module = verb.module()
     parser = VerbParser(f"jblast {verb.name}", module.__doc__ or "", verb.example)
+    # Before the arguments of the verb, which may turn it off (`jblast serve`).
     parser.set_defaults(progress=True)
     module.add_arguments(parser)
     parser.advanced.add_argument(
@@ -83,6 +85,7 @@ def root_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     root.add_argument("--version", action="version", version=f"jblast {__version__}")
+    # The description lists the verbs by group; argparse would list them once more.
     root.add_argument("verb", metavar="VERB", help=argparse.SUPPRESS)
     return root
 
@@ -96,14 +99,18 @@ def parsed(words: Sequence[str]) -> argparse.Namespace:
             argument is missing (2).
     """
     root = root_parser()
+    # Only the first word: subparsers of argparse would need the options of all verbs,
+    # and would import every module.
     name = root.parse_args(words[:1]).verb
     verb = next((verb for verb in VERBS if verb.name == name), None)
     if verb is None:
         _refuse_verb(root, name)
+    # `parse_args` would end with a message that names no similar option.
     parser = verb_parser(verb)
     options, unknown = parser.parse_known_args(words[1:])
     if unknown:
         parser.refuse(unknown)
+    # Reports and runs store the command line that made them.
     options.words = ("jblast", *words)
     return options
 
@@ -112,6 +119,7 @@ def _refuse_verb(root: argparse.ArgumentParser, name: str) -> NoReturn:
     """Print the known verbs, with the usage of the nearest; exit 2."""
     names = [verb.name for verb in VERBS]
     close = closest(name, names)
+    # Usage of the verb that was probably meant; without one, of the root.
     parser = root if close is None else verb_parser(VERBS[names.index(close)])
     parser.print_usage(sys.stderr)
     known = ", ".join(map(repr, names))
@@ -129,7 +137,10 @@ def _group_help(group: str) -> str:
         if verb.group == group:
             lines.append(
                 textwrap.fill(
-                    f"  {verb.name:<11}{verb.help}", WIDTH, subsequent_indent=" " * 13
+                    # The longest name, stability, is followed by two blanks.
+                    f"  {verb.name:<11}{verb.help}",
+                    WIDTH,
+                    subsequent_indent=" " * 13,
                 )
             )
     return "\n".join(lines)

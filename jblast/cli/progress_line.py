@@ -48,6 +48,8 @@ class ProgressLine(Listener):
         self._last_stages: tuple[str, ...] = ()
         self._width, self._reported = 0, False
         self._times, self._shares = [0.0], [0.0]
+        # The line is shown by the working thread, by that of the clock, and by output
+        # to the terminal; `clear` is called within `show`, hence reentrant.
         self._lock = threading.RLock()
 
     def heard(self) -> None:
@@ -135,10 +137,12 @@ def printed_progress(verb: str) -> Iterator[None]:
     line, over = ProgressLine(verb, sys.stderr), threading.Event()
 
     def tick() -> None:
+        # In a thread, because a compilation makes no reports while it runs.
         while not over.wait(REFRESH_S):
             line.show()
 
     streams = sys.stdout, sys.stderr
+    # A daemon does not keep the process alive after an error.
     ticking = threading.Thread(target=tick, daemon=True)
     ticking.start()
     if sys.stderr.isatty():

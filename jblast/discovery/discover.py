@@ -109,6 +109,7 @@ def misfit(
     It is the root mean square difference, less the noise in quadrature, and infinite if
     the integration was stopped. Up to `CLOSE` the equations reproduce the record.
     """
+    # The data have noise and the integrated equations none: their variances add.
     over = np.mean((states - made) ** 2, axis=0) - noise_sd**2
     share = np.sqrt(np.maximum(over, 0.0)) / np.std(states, axis=0)
     return np.where(np.isnan(over), np.inf, share)
@@ -315,6 +316,7 @@ def discover_in(
     begin("terms")
     _check_finite(record, candidates)
     terms = integrals(record, record.sides, candidates)
+    # Of equal terms the first of the list is kept.
     distinct = ~repeated_terms(terms)
     covariances = [
         (to_left @ to_left.T).toarray() * record.noise_sd[state] ** 2
@@ -342,6 +344,7 @@ def discover_in(
         count += found
         through(member + 1)
     inclusion = count / members
+    # The vote of the ensemble decides, not the one noisy record.
     kept = inclusion > MIN_INCLUSION
     own = coefficients_of(terms, record.sides.left, kept)
     begin("uncertainty")
@@ -435,6 +438,7 @@ def basic_interval(
     Quantile p of the members is the (members + 1) p-th of them, or the smallest or
     largest if there is none: the level is `interval_level`.
     """
+    # Errors are subtracted, so that the bias of the estimate is corrected, too.
     tail = 0.5 * (1.0 - LEVEL)
     return own - np.quantile(off, (1.0 - tail, tail), axis=0, method="weibull")
 
@@ -530,6 +534,7 @@ def outside_terms(
     names = tuple(np.asarray(outside.names)[new].tolist())
     with np.errstate(over="ignore", invalid="ignore"):  # such terms are left out
         finite = np.all(np.isfinite(outside.evaluate(record.sides.columns)))
+    # With fewer windows some of these terms fits any residual by chance.
     few = WINDOWS_PER_TERM * len(names) <= len(record.windows.centre)
     if not (names and finite and few):
         return None
@@ -565,16 +570,19 @@ def held_out_skill(
     rows.
     """
     rows = len(record.time_s)
+    # Windows of a shock are in ln of the time.
     place = np.log(record.time_s) if record.relative else record.time_s
     cut, spread = record.windows, np.std(record.states, axis=0)
     squared_errors = np.zeros((3, record.states.shape[1]))
     bounds = np.linspace(0, rows, SEGMENTS + 1).astype(int)
     for first, last in pairwise(bounds):
+        # A window that touches the segment would carry its rows into the fit.
         seen = (cut.centre + cut.half <= place[first]) | (
             cut.centre - cut.half >= place[last - 1]
         )
         if not np.any(seen):
             continue
+        # Both guesses use no equation: the mean of the other rows, and a constant.
         elsewhere = np.delete(record.states, slice(first, last), axis=0).mean(axis=0)
         coefficients = find(seen)
         length = place[last - 1] - place[first]
@@ -582,6 +590,8 @@ def held_out_skill(
             1,
             min(
                 round(float(length) / (RESTART_HALF_WIDTHS * cut.half)),
+                # At least four rows between restarts, else the start alone predicts
+                # them.
                 (last - first) // 4,
             ),
         )
@@ -622,8 +632,10 @@ def residual_statistics(
         outside: Terms outside of the search.
         windows_apart: Number of windows to the next one without common rows.
     """
+    # An orthonormal basis: the residuals need no coefficients.
     base = np.linalg.qr(terms)[0] if terms.shape[1] else terms
     over = left - base @ (base.T @ left)
+    # Never 0, so that an exact fit has a finite logarithm.
     square = max(float(over @ over), np.finfo(float).tiny)
     later = over[windows_apart:]
     correlation = float(over[: len(later)] @ later) / square
@@ -654,6 +666,7 @@ def unlikely(
     if own[0] < np.log(EXACT):
         return np.ones(3)
     sd = np.maximum(np.std(members, axis=0, ddof=1), MIN_SD)
+    # The spread of the mean of the members is included: a prediction interval.
     away = (own - np.mean(members, axis=0)) / (sd * np.sqrt(1.0 + 1.0 / count))
     return student.sf(away, count - 1)
 
@@ -688,6 +701,7 @@ def flow(
     def slope(time: float, states: np.ndarray) -> np.ndarray:
         nonlocal calls
         calls += 1
+        # The inputs between rows, as in the integrals of the search.
         now = [input_at(time_s, u, np.asarray(time), held=held) for u in inputs.T]
         terms = evaluate(np.concatenate([states, np.asarray(now)])[None])
         return coefficients @ terms[0]
@@ -705,6 +719,7 @@ def flow(
             t_eval=time_s,
             events=diverged,
             rtol=TOLERANCE,
+            # States have any unit, so that the tolerance is relative to their spread.
             atol=TOLERANCE * spread,
             max_step=4.0
             * float(np.max(np.diff(time_s))),  # so that no pulse of an input is skipped

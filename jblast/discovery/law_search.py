@@ -124,6 +124,7 @@ def discover_law(
     begin = stages({"reading": 4.0, "finding": 5.0, "one degree more": 5.0})
     begin("reading")
     data = trajectory
+    # Columns in memory, as from a simulation, are not checked again.
     if not isinstance(data, TrajectoryColumns):
         data = read_trajectory(data, states, inputs)
     columns = len(data.names)
@@ -137,7 +138,9 @@ def discover_law(
 
     def find(degree: int) -> tuple[Discovery, Replay]:
         candidates, outside = (
-            polynomial(data.names, n, signed_squares=drag) for n in (degree, degree + 1)
+            # The terms of one more degree test the residuals of the search.
+            polynomial(data.names, n, signed_squares=drag)
+            for n in (degree, degree + 1)
         )
         found = discover(
             data.time_s,
@@ -200,6 +203,7 @@ def check_search(*, degree: int = DEGREE, members: int = MEMBERS) -> None:
 
 def _terms(columns: int, degree: int, drag: bool) -> int:
     """Return the number of candidates."""
+    # Monomials up to a degree: combinations with repetition, the constant included.
     return math.comb(columns + degree, degree) + columns * drag
 
 
@@ -264,11 +268,16 @@ def read_trajectory(
     split = 1 + len(chosen[0])
     names = (*chosen[0], *chosen[1])
     return TrajectoryColumns(
-        time - time[0], values[:, 1:split], values[:, split:], names
+        # From 0, so that times since 1970 do not cost digits in the spline.
+        time - time[0],
+        values[:, 1:split],
+        values[:, split:],
+        names,
     )
 
 
 def _check_header(where: str, header: Sequence[str]) -> None:
+    # As exported with a decimal comma: the numbers would be split as well.
     if len(header) == 1 and ";" in header[0]:
         raise InputError(
             f"{where}: expected columns separated by commas, got semicolons; save the "
@@ -339,6 +348,7 @@ def _numbers(
                 value = float(fields[place])
             except ValueError:
                 value = math.nan
+            # The negation also rejects NaN, as in an empty field of a logger.
             if not abs(value) < MAX_VALUE:
                 raise InputError(
                     f"{path}: line {line}: column {names[column]}: expected a number "

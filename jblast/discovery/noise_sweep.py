@@ -124,6 +124,7 @@ def noisy_states(case: Case, noise: float, seed: int) -> np.ndarray:
     """Return a record with normal noise, independent from row to row."""
     drawn = noise * np.random.default_rng(seed).standard_normal(case.states.shape)
     if case.shock:
+        # Radii are read from pictures with a relative error, and stay positive.
         return case.states * np.exp(drawn)
     return case.states + drawn * np.std(case.states, axis=0)
 
@@ -158,6 +159,8 @@ def _outcomes(case: Case, noise: float, seeds: Sequence[int]) -> list[Outcome]:
             for row, true in zip(rows, case.truth.values(), strict=True):
                 row.append((0.0, float(len(true)), 0.0, np.nan, np.nan, 0.0, 0.0, 0.0))
             continue
+        # Against the clean record: the equations are compared with the truth, not with
+        # the noise.
         again = replay(
             found, case.time_s, case.states, case.inputs, held=case.held, noise=False
         )
@@ -177,6 +180,7 @@ def _against(
     """Return exactness, missing and false terms, error and coverage."""
     terms = set(found.terms(state))
     missing, false = float(len(set(true) - terms)), float(len(terms - set(true)))
+    # Coefficients of another set of terms have no true value.
     if missing or false:
         return 0.0, missing, false, np.nan, np.nan
     place = [found.candidates.names.index(name) for name in true]
@@ -194,6 +198,7 @@ def _summary(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
         float(np.mean(exact)),
         float(np.mean(missing)),
         float(np.mean(false)),
+        # The median, as a single near miss would dominate a mean.
         float(np.nanmedian(error)) if any_exact else np.nan,
         float(np.nanmean(covered)) if any_exact else np.nan,
         *(float(np.mean(share)) for share in shares),
@@ -219,11 +224,13 @@ def drag_case() -> Case:
         body,
         _hovering(speed),
         duration_s=FLIGHT_S,
+        # Ten steps a row, so that the error of the integrator is far below the noise.
         step_s=ROWS_APART_S / 10.0,
         wind=wind,
         store_every=10,
     )
     time = np.asarray(flight.time_s)
+    # The wind again at the rows, as the input of the search.
     gust = GUST_M_S * np.sin(2.0 * np.pi * time / GUST_PERIOD_S)
     mass, turning = float(body.mass_kg), 4.0 * speed
     drag, frame = (np.asarray(body.rotor_drag), np.asarray(body.frame_drag))
@@ -246,6 +253,7 @@ def drag_case() -> Case:
                 "|U| w": -float(frame[2]) / mass,
             },
         },
+        # The next degree in the airspeed, of which the true law has no term.
         outside=Candidates(("u^3", "u^2 w", "u w^2", "w^3"), _cubes_in_air),
     )
 
@@ -305,6 +313,7 @@ def shock_case() -> Case:
 
     $$dR/dt = \tfrac{2}{5} A^{5/2} R^{-3/2}, \qquad R = A t^{2/5}$$
     """
+    # A shock slows down as a power of the time: equal ratios show each phase.
     time = np.geomspace(*SHOCK_S, SHOCK_ROWS)
     size = float(sedov_taylor_shock_radius(1.0, SHOCK_KG, 1.225, 1.4))  # after 1 s
     return Case(

@@ -101,6 +101,7 @@ def windows(time: Float[np.ndarray, " row"], half: float) -> Windows:
     bell = 1.0 - offset**2
     shape = (count, len(places))
 
+    # Sparse, as a window has only the points within its half width.
     def matrix(values: Float[np.ndarray, " entry"]) -> sparse.csr_array:
         return sparse.csr_array((values * weights[column], (row, column)), shape)
 
@@ -232,6 +233,7 @@ def shock_record(
             "shock radius: expected a smoothed radius that grows with time, got one "
             "that decreases: its noise is too large"
         )
+    # Divided by its left side, each window has an error of the same size.
     relative = sparse.diags_array(1.0 / left[:, 0])
     cut = cut._replace(
         integral=sparse.csr_array(relative @ cut.integral),

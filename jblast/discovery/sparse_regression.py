@@ -59,6 +59,7 @@ def polynomial(
         names += [f"|{name}| {name}" for name in columns]
 
     def evaluate(values: Float[np.ndarray, "place column"]) -> np.ndarray:
+        # Not by the library: its `transform` copies and checks each record.
         products = np.prod(values[:, None, :] ** powers, axis=2)
         if not signed_squares:
             return products
@@ -175,6 +176,7 @@ def grown_terms(
         threshold: Smallest share of the left side's root mean square of a term.
     """
     size = np.sqrt(np.mean(regression.terms**2, axis=0))
+    # Up to all terms: the threshold below ends the selection.
     optimizer = pysindy.FROLS(max_iter=len(size), alpha=RIDGE)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

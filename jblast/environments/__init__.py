@@ -58,6 +58,7 @@ def __getattr__(name: str) -> Any:
     try:
         return _imported(name)
     except ModuleNotFoundError as error:
+        # Other missing modules are faults of the installation, not of this extra.
         if (error.name or "").partition(".")[0] != "gymnasium":
             raise
         raise InputError(

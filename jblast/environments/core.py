@@ -168,6 +168,7 @@ def environment_params(
         command=command,
         most_delay=_max_delay(randomisation.delay_s, step_s),
     )
+    # One precision in the whole PyTree: a float64 leaf would promote float32 lanes.
     return in_precision(found, jnp.result_type(float))
 
 
@@ -214,11 +215,14 @@ def begin(
     key: PRNGKeyArray, number: Array, params: EnvironmentParams
 ) -> tuple[EnvironmentState, Float[Array, " seen"]]:
     """Begin any episode of a lane."""
+    # An episode has the key of its lane and number, so that it does not depend on the
+    # number of lanes, nor on the length of earlier episodes.
     own = jax.random.fold_in(key, number)
     episode = draw_episode(own, params)
     motion, task = TASKS[params.task].start(jax.random.fold_in(own, 2**31), params)
     zero = jnp.zeros_like(params.step_s)
     none = (zero, zero, zero)
+    # Only float32 has the compensated sums that `excess` carries.
     single = zero.dtype == jnp.float32
     now = FlightState(
         motion=motion,
@@ -268,6 +272,8 @@ def step(
 
     def add(total: Wrench, row: tuple[Array, Blasts]) -> tuple[Wrench, None]:
         pushes, blast = row
+        # A branch: most steps have no blast, and a load costs more than the step
+        # itself.
         wrench = jax.lax.cond(
             pushes,
             lambda: pushed_by(state, blast, params),
@@ -287,6 +293,8 @@ def in_blast(
     """Return whether each blast may act on a lane in its next step."""
     tick, place = tick_of(params, state), state.now.motion.position
     x, y, z = (a - b for a, b in zip(place, state.start_m, strict=True))
+    # No gradient is taken of this distance: it only selects blasts, so that the root at
+    # zero is harmless.
     off = jnp.sqrt(x * x + y * y + z * z)
     return may_push(state.windows, off, tick.start, tick.start + tick.step)
 
@@ -308,6 +316,7 @@ def pushed_by(
         tick.step,
         state.now.motion,
         vehicle_in(params, state.episode),
+        # No inactive interval is stored between steps: `in_blast` has tested this one.
         (jnp.full_like(tick.start, -jnp.inf),),
         None,
     )
@@ -387,6 +396,7 @@ def moved(
         wrench: Mean force and moment of the blasts over the step.
     """
     task = TASKS[params.task]
+    # Component by component: a stack of an action would be an array per lane.
     bad = ~reduce(jnp.logical_and, map(jnp.isfinite, action))
     dtype = params.step_s.dtype
     clipped: Action = tuple(
@@ -394,6 +404,7 @@ def moved(
     )
     flown = clipped
     if task.actions is not None:
+        # The action of such a task is no command; the controller keeps its target.
         flown = (jnp.zeros_like(params.step_s),) * COMMANDS[params.command]
     queue = (flown, *state.queue)
     late = _delayed(queue, state.episode.delay_steps)
@@ -431,6 +442,7 @@ def moved(
     diverged = ~jnp.isfinite(sum(jax.tree.leaves(now.motion)))
     lost = bad | diverged
     terminated = judged.terminated | lost
+    # Gymnasium distinguishes an end by the task from one by time, for bootstrapping.
     truncated = (after.steps >= params.episode_steps) & ~terminated
     after = after._replace(task=judged.task, ended=terminated | truncated)
     return Moved(
@@ -442,6 +454,7 @@ def moved(
         farthest_m=after.farthest_m,
         ended=after.ended,
         seen=observed(params, after),
+        # A NaN reward would spoil the mean over a batch.
         reward=jnp.where(lost, 0.0, judged.reward),
         terminated=terminated,
         truncated=truncated,
@@ -457,6 +470,7 @@ def moved(
 def _delayed(queue: tuple[Action, ...], delay: Array) -> Action:
     """Return the action that takes effect in this step."""
     found = queue[0]
+    # Selections instead of an index: the delay differs from lane to lane.
     for steps, earlier in enumerate(queue[1:], start=1):
         found = tuple(
             jnp.where(delay >= steps, old, new)

@@ -317,7 +317,9 @@ def _by_hold(
     # Limits and lead are not gains of a loop, so the random factor does not apply.
     gains = replace(gains, integral_limit=own.integral_limit, motor_lead=own.motor_lead)
     if params.command == "velocity":
+        # The target is the present position, so that the position term is zero.
         place = flown.position_m
+        # The controller damps its velocity: the desired velocity is subtracted from it.
         velocity = with_action(state.now.motion.velocity, -params.speed_m_s)
         shown = replace(flown, velocity_m_s=velocity)
     else:
@@ -343,6 +345,8 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
         params: Parameters of the environment, with priors.
     """
     one = params.randomisation
+    # All six are split at once, fixed numbers included: a new prior leaves the draws of
+    # the others unchanged.
     keys = iter(jax.random.split(jax.random.fold_in(key, VEHICLE_KEY), 6))
     dtype = params.step_s.dtype
 
@@ -418,6 +422,7 @@ def load_of(params: EnvironmentParams, wind: Vector, blast: Blasts) -> BlastLoad
     charge = Charge(
         blast.mass_kg, three(blast.position_m), blast.time_s, burst="surface"
     )
+    # The waves travel in the same wind in which the vehicle flies.
     air = replace(params.air, wind_east=east, wind_north=north)
     return blast_load(Scene(charge, air=air))
 
@@ -445,6 +450,7 @@ def tick_of(params: EnvironmentParams, state: EnvironmentState) -> Ticks:
     """Return the times of a lane's next step, as in `timetable`."""
     step = params.step_s
     start = state.steps.astype(step.dtype) * step
+    # At least two roundings of the time: in float32 1e-9 of a step is lost.
     inward = jnp.maximum(INWARD * step, 2 * jnp.finfo(step.dtype).eps * (start + step))
     return Ticks(
         stages=jnp.stack([start + inward, start + step / 2, start + step - inward]),
@@ -506,6 +512,7 @@ def may_push(
         + windows.lasts_s
     )
     inside = (end_s >= first) & (start_s <= last)
+    # The negation also holds for a NaN distance.
     return inside | ~(off_m < windows.near_m)
 
 

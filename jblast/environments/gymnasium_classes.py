@@ -77,6 +77,7 @@ class QuadrotorEnv(gymnasium.Env):
         """
         if self._state is None:
             raise InputError("step: expected a reset before it, got none")
+        # A wrong shape would broadcast or compile another program.
         taken = checked_actions(action, self.action_space.shape or ())
         found = _STEP(self._state, jnp.asarray(taken), self.params)
         self._state = found.state
@@ -211,6 +212,7 @@ def action_space(params: EnvironmentParams) -> Box:
 
 def observation_space(seen: int) -> Box:
     """Return the observation space of one lane."""
+    # No bounds: a displaced vehicle has any distance and speed.
     return Box(-np.inf, np.inf, (seen,), np.float32)
 
 

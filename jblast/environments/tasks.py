@@ -144,6 +144,7 @@ def _judge_hover(
 
 def _start_rates(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
     dtype = params.target_m.dtype
+    # Requested rates lie within the bounds of commanded ones.
     wanted = params.rate_rad_s * jax.random.uniform(key, (3,), dtype, -1.0, 1.0)
     return _at_rest(params, params.target_m), three(wanted)
 
@@ -190,6 +191,7 @@ def _guidance(params: EnvironmentParams) -> Guidance:
 def _start_mission(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
     guidance = _guidance(params)
     begun = guidance.start()
+    # Calibration and idling are skipped: an agent has nothing to learn in them.
     begun = begun._replace(phase=begun.phase + FLYING)
     return _at_rest(params, guidance.legs.start_m[0], stands=True), begun
 
@@ -203,6 +205,7 @@ def _aim_mission(
 
 
 def _observe_mission(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+    # The set point of the next step: it depends on the state after this one.
     aim, motion = _aim_mission(params, state)[0], state.now.motion
     place, speed = _error_from(motion, aim)
     goal = _guidance(params).legs.goal_m[state.task.leg] - aim.point.position_m
@@ -239,6 +242,7 @@ def _observe_detect(params: EnvironmentParams, state: EnvironmentState) -> Seen:
     place, step = jnp.stack(state.now.motion.position), params.step_s
     end = state.steps.astype(step.dtype) * step
     key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), READINGS_KEY)
+    # Noise by the number of the step: the same in any batch.
     noise = jax.random.normal(jax.random.fold_in(key, state.steps), (2,), step.dtype)
 
     def of(numbers: Blasts) -> tuple[Array, Array]:
@@ -252,7 +256,9 @@ def _observe_detect(params: EnvironmentParams, state: EnvironmentState) -> Seen:
             load.wave_of(blast, place), jnp.where(since < 0, -1.0, begins)
         )
         away = jnp.sqrt(jnp.sum(jnp.square(place - blast.position_m)))
+        # The diameter of the fireball in pixels, by the pinhole camera.
         disc = 2 * FOCAL_PX * FIREBALL_M * jnp.cbrt(blast.mass_kg) / away
+        # Light takes no time here: 100 m are 0.3 microseconds.
         flash = (blast.time_s <= end) & (blast.time_s > end - step)
         lit = EVENTS_PER_PIXEL * math.pi / 4 * jnp.square(disc)
         return load.pressure_pa * jnp.abs(share), jnp.where(flash, lit, 0.0)

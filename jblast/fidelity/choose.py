@@ -176,6 +176,8 @@ def _of_heights(
     by_height, notes = [], []
     for n, charge in enumerate(scene.charges):
         if charge.burst is None:
+            # Charges are the fastest index of the paths; only a raised one needs a
+            # choice.
             by_height += unsettled[n :: len(scene.charges)] if charge.up > 0.0 else []
             continue
         path = tnt_path(scene, replace(charge, burst=None), quantity, position)
@@ -231,6 +233,7 @@ def choose_for(
     allowed = [c for c in candidates if not (laws_only and c.method == SOLVER)]
     accurate = [c for c in allowed if c.valid and c.predicted_error <= tolerance]
     if accurate:
+        # The cheapest comes first, as candidates are sorted by cost.
         limit = ALIKE * _cost(accurate[0])
         alike = [c for c in accurate if _cost(c) <= limit]
         found = min(alike, key=lambda c: _preference(quantity, c, conditions))
@@ -353,6 +356,7 @@ def paths_in(
             free.
     """
     scene = uncertain.scene
+    # One number at a time: all combinations of the bounds would double with each.
     cases = [scene]
     for name, belief in uncertain.beliefs.items():
         if not parameter_named(name).decides:
@@ -365,6 +369,7 @@ def paths_in(
         bounds = [belief.constrain(score) for score in SCORES]
         cases += [with_values(scene, {name: bound}) for bound in bounds]
     for sensor in sensors:
+        # A charge with a range has its distance without any position.
         placed = scene.charge.range_m is not None
         if not placed and not np.isfinite(sensor.position_m).all():
             raise InputError(

@@ -270,6 +270,7 @@ def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]
         quantity: A key of `REFERENCES`.
         conditions: Conditions at every position.
     """
+    # Errors are read from tables: evaluating every law would first compile it.
     table = error_table(quantity, conditions.burst)
     z = np.asarray(conditions.z)
     with np.errstate(divide="ignore"):  # a sensor at the charge has an infinite error
@@ -288,6 +289,7 @@ def relative_errors(quantity: str, conditions: Conditions) -> dict[str, Numbers]
         ratio = ratio + per_pressure * (log_pressure - math.log(STANDARD_PRESSURE))
         for branch in REFERENCES[quantity]:
             if branch.law == method:
+                # Exactly zero: interpolation would leave an error of rounding.
                 ratio = np.where(covers(branch, z), 0.0, ratio)
         good = known & np.asarray(conditions.holds[method])
         error = np.abs(np.expm1(np.where(good, ratio, np.nan)))
@@ -442,6 +444,7 @@ def continues_reference(
     starts = [branch.start for branch in REFERENCES.get(quantity, ())]
     if not starts:
         return False
+    # A join belongs to the nearer branch, as in `covers`.
     at = np.searchsorted(starts, z, side="left") - 1
     nearest = [REFERENCES[quantity][max(int(i), 0)].lossless for i in at]
     return all(law == name for law in nearest)
@@ -626,6 +629,7 @@ jitted_conditions = kept(conditions_of)
 
 def point_source_length(burst: str) -> float:
     """Return the scaled distance Z of lambda = 1 [m/kg^(1/3)]."""
+    # A rigid ground doubles the energy, and lengths grow with its cube root.
     return LENGTH * (2.0 ** (1.0 / 3.0) if burst == "surface" else 1.0)
 
 
@@ -664,6 +668,7 @@ def solver_value(
         # Rankine-Hugoniot with gamma = 1.4
         "shock_speed_m_s": np.sqrt(1.0 + 6.0 / 7.0 * run.overpressure_ratio),
     }[quantity]
+    # In logarithms the decay is nearly straight between nodes.
     value = np.exp(np.interp(np.log(lambdas), np.log(run.scaled), np.log(given)))
     return np.where(solver_holds(z, burst), value, math.nan)
 

@@ -115,6 +115,7 @@ class Legs(eqx.Module):
         missing = count - self.count
         if missing < 0:
             raise ValueError(f"expected at least {self.count} legs, got {count}")
+        # NumPy, because padding with JAX would compile a program per number of legs.
         widths = {1: [(0, missing)], 2: [(0, missing), (0, 0)]}
         return Legs(
             *(
@@ -373,6 +374,7 @@ class _PreparedMission(eqx.Module):
         idle = jnp.where(now.phase == ARMED, idle, 0.0)
         flies = now.phase == FLYING
         speeds = jnp.where(flies, speeds, idle)
+        # The integral begins at zero with the flight: on the ground it would wind up.
         return speeds, (jnp.where(flies, gained, 0.0), after)
 
 
@@ -385,12 +387,16 @@ def as_if_at_rest(vehicle: Vehicle, gains: Gains, state: State, aim: SetPoint) -
         state: State of the vehicle.
         aim: The set point.
     """
+    # Feed-forward of the drag at the desired velocity: without it an Iris lags by 0.2 m
+    # at 5 m/s.
     drag = 4 * _hover_speed(vehicle) * vehicle.rotor_drag / vehicle.mass_kg
 
     def along(
         speed: Array, wanted: Array, gained: Array, gain: Array, pull: Array
     ) -> Array:
         lead = gained + pull * wanted
+        # Without a velocity gain there is no lead; the guarded division keeps gradients
+        # finite.
         some = gain > 0
         lead = jnp.where(some, lead / jnp.where(some, gain, 1.0), 0.0)
         return speed - wanted - lead
@@ -435,6 +441,7 @@ def point_on(
     """
     curvature = legs.curvature_per_m[leg]
     is_round = curvature > 0
+    # The input of the division is guarded: a `where` on the result has NaN gradients.
     bend = jnp.where(is_round, curvature, 1.0)
     angle = curvature * along_m
     sine, cosine = jnp.sin(angle), jnp.cos(angle)

@@ -110,6 +110,7 @@ def grid_plan(
     norths = np.linspace(-0.5, 0.5, lanes) * depth_m if lanes > 1 else np.zeros(1)
     places = []
     for n, north in enumerate(norths):
+        # Every second lane is flown backwards, so that the way between lanes is short.
         side = (0.5 if n % 2 else -0.5) * width_m
         places += [
             (centre_m[0] + side, centre_m[1] + north),
@@ -284,6 +285,7 @@ def mission_of(
                 f"{plan.home.alt_m:g} m: a mission that starts "
                 f"{'in the air' if home[2] > 0 else 'below ground'}"
             )
+        # Within the tolerance the vehicle starts on the ground.
         home[2] = 0.0
     else:
         home = np.array(position_m, float)
@@ -315,6 +317,7 @@ def planned_seconds(legs: Legs, acceleration_m_s2: float) -> float:
     ):
         # A trapezoid of speed: acceleration to `top`, cruise, and braking to `end`.
         begin = min(speed, limit)
+        # From v^2 = v0^2 + 2 a s on both flanks, which meet at the top speed.
         square = acceleration_m_s2 * length + (begin * begin + end * end) / 2
         top = max(min(limit, math.sqrt(square)), begin, end)
         if top > 0:
@@ -374,6 +377,7 @@ def stops_of(
                 f"{where}: {item.words}: expected no item after the end of the mission "
                 "(landing, return or loiter without end), got this one"
             )
+        # A change of speed holds for the following items and has no position.
         if item.command == SPEED:
             _change(speeds, item, where)
             continue
@@ -385,8 +389,9 @@ def stops_of(
         at = stops[-1].goal_m
         ended = item.command in (LAND, RETURN, LOITER)
     if not ended:
-        last = stops[-1]
-        stops.append(unlimited_stop(last))
+        stops.append(
+            replace(stops[-1], hold_s=math.inf, stops=False, turns=0.0, lands=False)
+        )
     if not may_hover_on and not stops[-1].lands:
         raise InputError(
             f"{where}: expected a landing (21) or a return (20) at the end, or a "
@@ -534,6 +539,7 @@ def _arc(
         return None
     # The product of two unit vectors can exceed 1 by rounding.
     angle = math.acos(float(np.clip(way @ onward, -1.0, 1.0)))
+    # A reversal has no arc of finite speed.
     if angle > math.pi - STRAIGHT_RAD:
         return None
     row = {"speed_m_s": min(_speed(stop, way), _speed(following, onward))}
@@ -541,11 +547,14 @@ def _arc(
     if angle < STRAIGHT_RAD:
         return {"take": 0.0, "row": row | {"length_m": 0.0}}
     tangent = math.tan(angle / 2)
+    # The largest arc is the fastest. Its distance from the corner is at most half of
+    # the acceptance radius.
     radius = min(
         0.5 * stop.acceptance_m / (1 / math.cos(angle / 2) - 1),
         # Half of a line at most, so that the arcs at both of its ends do not overlap.
         0.5 * min(length, ahead) / tangent,
     )
+    # The part of the next direction across this one points to the centre.
     inward = onward - (onward @ way) * way
     row |= {
         "inward": inward / np.linalg.norm(inward),
@@ -630,11 +639,6 @@ def _table(rows: Sequence[dict]) -> Legs:
     return Legs(**columns)
 
 
-def unlimited_stop(stop: Stop) -> Stop:
-    """Return a stop at the same position without an end."""
-    return replace(stop, hold_s=math.inf, stops=False, turns=0.0, lands=False)
-
-
 def stops_for(
     item: Item,
     n: int,
@@ -657,10 +661,12 @@ def stops_for(
     if item.command == TAKEOFF:
         up = np.array([at[0], at[1], goal[2]])
         found = [stop(up, stops=True, yaw_rad=yaw)]
+        # A take-off climbs vertically first; then the vehicle flies to its position.
         if np.hypot(*(goal - up)[:2]) > limits.acceptance_m:
             found.append(stop(goal, yaw_rad=yaw))
         return found
     if item.command == WAYPOINT:
+        # 0 stands for the default, as if the parameter were absent.
         radius = item.number_of(2) or radius
         _at_least(item, 1, 0.0, where)
         _at_least(item, 2, 0.0, where)
@@ -691,6 +697,7 @@ def stops_for(
     if high > slow + MIN_CLIMB_M:
         found.append(stop((over[0], over[1], slow), yaw_rad=yaw))
     ground = np.array([over[0], over[1], home[2]])
+    # Set speeds apply to the last metres, too, if they are lower.
     slowly = min(limits.landing_m_s, speeds["descent_m_s"])
     return [*found, stop(ground, descent_m_s=slowly, lands=True, yaw_rad=yaw)]
 

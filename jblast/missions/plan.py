@@ -129,6 +129,7 @@ class Item:
         placed = COMMANDS[self.command].placed
         if placed == "never" or lat is None or lon is None:
             return None
+        # MAVLink has 0, 0 for the present position of a take-off or landing.
         if placed == "may" and lat == 0 and lon == 0:
             return None
         return lat, lon
@@ -186,9 +187,11 @@ def ground_control_text(plan: Plan) -> str:
         "plannedHomePosition": list(plan.home),
         "items": [_entry(item) for item in plan.items],
     }
+    # MAV_TYPE 2: a quadrotor.
     mission.setdefault("vehicleType", 2)
     if plan.hover_speed_m_s is not None:
         mission["hoverSpeed"] = plan.hover_speed_m_s
+        # QGroundControl writes both; the cruise speed is that of aeroplanes.
         mission.setdefault("cruiseSpeed", plan.hover_speed_m_s)
     document = {
         "fileType": "Plan",
@@ -319,6 +322,8 @@ def read_waypoint_list(text: str, source: str) -> Plan:
             _real(fields[i], f"{at}: {FIELDS[i]}") for i in range(4, len(FIELDS) - 1)
         ]
         item = checked_item(at, number, command, frame, params, goes_on != 0)
+        # Home is the first line only, and only above the sea: a later one is a
+        # waypoint.
         if not items and home is None and (command, frame) == (WAYPOINT, GLOBAL):
             lat, lon, alt = (item.number_of(i) for i in (5, 6, 7))
             home = Place(lat, lon, alt)
@@ -370,6 +375,7 @@ def read_ground_control(text: str, source: str) -> Plan:
     """
     try:
         document = json.loads(text)
+    # RecursionError: deeply nested lists, as [[[[[[.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{source}: broken JSON: {error}") from None
     if not isinstance(document, dict):
@@ -400,7 +406,13 @@ def read_ground_control(text: str, source: str) -> Plan:
         hover_speed_m_s=None if speed is None else float(speed),
         firmware=firmware if type(firmware) is int else 12,
         source=source,
-        not_flown=tuple(_not_flown(document)),
+        not_flown=tuple(
+            f"{name}: {words}"
+            for name, (lists, words) in PARTS.items()
+            if isinstance(part := document.get(name), dict)
+            # QGroundControl writes both parts into every plan, mostly with empty lists
+            and any(part.get(each) for each in lists)
+        ),
         rest=document,
     )
 
@@ -424,6 +436,7 @@ def _item(entry: Any, place: int, source: str) -> Item:
             f"got {shown(entry.get('type'))}"
         )
     number = entry.get("doJumpId", place)
+    # `type`, because True is an int for `isinstance`.
     if type(number) is not int:
         raise InputError(
             f"{source}: item {place} doJumpId: expected a whole number, "
@@ -494,16 +507,6 @@ def _is_number(value: Any, above: float = float("-inf")) -> bool:
     return is_number and abs(value) < 1e9 and value > above
 
 
-def _not_flown(document: dict[str, Any]) -> list[str]:
-    """Return descriptions of the plan's ignored parts."""
-    found = []
-    for name, (lists, words) in PARTS.items():
-        part = document.get(name)
-        if isinstance(part, dict) and any(part.get(each) for each in lists):
-            found.append(f"{name}: {words}")
-    return found
-
-
 def checked_item(
     where: str,
     number: int,
@@ -540,6 +543,7 @@ def checked_item(
         raise InputError(f"{at}, frame: expected one of {frames}; got {got}")
     values = [_number(value, f"{at}, parameter {n}") for n, value in _counted(params)]
     for n, value in _counted(values[:4]):
+        # Ignoring a parameter would fly another mission than the one displayed.
         if value and n not in kind.used:
             raise InputError(
                 f"{at}, parameter {n}: expected 0 or nothing (no other value is "
@@ -582,6 +586,7 @@ def _check_place(item: Item, at: str) -> None:
             raise InputError(f"{at}, {name}: expected a number [degree], got nothing")
     if lat is not None and not -90.0 <= lat <= 90.0:
         swapped = ""
+        # Plausible after an exchange: then it is proposed.
         if lon is not None and abs(lon) <= 90.0 and abs(lat) <= 180.0:
             swapped = "; are latitude and longitude swapped?"
         raise InputError(
@@ -611,6 +616,7 @@ def _number(value: Any, at: str) -> float | None:
         raise InputError(f"{at}: expected a number or null, got {shown(value)}{advice}")
     try:
         number = float(value)
+    # JSON has integers of any length.
     except OverflowError:
         number = math.inf
     if math.isinf(number):

@@ -123,6 +123,7 @@ def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
         $R$; its columns are the camera's axes in the world.
     """
     x, y, z, w = q = as_float_array(quaternion)
+    # 0 * w, so that the entries have the type and tracer of the others.
     cross = jnp.array([[0 * w, -z, y], [z, 0 * w, -x], [-y, x, 0 * w]])
     turned = w * cross + cross @ cross
     return jnp.eye(3, dtype=q.dtype) + 2.0 / jnp.sum(jnp.square(q)) * turned
@@ -169,6 +170,7 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
     )
     # The row with the largest diagonal has the best relative precision.
     unit = _unit(outer[jnp.argmax(jnp.diagonal(outer))])
+    # q and -q are one rotation; the sign makes written scenes comparable.
     return jnp.where(unit[3] < 0, -unit, unit)
 
 
@@ -204,5 +206,6 @@ def look_at(
 
 def _unit(vector: Float[Array, " axis"]) -> Float[Array, " axis"]:
     """Return a vector of length one; scaled first, so that no square underflows."""
+    # The scale cancels, so that its gradient is not needed.
     scaled = vector / jax.lax.stop_gradient(jnp.max(jnp.abs(vector)))
     return scaled / jnp.sqrt(jnp.sum(jnp.square(scaled)))

@@ -136,6 +136,7 @@ class Charge(Described):
         For values that are computed before they are masked: an infinite time has NaN
         gradients, masked or not.
         """
+        # 0 * inf is NaN in a gradient, even where a mask removes the value.
         return replace(self, time_s=jnp.where(self.never, 0.0, self.time_s))
 
     def since(self, time: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -144,6 +145,7 @@ class Charge(Described):
         Args:
             time: On the common clock [s].
         """
+        # A negative time is before the detonation, and has no effect.
         return jnp.where(self.never, -1.0, time - self.as_if_at_zero().time_s)
 
     def tnt_mass(self, quantity: str) -> Float[Array, ""]:
@@ -175,6 +177,7 @@ class Explosive:
 
 
 def _by_mass(pressure: float, impulse: float, source: str = IATG) -> Explosive:
+    # No factor of the energy is printed; that of the pressure is used.
     return Explosive(pressure, impulse, source, energy=pressure)
 
 
@@ -210,6 +213,7 @@ def explosive_named(name: str, where: str) -> str:
         InputError: The name is unknown; the message lists all.
     """
 
+    # "C-4", "comp. B" and "cyclotol 60 40" are found as well.
     def plain(text: str) -> str:
         return "".join(c for c in text.lower() if c.isalnum())
 

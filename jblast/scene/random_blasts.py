@@ -18,6 +18,8 @@ COUNT = 5
 """Default number of blasts; declared."""
 Number = Float[Array, ""] | Prior
 """A number of a world: fixed, or the prior that it is sampled from."""
+# Rows of `Parameter`, so that the reader of priors and the manual treat them like the
+# numbers of a scene; they are not fitted, and stay out of `PARAMETERS`.
 WORLD_NUMBERS: dict[str, Parameter] = {
     row.key.name: row
     for row in (
@@ -152,11 +154,13 @@ class WorldSpec(eqx.Module):
     time: Number = eqx.field(
         converter=_number, default_factory=lambda: Uniform(1.0, 20.0)
     )
+    # The gap keeps the waves of two blasts apart in a record.
     gap: Number = eqx.field(converter=_number, default=WORLD_NUMBERS["gap_s"].default)
 
     @property
     def window(self) -> tuple[float, float]:
         """Interval with blasts [s]; infinite for a prior that is not uniform."""
+        # Only a uniform prior has bounds: others may give any time.
         if isinstance(self.time, Uniform):
             return float(self.time.lo), float(self.time.hi)
         if isinstance(self.time, Array):

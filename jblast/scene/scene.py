@@ -88,6 +88,7 @@ class Ambient(eqx.Module):
     loop_rate: float = eqx.field(static=True, converter=float, default=math.nan)
 
     def __check_init__(self):
+        # The loop is read later: a scene file names only the recording.
         if self.loop is None:
             return
         if self.loop.ndim != 1 or self.loop.size < 2:
@@ -203,9 +204,12 @@ class Scene(eqx.Module):
 
     def label(self, charge: Charge) -> str:
         """Return the suffix of a number's name for a charge; "" for a single one."""
+        # A single charge has plain names, also if the file names it.
         return f".{charge.name}" if self.others else ""
 
     def clock_offsets(self) -> dict[str, Float[Array, "..."]]:
         """Return the offset of every clock by name: a sensor's own, or a recorder's."""
+        # A recorder takes precedence over a sensor of its name; the reader rejects a
+        # file with offsets of both.
         own = {sensor.name: sensor.clock_offset_s for sensor in self.sensors}
         return own | {clock.name: clock.offset_s for clock in self.clocks}

@@ -32,6 +32,7 @@ Saturation = Literal["clip", "compress"]
 
 
 def _vector(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
+    # A tuple may have traced and plain numbers, as in a fit of a position.
     return as_float_array(jnp.asarray(value))
 
 
@@ -149,6 +150,7 @@ class Instrument(eqx.Module):
             raise ValueError(
                 f"bits must be {FEWEST_BITS} to {MOST_BITS}, got {self.bits}"
             )
+        # The quantization step is the range over 2**bits.
         if self.bits is not None and self.full_scale is None:
             raise ValueError(f"{self.bits} bits need a full_scale for their range")
 

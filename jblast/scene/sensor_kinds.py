@@ -120,6 +120,7 @@ class SensorKind:
 
     def samples(self) -> Recorder:
         """Import and return its recorder."""
+        # At the first use: recorders import the physics of waves.
         return resolved(self.recorder)
 
 
@@ -130,6 +131,7 @@ def sampling_kinds() -> tuple[str, ...]:
 
 def all_instrument_keys() -> tuple[str, ...]:
     """Return the keys of the instruments of all kinds."""
+    # Each unit once, in the order of the table, as messages list the keys.
     units = dict.fromkeys(kind.unit for kind in SENSOR_KINDS.values() if kind.columns)
     keys = [key.format(unit) for key in INSTRUMENT_KEYS for unit in units]
     return (*dict.fromkeys(keys), SATURATION)
@@ -141,13 +143,9 @@ def own_keys() -> tuple[str, ...]:
     return tuple(dict.fromkeys(every))
 
 
-def has_key(kind: SensorKind, key: str) -> bool:
-    """Return whether a key is one of a kind's own."""
-    return any(one.name == key for one in kind.keys)
-
-
 def hears_ambient(kind: str) -> bool:
     """Return whether a kind's samples contain ambient sound; True without a kind."""
+    # A sensor without a kind may be a microphone: it keeps its background.
     return kind not in SENSOR_KINDS or SENSOR_KINDS[kind].hears_ambient
 
 
@@ -167,6 +165,7 @@ IMU_KEYS = (
     SensorKey("bias_rad_s", "offset of the gyroscope", bounds=_NOT_NEGATIVE),
     SensorKey("bias_walk_m_s2_sqrt_s", "its random walk", bounds=_NOT_NEGATIVE),
     SensorKey("bias_walk_rad_s_sqrt_s", "its random walk", bounds=_NOT_NEGATIVE),
+    # Without bounds here: `float` is a value, too, and the reader checks both.
     SensorKey("bits", "bits of a sample"),
 )
 """Defaults are those of `scene.Imu`."""
@@ -205,6 +204,8 @@ SENSOR_KINDS = Registry[SensorKind](
         recorder="jblast.sensors.anemometer",
         magnitude="wind_speed_m_s",
         site="above",
+        # The wind at a moving sensor includes its own velocity and the rotors'
+        # downwash.
         unmounted="an anemometer, whose motion is not supported yet",
         senses=(("air_arrival_s", "wind"),),
         by_pressure=True,

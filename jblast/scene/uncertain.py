@@ -98,6 +98,7 @@ def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
     """
     names = list(uncertain.beliefs)
     values = {}
+    # At least one key, as `split` into none is an error; strict=False for that case.
     for name, key_ in zip(
         names, jax.random.split(key, max(len(names), 1)), strict=False
     ):
@@ -123,6 +124,7 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
         InputError: A name is unknown, or has no meaning in this scene.
     """
     scene = uncertain.scene
+    # A recorder of a log need not be in the scene: freeing its offset adds it.
     clocks = [n.partition(".")[2] for n in names if n.startswith(f"{CLOCK_OFFSET}.")]
     added = dict.fromkeys(c for c in clocks if c and c not in scene.clock_offsets())
     scene = replace(scene, clocks=(*scene.clocks, *map(Clock, added)))
@@ -155,6 +157,7 @@ def _check_exclusive(
     for base, parameter in PARAMETERS.items():
         one = base + dot + label
         others = tuple(o + dot + label for o in parameter.takes_the_place_of)
+        # Both would determine one number, so that a fit had a null direction.
         rivals: list[str] = []
         if name == one:
             rivals = [
@@ -212,6 +215,7 @@ def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
         lambda s: [leaf_of(s, name) for name in names],
         scene,
         [as_float_array(values[name]) for name in names],
+        # None is no leaf of a PyTree; a number that was derived can be replaced so.
         is_leaf=lambda leaf: leaf is None,
     )
 
@@ -234,6 +238,7 @@ def leaf_of(scene: Scene, name: str) -> Any:
         raise KeyError(label)
     holder: Any = scene
     if label:
+        # Attribute paths are those of a single charge.
         named = next(charge for charge in scene.charges if charge.name == label)
         holder = SimpleNamespace(charge=named)
     one = PARAMETERS[base]
@@ -257,6 +262,7 @@ class Free(eqx.Module):
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
+        # In ln a step of the search is a factor, for masses from grams to kilotonnes.
         return jnp.exp(z) if self.positive else jnp.asarray(z)
 
     def unconstrain(self, value):
@@ -315,6 +321,7 @@ class Uniform(eqx.Module):
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
+        # Near a bound the score goes to infinity, so that no step leaves the interval.
         return self.lo + (self.hi - self.lo) * ndtr(jnp.asarray(z))
 
     def unconstrain(self, value):
@@ -354,4 +361,5 @@ def _standard_normal(z):
 
 def draw(key: PRNGKeyArray, prior: Prior) -> Float[Array, ""]:
     """Sample one number from a prior."""
+    # Every prior is a standard normal in its coordinate.
     return prior.constrain(jax.random.normal(key))

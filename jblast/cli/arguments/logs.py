@@ -44,6 +44,7 @@ def each_made(
     from jblast.inference.fitting.fit_input import log_names
     from jblast.report.provenance import provenance_of
 
+    # Picked records form one log, so that every answer depends on all files.
     if not files:
         return dict.fromkeys(logs, made)
     own = {
@@ -54,6 +55,7 @@ def each_made(
         log: of
         for log in logs
         for name, of in own.items()
+        # `fit_input` names a shot of one of several files FILE: SHOT.
         if log == name or log.startswith(f"{name}: ")
     }
 
@@ -72,6 +74,7 @@ def made_with_samples(
 
     if isinstance(log, InputError):
         return made
+    # A row of samples names its file relative to the folder of the log.
     files = [
         Path(log.source).parent / name
         for quantity, name in zip(log.quantity, log.records(), strict=True)
@@ -102,6 +105,7 @@ def write_answers(
 
     with writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
+        # fits.json has the whole answers; answers.csv is a tidy table for spreadsheets.
         text = fits_answer(answers, made, picks).to_json()
         write_text(directory / "fits.json", text)
         write_text(directory / "answers.csv", answers_csv(answers))
@@ -109,6 +113,8 @@ def write_answers(
 
 def only_a_walk(directory: Path) -> bool:
     """Return whether a directory has an MCMC chain of an earlier run and no more."""
+    # An MCMC run writes its chain first and all other files at the end, so that a
+    # folder with the chain alone is from an interrupted run, which is continued.
     return directory.is_dir() and [p.name for p in directory.iterdir()] == [WALK]
 
 
@@ -180,6 +186,7 @@ def picked(
         high_pass_hz=options.high_pass,
         keep_samples=keep_samples,
     )
+    # A log written by a command names options in its comments, not arguments of Python.
     comments = tuple(of.comments(option_for))
     rows = replace(of.log.observations, comments=comments)
     refused = tuple(map(in_options, of.found.refused))
@@ -238,6 +245,7 @@ def from_records(options: argparse.Namespace) -> FromRecords | None:
     from jblast.report.picks import picks_text
 
     named = options.observations
+    # Samples of hours of records fill memory; only the figure of a report needs them.
     of = picked(named, options, keep_samples=options.out is not None)
     text = picks_text(of.found, of.log, tuple(path.name for path in of.left_out))
     if of.found.refused and of.found.picks and not options.json:

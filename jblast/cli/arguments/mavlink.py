@@ -100,6 +100,8 @@ def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
         )
 
         def each() -> None:
+            # Simulated time: stamps of the wall clock would depend on the speed of the
+            # machine and of the autopilot.
             if log is not None:
                 log.now_s = flight.turns * PERIOD_S
 
@@ -110,6 +112,7 @@ def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
             while address.kind == "tcp" and not link.accept(1.0):
                 pass
         except KeyboardInterrupt:
+            # A flight of 0 s, so that logs and summary are complete also in this case.
             unconnected, seconds = True, 0.0
         fly_lockstep(
             made,
@@ -149,6 +152,7 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
     uncertain, spec, place = scene
     link = Link(address, "ground_station")
     with contextlib.closing(link):
+        # Missions and station refer to one another: this list is filled below.
         stations: list[GroundStation] = []
         missions = Missions(
             None if spec.mission is None else check_flown(uncertain),
@@ -186,6 +190,7 @@ def _scene(options: argparse.Namespace) -> ServedScene:
     until = math.inf if options.seconds is None else options.seconds
     drawn = draw_world(uncertain, world, options.seed, until_s=until)
     place = PLACE if uncertain.place is None else uncertain.place
+    # Without beliefs, as they are sampled already: the flight must not sample again.
     whole = dataclasses.replace(uncertain, scene=drawn.scene, beliefs={}, place=place)
     return ServedScene(whole, checked_scene(whole, 1, False), place)
 
@@ -203,5 +208,7 @@ def _stopped_by_signal() -> Iterator[None]:
     try:
         yield
     finally:
+        # None also for a handler that was not set from Python and cannot be set from
+        # it.
         if before is not None:
             signal.signal(signal.SIGTERM, before)

@@ -17,6 +17,8 @@ EITHER = re.compile(r"\d+,\d+[^\d,:]*")
 """15,5 or 33,5lb: two numbers, or one with a decimal comma."""
 SIZES = (1e-30, 1e30)
 """Bounds of a number other than 0: beyond them its powers overflow, or are 0."""
+# A unit begins neither with a digit nor with a sign or point, so that 1..2 and 1e3.5
+# are no numbers with a unit; 5e3lb has its exponent in the number.
 NUMBER_AND_UNIT = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.+-].*)"
 )
@@ -112,6 +114,7 @@ def time_span(text: str) -> tuple[float, float]:
     try:
         start, stop = (float(word) for word in text.split(":"))
     except ValueError:
+        # NaN fails the test below, which has the message for any wrong text.
         start = stop = math.nan
     if not (math.isfinite(start) and math.isfinite(stop)):
         raise ArgumentTypeError(
@@ -199,6 +202,8 @@ def _evenly_in_ln(word: str, one: Callable[[str], float]) -> list[float]:
             f"got {shown(word)}"
         )
     low, high = (one(part) for part in parts[:2])
+    # Peak, impulse and arrival are nearly powers of the range: equal ratios resolve
+    # their curves evenly.
     return np.geomspace(low, high, count).tolist()
 
 
@@ -222,7 +227,8 @@ def measured(dimension: str, example: str) -> Callable[[str], float]:
         if "," in text:
             raise ArgumentTypeError(f"expected a decimal point, got {shown(text)}")
         found = NUMBER_AND_UNIT.fullmatch(text.strip())
-        if found is None or _is_number(text):
+        # `float` reads 1_000, which the pattern would split into 1 and a unit _000
+        if found is None or not math.isnan(_number_or_nan(text)):
             return number(text)
         digits, unit = found.groups()
         return number(digits) * _factor(unit, dimension, example)
@@ -243,18 +249,11 @@ def measured_positive(dimension: str, example: str) -> Callable[[str], float]:
     return positive_in_si
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 def _factor(unit: str, dimension: str, example: str) -> float:
     from jblast.units import si_factor, unit_spelt  # here, as NumPy above
 
     meant = unit_spelt(unit)
+    # An unknown unit is left to `si_factor`, whose message names the nearest one.
     if meant and all(one.dimension != dimension for one in meant):
         raise ArgumentTypeError(
             f"expected a unit of {dimension}, as in {example}; got {shown(unit)}"

@@ -60,6 +60,8 @@ def check_out(directory: Path, names: Iterable[str], *, force: bool) -> None:
         InputError: The directory is not writable, or has one of the files.
     """
     with writing(directory):
+        # Made before the work: a missing permission would otherwise appear after
+        # minutes.
         directory.mkdir(parents=True, exist_ok=True)
     for name in names:
         refuse_existing(directory / name, force=force)
@@ -71,6 +73,7 @@ def path(text: str) -> str:
     Raises:
         ArgumentTypeError: The path is empty, as from an unset variable of the shell.
     """
+    # An empty path would be the current folder, which --force may overwrite.
     if not text.strip():
         raise argparse.ArgumentTypeError(f"expected a path, got {text!r}")
     return text
@@ -93,6 +96,7 @@ def save_figure(figure: "Figure", file: str | Path) -> None:
     Raises:
         InputError: The file cannot be written.
     """
+    # Imported here, as Matplotlib takes a second and few commands draw.
     from jblast.report.figure_files import write_figure
 
     with writing(file):
@@ -120,6 +124,8 @@ def add_law(verb: VerbParser) -> None:
     """Add `--law`, which `sensors.law_choice.laws_named` reads."""
     verb.model.add_argument(
         "--law",
+        # argparse copies the list before it appends, so that commands in one process do
+        # not share it.
         action="append",
         default=[],
         metavar="auto|NAME|QUANTITY=NAME",
@@ -201,6 +207,7 @@ def add_force(verb: VerbParser, files: str = "existing files in --out") -> None:
 
 def reading_words(options: argparse.Namespace) -> str:
     """Return the options of `add_reading` as text for another command line."""
+    # The next command must read the log in the same way, or it finds other columns.
     flags = [f" --{name}" for name in ("strict", "wide") if getattr(options, name)]
     values = {name: getattr(options, name) for name in ("date", "zone")}
     return "".join([*flags, *(f" --{name} {v}" for name, v in values.items() if v)])
@@ -230,6 +237,7 @@ def check_live(options: argparse.Namespace) -> None:
     Raises:
         InputError: There is no display.
     """
+    # A missing display would otherwise be found after the run, which may take minutes.
     if options.live:
         from jblast.report.world_live import check_display
 

@@ -90,12 +90,15 @@ def run(options: argparse.Namespace) -> int:
         sampling=options.sampling,
     )
     baking = Baking(recipe, Path(options.out))
+    # Blender is searched first, so that no folder remains if it is not installed.
     program, version = blender_found(options.blender)
     with writing(options.out):
+        # Finished parts of the same set are kept, so that the command may be repeated.
         baking.begin(force=options.force)
         files = baking.make(program, version)
     size = sum((baking.out / file).stat().st_size for file in files)
     sys.stdout.write(
+        # The first file is views.toml, the index of the set.
         f"{len(files) - 1} views of {recipe.frames} frames of {recipe.size} x "
         f"{recipe.size} pixels, {size / 1e6:.1f} MB\n"
         f"Written: {options.out}, {files[0]} and {files[1]} to {files[-1]}\n"

@@ -66,6 +66,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
+    # Approximate durations, from which the progress line estimates the time left.
     shares = {"starting": 2.0, "the bound": 8.0}
     begin = stages(shares | ({"the map": 6.0} if options.map else {}))
     begin("starting")
@@ -78,6 +79,7 @@ def run(options: argparse.Namespace) -> int:
     if options.map:
         check_figure("--map", options.map, force=options.force)
     at = _values(options.at)
+    # Each additional free parameter widens the bounds of the others.
     uncertain = freed(read_scene(options.scene), names_between_commas(options.free))
     held = {q for sensor in uncertain.scene.sensors for q, _ in sensor.records}
     if held:  # without readings `bound` itself has the better message
@@ -105,12 +107,14 @@ def _values(words: Sequence[str]) -> dict[str, float]:
         try:
             value = float(number)
         except ValueError:
+            # NaN fails the test below, which has the message for any wrong text.
             value = math.nan
         if not (equals and name.strip() and math.isfinite(value)):
             raise InputError(
                 f"--at {word}: expected PARAMETER=VALUE with a finite number, as "
                 "charge_mass_kg=15"
             )
+        # A repeated value is probably a wrong name: the last must not win silently.
         if name.strip() in values:
             raise InputError(f"--at {name.strip()}: expected one value, got several")
         values[name.strip()] = value

@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # --help needs none of them
     from jblast.scene import Air, Scene
     from jblast.sensors.calculator import Question, Recommended, Roots
 
+# Options have the words of handbooks; logs and laws have one name with a unit.
 MEASURED = {
     "overpressure": ("peak_overpressure_pa", "incident peak overpressure"),
     "impulse": ("positive_impulse_pa_s", "incident positive impulse"),
@@ -62,6 +63,8 @@ DRY = {"relative_humidity": 0.0}
 
 def add_arguments(verb: VerbParser) -> None:
     """Add the arguments of the verb."""
+    # The defaults of these options are None, and those in `--help` are set later,
+    # because the answer lists which inputs were left to their defaults.
     rows = "one, several, or FROM:TO:COUNT, evenly spaced in ln"
     for name, unit, of, words in (
         ("mass", "KG", ("mass", "33lb"), "mass of the explosive [kg]"),
@@ -183,7 +186,13 @@ def run(options: argparse.Namespace) -> int:
     quantity, law = selection(options)
     if options.plot:
         check_figure("--plot", options.plot, force=options.force)
-        check_plot(question)
+        # a figure against range has one curve a law, so that several masses do not fit
+        if not question.quantity and len(question.charge_mass) != 1:
+            raise InputError(
+                "--plot: expected one --mass and --range, got "
+                f"{len(question.charge_mass)} masses; the figure has all laws against "
+                "range"
+            )
     answer = _roots if question.quantity else _forward
     text, recommended = answer(options, question, quantity, law)
     if options.plot:
@@ -240,10 +249,12 @@ def _forward(
     answer = only(calculate(question.scene, *rows), quantity, law)
     recommended = None
     if quantity and len(rows[0]) == 1:
+        # A single question gets one value; the other laws follow as a check.
         recommended = recommended_values(question, answer)[quantity]
         if not (options.json or options.csv or options.table):
             return value_line(question, recommended, answer[quantity]), recommended
     other = None
+    # Between a surface and a free-air burst neither curve set holds: both are printed.
     if between_limits(question):
         other = only(calculate(with_other_burst(question.scene), *rows), quantity, law)
     apart = disagreements(question, answer)
@@ -294,19 +305,6 @@ def question_of(options: argparse.Namespace) -> "Question":
     return with_burst(question)
 
 
-def check_plot(question: "Question") -> None:
-    """Check that the answer is a curve against range.
-
-    Raises:
-        InputError: The answer is no such curve.
-    """
-    if not question.quantity and len(question.charge_mass) != 1:
-        raise InputError(
-            f"--plot: expected one --mass and --range, got {len(question.charge_mass)} "
-            "masses; the figure has all laws against range"
-        )
-
-
 def check_roots(question: "Question", found: "dict[str, Roots]") -> None:
     """Check that a law has the value inside its validity range.
 
@@ -315,9 +313,11 @@ def check_roots(question: "Question", found: "dict[str, Roots]") -> None:
     """
     from jblast.report.words import printed_number
 
+    # A root outside the validity range is printed only beside a valid one.
     if any(root.valid.any() for root in found.values()):
         return
     spans = [root.attained for root in found.values() if root.attained]
+    # The message names the option that the user typed.
     option = next(name for name, (q, _) in MEASURED.items() if q == question.quantity)
     units = question.units
     target = printed_number(question.quantity, question.target, system=units)
@@ -397,6 +397,7 @@ def _check_rows(question: "Question", measured: Sequence[str]) -> None:
             f"--range and --mass: expected at most {MOST_ROWS} combinations, got "
             f"{len(ranges)} times {len(masses)}"
         )
+    # The largest charge and the shortest range are the worst of all combinations.
     radius = float(charge_radius(max(masses)))
     if min(ranges) <= radius:
         raise InputError(
@@ -431,6 +432,7 @@ def _scene(options: argparse.Namespace) -> "Scene":
     if options.p_speed is not None:
         ground = Ground(p_speed=_bounded(options, "p_speed", "ground_p_speed_m_s"))
     height = 0.0 if options.height is None else options.height
+    # Masses without an explosive are those of TNT, as in the tables of handbooks.
     explosive = "TNT"
     if options.explosive is not None:
         explosive = explosive_named(options.explosive, "--explosive")
@@ -491,12 +493,14 @@ def selection(options: argparse.Namespace) -> tuple[str, str]:
     known = {one.quantity for one in laws} | set(COMBINATIONS)
     quantity = MEASURED.get(quantity, (quantity, ""))[0]
     if quantity and quantity not in known:
+        # In the order of the table: readings first, then quantities of laws only.
         names = [name for name in QUANTITIES if name in known]
         names += sorted(known - set(names))
         raise InputError(
             f"--quantity: expected one of {', '.join(names)}, or "
             f"{', '.join(MEASURED)}; got {shown(quantity)}{nearest(quantity, known)}"
         )
+    # A reflected or other combined quantity has the laws of its parts.
     of = MEASURED[measured[0]][0] if measured else quantity
     parts = COMBINATIONS[of].parts if of in COMBINATIONS else (of,)
     names = sorted({one.name for one in laws if not of or one.quantity in parts})

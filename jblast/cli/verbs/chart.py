@@ -35,6 +35,7 @@ def run(options: argparse.Namespace) -> int:
     """Measure, print and write each benchmark as soon as it is complete."""
     from jblast.cli.jax_start import start_jax
 
+    # Without quick compilation: the chart times optimised code, as in long runs.
     start_jax()
     from pathlib import Path
 
@@ -59,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
         begin(name)
         points = benchmark.measure()
         sys.stdout.write(chart_markdown(benchmark, points) + "\n")
+        # A pipe is buffered: without this a table appears when all are measured.
         sys.stdout.flush()
         if out:
             with writing(out):

@@ -65,6 +65,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out:
         refuse_existing(options.out, force=options.force)
+    # A fit without --scene has the same default.
     uncertain = read_scene(options.scene) if options.scene else default_scene()
     begin("reading")
     faults: list[InputError] = []
@@ -78,7 +79,9 @@ def run(options: argparse.Namespace) -> int:
 
         scale, high = scaling_of(options), options.high_pass
         readings = picked_log(log, scale, high_pass_hz=high, faults=faults).observations
+    # All faults are collected, so that one run is enough to correct a log.
     faults += refusals(readings, uncertain) if len(readings) else []
+    # Positions come from the scene where the log has none, as in a fit.
     placed, readings = with_places(log, uncertain), with_places(readings, uncertain)
     odd = doubts(readings, uncertain) if len(readings) else []
     worded = [in_options(fault) for fault in faults]
@@ -89,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
         sys.stdout.write(answer.to_json())
     else:
         sys.stdout.write(check_text(answer))
+    # A log with errors would be refused by the fit that reads the converted one.
     if options.out and not faults:
         with writing(options.out):
             write(options.out, log, comments=conversion_comments(log))

@@ -48,6 +48,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.scene import read_scene
 
     begin("choosing")
+    # Errors and costs are read from measured tables, so that no method is timed here.
     choice = choose(read_scene(options.scene), options.quantity, options.tolerance)
     if options.json:
         sys.stdout.write(choice_answer(choice).to_json())

@@ -33,8 +33,10 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out:
         refuse_existing(options.out, force=options.force)
+    # Without `start_jax`, as a conversion compiles nothing.
     log = read(options.observations, **reading_options(options))
     comments = conversion_comments(log)
+    # Without --out stdout has the log alone, so that it can be piped into a file.
     if not options.out:
         sys.stdout.write(log_text(log, comments))
         return 0

@@ -111,6 +111,7 @@ def run(options: argparse.Namespace) -> int:
     """Search, write, print; return the exit code."""
     from jblast.signals.detect_files import (
         SoundDetections,
+        check_target,
         detect,
         recording_kind,
     )
@@ -126,11 +127,22 @@ def run(options: argparse.Namespace) -> int:
     of_film = {"fps": options.fps, "scene": options.scene}
     kind = recording_kind(options.recordings, of_sound, of_film)
     if kind == "sound":
-        _check(options)
+        # `detect` checks the same, but only after the seconds in which JAX starts
+        check_target(
+            options.template,
+            options.charge,
+            options.range,
+            blast_form=options.blast_form,
+        )
+        if options.positions and not options.out:
+            raise InputError(
+                "--positions: expected --out to write the log to, got none"
+            )
     if options.out:
         from jblast.report.fit.files import check_directory
 
         check_directory(options.out, options.force)
+    # Pulses of laws and the camera of a scene need JAX; other searches use NumPy.
     if options.scene or (kind == "sound" and not options.template):
         from jblast.cli.jax_start import start_jax
 
@@ -155,25 +167,11 @@ def run(options: argparse.Namespace) -> int:
             sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
         if "observations.csv" in written:
             log = Path(options.out) / "observations.csv"
+            # The default scene has its charge at the origin at time 0.
             free = "--free origin_time_s,charge_east_m,charge_north_m"
             scene = free if is_sound else f"--scene {options.scene}"
             sys.stdout.write(f"Fit it with: jblast fit {log} {scene}\n")
     return 0 if found.detected else NOT_FOUND
-
-
-def _check(options: argparse.Namespace) -> None:
-    """Check that the options agree with one another.
-
-    Raises:
-        InputError: The options contradict one another.
-    """
-    from jblast.signals.detect_files import check_target
-
-    check_target(
-        options.template, options.charge, options.range, blast_form=options.blast_form
-    )
-    if options.positions and not options.out:
-        raise InputError("--positions: expected --out to write the log to, got none")
 
 
 def _of_sound(found: "SoundDetections") -> Answer:

@@ -105,6 +105,7 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         **given(options, degree="degree", threshold="threshold", ensemble="members"),
     )
+    # Imported after the search, so that a wrong file is reported without this wait.
     from jblast.report.discovery import discovery_answer, discovery_text
 
     data, found, again, further = search[:4]

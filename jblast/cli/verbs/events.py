@@ -76,6 +76,7 @@ def run(options: argparse.Namespace) -> int:
     """Read, convert and write block by block; print the number of events."""
     from jblast.cli.jax_start import start_jax
 
+    # Each block runs the same program, so that optimised code pays in long films.
     start_jax()
     from jblast.report.film import EventsAnswer, dark_film, events_text
     from jblast.sensors.camera.film import film_to_events
@@ -102,6 +103,7 @@ def run(options: argparse.Namespace) -> int:
         threshold=made.threshold,
         srgb=options.srgb,
         noise=options.noise,
+        # The ideal camera has no random numbers: a seed would suggest otherwise.
         seed=options.seed if noise else None,
         written=made.written,
         bits=made.bits,
@@ -111,6 +113,7 @@ def run(options: argparse.Namespace) -> int:
         out=options.out,
     )
     for warning in answer.warnings:
+        # On stderr, as stdout may be JSON for another program.
         sys.stderr.write(f"jblast: warning: {warning}\n")
     sys.stdout.write(answer.to_json() if options.json else events_text(answer))
     return 0

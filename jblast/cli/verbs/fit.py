@@ -6,7 +6,6 @@ With --positions the files are pressure records, which are picked first.
 import argparse
 import os
 import sys
-from collections.abc import Sequence
 
 from jblast.cli.arguments.logs import (
     WALK,
@@ -104,15 +103,18 @@ def run(options: argparse.Namespace) -> int:
     from jblast.files import check_log_paths
     from jblast.progress import stages
 
+    # With --positions folders are valid; without, the message names the option.
     if not options.positions:
         check_log_paths(options.observations)
     picking = 6.0 if options.positions else 0.3
+    # Approximate durations; picking reads and filters whole records, a log is short.
     shares = {"starting": 3.0, "reading": picking, "fitting": 9.0}
     begin = stages(shares | ({"writing": 3.0} if options.out else {}))
     begin("starting")
+    # A missing file counts as 0, and is reported by the reader.
+    size = sum(os.path.getsize(f) for f in options.observations if os.path.isfile(f))
     start_jax(
-        quick=options.posterior in ("weighted", "laplace")
-        and _is_small(options.observations)
+        quick=options.posterior in ("weighted", "laplace") and size < SMALL_LOGS_BYTES
     )
     from pathlib import Path
 
@@ -130,6 +132,7 @@ def run(options: argparse.Namespace) -> int:
     made = None
     files = options.observations
     if out:
+        # Digests are taken before the fit: a file may change while it runs.
         whole = [*files, *([options.positions] if options.positions else [])]
         made = provenance_of(whole, options.scene or "", options.words)
     begin("reading")
@@ -146,6 +149,7 @@ def run(options: argparse.Namespace) -> int:
     picks = recorded.answer().picks if recorded else None
     begin("fitting")
     if len(logs) > 1:
+        # Files of records form one log; shots of it have no file of their own.
         apart = () if recorded else files
         made_of = each_made(made, logs, apart) if made else {}
         made_of = {k: made_with_samples(of, logs[k]) for k, of in made_of.items()}
@@ -167,6 +171,7 @@ def run(options: argparse.Namespace) -> int:
         uncertain,
         noise=options.noise,
         posterior=options.posterior,
+        # The chain is stored as it grows, so that an interrupted run is continued.
         store=out / WALK if out else None,
         **scale,
     )
@@ -192,14 +197,6 @@ def run(options: argparse.Namespace) -> int:
     return answer.exit_code
 
 
-def _is_small(files: Sequence[str]) -> bool:
-    """Return whether a fit of logs compiles for longer than it runs."""
-    return (
-        sum(os.path.getsize(file) for file in files if os.path.isfile(file))
-        < SMALL_LOGS_BYTES
-    )
-
-
 def _many(answers, picks, out, made_of, options: argparse.Namespace) -> int:
     """Print and write the answers of several logs; return the worst exit code."""
     from jblast.report.fit.document import fits_answer
@@ -215,4 +212,5 @@ def _many(answers, picks, out, made_of, options: argparse.Namespace) -> int:
     fits = [fit for fit in answers.values() if not isinstance(fit, InputError)]
     if not fits:
         raise InputError(f"none of {len(answers)} logs could be fitted")
+    # The worst code of all fits, so that one doubtful answer is visible to a script.
     return 4 if len(fits) < len(answers) else max(fit.exit_code for fit in fits)

@@ -161,6 +161,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.study.scene_flights import fly_scene, has_mission, scene_to_fly
 
     uncertain = scene_to_fly(options.scene, seconds=options.seconds, seed=options.seed)
+    # Before the flight, which may take minutes with many vehicles.
     check_plan_out(options, has_mission=has_mission(uncertain))
     begin("flying")
     flown = fly_scene(
@@ -203,6 +204,7 @@ def _flights(
     from jblast.study.missions import hold_record
 
     if options.tlog or options.ulog:
+        # Logs have latitude and longitude; a scene without a place gets a default.
         place = PLACE if place is None else place
         write_logs(options, hold_record(flights, place), has_mission=False)
     answer = flights_answer(flights, scene=options.scene, seed=options.seed)
@@ -240,6 +242,8 @@ def check_plan_out(options: argparse.Namespace, *, has_mission: bool) -> None:
     """
     if not options.plan_out:
         return
+    # Without a mission there is no plan to copy, and the file would be missing
+    # silently.
     if not has_mission:
         raise InputError(
             "--plan-out: expected a scene whose [vehicle] has a mission, got one "
@@ -258,6 +262,7 @@ def check_logs(options: argparse.Namespace) -> None:
         InputError: Several vehicles are flown, or a file exists.
     """
     for option, file in (("--tlog", options.tlog), ("--ulog", options.ulog)):
+        # One log records one vehicle.
         if file and options.vehicles != 1:
             raise InputError(f"{option}: expected --vehicles 1, got {options.vehicles}")
         if file:

@@ -85,11 +85,13 @@ def run(options: argparse.Namespace) -> int:
     comments = [*provenance(listening, options.scene, options.seed), *notes]
     begin("recording")
     with writing(options.out):
+        # With --packets the files grow packet by packet, in constant memory.
         tracks = write_tracks(listening, Path(options.out), comments, options.packets)
     recordings = recordings_answer(listening, tracks, notes)
     text = ListenAnswer(options.scene, options.seed, recordings).to_json()
     save_text(text, Path(options.out) / JSON)
     begin("drawing")
+    # After the JSON file: a failed figure leaves complete recordings.
     pictures = write_pictures(listening, tracks, Path(options.out))
     if options.json:
         sys.stdout.write(text)

@@ -63,6 +63,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.signals.picks.pick_files import refusal_of
 
     begin("picking")
+    # Only figures need the samples; days of records would not fit into memory.
     keep = options.report is not None
     of = picked(options.records, options, keep_samples=keep)
     found, log = of.found, of.log
@@ -71,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
     begin("writing")
     answer = picks_answer(found, log)
     text = picks_text(found, log, tuple(path.name for path in of.left_out))
+    # A log without rows is refused by `jblast fit`, so that none is written.
     if options.out and len(log.observations):
         with writing(options.out):
             write(options.out, log.observations)
@@ -94,5 +96,6 @@ def run(options: argparse.Namespace) -> int:
                 line = f"Not written: {options.out}, no pick is accepted as a row"
             sys.stdout.write(f"\n{line}\n")
     if found.refused:
+        # Last, so that the picks of the other files are printed and written before.
         raise refusal_of(found.refused)
     return 0 if len(log.observations) else NOT_FOUND

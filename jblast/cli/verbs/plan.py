@@ -98,6 +98,7 @@ def _numbers(text: str, expected: str, least: int, most: int) -> tuple[float, ..
 
 
 def _width_depth_spacing(text: str) -> tuple[float, ...]:
+    # A depth of 0 is a single lane.
     values = _numbers(text, "WIDTH,DEPTH,SPACING", 3, 3)
     if values[0] <= 0 or values[1] < 0 or values[2] <= 0:
         raise argparse.ArgumentTypeError(
@@ -110,6 +111,7 @@ def _width_depth_spacing(text: str) -> tuple[float, ...]:
 def _radius_and_turns(text: str) -> tuple[float, ...]:
     values = _numbers(text, "RADIUS or RADIUS,TURNS", 1, 2)
     radius, turns = (*values, 1.0)[:2]
+    # A negative radius is valid: counter-clockwise, as in MAVLink.
     if radius == 0 or turns <= 0:
         raise argparse.ArgumentTypeError(
             f"expected a RADIUS other than 0 and positive TURNS, got {text!r}"
@@ -119,6 +121,7 @@ def _radius_and_turns(text: str) -> tuple[float, ...]:
 
 def _home(text: str) -> tuple[float, ...]:
     values = _numbers(text, "LAT,LON or LAT,LON,ALT", 2, 3)
+    # Of swapped coordinates only those with a longitude beyond 90 degrees are found.
     if abs(values[0]) > 90 or abs(values[1]) > 180:
         raise argparse.ArgumentTypeError(
             "expected a latitude of -90 to 90 and a longitude of -180 to 180 degrees, "

@@ -180,9 +180,11 @@ def run(options: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
+    # Approximate durations, from which the progress line estimates the time left.
     lasts = {"starting": 3.0, "filming": 9.0, "finding events": 9.0}
     begin = stages({**lasts, "drawing the sheet": 0.5})
     begin("starting")
+    # Optimised code: a film has hundreds of frames of one program.
     start_jax()
     from jblast.report.film import FilmAnswer, film_text
     from jblast.report.film_files import film_outputs, write_film
@@ -204,6 +206,7 @@ def run(options: argparse.Namespace) -> int:
         flash=options.flash == "on",
         **given(options, mode="mode", bloom="bloom", supersample="supersample"),
     )
+    # Everything is read and checked before the first frame is written.
     film = film_of(options.scene, film_options)
     camera, times = film.camera, film.times
     outputs = film_outputs(
@@ -220,6 +223,7 @@ def run(options: argparse.Namespace) -> int:
         noise=options.noise == "on",
         seed=options.seed,
         force=options.force,
+        # Inputs within the output folder must not be overwritten by the film.
         read=(
             options.background,
             folder_named(options.views),
@@ -235,6 +239,7 @@ def run(options: argparse.Namespace) -> int:
         width=camera.width,
         height=camera.height,
         fps=float(camera.frames_hz),
+        # A video plays slower than the camera runs: both rates are reported.
         video_fps=None if outputs.video is None else outputs.video_hz,
         start_s=float(times[0]),
         duration_s=float(times[-1] - times[0]),

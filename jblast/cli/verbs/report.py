@@ -66,6 +66,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         refuse_existing(options.out, force=options.force)
     world = read_run(options.folder)
+    # The run stores the path only; the file may have been moved since.
     scene = options.scene or world.document["scene"]
     if not Path(scene).is_file():
         raise InputError(
@@ -73,12 +74,14 @@ def run(options: argparse.Namespace) -> int:
             "its path by --scene"
         )
     now = provenance_of((), scene).scene
+    # Another scene would be drawn and fitted with other priors than those of the run.
     if now and now.sha256 != world.document["scene_sha256"]:
         raise InputError(
             f"{scene}: has changed since {options.folder} was made; expected SHA-256 "
             f"{world.document['scene_sha256']}, got {now.sha256}"
         )
     preset = preset_named((world.document.get("preset") or {}).get("name"))
+    # The laws of a fit are those of real blasts: the masses would be wrong.
     if options.fit and preset is not None:
         raise InputError(
             f"--fit: expected a run without a preset, got preset {preset.name}, whose "

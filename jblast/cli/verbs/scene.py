@@ -45,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         save_text(text, options.out)
         fit = f"jblast fit {options.observations} --scene {options.out}"
+        # Options of reading are repeated, as the log itself is not changed.
         again = reading_words(options)
         sys.stdout.write(f"wrote {options.out}; edit it, then: {fit}{again}\n")
     else:

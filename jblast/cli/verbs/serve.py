@@ -172,6 +172,7 @@ def run(options: argparse.Namespace) -> int:
         certificate=None if options.tls_cert is None else Path(options.tls_cert),
         key=None if options.tls_key is None else Path(options.tls_key),
     )
+    # An address beyond this machine without token or TLS is refused before any work.
     checked_address(settings)
     uncertain, spec = read_scene_or_world(options.scene)
     world = draw_world(uncertain, spec, options.seed, until_s=settings.ends_s)
@@ -190,6 +191,7 @@ def _over_mavlink(options: argparse.Namespace) -> int:
     dialect()  # fails here, before JAX starts, if pymavlink is not installed
     from jblast.cli.jax_start import start_jax
 
+    # Optimised code: the step of the vehicle has to keep up with the autopilot.
     start_jax()
     from jblast.cli.arguments.mavlink import (
         served_autopilot,
@@ -200,6 +202,7 @@ def _over_mavlink(options: argparse.Namespace) -> int:
     if options.mavlink:
         answer = served_autopilot(options)
         words = lockstep_text(answer)
+        # A millisecond of tolerance: the time is a sum of periods in floating point.
         short = options.seconds is not None and answer.seconds < options.seconds - 1e-3
     else:
         answer = served_ground_station(options)
@@ -226,11 +229,14 @@ async def _served(world: "DrawnWorld", settings: "Options") -> "ServedAnswer":
     from jblast.world.remote.serving import listening
 
     # `start_jax` all but stops collection, which suits short commands only
+    # Objects of the imports live to the end: they need not be visited again.
     gc.freeze()
     gc.set_threshold(*GARBAGE_THRESHOLDS)
     over = asyncio.Event()
     loop = asyncio.get_running_loop()
+    # An event instead of an exception: the server closes and the summary is printed.
     for number in (signal.SIGINT, signal.SIGTERM):
+        # The event loops of Windows have no handlers of signals.
         with contextlib.suppress(NotImplementedError, ValueError):
             loop.add_signal_handler(number, over.set)
     async with listening(world, settings, serve_line) as server:
@@ -245,10 +251,12 @@ def token_of(value: str) -> str:
     Raises:
         InputError: The file cannot be read, or the token has a blank.
     """
+    # A token in the command line is visible to all users of the machine (`ps`).
     if value.startswith("@"):
         value = read_text(value[1:], "a file with the token").strip()
         if not value:
             raise InputError("--token: expected a file with a word, got an empty one")
+    # It is sent as metadata of gRPC, whose text is printable ASCII.
     if not (value.isascii() and value.isprintable()) or " " in value:
         raise InputError("--token: expected a word without blanks, of ASCII")
     return value

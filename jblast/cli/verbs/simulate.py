@@ -46,6 +46,7 @@ def _check_readings(observations, options: argparse.Namespace) -> None:
         if not (math.isfinite(value) and 0 < sigma < math.inf) or (
             quantity not in ADDITIVE and value <= 0
         ):
+            # The sampled truth is in the comments of the log, and explains a bad value.
             drawn = ", ".join(c for c in observations.comments if "truth:" in c)
             raise InputError(
                 f"{options.scene}: sensor {observations.sensor[row]!r}: "
@@ -64,6 +65,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.scene import read_scene
     from jblast.sensors import simulate
 
+    # Checked before the simulation compiles.
     refuse_existing(options.out, force=options.force)
     observations = simulate(read_scene(options.scene), options.seed)
     _check_readings(observations, options)

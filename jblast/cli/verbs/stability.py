@@ -44,11 +44,13 @@ def run(options: argparse.Namespace) -> int:
     """Measure, print, and return the exit code."""
     from jblast.verification.stability.failure import AREAS, area_named
 
+    # Each area once, as it takes minutes; a wrong name is rejected before that.
     areas = list(dict.fromkeys(map(area_named, options.areas))) or list(AREAS)
     if options.out:
         check_out(Path(options.out), FILES, force=options.force)
     from jblast.cli.jax_start import start_jax
 
+    # Optimised code, as the samplers run for minutes.
     start_jax()
     from jblast.progress import stages
     from jblast.report.stability import StabilityAnswer, stability_text
@@ -59,19 +61,15 @@ def run(options: argparse.Namespace) -> int:
         begin(area)
         modes[area] = failure_modes_of(area)
     if options.out:
-        _write(Path(options.out), modes)
+        from jblast.report.stability import stability_csv, stability_markdown
+        from jblast.report.stability_figures import stability_figure
+
+        table, page, picture = (Path(options.out) / name for name in FILES)
+        save_text(stability_csv(modes), table)
+        save_text(stability_markdown(modes), page)
+        save_figure(stability_figure(modes), picture)
     answer = StabilityAnswer(modes)
     sys.stdout.write(answer.to_json() if options.json else stability_text(modes))
     if options.out and not options.json:
         sys.stdout.write(f"\nWritten: {options.out}, {', '.join(FILES)}\n")
     return 0
-
-
-def _write(directory: Path, modes) -> None:
-    from jblast.report.stability import stability_csv, stability_markdown
-    from jblast.report.stability_figures import stability_figure
-
-    table, page, picture = (directory / name for name in FILES)
-    save_text(stability_csv(modes), table)
-    save_text(stability_markdown(modes), page)
-    save_figure(stability_figure(modes), picture)

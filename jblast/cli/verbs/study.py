@@ -88,6 +88,7 @@ def run(options: argparse.Namespace) -> int:
 
     if not options.list and not options.given:
         raise InputError("study: expected STUDY.toml, or merge and stores, got nothing")
+    # Merging compiles nothing, so that JAX is not configured.
     if options.given[:1] == ["merge"]:
         return merge(options)
     if options.given[:1] == ["report"]:
@@ -117,6 +118,7 @@ def _run(options: argparse.Namespace) -> int:
     from jblast.study.sampling.run import run_into
 
     study = read_study(options.given[0], allow_code=options.allow_code)
+    # Each sample has a key of its own, so that results do not depend on the devices.
     mesh = mesh_of(device_count(options.devices))
     try:
         with tile_workers(options) as tiles:
@@ -177,6 +179,7 @@ def tile_workers(options: argparse.Namespace) -> "Iterator[Tiles | None]":
         write_tile,
     )
 
+    # Workers may have another current folder.
     store = str(Path(options.out).resolve())
     workers: int | None = options.workers
     address = str(options.scheduler)
@@ -187,6 +190,7 @@ def tile_workers(options: argparse.Namespace) -> "Iterator[Tiles | None]":
             missing: list[int], *, summary: bool = False
         ) -> "Iterator[tuple[int, None]]":
             task = write_summary if summary else write_tile
+            # Workers with another version would compute other samples and are refused.
             for tile in shared(client, task, store, missing, jblast.__version__):
                 yield tile, None
 
@@ -207,6 +211,7 @@ def merge(options: argparse.Namespace) -> int:
         raise InputError(f"merge: expected at least two stores, got {len(stores)}")
     store = merged(stores, options.out or stores[0])
     done, tiles = len(store.done()), store.tiles
+    # A study that keeps summaries only has a second store, with tiles of its own.
     if store.attributes["keep"] != "all":
         from jblast.study.engine.merge import summary_of
 

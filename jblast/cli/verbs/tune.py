@@ -147,6 +147,7 @@ def run(options: argparse.Namespace) -> int:
 
         sys.stdout.write(list_text())
         return 0
+    # Before JAX starts, as these mistakes depend on the options alone.
     check_kind(options)
     if options.gains:
         return 0 if tune_gains_of(options) else DOUBTFUL
@@ -199,6 +200,7 @@ def run(options: argparse.Namespace) -> int:
         sys.stdout.write(tune_text(answer))
         if written:
             sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
+    # A fit may converge with large residuals, for example if the physics differs.
     doubtful = (
         not answer.identifiable or not answer.converged or tuned.explained.is_poor
     )
@@ -214,6 +216,7 @@ def check_kind(options: argparse.Namespace) -> None:
     wrong = OF_RECORDS if options.gains else OF_GAINS
     for option in wrong:
         value = getattr(options, option)
+        # Defaults are None, so that an option of the wrong kind is found.
         if value is None:
             continue
         name = option.replace("_", "-")
@@ -242,6 +245,7 @@ def tune_gains_of(options: argparse.Namespace) -> bool:
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
+    # The search flies each blast at every step; the other stages take seconds.
     begin = stages({"starting": 2.0, "tuning": 40.0, "writing": 2.0})
     begin("starting")
     start_jax(quick=True)
@@ -254,6 +258,7 @@ def tune_gains_of(options: argparse.Namespace) -> bool:
     if options.out:
         check_directory(options.out, options.force)
     uncertain = read_scene(options.scene)
+    # The other options have the names of the fields.
     keys = {"delay": "delay_s"}
     given = {
         keys.get(option, option): value

@@ -68,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.report.world import world_answer, world_text
     from jblast.report.world_files import run_world
 
+    # A run may take minutes: without a display it would be in vain.
     check_live(options)
     came = run_world(
         options.scene,
@@ -76,6 +77,7 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         preset=options.preset,
         force=options.force,
+        # run.json has the command, so that the run can be repeated.
         command=options.words,
         begin=begin,
     )

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jblast.errors import InputError, shown
 from jblast.scene.random_blasts import (
@@ -52,6 +51,7 @@ def read_random_blasts(document: dict[str, Any], source: str) -> WorldSpec:
     entry = table(document, "world", source)
     occurrence = _occurrence(entry, where)
     values: dict[str, Any] = {
+        # The fields of `WorldSpec` are the keys without their units.
         key.partition("_")[0]: _number(entry[key], key, f"{where} {key}")
         for key in ("mass_kg", "time_s", "gap_s")
         if key in entry
@@ -62,6 +62,7 @@ def read_random_blasts(document: dict[str, Any], source: str) -> WorldSpec:
             f"{where} region_m: expected {{ box = {LISTS['box']} }} or "
             f"{{ ring = {LISTS['ring']} }}, got {shown(region)}"
         )
+    # Checked first, so that a misspelt box is named and not taken for none.
     known_keys(region, "region", f"{where} region_m")
     if (about := _about(entry, region, where)) is not None:
         values["about"] = about
@@ -122,6 +123,7 @@ def _occurrence(entry: dict[str, Any], where: str) -> ByCount | ByRate | ByTick:
 
 def _number(value: Any, key: str, where: str) -> Number:
     """Return a number or its prior; a pair is a uniform prior."""
+    # A free number has no distribution to sample from.
     if value == "free":
         raise InputError(
             f"{where}: expected a number or a prior to sample from, got 'free'"
@@ -163,21 +165,15 @@ def _region(region: dict[str, Any], where: str) -> Box | Ring:
         fixed_list(corner, f"{where}[{n}]", LISTS["position_m"])
         for n, corner in enumerate(corners)
     )
-    _check_box(low, high, where, corners)
-    return Box(low, high)
-
-
-def _check_box(
-    low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"], where: str, got: Any
-) -> None:
     for axis, (least, most) in enumerate(zip(low, high, strict=True)):
         flat = axis == 2 and least == most  # a region of constant height is valid
         if not (least < most or flat):
             name = ("east", "north", "up")[axis]
             raise InputError(
                 f"{where}: expected a region with an extent, its first corner less "
-                f"than its second {name}, got {shown(got)}"
+                f"than its second {name}, got {shown(corners)}"
             )
+    return Box(low, high)
 
 
 def _check_times(world: WorldSpec, where: str) -> None:
@@ -195,6 +191,8 @@ def _check_times(world: WorldSpec, where: str) -> None:
     if not isinstance(world.time, Array | Uniform) and (
         least > 0 or not isinstance(gap, Array)
     ):
+        # Sampling sorts uniform times within the interval less the gaps; for another
+        # distribution that changes its shape.
         raise not_yet(f"{where} gap_s", "a gap between times that are not uniform")
     count = world.occurrence.count
     check_fits(count, first, last, least, where)
@@ -213,6 +211,7 @@ def check_fits(count: int, first: float, last: float, gap: float, where: str) ->
     Raises:
         InputError: They do not fit.
     """
+    # Two blasts at one fixed time would be one: also refused without a gap.
     if (count - 1) * gap > last - first or (count > 1 and first == last):
         most = int((last - first) / gap) + 1 if last > first and gap else 1
         raise InputError(

@@ -137,6 +137,7 @@ def world_from_document(
         InputError: As in `read_world`.
     """
     world = read_random_blasts(document, source)
+    # `scene_from_document` rejects random blasts, which a fit cannot use.
     rest = {key: value for key, value in document.items() if key != "world"}
     if "charge" in document:
         return scene_from_document(rest, source), world
@@ -166,6 +167,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     if isinstance(schema, bool) or schema != 1:
         raise InputError(f"{source}: schema: expected 1, got {shown(schema)}")
     single = {name: table(document, name, source) for name in ("air", "ground", "law")}
+    # The altitude determines both, by the standard atmosphere.
     for name in ("temperature_k", "pressure_pa"):
         if name in single["air"] and "altitude_m" in single["air"]:
             raise InputError(
@@ -178,6 +180,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
         single["air"].get("absorption", False), f"{source}: [air] absorption"
     )
     sensors, offsets = read_sensors(document, source)
+    # A sensor and a recorder of one name would have two offsets.
     own = [name.partition(".")[2] for name in offsets]
     clocks, clock_offsets = read_clocks(document, source, own)
     charges, numbers = read_charges(document, source, len(sensors))
@@ -198,6 +201,7 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
         law=law,
         scatter=scatter,
     )
+    # Numbers are set by name at the end: one table places them, not this function.
     values = {name: value for name, (value, _) in numbers.items()}
     beliefs = {
         name: belief for name, (_, belief) in numbers.items() if belief is not None
@@ -257,8 +261,10 @@ def read_charges(
                 f"{where} name: expected each name once, got {shown(charge.name)} twice"
             )
         charges.append(charge)
+        # The mass is what a scene is mostly for: without the key it is fitted.
         of_this = read_numbers({"mass_kg": "free"} | entry, "charge", where)
         label = f".{charge.name}" if several else ""
+        # Names of several charges have the charge as suffix, as on the command line.
         numbers |= {f"{name}{label}": number for name, number in of_this.items()}
     return tuple(charges), numbers
 
@@ -321,6 +327,7 @@ def read_place(document: dict[str, Any], source: str) -> Place | None:
     numbers = {key: fixed_number(entry[key], f"{where} {key}") for key in entry}
     for key, number in numbers.items():
         if not PLACE_LIMITS[key].allows(number):
+            # A latitude out of its range is probably a longitude.
             swapped = "; are lat_deg and lon_deg swapped?" if key == "lat_deg" else ""
             expected = f"a number that is {PLACE_LIMITS[key].words()}"
             raise InputError(
@@ -385,6 +392,7 @@ def read_ambient(document: dict[str, Any], source: str) -> Ambient | None:
         )
     file = ""
     if "file" in entry:
+        # Relative to the scene file, so that a folder can be moved as a whole.
         file = str(Path(source).parent / name_of(entry["file"], f"{where} file"))
     return Ambient(file=file, **numbers)
 
@@ -417,7 +425,13 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     if "exposure_s" in entry:
         # The exposure of a frame ends before the next frame begins.
         interval = 1 / optional.get("frames_hz", FRAMES_HZ)
-        optional["exposure_s"] = _exposure(entry["exposure_s"], interval, where)
+        exposure = finite(entry["exposure_s"], f"{where} exposure_s")
+        if not 0 <= exposure <= interval:
+            raise InputError(
+                f"{where} exposure_s: expected between 0 and {interval:g}, the time "
+                f"from frame to frame, got {shown(entry['exposure_s'])}"
+            )
+        optional["exposure_s"] = exposure
     if (key := "daylight_lux") in entry:
         optional["daylight"] = _positive(entry[key], f"{where} {key}")
     if "threshold" in entry:
@@ -475,6 +489,7 @@ def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: 
         )
     numbers = _list(entry, given[0], where)
     if given == ["look_at_m"]:
+        # There is no direction from a position to itself: the rotation would be NaN.
         if np.array_equal(numbers, position):
             raise InputError(
                 f"{where} look_at_m: expected a position other than position_m, "
@@ -498,6 +513,7 @@ def _check_quaternion_key(entry: Any, where: str) -> None:
         return
     old, new = entry["quaternion"], LISTS["quaternion_xyzw"]
     if isinstance(old, list) and len(old) == 4:
+        # The numbers in their new order, to copy into the file.
         new = str([*old[1:], old[0]])
     raise InputError(
         f"{where} quaternion: expected quaternion_xyzw, scalar last, got {shown(old)}, "
@@ -529,17 +545,6 @@ def _positive(value: Any, where: str) -> float:
     if number <= 0:
         raise InputError(f"{where}: expected a positive number, got {shown(value)}")
     return number
-
-
-def _exposure(value: Any, interval: float, where: str) -> float:
-    """Return the exposure time, at most the time between frames."""
-    exposure = finite(value, f"{where} exposure_s")
-    if not 0 <= exposure <= interval:
-        raise InputError(
-            f"{where} exposure_s: expected between 0 and {interval:g}, the time from "
-            f"frame to frame, got {shown(value)}"
-        )
-    return exposure
 
 
 def _pixels(entry: dict[str, Any], key: str, where: str) -> int:
@@ -591,6 +596,7 @@ def read_vehicle(document: dict[str, Any], source: str) -> VehicleSpec | None:
         name = name_of(entry["mission"], f"{where} mission")
         control["mission"] = str(Path(source).parent / name)
         control["placed"] = "position" in places
+        # Replaced by the home of the plan, which is not read here.
         places.setdefault("position", np.zeros(3))
     return VehicleSpec(
         model=choice(entry["model"], VEHICLE_MODELS, f"{where} model"),
@@ -636,10 +642,12 @@ def _gains(entry: dict[str, Any], where: str) -> dict[str, Any]:
             raise InputError(
                 f"{at}: expected {expected} not negative, got {shown(entry[key])}"
             )
+        # Below 1 the lead would be a second lag.
         if key == "motor_lead" and numbers < 1:
             raise InputError(
                 f"{at}: expected a factor of 1 and more, got {shown(entry[key])}"
             )
+        # Zero gains with integral action would keep a state that does nothing.
         if key == "ki_pos" and not numbers.any():
             raise InputError(
                 f"{at}: expected a number above zero, got {shown(entry[key])}; for no "

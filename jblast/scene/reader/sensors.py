@@ -51,7 +51,6 @@ from jblast.scene.sensor_kinds import (
     SENSOR_KINDS,
     SensorKind,
     all_instrument_keys,
-    has_key,
     kind_of,
     own_keys,
     sampling_kinds,
@@ -122,6 +121,7 @@ def _sensor(
     carried = {}
     if mount:
         _check_mountable(kind_of(kind), records, where)
+        # A sensor without an offset is at the centre of the vehicle.
         carried = {"offset_m": np.zeros(3)} | {
             name: fixed_list(entry[key], f"{where} {key}", LISTS[key])
             for name, key in (("offset_m", "offset_m"), ("quaternion", QUATERNION))
@@ -158,6 +158,7 @@ def _times(value: Any, where: str) -> tuple[float, ...]:
     if not isinstance(value, list) or not value:
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     times = [finite(time, f"{where}[{i}]") for i, time in enumerate(value)]
+    # Rows of one sensor are distinguished by their times.
     if any(late <= early for early, late in pairwise(times)):
         raise InputError(f"{where}: expected {expected}, got {shown(value)}")
     return tuple(times)
@@ -237,6 +238,7 @@ def read_instrument(
     Raises:
         InputError: As in `read_scene`.
     """
+    # Sound in the ground has no law; a geophone records its motion.
     if kind == "microphone" and position[2] < 0:
         raise InputError(
             f"{where} position_m[2]: expected a microphone on the ground or above it, "
@@ -253,6 +255,7 @@ def read_instrument(
             f"{where} {given[0]}: expected a sensor that writes samples "
             f"({', '.join(sampling_kinds())}), got kind {shown(kind)}"
         )
+    # A sensor without a kind records pressure.
     unit = "pa" if known is None else known.unit
     for key in given:
         stem = next((s for s in ("full_scale", "noise") if key.startswith(s)), None)
@@ -263,17 +266,12 @@ def read_instrument(
             )
     rate = RATE_HZ
     if "rate_hz" in entry:
-        rate = _positive(entry["rate_hz"], f"{where} rate_hz")
+        rate = _number(entry["rate_hz"], True, f"{where} rate_hz")
     full_scale, noise = None, None
     if (key := f"full_scale_{unit}") in entry:
-        full_scale = _positive(entry[key], f"{where} {key}")
+        full_scale = _number(entry[key], True, f"{where} {key}")
     if (key := f"noise_{unit}") in entry:
-        noise = fixed_number(entry[key], f"{where} {key}")
-        if noise < 0:
-            raise InputError(
-                f"{where} {key}: expected a number that is not negative, "
-                f"got {shown(entry[key])}"
-            )
+        noise = _number(entry[key], False, f"{where} {key}")
     bits = _bits(entry.get("bits", "float"), f"{where} bits")
     # The quantization step is the range over 2**bits.
     if bits is not None and full_scale is None:
@@ -357,9 +355,13 @@ def read_settings(entry: dict[str, Any], kind: str, where: str) -> dict[str, flo
     shared = (*all_instrument_keys(), *(key.name for key in keys))
     for key in own_keys():
         if key in entry and key not in shared:
-            whose = (name for name, one in SENSOR_KINDS.items() if has_key(one, key))
+            whose = next(
+                name
+                for name, one in SENSOR_KINDS.items()
+                if key in [its.name for its in one.keys]
+            )
             raise InputError(
-                f'{where} {key}: expected kind = "{next(whose)}" with it, got '
+                f'{where} {key}: expected kind = "{whose}" with it, got '
                 f"{shown(kind) if kind else 'no kind'}"
             )
     if kind == "imu":  # `read_imu`
@@ -388,15 +390,6 @@ def _number(value: Any, positive: bool, where: str) -> float:
     return number
 
 
-def _positive(value: Any, where: str) -> float:
-    number = fixed_number(value, where)
-    if number <= 0:
-        raise InputError(
-            f"{where}: expected a number that is positive, got {shown(value)}"
-        )
-    return number
-
-
 def _bits(value: Any, where: str) -> int | None:
     if value == "float":
         return None
@@ -411,10 +404,11 @@ def _bits(value: Any, where: str) -> int | None:
 def _corners(value: Any, rate: float, where: str) -> tuple[float | None, float | None]:
     """Return the corner frequencies of high- and low-pass; None without a filter."""
     high_pass, low_pass = (
-        None if corner == "none" else _positive(corner, f"{where}[{index}]")
+        None if corner == "none" else _number(corner, True, f"{where}[{index}]")
         for index, corner in enumerate(number_list(value, where, LISTS["filter_hz"]))
     )
     for index, corner in enumerate((high_pass, low_pass)):
+        # Above the Nyquist frequency a digital filter is not defined.
         if corner is not None and corner >= rate / 2:
             raise InputError(
                 f"{where}[{index}]: expected a corner below {rate / 2:g}, half of "
@@ -459,6 +453,7 @@ def read_records(records: Any, where: str) -> tuple[tuple[str, float], ...]:
                 f"{other or nearest(quantity, QUANTITIES)}; "
                 f"expected one of {', '.join(QUANTITIES)}"
             )
+        # Times may be zero or negative, so that they have no relative error.
         read = _additive if quantity in ADDITIVE else _share
         pairs.append((quantity, read(sigma, quantity, f"{where} {quantity}")))
     return tuple(pairs)
@@ -483,6 +478,7 @@ def _share(sigma: Any, quantity: str, where: str) -> float:
     share_match = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
     if share_match is not None and (share := float(share_match.group(1)) / 100) > 0:
         return finite(share, where, expected)
+    # A share and an error in the unit look the same, hence both readings.
     advice = ""
     if isinstance(sigma, int | float) and not isinstance(sigma, bool) and sigma > 0:
         unit = QUANTITIES[quantity].unit

@@ -251,6 +251,7 @@ def read_number(value: Any, parameter: Parameter, where: str) -> Uncertain:
         InputError: The value has none of these forms, or is out of bounds.
     """
     if value == "free":
+        # The default is only the start of the fit.
         return parameter.default, Free(parameter.positive)
     if isinstance(value, dict):
         return _prior(value, parameter, where)
@@ -354,6 +355,7 @@ def tables(document: dict[str, Any], name: str, where: str) -> list[dict[str, An
 
 def known_keys(entry: dict[str, Any], name: str, where: str) -> None:
     """Reject unknown and reserved keys of a table."""
+    # Unknown keys are rejected: an ignored one would silently leave a default.
     known, later = keys_of(name), LATER.get(name, ())
     for key in entry:
         if key in later:
@@ -407,6 +409,7 @@ def number_list(value: Any, where: str, expected: str) -> list[Any]:
 
 def shown_key(key: str) -> str:
     """Return a key as it is written, or quoted if it would garble a message."""
+    # TOML allows any text as a quoted key.
     return key if key.isidentifier() and len(key) <= 60 else shown(key)
 
 
@@ -433,6 +436,7 @@ def in_other_unit(key: str, known: Collection[str]) -> str:
         if suffix.lower() in PER_CENT and stem in known:
             return f"; ours is {stem}, a share: multiply by 0.01"
         meant = unit_spelt(suffix)
+        # Only units of the dimension of the known key: mass_s is no mass.
         either = [unit for unit in meant if f"{stem}_{SI.get(unit.dimension)}" in known]
         if len(meant) > 1 and either:
             names = " or ".join(unit.pint for unit in either)
