@@ -129,7 +129,6 @@ class CheckAnswer(Document):
 
 def check_text(answer: CheckAnswer) -> str:
     """Return the verdict, faults, warnings and conversions, for the terminal."""
-    parts = [_head(answer)]
     faults, warnings = (
         _number(len(found), word)
         for found, word in ((answer.faults, "fault"), (answer.warnings, "warning"))
@@ -137,22 +136,20 @@ def check_text(answer: CheckAnswer) -> str:
     odd = [f"{_lines([str(n) for n in w.lines])}: {w.message}" for w in answer.warnings]
     if len(odd) > MAX_WARNINGS:
         odd[MAX_WARNINGS:] = [f"and {len(odd) - MAX_WARNINGS:,} more"]
+    if answer.faults:
+        verdict = f"A fit would reject this log: {faults}"
+    elif answer.warnings:
+        verdict = f"The log can be fitted: no faults, {warnings}"
+    else:
+        verdict = "The log can be fitted: no faults or warnings"
+    parts = [f"{verdict}\n{_head(answer)}"]
     for title, lines in (
-        ("Conversions", answer.understood),
-        (
-            f"A fit would reject this log: {faults}",
-            _folded(answer.faults, answer.source),
-        ),
+        ("Faults", _folded(answer.faults, answer.source)),
         (f"Suspicious values, which do not prevent a fit: {warnings}", odd),
+        ("Conversions", answer.understood),
     ):
         if lines:
             parts.append("\n".join([title, *map(_item, lines)]))
-    if not answer.faults:
-        parts.append(
-            "No faults: the log can be fitted."
-            if answer.warnings
-            else "No faults or warnings."
-        )
     return "\n\n".join(parts) + "\n"
 
 

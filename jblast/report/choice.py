@@ -24,14 +24,16 @@ BY_HEIGHT = {
 
 def choice_text(choice: Choice) -> str:
     """Return the method, the reason, and a table of all compared methods."""
-    verdict = "suffices" if choice.met else "does not suffice"
     within = (
         f"within {percent(choice.tolerance)}"
         if choice.tolerance
         else "without a tolerance"
     )
     lines = [
-        f"{choice.method} {verdict}: {choice.quantity} {within}",
+        f"{choice.method} suffices: {choice.quantity} {within}"
+        if choice.met
+        else f"No method is accurate enough: {choice.quantity} {within}; best method: "
+        f"{choice.method}",
         "",
         *hanging(reason_for(choice), indent=2),
         "",
@@ -143,13 +145,13 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
             return f"{name}: exact"
         return (
             f"{name}: the default law; its error is unknown, as there is no reference, "
-            "so no tolerance is supportable"
+            "so no tolerance can be verified"
         )
     if not math.isfinite(choice.reference_uncertainty):
         end = REFERENCES[choice.quantity][-1].end
         return (
             f"{name}: {z}; the reference ends at Z = {end:g} and "
-            f"{MAX_DISTANCE / 1000:g} km, so no tolerance is supportable there"
+            f"{MAX_DISTANCE / 1000:g} km, so no tolerance can be verified there"
         )
     own = percent(choice.reference_uncertainty)
     if not found.valid:
@@ -163,7 +165,7 @@ def _of_the_chosen(choice: Choice, found: Candidate) -> str:
         return f"{name}: {z} {where}; {quality}"
     tolerance = f"a tolerance of {percent(choice.tolerance)}"
     if choice.reference_uncertainty > choice.tolerance:
-        return f"{name}: {z} {where}; {quality}; {tolerance} is not supportable"
+        return f"{name}: {z} {where}; {quality}, so {tolerance} cannot be verified"
     short = found.predicted_error / choice.tolerance
     return (
         f"{name}: {z} {where}; {quality}; it is the most accurate method, and misses "

@@ -6,7 +6,6 @@ by thrust is linear in this direction, and not in the quaternion.
 """
 
 import math
-import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from jblast.autopilot.estimator import Thrown
 from jblast.quantities import QUANTITIES
 from jblast.report.words import (
-    WIDTH,
     aligned,
     capitalised,
     comma_separated,
+    hanging,
     parameter_words,
     printed_number,
     significant,
@@ -231,8 +230,16 @@ def _notes(flights: Flights) -> list[str]:
     ]
     for name, limit in THRESHOLDS[flights.vehicle.model].items():
         notes.append(f"{capitalised(THRESHOLD_WORDS[name])}: {limit.source}.")
-    notes += [f"{capitalised(warning)}." for warning in warnings_of(flights)]
-    return [line for note in notes for line in textwrap.wrap(note, WIDTH)]
+    lines = ["Definitions and assumptions"]
+    lines += [line for note in notes for line in hanging(note, 2)]
+    if warnings := warnings_of(flights):
+        lines += ["", "Warnings"]
+        lines += [
+            line
+            for warning in warnings
+            for line in hanging(f"{capitalised(warning)}.", 2)
+        ]
+    return lines
 
 
 def _interval(flags: np.ndarray) -> str:

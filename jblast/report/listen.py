@@ -160,11 +160,15 @@ def listening_text(
             for name, value in zip(PRINTED, values, strict=True)
         ]
         rows.append([record.sensor.name, record.sensor.kind, record.file, *numbers])
-    lines = aligned(rows, right=(3, 4, 5))
+    sensors = "1 sensor" if len(records) == 1 else f"{len(records)} sensors"
+    shots = len(listening.truth.shots)
+    blasts = "1 blast" if shots == 1 else f"{shots} blasts"
+    span = f"{listening.seconds:g} s each, from 0 on the sensor's own clock"
+    lines = [f"Records of {sensors}, {blasts}: {span}", ""]
+    lines += aligned(rows, right=(3, 4, 5))
     if len(records) > MAX_LINES:
         lines.append(f"and {len(records) - MAX_LINES} more, in truth.csv")
-    lines.append(f"{listening.seconds:g} s each, from 0 on the sensor's own clock")
-    if len(listening.truth.shots) > 1:
+    if shots > 1:
         lines.append("arrivals and peak of the first blast at each sensor")
     notes = (*notes, *listening.notes, *warnings_of(listening, records))
     lines += [f"Note: {note.removeprefix('note: ')}" for note in notes]

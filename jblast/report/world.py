@@ -264,7 +264,7 @@ def world_text(run: WorldRun) -> str:
         lines += aligned(_senses(run), right=range(2, 2 + MAX_BLASTS))
         lines += ["times on the common clock, in s", ""]
     lines += [f"Note: {warning}" for warning in warnings_of(run)]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def _blasts(run: WorldRun) -> list[list[str]]:

@@ -181,7 +181,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
     tables += [_answers(answers)] if answers else []
     tables += [_recovery(document["flight"])] if document["flight"] else []
     shown = [
-        (timeline_figure(run), ALT_TIMELINE, "Every sense on the common clock."),
+        (timeline_figure(run), ALT_TIMELINE, "All recordings on the common clock."),
         (map_figure(run, scene, answers), ALT_MAP, "Seen from above; north is up."),
     ]
     versions = ", ".join(f"{name} {of}" for name, of in document["versions"].items())
@@ -238,9 +238,9 @@ def _answers(answers: Sequence[ShotAnswer]) -> Table:
     ]
     inside = [row[-1] for of in answers for row in of.rows]
     notes = [f"Blast {of.shot}: {of.note}" for of in answers if of.note]
+    marked = "" if all(inside) else "; the remaining ones are marked"
     notes.append(
-        f"{sum(inside)} of {len(inside)} 90 % intervals contain the truth; the "
-        "remaining ones are marked."
+        f"{sum(inside)} of {len(inside)} 90 % intervals contain the truth{marked}."
     )
     head = ["Blast", "Parameter", "Truth", "Answer", "90 % interval"]
     missed = [n for n, contains in enumerate(inside) if not contains]
@@ -261,12 +261,12 @@ def _recovery(flight: dict[str, Any]) -> Table:
         ]
         for name, of in flight["holds"].items()
     ]
-    head = ["Controller", "Peak deviation", "Time of it", "Recovery time"]
+    head = ["Controller", "Peak deviation", "Time of peak", "Recovery time"]
     head += ["Peak overpressure", "Flies on"]
     tolerance = printed_number("tolerance_m", flight["tolerance_m"])
     lines = [
-        "Times are measured from the first arrival at the vehicle. A dash: outside the "
-        f"tolerance of {tolerance} at the end."
+        "Times are measured from the first arrival at the vehicle. A dash means that "
+        f"the path error exceeds {tolerance} at the end."
     ]
     title = f"The {flight['vehicle'].capitalize()}"
     return Table(title, head, rows, (1, 2, 3, 4), lines=lines)

@@ -196,24 +196,24 @@ class Threshold(NamedTuple):
 
 PARKED = Threshold(
     55e3,
-    "declared: parked aircraft are beyond repair at 8 psi (DoD 6055.9-STD, C2.3, from "
-    "memory); no published value for this vehicle",
+    "damage to parked aircraft beyond repair, 8 psi (DoD 6055.9-STD, C2.3, quoted from "
+    "memory); there is no published value for this vehicle",
 )
-FIRE = Threshold(0.0, "declared: no exposure to some 2000 K is tolerated")
+FIRE = Threshold(0.0, "no exposure to the fireball (about 2000 K) is accepted")
 THRESHOLDS = {
     "crazyflie": {
         "peak_overpressure_pa": PARKED,
         "peak_acceleration_m_s2": Threshold(
             24 * 9.81,
-            "declared: range of its accelerometer, 24 g (BMI088, Crazyflie 2.1), past "
-            "which its attitude estimate fails; no published value for its frame",
+            "range of the accelerometer, 24 g (BMI088, Crazyflie 2.1), above which the "
+            "attitude estimate fails; there is no published value for the frame",
         ),
         "fireball_time_s": FIRE,
     },
     "hummingbird": {
         "peak_overpressure_pa": PARKED,
         "peak_acceleration_m_s2": Threshold(
-            None, "unknown: no published value for frame or accelerometer"
+            None, "unknown: there is no published value for frame or accelerometer"
         ),
         "fireball_time_s": FIRE,
     },
@@ -221,9 +221,9 @@ THRESHOLDS = {
         "peak_overpressure_pa": PARKED,
         "peak_acceleration_m_s2": Threshold(
             16 * 9.81,
-            "declared: range of its accelerometer, 16 g (MPU-6000, Pixhawk, from "
-            "memory), past which its attitude estimate fails; no published value "
-            "for its frame",
+            "range of the accelerometer, 16 g (MPU-6000, Pixhawk, quoted from memory), "
+            "above which the attitude estimate fails; there is no published value for "
+            "the frame",
         ),
         "fireball_time_s": FIRE,
     },

@@ -193,7 +193,7 @@ def run(options: argparse.Namespace) -> int:
     if recorded and not options.json:
         sys.stdout.write(recorded.text + "\n")
     if not options.json:
-        sys.stdout.write(summary(answer, out=out, verbose=options.verbose) + "\n")
+        sys.stdout.write(summary(answer, out=out, verbose=options.verbose))
     return answer.exit_code
 
 

@@ -226,7 +226,12 @@ def _(finding: fitting.NoScene) -> str:
     if not finding.freed:
         position = "at the origin at time 0, in"
         return f"no scene was given: a surface charge of TNT {position} {air}"
-    free = joined([parameter_words(name) for name in finding.freed])
+    clocks = [name for name in finding.freed if name.startswith(f"{CLOCK_OFFSET}.")]
+    names = [parameter_words(name) for name in finding.freed if name not in clocks]
+    if clocks:
+        offsets = "clock offset" if len(clocks) == 1 else "clock offsets"
+        names.append(f"{len(clocks)} {offsets}")
+    free = joined(names)
     return f"no scene was given: a surface charge of TNT in {air}; also free: {free}"
 
 
@@ -332,7 +337,9 @@ def _(finding: StillAir) -> str:
         return f"{unknown} the intervals would widen by an unknown factor"
     if not finding.wider:
         return f"{unknown} no 90 % interval would widen by 5 %"
-    wide = ", ".join(f"{name} {by:.2g} times" for name, by in finding.wider.items())
+    wide = ", ".join(
+        f"{parameter_words(name)} {by:.2g} times" for name, by in finding.wider.items()
+    )
     return f"{unknown} 90 % intervals would be wider: {wide}"
 
 

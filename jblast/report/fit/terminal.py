@@ -14,6 +14,7 @@ from jblast.inference.design.cramer_rao import BoundSummary
 from jblast.inference.fitting.findings import (
     ExchangedSensors,
     MoreToFree,
+    NoScene,
     NothingLearned,
     WrongClock,
     WrongSensor,
@@ -81,6 +82,9 @@ SAFETY = (
     "For safety engineering, forensics and sensing; it designs no explosives. "
     "Decide nothing that concerns lives from this page alone."
 )
+MAX_TITLE = 4
+"""Parameters that the first line names: with more it would not be one line, and the
+table below it has their names."""
 MASS = "charge_mass_kg"
 
 
@@ -181,6 +185,8 @@ def summary(
     found = fit.summary
     of = f" of {log_name(fit)}" if log_name(fit) else ""
     recordings, fitted = fitted_words(found)
+    if len(found.free) > MAX_TITLE:
+        fitted = f"{len(found.free)} parameters"
     lines = textwrap.wrap(f"Fit{of}: {recordings}, {fitted} fitted", WIDTH)
     lines.append("")
     # a reader who stops after the first lines must see that the numbers are unusable
@@ -193,8 +199,10 @@ def summary(
     lines += section("Reliability", _reliability(fit))
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
-    # an interval that is that of its prior is no fault of the fit
-    ordinary = [one for one in found.warnings if isinstance(one, NothingLearned)]
+    # a missing scene, or an interval that is that of its prior, is no fault of the fit:
+    # both are assumptions here
+    usual = (NoScene, NothingLearned)
+    ordinary = [one for one in found.warnings if isinstance(one, usual)]
     rest = [one for one in found.warnings if one not in ordinary]
     lines += section("Warnings", [capitalised(one) for one in all_words(rest)])
     assumptions = [
