@@ -400,8 +400,28 @@ def design_of(
         each = legendre.legvander(2 * ranks - 1, most) * np.sqrt(2 * order + 1)
     found = np.ones((len(ranks), len(powers)))
     for n in range(ranks.shape[1]):
-        found *= each[:, n, powers[:, n]]
+        columns = each[:, n]
+        if len(np.unique(ranks[:, n])) < len(ranks):
+            columns = orthonormal(columns)
+        found *= columns[:, powers[:, n]]
     return found
+
+
+def orthonormal(
+    columns: Float[np.ndarray, "sample degree"],
+) -> Float[np.ndarray, "sample degree"]:
+    """Return polynomials that are orthonormal over samples with repeated values.
+
+    An input with few levels, as an axis of a study, has other ranks than a density:
+    squared coefficients of its polynomials would not be shares, and from as many degrees
+    as levels on they are combinations of the lower ones. Those are zero here.
+    """
+    rotated, root = np.linalg.qr(columns)
+    size = np.diag(root)
+    # rounding leaves 1e-16 of a dependent column, an independent one has a share of
+    # order 1 / degree!
+    kept = np.abs(size) > 1e-9 * np.abs(size[0])
+    return rotated * np.where(kept, np.sign(size), 0.0) * np.sqrt(len(columns))
 
 
 def shares_of(

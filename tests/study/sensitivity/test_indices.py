@@ -52,6 +52,22 @@ def test_samples_alone_tell_the_indices_of_ishigami():
     assert (found.total_interval[0] <= found.total + 0.02).all()
 
 
+def test_an_axis_of_three_levels_has_its_shares_of_the_variance():
+    """As an analysis of variance: y = a + b + a b, a of three levels, b normal."""
+    a = np.repeat([-0.5, 0.0, 2.0], 1000)
+    b = np.random.default_rng(3).normal(size=3000)
+    found = indices_from_samples({"x": a, "y": b}, a + b + a * b, resamples=50)
+    assert found is not None
+    # of E[y | a] = a, of E[y | b] = (1 + mean a) b, and of both: var(a) b^2 alone
+    parts = np.array([a.var(), (1 + a.mean()) ** 2, a.var()])
+    shares = parts / parts.sum()
+    # 3,000 normal scores scatter shares by some hundredths
+    assert found.first == pytest.approx(shares[:2], abs=0.05)
+    assert found.total == pytest.approx(shares[:2] + shares[2], abs=0.05)
+    # noise-free, and a sum of products of the polynomials
+    assert found.explained > 0.99
+
+
 def test_calls_of_the_function_tell_the_indices_of_ishigami():
     found = indices_of_function(
         lambda scores: ishigami(angles_of(scores)), NAMES, 4096, resamples=50
