@@ -279,9 +279,7 @@ def mission_warnings(flight: MissionFlight) -> list[str]:
     """Return the limitations of a mission, as sentences."""
     warnings = list(flight.notes)
     plan = flight.mission.plan
-    warnings += [
-        f"{plan.source} has {part}, which is ignored" for part in plan.not_flown
-    ]
+    warnings += [plan.ignored] if plan.ignored else []
     if flight.crash:
         warnings.append(
             f"the vehicle {flight.crash}; results after that are not meaningful"
