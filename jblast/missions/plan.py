@@ -17,6 +17,7 @@ for turns.
 import json
 import math
 import os
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,8 +25,7 @@ from typing import Any, NamedTuple
 
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.files import write_text
-from jblast.parameters import PLACE_LIMITS
-from jblast.scene import Place
+from jblast.parameters import PLACE_LIMITS, Place
 
 EXPECTED = "a plan: QGroundControl's .plan, or QGC WPL 110"
 HEAD = "QGC WPL"
@@ -287,6 +287,24 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
         return read_waypoint_list(text.lstrip(), str(path))
     got = shown(begin.partition("\n")[0]) if begin else "an empty file"
     raise InputError(f"{path}: line 1: expected {EXPECTED}; got {got}")
+
+
+def check_mission(scene: str | os.PathLike[str]) -> None:
+    """Read the plan of a scene's vehicle, if it has one, without JAX.
+
+    Args:
+        scene: Scene file; its own errors are those of `scene.read_scene`.
+
+    Raises:
+        InputError: As in `read_plan`.
+    """
+    try:
+        document = tomllib.loads(read_text(scene, "a scene in TOML"))
+        name = document["vehicle"]["mission"]
+    except (ValueError, RecursionError, KeyError, TypeError):
+        return
+    if isinstance(name, str):
+        read_plan(Path(scene).parent / name)
 
 
 def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:

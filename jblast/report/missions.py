@@ -33,7 +33,7 @@ from jblast.vehicle.metrics import THRESHOLDS, Threshold
 def mission_text(flight: MissionFlight) -> str:
     """Return waypoints, blasts, sampled parameters and notes, for the terminal."""
     lines = [*_title(flight), "", *aligned(_waypoints(flight)), ""]
-    lines += aligned(_blasts(flight))
+    lines += aligned(_blasts(flight)) if flight.disturbances else ["no blasts"]
     names = [one.charge for one in flight.disturbances]
     lines += estimate_lines([("", flight.thrown)], names, number_words)
     if flight.drawn:

@@ -146,10 +146,12 @@ def add_arguments(verb: VerbParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Fly, write, print; return the exit code."""
     from jblast.cli.jax_start import start_jax
+    from jblast.missions.plan import check_mission
     from jblast.progress import stages
 
     begin = stages({"starting": 1.0, "flying": 8.0, "writing": 1.0})
     begin("starting")
+    check_mission(options.scene)  # fails here, before JAX starts
     # a single flight is serial: more devices would only cost start time
     start_jax(all_cores=options.vehicles > 1)
     from jblast.report.fit.files import check_directory
