@@ -65,7 +65,8 @@ def add_arguments(verb: VerbParser) -> None:
         type=positive,
         metavar="S",
         help="duration of the flight [s] (default: until 5 s after the last blast's "
-        "arrival; of a mission until it is disarmed)",
+        "arrival; of a mission until it is disarmed); required without a blast and "
+        "mission",
     )
     verb.model.add_argument(
         "--controllers",
