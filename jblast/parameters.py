@@ -75,6 +75,22 @@ UNBOUNDED = Bounds()
 TEMPERATURES = Bounds(at_least=150.0, at_most=400.0)
 ALTITUDES = Bounds(at_least=-500.0, at_most=11_000.0)
 WINDS = Bounds(at_least=-100.0, at_most=100.0)
+
+
+class Place(NamedTuple):
+    """A position on the Earth, WGS84.
+
+    Attributes:
+        lat_deg: Geodetic latitude [degree].
+        lon_deg: Longitude, east positive [degree].
+        alt_m: Height above the ellipsoid, or above the common datum of all heights [m].
+    """
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float = 0.0
+
+
 # The lowest land is 0.43 km below the sea; 100 km is the edge of the atmosphere.
 PLACE_LIMITS = {
     "lat_deg": Bounds(at_least=-90.0, at_most=90.0),

@@ -31,7 +31,7 @@ from jblast.autopilot.logs import (
 )
 from jblast.autopilot.mavlink import Link, LinkLost, Message, Sender
 from jblast.errors import InputError
-from jblast.missions.plan import COMMANDS, Item, Plan, checked_item
+from jblast.missions.plan import MISSION, Item, Plan, checked_item
 from jblast.scene import Place
 
 ARM, START = 400, 300
@@ -69,8 +69,6 @@ MISSION_ACCEPTED, ERROR, MISSION_UNSUPPORTED, NO_SPACE, INVALID, SEQUENCE = (
 """MAV_MISSION_RESULT."""
 FLIGHT_PLAN = 0
 """MAV_MISSION_TYPE of a mission; geofences and rally points have other numbers."""
-INTEGER_FRAMES = {5: 0, 6: 3}
-"""Frames with integer coordinates, and the equivalent float frames."""
 UPLOADED = "uploaded mission"
 
 
@@ -192,6 +190,8 @@ class Missions:
             return [_ack(sender, self._from, INVALID if whole else MISSION_UNSUPPORTED)]
         # Only a complete and valid upload replaces the plan in use.
         self.plan, self._items = plan, None
+        if plan.ignored:
+            self._report_text(plan.ignored)
         return [_ack(sender, self._from, MISSION_ACCEPTED)]
 
     def _ask(self, sender: Sender, now_s: float) -> bytes:
@@ -451,7 +451,7 @@ def item_fields(item: Item, sequence: int) -> dict[str, Any]:
     # NaN is MAVLink's code for an unspecified parameter.
     params = [math.nan if value is None else value for value in item.params]
     lat, lon, alt = (0.0 if math.isnan(value) else value for value in params[4:])
-    placed = COMMANDS[item.command].placed != "never"
+    scale = 1 if item.frame == MISSION else 1e7
     return {
         "seq": sequence,
         "frame": item.frame,
@@ -459,8 +459,8 @@ def item_fields(item: Item, sequence: int) -> dict[str, Any]:
         "current": int(sequence == 0),
         "autocontinue": int(item.auto_continue),
         **{f"param{n + 1}": params[n] for n in range(4)},
-        "x": round(1e7 * lat) if placed else int(lat),
-        "y": round(1e7 * lon) if placed else int(lon),
+        "x": round(scale * lat),
+        "y": round(scale * lon),
         "z": alt,
     }
 
@@ -472,8 +472,9 @@ def item_of(fields: dict[str, Any]) -> Item:
         InputError: As in `checked_item`.
     """
     command, frame = fields["command"], fields["frame"]
-    frame = INTEGER_FRAMES.get(frame, frame)
-    lat, lon = fields["x"] / 1e7, fields["y"] / 1e7
+    # Without a position both are parameters, which have no scale.
+    scale = 1 if frame == MISSION else 1e7
+    lat, lon = fields["x"] / scale, fields["y"] / scale
     params = [*(fields[f"param{n}"] for n in range(1, 5)), lat, lon, fields["z"]]
     return checked_item(
         UPLOADED, fields["seq"], command, frame, params, bool(fields["autocontinue"])

@@ -1,25 +1,53 @@
 """Autonomous missions: plan files, legs and guidance."""
 
-from jblast.missions.guidance import (
-    Guidance as Guidance,
-    GuidanceHistory as GuidanceHistory,
-    Legs as Legs,
-    MissionControl as MissionControl,
-    Progress as Progress,
-    replay as replay,
-)
-from jblast.missions.mission import (
-    Limits as Limits,
-    Mission as Mission,
-    grid_plan as grid_plan,
-    mission_of as mission_of,
-    orbit_plan as orbit_plan,
-    planned_seconds as planned_seconds,
-)
-from jblast.missions.plan import (
-    Item as Item,
-    Plan as Plan,
-    plan_text as plan_text,
-    read_plan as read_plan,
-    write_plan as write_plan,
-)
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
+
+# Lazy, so that a plan is read, and refused, without JAX.
+if TYPE_CHECKING:
+    from jblast.missions.guidance import (
+        Guidance as Guidance,
+        GuidanceHistory as GuidanceHistory,
+        Legs as Legs,
+        MissionControl as MissionControl,
+        Progress as Progress,
+        replay as replay,
+    )
+    from jblast.missions.mission import (
+        Limits as Limits,
+        Mission as Mission,
+        grid_plan as grid_plan,
+        mission_of as mission_of,
+        orbit_plan as orbit_plan,
+        planned_seconds as planned_seconds,
+    )
+    from jblast.missions.plan import (
+        Item as Item,
+        Plan as Plan,
+        plan_text as plan_text,
+        read_plan as read_plan,
+        write_plan as write_plan,
+    )
+
+HOMES = {
+    **dict.fromkeys(
+        (
+            *("Guidance", "GuidanceHistory", "Legs", "MissionControl", "Progress"),
+            "replay",
+        ),
+        "jblast.missions.guidance",
+    ),
+    **dict.fromkeys(
+        (
+            *("Limits", "Mission", "grid_plan", "mission_of", "orbit_plan"),
+            "planned_seconds",
+        ),
+        "jblast.missions.mission",
+    ),
+    **dict.fromkeys(
+        ("Item", "Plan", "plan_text", "read_plan", "write_plan"), "jblast.missions.plan"
+    ),
+}
+
+__getattr__ = lazy_face(__name__, HOMES)

@@ -30,7 +30,10 @@ from jblast.missions.guidance import (
     Legs,
 )
 from jblast.missions.plan import (
+    COMMANDS,
+    DELAY,
     GLOBAL,
+    HEADING,
     JUMP,
     LAND,
     LOITER,
@@ -294,7 +297,9 @@ def mission_of(
                 f"{plan.where}: expected a vehicle on the ground, up 0 m, got one at "
                 f"{home[2]:g} m: a mission that starts in the air"
             )
-    stops = stops_of(plan, frame, home, limits, may_hover_on=may_hover_on)
+    stops = stops_of(
+        plan, frame, home, limits, yaw_rad=yaw_rad, may_hover_on=may_hover_on
+    )
     legs = legs_along(stops, home, limits)
     guidance = Guidance(legs, limits.acceleration_m_s2, yaw_rad)
     return Mission(plan, frame, home, stops, guidance)
@@ -337,6 +342,7 @@ def stops_of(
     home_m: Float[np.ndarray, "3"],
     limits: Limits,
     *,
+    yaw_rad: float = 0.0,
     may_hover_on: bool = False,
 ) -> list[Stop]:
     """Return the target positions of a plan in order of execution.
@@ -346,6 +352,7 @@ def stops_of(
         frame: Geodetic frame of the origin.
         home_m: Initial position of the vehicle, on the ground.
         limits: Default limits.
+        yaw_rad: Initial heading.
         may_hover_on: Accept a plan that ends in the air.
 
     Raises:
@@ -355,8 +362,10 @@ def stops_of(
     where = plan.where
     if not plan.items:
         raise InputError(f"{where}: items: expected a mission, got an empty list")
-    order = _order(plan)
-    first = next((n for n in order if plan.items[n].command != SPEED), None)
+    order = [n for n in _order(plan) if not COMMANDS[plan.items[n].command].ignored]
+    first = next(
+        (n for n in order if plan.items[n].command not in (SPEED, HEADING)), None
+    )
     if first is None or plan.items[first].command != TAKEOFF:
         got = "nothing to fly" if first is None else plan.items[first].words
         raise InputError(
@@ -370,6 +379,7 @@ def stops_of(
     }
     stops: list[Stop] = []
     at, ended, visit = np.array(home_m, float), False, 0
+    turned: dict[str, float] = {}
     for n in order:
         item = plan.items[n]
         if ended:
@@ -381,17 +391,24 @@ def stops_of(
         if item.command == SPEED:
             _change(speeds, item, where)
             continue
+        # A turn holds for all following items, as in ArduCopter, which alone has this
+        # command and does not use the heading of a waypoint.
+        if item.command == HEADING:
+            yaw_rad = _heading(item, yaw_rad, where)
+            turned = {"yaw_rad": yaw_rad}
+            continue
         found = stops_for(item, n, at, home_m, frame, speeds, limits, where)
         for stop in found:
             check_reach(stop, home_m, f"{where}: {item.words}")
-        stops += [replace(stop, visit=visit) for stop in found]
+        stops += [replace(stop, visit=visit, **turned) for stop in found]
         visit += 1
-        at = stops[-1].goal_m
+        last = stops[-1]
+        at = _exit(last, _entry(last, at)) if last.turns else last.goal_m
+        yaw_rad = yaw_rad if math.isnan(last.yaw_rad) else last.yaw_rad
         ended = item.command in (LAND, RETURN, LOITER)
     if not ended:
-        stops.append(
-            replace(stops[-1], hold_s=math.inf, stops=False, turns=0.0, lands=False)
-        )
+        hovers: dict[str, Any] = {"hold_s": math.inf, "stops": False, "turns": 0.0}
+        stops.append(replace(stops[-1], goal_m=at, lands=False, **hovers))
     if not may_hover_on and not stops[-1].lands:
         raise InputError(
             f"{where}: expected a landing (21) or a return (20) at the end, or a "
@@ -461,6 +478,20 @@ def _change(speeds: dict[str, float], item: Item, where: str) -> None:
             f"{speed:g}"
         )
     speeds[names[kind]] = speed
+
+
+def _heading(item: Item, yaw_rad: float, where: str) -> float:
+    """Return the heading after a turn, from east to north."""
+    degrees, sense, relative = (item.number_of(n) for n in (1, 3, 4))
+    for parameter, value, known in ((3, sense, (-1, 0, 1)), (4, relative, (0, 1))):
+        if value not in known:
+            raise InputError(
+                f"{where}: {item.words}, parameter {parameter}: expected one of "
+                f"{', '.join(map(str, known))}, got {value:g}"
+            )
+    # Headings of a plan are clockwise.
+    start, sign = (yaw_rad, sense or 1.0) if relative else (math.pi / 2, 1.0)
+    return math.remainder(start - sign * math.radians(degrees), 2 * math.pi)
 
 
 def legs_along(stops: Sequence[Stop], start_m: Vector, limits: Limits) -> Legs:
@@ -671,6 +702,14 @@ def stops_for(
         _at_least(item, 1, 0.0, where)
         _at_least(item, 2, 0.0, where)
         return [stop(goal, hold_s=item.number_of(1), yaw_rad=yaw)]
+    if item.command == DELAY:
+        seconds = item.number_of(1)
+        if seconds <= 0:
+            raise InputError(
+                f"{where}: {item.words}, parameter 1: expected a positive number of "
+                f"seconds (a time of day is not supported), got {seconds:g}"
+            )
+        return [stop(at, hold_s=seconds, stops=True)]
     if item.command == LOITER_TIME:
         _at_least(item, 1, 0.0, where)
         return [stop(goal, hold_s=item.number_of(1), stops=True)]
@@ -711,7 +750,9 @@ def _goal(
     """Return the target of an item; missing values are those of the position `at`."""
     lat, lon, alt = item.params[4:]
     up = at[2]
-    if alt is not None:
+    # ArduPilot has a height of 0 for the present height, too, where 0, 0 is the
+    # present position.
+    if alt is not None and (alt or item.place or item.command == TAKEOFF):
         up = alt - frame.alt_m if item.frame == GLOBAL else home[2] + alt
     if item.place is None:
         return np.array([at[0], at[1], up])

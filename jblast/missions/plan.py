@@ -17,6 +17,7 @@ for turns.
 import json
 import math
 import os
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,8 +25,7 @@ from typing import Any, NamedTuple
 
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.files import write_text
-from jblast.parameters import PLACE_LIMITS
-from jblast.scene import Place
+from jblast.parameters import PLACE_LIMITS, Place
 
 EXPECTED = "a plan: QGroundControl's .plan, or QGC WPL 110"
 HEAD = "QGC WPL"
@@ -51,51 +51,74 @@ Parameters = tuple[
 ]
 # MAV_CMD of the supported items, without the prefixes NAV and DO.
 WAYPOINT, LOITER, TURNS, LOITER_TIME = 16, 17, 18, 19
-RETURN, LAND, TAKEOFF, JUMP, SPEED = 20, 21, 22, 177, 178
+RETURN, LAND, TAKEOFF, DELAY, HEADING = 20, 21, 22, 93, 115
+JUMP, SPEED = 177, 178
+IGNORED = {
+    112: "delay of the next command",
+    114: "next command after a distance",
+    181: "set relay",
+    182: "repeat relay",
+    183: "set servo",
+    184: "repeat servo",
+    187: "set actuator",
+    189: "start of a landing",
+    195: "region of interest",
+    196: "region of interest at the next waypoint",
+    197: "no region of interest",
+    200: "camera control",
+    201: "region of interest",
+    202: "camera settings",
+    203: "camera control",
+    204: "gimbal settings",
+    205: "gimbal",
+    206: "camera trigger by distance",
+    207: "switch the fence",
+    211: "gripper",
+    214: "camera trigger by time",
+    220: "gimbal",
+    530: "camera mode",
+    531: "camera zoom",
+    532: "camera focus",
+    1000: "gimbal",
+    1001: "gimbal settings",
+    2000: "take pictures",
+    2001: "stop pictures",
+    2003: "camera trigger",
+    2500: "start video",
+    2501: "stop video",
+}
+"""Commands without effect on the path of a multicopter, with their names.
+
+112 and 114 delay only other commands of this list, 189 marks an item, and a region of
+interest turns the camera, or the vehicle about its vertical axis.
+"""
 NOT_FLOWN = {
     31: "loiter to altitude",
     82: "spline waypoint",
     84: "VTOL take-off",
     85: "VTOL landing",
     92: "guided enable",
-    93: "delay",
     94: "payload place",
-    112: "delay",
     113: "change altitude",
-    114: "delay until a distance",
-    115: "turn",
     176: "set mode",
     179: "set home",
-    183: "set servo",
-    189: "start of a landing",
-    195: "region of interest",
-    197: "no region of interest",
-    201: "region of interest",
-    203: "camera control",
-    205: "gimbal",
-    206: "camera trigger by distance",
-    211: "gripper",
-    530: "camera mode",
-    1000: "gimbal",
-    2000: "take pictures",
-    2001: "stop pictures",
-    2500: "start video",
-    2501: "stop video",
     3000: "VTOL transition",
 }
 """Names of some unsupported commands, for messages."""
-GLOBAL, MISSION, RELATIVE = 0, 2, 3
-"""MAV_FRAME: height above the sea, no position, height above home."""
-FRAMES = {GLOBAL: "above the sea", MISSION: "no place", RELATIVE: "above home"}
-"""Supported frames of an item's position (MAV_FRAME)."""
-FRAMES_NOT_FLOWN = {
-    1: "local north, east, down",
-    4: "local east, north, up",
-    5: "above the sea, by whole numbers",
-    6: "above home, by whole numbers",
-    10: "above the terrain",
-    11: "above the terrain, by whole numbers",
+GLOBAL, MISSION, RELATIVE, TERRAIN = 0, 2, 3, 10
+"""MAV_FRAME: height above the sea, no position, height above home, above terrain."""
+FRAMES = {
+    GLOBAL: "above the sea",
+    MISSION: "no place",
+    RELATIVE: "above home",
+    TERRAIN: "above the terrain, which is level",
 }
+"""Supported frames of an item's position (MAV_FRAME)."""
+INTEGER_FRAMES = {5: GLOBAL, 6: RELATIVE, 11: TERRAIN}
+"""Frames with integer coordinates in messages, and the equivalent frames."""
+FRAMES_NOT_FLOWN = {1: "local north, east, down", 4: "local east, north, up"}
+MAX_LISTED = 3
+"""Maximum number of items of one ignored command in a warning."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +128,7 @@ class Item:
     Attributes:
         number: Number in the plan, as shown by ground stations and used by jumps.
         command: Key of `COMMANDS`.
-        frame: Key of `FRAMES`: reference of its height.
+        frame: Key of `FRAMES`: reference of its height; any for an ignored command.
         params: Seven values: 1 to 4 by the command, latitude and longitude [degree],
             height [m]; None: unspecified.
         auto_continue: True if the next item follows automatically.
@@ -129,10 +152,8 @@ class Item:
         placed = COMMANDS[self.command].placed
         if placed == "never" or lat is None or lon is None:
             return None
-        # MAVLink has 0, 0 for the present position of a take-off or landing.
-        if placed == "may" and lat == 0 and lon == 0:
-            return None
-        return lat, lon
+        # MAVLink has 0, 0 for the present position.
+        return None if lat == lon == 0 else (lat, lon)
 
     def number_of(self, parameter: int, default: float = 0.0) -> float:
         """Return parameter 1 to 7, or the default if it is unspecified."""
@@ -166,6 +187,22 @@ class Plan:
     def where(self) -> str:
         """Name of the plan in messages."""
         return self.source or "plan"
+
+    @property
+    def ignored(self) -> str:
+        """Ignored parts and commands, one line; "" without any."""
+        items: dict[int, list[str]] = {}
+        for item in self.items:
+            if COMMANDS[item.command].ignored:
+                items.setdefault(item.command, []).append(str(item.number))
+        parts = list(self.not_flown)
+        for command, numbers in items.items():
+            more = len(numbers) - MAX_LISTED
+            last = [f"{more} more"] if more > 0 else []
+            listed = ", ".join([*numbers[:MAX_LISTED], *last])
+            word = "item" if len(numbers) == 1 else "items"
+            parts.append(f"{command_words(command)} in {word} {listed}")
+        return f"ignored in {self.where}: {'; '.join(parts)}" if parts else ""
 
 
 def ground_control_text(plan: Plan) -> str:
@@ -250,6 +287,24 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
         return read_waypoint_list(text.lstrip(), str(path))
     got = shown(begin.partition("\n")[0]) if begin else "an empty file"
     raise InputError(f"{path}: line 1: expected {EXPECTED}; got {got}")
+
+
+def check_mission(scene: str | os.PathLike[str]) -> None:
+    """Read the plan of a scene's vehicle, if it has one, without JAX.
+
+    Args:
+        scene: Scene file; its own errors are those of `scene.read_scene`.
+
+    Raises:
+        InputError: As in `read_plan`.
+    """
+    try:
+        document = tomllib.loads(read_text(scene, "a scene in TOML"))
+        name = document["vehicle"]["mission"]
+    except (ValueError, RecursionError, KeyError, TypeError):
+        return
+    if isinstance(name, str):
+        read_plan(Path(scene).parent / name)
 
 
 def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
@@ -391,7 +446,11 @@ def read_ground_control(text: str, source: str) -> Plan:
     entries = mission.get("items")
     if not isinstance(entries, list):
         raise InputError(f"{source}: items: expected a list, got {shown(entries)}")
-    items = tuple(_item(entry, n, source) for n, entry in enumerate(entries, start=1))
+    found: list[Item] = []
+    for n, entry in enumerate(entries, start=1):
+        for one in _simple_items(entry, n, source):
+            found.append(_item(one, len(found) + 1, source))
+    items = tuple(found)
     check_numbers(items, source)
     speed = mission.get("hoverSpeed")
     if speed is not None and not _is_number(speed, above=0.0):
@@ -417,18 +476,28 @@ def read_ground_control(text: str, source: str) -> Plan:
     )
 
 
+def _simple_items(entry: Any, place: int, source: str) -> list[Any]:
+    """Return an entry of a plan, or the simple items of a complex one."""
+    if not isinstance(entry, dict) or entry.get("type") != "ComplexItem":
+        return [entry]
+    # A survey or corridor has its waypoints in "TransectStyleComplexItem", "Items".
+    tables = [entry, *(value for value in entry.values() if isinstance(value, dict))]
+    items = next((items for table in tables if (items := table.get("Items"))), None)
+    if not isinstance(items, list):
+        name = shown(entry.get("complexItemType"))
+        raise InputError(
+            f"{source}: item {place}: expected a SimpleItem, or a ComplexItem with its "
+            f"waypoints in Items, got the ComplexItem {name} without; a plan that "
+            "QGroundControl downloads from a vehicle has waypoints in its place"
+        )
+    return items
+
+
 def _item(entry: Any, place: int, source: str) -> Item:
     """Return one item, the nth in the file."""
     if not isinstance(entry, dict):
         raise InputError(
             f"{source}: item {place}: expected a table, got {shown(entry)}"
-        )
-    if entry.get("type") == "ComplexItem":
-        name = shown(entry.get("complexItemType"))
-        raise InputError(
-            f"{source}: item {place}: expected a SimpleItem, got the ComplexItem "
-            f"{name}; a plan that QGroundControl downloads from a vehicle has "
-            "waypoints in its place"
         )
     if entry.get("type") != "SimpleItem":
         raise InputError(
@@ -532,11 +601,15 @@ def checked_item(
     at = f"{where}: item {number}"
     if type(command) is not int or command not in COMMANDS:
         given = command_words(command) if type(command) is int else shown(command)
-        known = ", ".join(command_words(one) for one in COMMANDS)
+        flown = [one for one, kind in COMMANDS.items() if not kind.ignored]
+        known = ", ".join(map(command_words, flown))
         raise InputError(f"{at} command: expected one of {known}; got {given}")
     kind = COMMANDS[command]
     at = f"{at}, {kind.name}"
-    if type(frame) is not int or frame not in FRAMES:
+    # A command without effect may have any frame; messages with integer coordinates
+    # have been scaled by their reader.
+    frame = INTEGER_FRAMES.get(frame, frame) if type(frame) is int else frame
+    if type(frame) is not int or not (frame in FRAMES or kind.ignored):
         frames = ", ".join(f"{one} ({words})" for one, words in FRAMES.items())
         other = FRAMES_NOT_FLOWN.get(frame) if type(frame) is int else None
         got = shown(frame) + (f" ({other})" if other else "")
@@ -544,7 +617,7 @@ def checked_item(
     values = [_number(value, f"{at}, parameter {n}") for n, value in _counted(params)]
     for n, value in _counted(values[:4]):
         # Ignoring a parameter would fly another mission than the one displayed.
-        if value and n not in kind.used:
+        if value and n not in kind.used and not kind.ignored:
             raise InputError(
                 f"{at}, parameter {n}: expected 0 or nothing (no other value is "
                 f"supported), got {value:g}"
@@ -578,7 +651,7 @@ def _check_place(item: Item, at: str) -> None:
         InputError: Latitude, longitude or height are missing or out of range.
     """
     if item.frame == MISSION:
-        raise InputError(f"{at}, frame: expected 0 or 3, with a position, got 2")
+        raise InputError(f"{at}, frame: expected 0, 3 or 10, with a position, got 2")
     lat, lon, alt = item.params[4:]
     needs = COMMANDS[item.command].placed == "always"
     for name, value in (("latitude", lat), ("longitude", lon)):
@@ -630,15 +703,17 @@ class Command(NamedTuple):
     Attributes:
         number: MAV_CMD number.
         name: Short name.
-        placed: Presence of a position: "always", "may" (0, 0 or nothing is the current
-            position), "never".
+        placed: Presence of a position: "always" (0, 0 is the current position), "may"
+            (0, 0 or nothing), "never".
         used: Supported parameters among 1 to 4; the others must be 0 or absent.
+        ignored: True for a command without effect on the path.
     """
 
     number: int
     name: str
     placed: str
     used: tuple[int, ...]
+    ignored: bool = False
 
 
 COMMANDS = {
@@ -658,10 +733,15 @@ COMMANDS = {
         Command(LAND, "land", "may", (4,)),
         # pitch (fixed wing only), -, -, yaw
         Command(TAKEOFF, "take-off", "may", (1, 4)),
+        # delay [s]; a time of day instead is refused
+        Command(DELAY, "delay", "never", (1, 2, 3, 4)),
+        # angle [degree], rate, sense (1: clockwise), 1: relative to the heading
+        Command(HEADING, "turn", "never", (1, 2, 3, 4)),
         # number of the next item, number of repetitions
         Command(JUMP, "jump", "never", (1, 2)),
         # 0 or 1: over ground, 2: climb, 3: descent; [m/s], -1 no change; throttle
         Command(SPEED, "change speed", "never", (1, 2, 3)),
+        *(Command(number, name, "never", (), True) for number, name in IGNORED.items()),
     )
 }
 

@@ -33,7 +33,7 @@ from jblast.vehicle.metrics import THRESHOLDS, Threshold
 def mission_text(flight: MissionFlight) -> str:
     """Return waypoints, blasts, sampled parameters and notes, for the terminal."""
     lines = [*_title(flight), "", *aligned(_waypoints(flight)), ""]
-    lines += aligned(_blasts(flight))
+    lines += aligned(_blasts(flight)) if flight.disturbances else ["no blasts"]
     names = [one.charge for one in flight.disturbances]
     lines += estimate_lines([("", flight.thrown)], names, number_words)
     if flight.drawn:
@@ -279,9 +279,7 @@ def mission_warnings(flight: MissionFlight) -> list[str]:
     """Return the limitations of a mission, as sentences."""
     warnings = list(flight.notes)
     plan = flight.mission.plan
-    warnings += [
-        f"{plan.source} has {part}, which is ignored" for part in plan.not_flown
-    ]
+    warnings += [plan.ignored] if plan.ignored else []
     if flight.crash:
         warnings.append(
             f"the vehicle {flight.crash}; results after that are not meaningful"

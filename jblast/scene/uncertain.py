@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from types import SimpleNamespace
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -20,27 +20,19 @@ from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
 from jblast.errors import InputError, argument, nearest
-from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Parameter
+from jblast.parameters import (
+    CLOCK,
+    CLOCK_OFFSET,
+    PARAMETERS,
+    Parameter,
+    Place as Place,
+)
 from jblast.scene.scene import Scene
 from jblast.scene.sensor import Clock
 from jblast.types import as_float_array
 
 NO_SCENE = "the default scene"
 """Source of the scene that is used if none is given."""
-
-
-class Place(NamedTuple):
-    """A position on the Earth, WGS84.
-
-    Attributes:
-        lat_deg: Geodetic latitude [degree].
-        lon_deg: Longitude, east positive [degree].
-        alt_m: Height above the ellipsoid, or above the common datum of all heights [m].
-    """
-
-    lat_deg: float
-    lon_deg: float
-    alt_m: float = 0.0
 
 
 @runtime_checkable

@@ -27,7 +27,7 @@ from jblast.autopilot.estimator import (
     thrown,
 )
 from jblast.autopilot.lockstep import suite_of
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.progress import counted
 from jblast.scene import (
@@ -458,10 +458,11 @@ def flight_seconds(
     batch = scenes.air.wind_east.ndim > 0
     came = np.asarray((eqx.filter_vmap(arrivals) if batch else arrivals)(scenes))
     source = source or "scene"
-    if np.isposinf(came).all(axis=-1).any():
+    if np.isposinf(came).all(axis=-1).any() and options.seconds is None:
         raise InputError(
-            f"{source}: [charge] time_s: expected a charge with a finite time, got inf "
-            "for all charges"
+            f"{source}: [charge] time_s: expected a charge with a finite time, or "
+            f"{argument('seconds')} for a flight without a blast, got inf for all "
+            "charges"
         )
     if not came.min() >= 0:
         raise InputError(
@@ -474,7 +475,7 @@ def flight_seconds(
         last = came.max(where=came < np.inf, initial=0.0)
         seconds = math.ceil(10 * (last + AFTER_S)) / 10
     first = came.min(axis=-1).max()
-    if seconds <= first:
+    if seconds <= first < np.inf:
         raise InputError(
             f"seconds: expected more than {first:.4g} s, the"
             f"{' latest' if batch else ''} arrival of a first blast, "

@@ -10,6 +10,7 @@ Guidance and controller see the estimated state. So the acceptance of waypoints 
 from the estimate, and the outcome is computed from the true rows of the flight.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
@@ -382,7 +383,6 @@ def fly_mission(
     if options.profile is None:
         scene, notes = with_bursts_at_start(scene, spec)
     load = load_of(scene, options.profile, options.load)
-    charges = scene.charges
     instruments = None
     if options.estimator:
         # the magnetic field needs a geographic position
@@ -404,6 +404,10 @@ def fly_mission(
     exposure = exposed_along(
         unwatched(scene), load, vehicle, encounter, flight.time_s[::every], states
     )
+    # A charge that never detonates, as in a scene without [charge], is not reported.
+    happens = np.array([not charge.never for charge in scene.charges])
+    charges = list(itertools.compress(scene.charges, happens))
+    encounter = jax.tree.map(lambda x: x[happens], encounter)
     ended = np.asarray(guided.phase) == ENDED
     disarmed = float(flight.time_s[np.argmax(ended)]) if ended.any() else math.nan
     return MissionFlight(
@@ -413,7 +417,7 @@ def fly_mission(
         integral=spec.integral is not False,
         seconds=seconds,
         drawn={name: float(x) for name, x in drawn_values(uncertain, scene).items()},
-        places_m=np.stack([np.stack(c.position_m) for c in charges]),
+        places_m=np.array([np.stack(c.position_m) for c in charges]).reshape(-1, 3),
         wind_m_s=np.array([scene.air.wind_east, scene.air.wind_north]),
         trajectory=flight,
         guided=guided,
@@ -431,7 +435,7 @@ def fly_mission(
             options.tolerance_m,
         ),
         thrown=None
-        if estimate is None
+        if estimate is None or not charges
         else thrown_of(estimate, flight.time_s, encounter.arrival_s),
         followed=estimate,
         disarmed_s=disarmed,

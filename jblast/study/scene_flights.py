@@ -112,7 +112,7 @@ def scene_to_fly(
         InputError: The file cannot be read, or a scene without a mission has random
             blasts.
     """
-    uncertain, world = read_scene_or_world(path)
+    uncertain, world = read_scene_or_world(path, needs_charge=False)
     if world is None:
         return uncertain
     if not has_mission(uncertain):

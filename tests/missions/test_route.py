@@ -1,12 +1,13 @@
 """What a plan asks for, in the order in which it is flown; what cannot be."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.missions import Plan, mission_of
+from jblast.missions import Item, Plan, mission_of
 from jblast.scene import Place
 from tests.missions.missions import HOME, LAND, UP, item, mission, plan
 
@@ -70,6 +71,55 @@ def test_heights_above_the_sea_and_above_home_are_told_apart():
     assert [stop[2] for stop in goals(other)[1:3]] == [6, 15]
 
 
+def here(number: int, command: int, up: float = 0.0, **params: float) -> Item:
+    """An item at latitude and longitude 0."""
+    one = item(number, command, (0, 0, up), params)
+    return replace(one, params=(*one.params[:4], 0.0, 0.0, float(up)))
+
+
+def test_zero_latitude_and_longitude_are_the_present_position():
+    items = (
+        here(1, 22, 20),
+        item(2, 16, (40, 0, 25)),
+        here(3, 16, 0),
+        here(4, 19, 30, p1=2),
+        here(5, 18, p1=0.5, p3=5),
+        here(6, 21),
+    )
+    one = mission_of(Plan(items, HOME))
+    # half a turn begins at the northernmost point of its circle, ends at the opposite
+    # one, and the vehicle lands there
+    assert goals(one) == [
+        *((0, 0, 20), (40, 0, 25), (40, 0, 25), (40, 0, 30), (40, 0, 30)),
+        *((40, -5, 5), (40, -5, 0)),
+    ]
+
+
+def test_heights_above_level_terrain_are_those_above_home():
+    point = replace(item(2, 16, (20, 0, 6)), frame=10)
+    one = mission_of(Plan((item(1, 22, (0, 0, 6)), point, item(3, 20)), HOME))
+    assert goals(one)[1] == (20, 0, 6)
+
+
+def test_delays_and_turns_are_flown_and_ignored_commands_are_not():
+    one = mission(
+        (115, None, {"p1": 90}),
+        (2000, None, {}),
+        UP,
+        (93, None, {"p1": 7.5, "p2": -1, "p3": -1, "p4": -1}),
+        (115, None, {"p1": 180, "p2": 30, "p3": 1, "p4": 1}),
+        (16, (20, 0, 6), {"p4": 0}),
+        (115, None, {"p1": 30, "p3": -1, "p4": 1}),
+        LAND,
+        (2001, None, {}),
+    )
+    assert [stop.item for stop in one.stops] == [2, 3, 5, 7, 7, 7]
+    assert (one.stops[1].hold_s, goals(one)[1]) == (7.5, (0, 0, 6))
+    yaws = np.degrees([stop.yaw_rad for stop in one.stops])
+    # from east, counter-clockwise: 0 is east, 180 west, 210 is 30 left of it
+    np.testing.assert_allclose(yaws % 360, [0, 0, 180, 210, 210, 210], atol=1e-9)
+
+
 FAR = (16, (30e3, 0, 6), {})
 REFUSED = {
     "empty": ([], "got an empty list"),
@@ -99,6 +149,8 @@ REFUSED = {
         "at most 5,000 items",
     ),
     "no speed": ([UP, (178, None, {"p1": 1, "p2": 0}), LAND], "0.05 to 60 m/s"),
+    "time of day": ([UP, (93, None, {"p1": -1, "p2": 9}), LAND], "a time of day"),
+    "sense": ([UP, (115, None, {"p1": 9, "p3": 2}), LAND], "parameter 3.*-1, 0, 1"),
     "hold": ([UP, (16, (9, 0, 6), {"p1": -2}), LAND], "parameter 1: expected 0 or"),
 }
 

@@ -186,7 +186,7 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
 
 def _scene(options: argparse.Namespace) -> ServedScene:
     """Return the scene with its blasts sampled, and its vehicle."""
-    uncertain, world = read_scene_or_world(options.scene)
+    uncertain, world = read_scene_or_world(options.scene, needs_charge=False)
     until = math.inf if options.seconds is None else options.seconds
     drawn = draw_world(uncertain, world, options.seed, until_s=until)
     place = PLACE if uncertain.place is None else uncertain.place

@@ -65,7 +65,8 @@ def add_arguments(verb: VerbParser) -> None:
         type=positive,
         metavar="S",
         help="duration of the flight [s] (default: until 5 s after the last blast's "
-        "arrival; of a mission until it is disarmed)",
+        "arrival; of a mission until it is disarmed); required without a blast and "
+        "mission",
     )
     verb.model.add_argument(
         "--controllers",
@@ -146,10 +147,12 @@ def add_arguments(verb: VerbParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Fly, write, print; return the exit code."""
     from jblast.cli.jax_start import start_jax
+    from jblast.missions.plan import check_mission
     from jblast.progress import stages
 
     begin = stages({"starting": 1.0, "flying": 8.0, "writing": 1.0})
     begin("starting")
+    check_mission(options.scene)  # fails here, before JAX starts
     # a single flight is serial: more devices would only cost start time
     start_jax(all_cores=options.vehicles > 1)
     from jblast.report.fit.files import check_directory

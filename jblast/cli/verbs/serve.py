@@ -190,6 +190,10 @@ def _over_mavlink(options: argparse.Namespace) -> int:
 
     dialect()  # fails here, before JAX starts, if pymavlink is not installed
     from jblast.cli.jax_start import start_jax
+    from jblast.missions.plan import check_mission
+
+    if options.ground_station:
+        check_mission(options.scene)
 
     # Optimised code: the step of the vehicle has to keep up with the autopilot.
     start_jax()

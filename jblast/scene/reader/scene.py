@@ -89,12 +89,14 @@ def read_world(path: str | os.PathLike[str]) -> tuple[UncertainScene, WorldSpec]
 
 
 def read_scene_or_world(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str], *, needs_charge: bool = True
 ) -> tuple[UncertainScene, WorldSpec | None]:
     """Read a scene file that may have random blasts.
 
     Args:
         path: A TOML file.
+        needs_charge: Whether the mass of a charge is free without [charge]; else the
+            scene has one charge that never detonates.
 
     Returns:
         The scene, and the distribution of its random blasts, or None.
@@ -105,7 +107,9 @@ def read_scene_or_world(
     document = document_of(path)
     if "world" in document:
         return world_from_document(document, str(path))
-    return scene_from_document(document, str(path)), None
+    if "charge" in document or needs_charge:
+        return scene_from_document(document, str(path)), None
+    return _without_blast(document, str(path)), None
 
 
 def document_of(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -141,10 +145,15 @@ def world_from_document(
     rest = {key: value for key, value in document.items() if key != "world"}
     if "charge" in document:
         return scene_from_document(rest, source), world
-    uncertain = scene_from_document(rest | {"charge": {"mass_kg": 1.0}}, source)
+    return _without_blast(rest, source), world
+
+
+def _without_blast(document: dict[str, Any], source: str) -> UncertainScene:
+    """Build a scene without [charge]."""
+    uncertain = scene_from_document(document | {"charge": {"mass_kg": 1.0}}, source)
     # A scene needs a charge: one that never detonates has no effect.
     never = replace(uncertain.scene.charge, time_s=math.inf)
-    return replace(uncertain, scene=replace(uncertain.scene, charge=never)), world
+    return replace(uncertain, scene=replace(uncertain.scene, charge=never))
 
 
 def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene:

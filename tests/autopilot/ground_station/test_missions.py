@@ -108,9 +108,22 @@ def test_a_mission_that_cannot_be_flown_is_refused_and_the_old_one_kept():
 def test_a_command_that_is_not_flown_is_refused_by_name():
     ground = Ground()
     ground.tell("MISSION_COUNT", count=1)
-    (ack,) = ground.tell("MISSION_ITEM_INT", command=183, frame=2)
+    (ack,) = ground.tell("MISSION_ITEM_INT", command=82, frame=3)
     assert ack.values["type"] == 3
-    assert "183 (set servo)" in ground.said[0]
+    assert "82 (spline waypoint)" in ground.said[0]
+
+
+def test_ignored_commands_are_reported_and_come_back_with_the_mission():
+    ground = Ground()
+    servo = checked_item("", 3, 183, 2, [9, 1500, 0, 0, 7, 8, 0])
+    region = checked_item("", 4, 201, 3, [0, 0, 0, 0, 47.001, 8.002, 3])
+    (ack,) = ground.upload([*ITEMS, servo, region])
+    assert ack.values["type"] == 0
+    assert ground.said == [
+        "ignored in uploaded mission: 183 (set servo) in item 3; 201 (region of "
+        "interest) in item 4"
+    ]
+    assert ground.missions.items[3:] == (servo, region)
 
 
 def test_fences_are_none_and_none_are_taken():

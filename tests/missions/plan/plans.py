@@ -19,6 +19,15 @@ def item(command: int, params: list, frame: int = 3, **keys: Any) -> dict[str, A
     }
 
 
+def survey(*items: Any) -> dict[str, Any]:
+    return {
+        "type": "ComplexItem",
+        "complexItemType": "survey",
+        "polygon": [[35.3076, -80.7353], [35.3077, -80.7353], [35.3077, -80.7352]],
+        "TransectStyleComplexItem": {"CameraCalc": {}, "Items": list(items)},
+    }
+
+
 TAKEOFF = item(22, [15, 0, 0, None, HOME[0], HOME[1], 10], doJumpId=1)
 POINT = item(16, [2, 0, 0, None, 35.3077, -80.7353, 10], doJumpId=2)
 RETURN = item(20, [0, 0, 0, 0, 0, 0, 0], frame=2, doJumpId=3)

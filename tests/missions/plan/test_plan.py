@@ -1,12 +1,22 @@
 """Plans read, written, read again; and what is said of those that are none."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
 from jblast.errors import InputError
 from jblast.missions import plan_text, read_plan, write_plan
-from tests.missions.plan.plans import POINT, RETURN, TAKEOFF, WAYPOINTS, item, text
+from tests.missions.plan.plans import (
+    POINT,
+    RETURN,
+    TAKEOFF,
+    WAYPOINTS,
+    item,
+    survey,
+    text,
+)
 
 
 def read(tmp_path, content: str, name: str = "a.plan"):
@@ -45,6 +55,39 @@ def test_parts_that_are_not_flown_are_told_and_written_back(tmp_path):
     assert written["fileType"] == "Plan"
 
 
+def test_a_survey_is_read_by_its_items_and_ignored_commands_are_listed(tmp_path):
+    triggers = [
+        item(206, [25, 0, 1, 0, 0, 0, 0], frame=2, doJumpId=n) for n in range(3, 7)
+    ]
+    gimbal = item(1000, [-90, None, None, None, 0, 0, 2], frame=2, doJumpId=8)
+    other = POINT | {"doJumpId": 7}
+    plan = read(
+        tmp_path,
+        text(
+            TAKEOFF, survey(POINT, *triggers, other), gimbal, RETURN | {"doJumpId": 9}
+        ),
+    )
+    assert [one.command for one in plan.items] == [22, 16, *[206] * 4, 16, 1000, 20]
+    assert plan.ignored == (
+        f"ignored in {plan.source}: 206 (camera trigger by distance) in items 3, 4, 5, "
+        "1 more; 1000 (gimbal) in item 8"
+    )
+    # the copy of a plan keeps the commands, and the waypoints in place of the survey
+    for ending in (".plan", ".waypoints"):
+        write_plan(plan, tmp_path / f"again{ending}")
+        again = read_plan(tmp_path / f"again{ending}").items
+        assert [(one.number, one.command) for one in again] == [
+            (one.number, one.command) for one in plan.items
+        ]
+    assert read(tmp_path, text()).ignored == ""
+
+
+@pytest.mark.parametrize(("frame", "known"), [(5, 0), (6, 3), (10, 10), (11, 10)])
+def test_frames_of_whole_numbers_and_of_the_terrain_are_read(tmp_path, frame, known):
+    plan = read(tmp_path, text(TAKEOFF, POINT | {"frame": frame}, RETURN))
+    assert plan.items[1].frame == known
+
+
 def test_blanks_for_tabs_and_ends_of_lines_are_read(tmp_path):
     listed = WAYPOINTS.replace("\t", "  ").replace("\n", "\r\n")
     assert read(tmp_path, listed).items == read(tmp_path, text()).items
@@ -72,17 +115,25 @@ REFUSED = {
     "huge": (_point(6, 10**400), ["parameter 7", "finite"]),
     "passing radius": (_point(2, 5), ["item 2, waypoint, parameter 3", "got 5"]),
     "unknown command": (
-        text(TAKEOFF, item(206, [5, 0, 1, 0, 0, 0, 0], doJumpId=2)),
-        ["item 2 command", "22 (take-off)", "206 (camera trigger by distance)"],
+        text(TAKEOFF, POINT | {"command": 82}),
+        ["item 2 command", "22 (take-off)", "178 (change speed); got 82 (spline"],
     ),
-    "terrain": (
-        text(TAKEOFF, POINT | {"frame": 10}),
-        ["item 2, waypoint, frame", "10 (above the terrain)"],
+    "local frame": (
+        text(TAKEOFF, POINT | {"frame": 4}),
+        ["item 2, waypoint, frame", "4 (local east, north, up)"],
     ),
     "no frame": (text(TAKEOFF | {"frame": 2}), ["item 1, take-off, frame", "got 2"]),
     "survey": (
         text(TAKEOFF, {"type": "ComplexItem", "complexItemType": "survey"}),
         ["item 2", "ComplexItem 'survey'"],
+    ),
+    "survey without waypoints": (
+        text(TAKEOFF, survey(), RETURN),
+        ["item 2", "with its waypoints in Items", "ComplexItem 'survey'"],
+    ),
+    "item of a survey": (
+        text(TAKEOFF, survey(POINT | {"command": 82}), RETURN),
+        ["item 2 command", "got 82"],
     ),
     "six params": (
         text(POINT | {"params": [0] * 6}),
@@ -102,6 +153,21 @@ def test_what_cannot_be_flown_is_refused_by_name(tmp_path, content, said):
     assert "a.plan" in str(caught.value)
     for part in said:
         assert part in str(caught.value)
+
+
+def test_a_plan_of_a_scene_is_refused_before_jax_starts(tmp_path):
+    (tmp_path / "a.plan").write_text(text(POINT | {"command": 82}))
+    scene = tmp_path / "scene.toml"
+    scene.write_text('[vehicle]\nmodel = "iris"\nmission = "a.plan"\n')
+    code = (
+        "import sys\n"
+        "from jblast.cli.main import main\n"
+        f"code = main(['fly', {str(scene)!r}], progress=False)\n"
+        "sys.exit(code + 100 * ('jax' in sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "a.plan: item 2 command" in done.stderr
 
 
 def test_a_name_says_in_which_form_it_is_written(tmp_path):

@@ -3,7 +3,11 @@ import tomllib
 import pytest
 
 from jblast.errors import InputError
-from jblast.scene.reader.scene import read_vehicle, scene_from_document
+from jblast.scene.reader.scene import (
+    read_scene_or_world,
+    read_vehicle,
+    scene_from_document,
+)
 from jblast.scene.reader.tables import KEYS, VEHICLE_MODELS
 from jblast.vehicle import hold_of
 from jblast.vehicle.control.position_hold import NAMED_GAINS
@@ -153,3 +157,15 @@ def test_a_broken_vehicle_is_refused_by_file_and_key(vehicle, changed, said):
     assert message.startswith("scene.toml: [vehicle]")
     for words in said:
         assert words in message, message
+
+
+def test_a_vehicle_may_fly_without_a_charge_but_a_fit_has_a_free_one(tmp_path):
+    file = tmp_path / "scene.toml"
+    file.write_text('[vehicle]\nmodel = "iris"\nposition_m = [0, 0, 5]\n')
+    uncertain, world = read_scene_or_world(file, needs_charge=False)
+    assert world is None
+    assert bool(uncertain.scene.charge.never)
+    assert not uncertain.beliefs
+    uncertain, _ = read_scene_or_world(file)
+    assert "charge_mass_kg" in uncertain.beliefs
+    assert not bool(uncertain.scene.charge.never)
