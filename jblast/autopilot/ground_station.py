@@ -430,8 +430,9 @@ class GroundStation:
         self._telemetry = self._standing = Telemetry(standing)
         self._parameters = dict(DEFAULTS)
         self._intervals, self._sent = dict(STREAMS), dict.fromkeys(STREAMS, -1e9)
-        # The mode set by the client; None: mission if there is one, else hover.
+        # The mode set by the client or by a flight; None: the initial mode.
         self._chosen: int | None = None
+        self._initial = MODE_HOLD if missions.plan is None else MODE_MISSION
         self._course, self._flown, self._armed = Course(), False, False
         # Flight time at the wall-clock time `_since_s`; None: the clock is stopped.
         self._time_s, self._since_s = 0.0, None
@@ -489,9 +490,7 @@ class GroundStation:
     @property
     def mode(self) -> int:
         """PX4's sub-mode of AUTO."""
-        if self._chosen is not None:
-            return self._chosen
-        return MODE_HOLD if self.missions.plan is None else MODE_MISSION
+        return self._initial if self._chosen is None else self._chosen
 
     @property
     def armed(self) -> bool:
@@ -529,6 +528,11 @@ class GroundStation:
             return [
                 self._sender.pack("TIMESYNC", tc1=nanoseconds, ts1=values["ts1"]),
             ]
+        # Requests have no target; an answer to this vehicle has one.
+        if name == "PING" and values["target_system"] == 0:
+            fields = {"time_usec": values["time_usec"], "seq": values["seq"]}
+            who = (message.system, message.component)
+            return [_to(self._sender, who, "PING", **fields)]
         if name == "SET_MODE":
             custom = values["custom_mode"]
             job = Job(SET_MODE, message.system, message.component)
