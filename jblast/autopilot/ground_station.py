@@ -371,10 +371,16 @@ class Job:
 
     def __init__(self, command: int, system: int, component: int):
         self.command, self._who = command, (system, component)
-        self.course, self.mission, self.mode = Course(), None, MODE_HOLD
+        self.course, self.mode = Course(), MODE_HOLD
+        self.mission: Plan | None = None
         self.record: FlightRecord | None = None
         self.error: Exception | None = None
         self._thread: threading.Thread | None = None
+
+    @property
+    def sets_mode(self) -> bool:
+        """True if the command is accepted before its flight is computed, as by PX4."""
+        return self.command == SET_MODE
 
     @property
     def running(self) -> bool:
@@ -472,7 +478,7 @@ class GroundStation:
                 if now - beat >= HEARTBEAT_S:
                     beat = now
                     frames.append(self._beat())
-                    if self._job is not None:
+                    if self._job is not None and not self._job.sets_mode:
                         # Clients extend their timeout with each of these.
                         frames += self._job.acks(self._sender, IN_PROGRESS)
                 frames += self._rows(now)
@@ -490,6 +496,8 @@ class GroundStation:
     @property
     def mode(self) -> int:
         """PX4's sub-mode of AUTO."""
+        if self._job is not None and self._job.sets_mode:
+            return self._job.mode
         return self._initial if self._chosen is None else self._chosen
 
     @property
@@ -546,7 +554,7 @@ class GroundStation:
         else:
             params += [values["x"] / 1e7, values["y"] / 1e7, values["z"]]
         job = Job(command, message.system, message.component)
-        if self._job is not None and self._job.command == command:
+        if self._job is not None and self._job.command == command != SET_MODE:
             return self._job.acks(self._sender, IN_PROGRESS)
         if command == REPOSITION:
             return job.acks(self._sender, self._go(params, values.get("frame", 0), job))
@@ -637,7 +645,7 @@ class GroundStation:
                 home.
         """
         if self._job is not None:
-            return REFUSED
+            return ACCEPTED if mode == self.mode else REFUSED
         if main != AUTO or mode not in MODES.values():
             return UNSUPPORTED
         flies, in_air = self._flies(), self._telemetry.in_air(self._row())
@@ -765,7 +773,7 @@ class GroundStation:
         self._job, job.course, job.mission, job.mode = job, course, plan, mode
         whole = course.plan(plan) if course.items else None
         job.begin(lambda: self._fly(whole))
-        return IN_PROGRESS
+        return ACCEPTED if job.sets_mode else IN_PROGRESS
 
     def _finish_job(self) -> list[bytes]:
         """Start the computed flight, and return the answer to its command."""
@@ -778,7 +786,7 @@ class GroundStation:
             if not isinstance(job.error, InputError):
                 raise job.error or RuntimeError("a flight without a result")
             self.report_text(str(job.error))
-            return job.acks(self._sender, DENIED)
+            return [] if job.sets_mode else job.acks(self._sender, DENIED)
         record, course = job.record, job.course
         last = None
         if course.hovers:
@@ -801,7 +809,7 @@ class GroundStation:
         # Position control without a mission has no command of its own.
         self._chosen = job.mode if course.items else None
         self._since_s = time.monotonic()
-        return job.acks(self._sender, ACCEPTED)
+        return [] if job.sets_mode else job.acks(self._sender, ACCEPTED)
 
     def _stand(self) -> None:
         """Return to the state before take-off, at the scene's position and time."""
