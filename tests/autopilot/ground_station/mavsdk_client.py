@@ -40,6 +40,7 @@ class Client:
             async for value in getattr(self.telemetry, f"subscribe_{name}")():
                 if wanted(value):
                     return value
+            return None
 
         return await asyncio.wait_for(first(), WAIT_S)
 
