@@ -590,8 +590,8 @@ class GroundStation:
             if name not in STREAMS:
                 return UNSUPPORTED, []
             # MAVLink: 0 is the default rate, -1 disables the message.
-            asked = math.inf if second < 0 else second / 1e6
-            self._intervals[name] = asked or STREAMS[name]
+            interval = math.inf if second < 0 else second / 1e6
+            self._intervals[name] = interval or STREAMS[name]
             return ACCEPTED, []
         if command == SET_ITEM:
             return (ACCEPTED if self._set_item(int(first)) else DENIED), []
