@@ -471,10 +471,11 @@ class GroundStation:
                 # A fifth of the telemetry step: the loop stays responsive without busy
                 # waiting.
                 message = self._link.receive(TELEMETRY_STEP_S / 5)
-                frames = self.missions.remind(self._sender, now)
+                # Before new commands: "in progress" is sent ahead of the result.
+                frames = self._finish_job()
+                frames += self.missions.remind(self._sender, now)
                 if message is not None:
                     frames += self.answer(message, now)
-                frames += self._finish_job()
                 if now - beat >= HEARTBEAT_S:
                     beat = now
                     frames.append(self._beat())
