@@ -243,6 +243,12 @@ def _zeros(name: str) -> dict[str, Any]:
     }
 
 
+def message_name(number: int) -> str:
+    """Return the name of a message by its number; "" if unknown."""
+    kind = dialect().mavlink_map.get(number)
+    return "" if kind is None else kind.msgname
+
+
 class Sender:
     """Packing of messages, with their sequence numbers.
 

@@ -276,8 +276,8 @@ def write_logs(
     options: argparse.Namespace, record: "FlightRecord", *, has_mission: bool
 ) -> None:
     """Write the logs of `--tlog` and `--ulog`."""
-    from jblast.autopilot.ground_station import telemetry_log
     from jblast.autopilot.logs import flight_ulog
+    from jblast.autopilot.telemetry import telemetry_log
     from jblast.files import write_bytes
 
     if options.tlog:

@@ -68,9 +68,9 @@ def add_arguments(verb: VerbParser) -> None:
         nargs="?",
         const="udp",
         metavar="tcp|udp:HOST:PORT",
-        help="address for a ground station that displays the scene's vehicle, and may "
-        "load a mission and start it: by UDP jblast sends first (default: "
-        "udp:127.0.0.1:14550), by TCP it listens (5760)",
+        help="address for a ground station (QGroundControl, MAVSDK) that displays and "
+        "flies the scene's vehicle, and may load a mission: by UDP jblast sends first "
+        "(default: udp:127.0.0.1:14550), by TCP it listens (5760)",
     )
     verb.model.add_argument(
         "--seconds",

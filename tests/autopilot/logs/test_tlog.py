@@ -5,9 +5,9 @@ from collections import Counter
 
 import pytest
 
-from jblast.autopilot.ground_station import telemetry_log
 from jblast.autopilot.logs import TelemetryLog
 from jblast.autopilot.mavlink import Receiver, Sender
+from jblast.autopilot.telemetry import telemetry_log
 from jblast.errors import InputError
 from tests.autopilot.logs.flights import eastward
 

@@ -1,0 +1,187 @@
+"""A client nobody here wrote: MAVSDK finds, checks, loads and flies the vehicle."""
+
+import asyncio
+import json
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jblast.autopilot.ground_station import GroundStation, Missions
+from jblast.autopilot.mavlink import Address, Link
+from jblast.scene import Place
+from tests.autopilot.logs.flights import HOME, eastward
+
+pytest.importorskip("mavsdk")
+
+from tests.autopilot.ground_station.mavsdk_client import (
+    connected,
+    free_port,
+    gaps,
+    plan_of,
+    refused,
+)
+
+COMPUTING_S = 2.5
+"""Time for which the flight of the fast test is computed: three heartbeats."""
+SCENE = """
+[charge]
+mass_kg = 1.0
+position_m = [30, 5, 0]
+time_s = 20.0
+[vehicle]
+model = "iris"
+position_m = [0, 0, 0]
+[place]
+lat_deg = 47.0
+lon_deg = 8.0
+alt_m = 500.0
+"""
+
+
+def flight(plan):
+    """A flight of 2 s past the items of a plan, computed slowly."""
+    time.sleep(COMPUTING_S)
+    found, count = eastward(2.0), len(plan.items)
+    item = np.minimum((found.time_s / 2.0 * count).astype(int), count - 1)
+    return replace(found, item=item)
+
+
+@pytest.fixture
+def port():
+    """Serve a vehicle on the ground whose flights need no simulation."""
+    port = free_port()
+    rest = eastward(0.02)
+    ground = replace(rest, position_m=0 * rest.position_m, armed=np.zeros(3, bool))
+    missions = Missions(None, Place(*HOME), lambda plan: None, lambda text: None)
+    link = Link(Address("udp", "127.0.0.1", port), "ground_station")
+    station = GroundStation(link, ground, missions, flight, hovers=False)
+    served = threading.Thread(target=station.serve, args=(60.0,))
+    served.start()
+    yield port
+    # The end of the client ends the service, unless its time is over.
+    served.join()
+    link.close()
+
+
+async def exchange(port: int) -> dict:
+    """Check, load, arm, start and disarm; return what MAVSDK received."""
+    got: dict = {"gaps": [], "progress": []}
+    async with connected(port) as client:
+        watched = asyncio.create_task(gaps(client, got["gaps"]))
+        await client.until("health_all_ok", bool)
+        got["battery"] = await client.until("battery", lambda x: True)
+        got["home"] = await client.until("home", lambda x: True)
+        got["params"] = await client.param.get_all_params()
+        await client.action.set_takeoff_altitude(8.0)
+        got["height"] = await client.action.get_takeoff_altitude()
+        got["read only"] = await refused(client.action.set_return_to_launch_altitude(9))
+        got["reboot"] = await refused(client.action.reboot())
+        got["disarmed"] = await refused(client.action.takeoff())
+        await client.telemetry.set_rate_battery(5.0)
+        await client.mission.set_return_to_launch_after_mission(True)
+        await client.mission.upload_mission(plan_of(2))
+        got["plan"] = (await client.mission.download_mission()).mission_items
+        await client.action.arm()
+        await client.until("armed", bool)
+        await client.mission.start_mission()
+        async for now in client.mission.subscribe_mission_progress():
+            got["progress"].append((now.current, now.total))
+            if now.current == now.total:
+                break
+        got["in flight"] = (await client.until("flight_mode", lambda x: True)).name
+        await client.until("armed", lambda armed: not armed)
+        await client.action.disarm()
+        watched.cancel()
+    return got
+
+
+def test_mavsdk_checks_loads_arms_starts_and_disarms_it(port):
+    got = asyncio.run(exchange(port))
+    assert got["battery"].remaining_percent == 100
+    assert (got["home"].latitude_deg, got["home"].longitude_deg) == HOME[:2]
+    floats = {one.name: one.value for one in got["params"].float_params}
+    assert floats["RTL_RETURN_ALT"] == 30
+    assert [one.name for one in got["params"].int_params] == ["MAV_SYS_ID"]
+    assert got["height"] == 8.0
+    assert got["read only"] == "PARAMETER_ERROR"
+    assert (got["reboot"], got["disarmed"]) == ("UNSUPPORTED", "COMMAND_DENIED")
+    np.testing.assert_allclose(
+        [one.latitude_deg for one in got["plan"]], [47.0001, 47.0002], atol=1e-9
+    )
+    assert got["progress"][-1] == (2, 2)
+    assert got["in flight"] == "MISSION"
+    # A heartbeat every second, also while the flight is computed.
+    assert len(got["gaps"]) >= 1 + int(COMPUTING_S)
+
+
+async def whole_flight(port: int) -> dict:
+    """Take off, start a mission, pause, continue, land and disarm."""
+    got: dict = {"gaps": [], "places": []}
+    async with connected(port) as client:
+
+        async def places():
+            async for now in client.telemetry.subscribe_position():
+                got["places"].append(
+                    (now.latitude_deg, now.longitude_deg, now.relative_altitude_m)
+                )
+
+        watched = [asyncio.create_task(gaps(client, got["gaps"]))]
+        watched += [asyncio.create_task(places())]
+        await client.until("health_all_ok", bool)
+        await client.action.set_takeoff_altitude(6.0)
+        await client.action.arm()
+        await client.action.takeoff()
+        await client.until("position", lambda now: now.relative_altitude_m > 5.5)
+        await client.until("flight_mode", lambda mode: mode.name == "HOLD")
+        await client.mission.upload_mission(plan_of(3))
+        await client.mission.start_mission()
+        await client.until("position", lambda now: now.latitude_deg > 47.00015)
+        await client.mission.pause_mission()
+        await client.until("flight_mode", lambda mode: mode.name == "HOLD")
+        got["disarm in flight"] = await refused(client.action.disarm())
+        # The mode is that of the flight once it is computed.
+        await client.until("velocity_ned", lambda now: abs(now.north_m_s) < 0.1)
+        got["paused"] = got["places"][-1]
+        await client.mission.start_mission()
+        async for now in client.mission.subscribe_mission_progress():
+            if now.current == now.total == 3:
+                break
+        got["end"] = got["places"][-1]
+        await client.action.land()
+        await client.until("armed", lambda armed: not armed)
+        got["landed"] = await client.until("in_air", lambda now: not now)
+        got["rest"] = got["places"][-1]
+        await client.action.disarm()
+        for task in watched:
+            task.cancel()
+    return got
+
+
+@pytest.mark.slow
+def test_mavsdk_flies_a_whole_mission_and_lands(jblast):
+    port, flown = free_port(), {}
+
+    def fly():
+        flown.update(asyncio.run(whole_flight(port)))
+
+    client = threading.Thread(target=fly)
+    client.start()
+    address = f"udp:127.0.0.1:{port}"
+    words = ["--ground-station", address, "--speed", "5", "--json"]
+    code, out, _ = jblast("serve", jblast.file("scene.toml", SCENE), *words)
+    client.join()
+    assert (code, json.loads(out)["flights"]) == (0, 1)
+    assert flown["disarm in flight"] == "COMMAND_DENIED"
+    # Between the second waypoint and the third, at their height.
+    assert 47.00015 < flown["paused"][0] < 47.0003
+    np.testing.assert_allclose(flown["end"][:2], (47.0003, 8.0), atol=1e-5)
+    np.testing.assert_allclose(flown["rest"][:2], (47.0003, 8.0), atol=1e-5)
+    assert abs(flown["rest"][2]) < 0.2
+    # At most 2 m between two positions: recomputed flights continue the path.
+    steps = np.diff(np.array(flown["places"]) * (111_195, 75_900, 1), axis=0)
+    assert np.linalg.norm(steps, axis=1).max() < 4.0
+    # The other tests of a busy machine delay some; 20 to 120 s was a compilation.
+    assert max(flown["gaps"]) < 5.0
