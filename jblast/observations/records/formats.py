@@ -55,7 +55,7 @@ RECORD_FORMATS = Registry[RecordFormat](
     ),
     RecordFormat(
         name="csv",
-        suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc"),
+        suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"),
         open=f"{_FOLDER}.csv:open_csv",
         is_whole=True,
     ),
