@@ -16,9 +16,12 @@ Seconds since 1970 in double precision are 2.4e-7 s apart; seconds after the epo
 finer.
 """
 
+import logging
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -68,6 +71,11 @@ makes it 2, jitter at most 1.5."""
 RATE_TOLERANCE = 0.01
 """Largest shift of the last sample by a rounded rate, in steps: far below the error of
 any arrival."""
+NOT_OF_THE_FILE = (
+    DeprecationWarning, PendingDeprecationWarning, FutureWarning, ImportWarning,
+    ResourceWarning,
+)  # fmt: skip
+"""Warnings of libraries that do not concern a file."""
 START = datetime(1970, 1, 1, tzinfo=UTC)
 """Zero of POSIX time."""
 BILLION = 1_000_000_000
@@ -301,8 +309,14 @@ def recordings_of(
     Raises:
         InputError: One contains volts without a sensitivity, or no pressure.
     """
+    # channels of one array have no names of their own
+    alone = len(pieces) == 1
     words = [
-        piece.name if piece.channels == 1 or not piece.name else f"{piece.name}.{n + 1}"
+        ""
+        if alone
+        else piece.name
+        if piece.channels == 1 or not piece.name
+        else f"{piece.name}.{n + 1}"
         for piece in pieces
         for n in range(piece.channels)
     ]
@@ -333,6 +347,31 @@ def recordings_of(
         )
         first = last
     return tuple(recordings)
+
+
+@contextmanager
+def warned() -> Iterator[list[str]]:
+    """Collect the warnings of a library that reads a file: logged, or Python's own."""
+    found: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            found.append(f"{record.name.split('.')[0]}: {record.getMessage()}")
+
+    handler, root = Handler(logging.WARNING), logging.getLogger()
+    root.addHandler(handler)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield found
+    finally:
+        root.removeHandler(handler)
+    # of the others the reader's author is the addressee
+    found += [
+        f"{one.category.__name__}: {one.message}"
+        for one in caught
+        if not issubclass(one.category, NOT_OF_THE_FILE)
+    ]
 
 
 def left_out(labels: Sequence[str], head: str = "left out") -> tuple[str, ...]:

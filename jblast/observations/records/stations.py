@@ -1,9 +1,10 @@
 """Stations: positions, clocks and start times of recorders, from a table.
 
 A station is identified by the name of its channel: the stem of the file, or
-stem.channel. Its position is east, north, up [m] or latitude, longitude, altitude. The
-column `start_utc` gives the time of the first sample for files without a time stamp; it
-is refused for files that contain one, and must be the same for all channels of a file.
+stem.channel with the channel's name or number. Its position is east, north, up [m] or
+latitude, longitude, altitude. The column `start_utc` gives the time of the first sample
+for files without a time stamp; it is refused for files that contain one, and must be
+the same for all channels of a file.
 """
 
 import os
@@ -60,8 +61,8 @@ def read_stations(
     Columns are `sensor,east_m,north_m,up_m`, or `sensor,lat_deg,lon_deg,alt_m`, and
     optionally `clock` and `start_utc`, the time of the first sample of a file without a
     time stamp (2020-08-04T15:08:18.310Z). A sensor is the stem of a file's name, or
-    stem.channel, with channels counted from 1. `note` columns and lines that begin with
-    # are comments. Dialects and units of length are those of a log (`read`).
+    stem.channel, with the name or number of the channel. `note` columns and lines that
+    begin with # are comments. Dialects and units of length are those of a log (`read`).
 
     Args:
         path: Text, a spreadsheet or Parquet.
@@ -155,7 +156,9 @@ def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
 
 
 def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
-    """Return a recording with the start time of its station.
+    """Return a recording with the names of its stations, and their start time.
+
+    A table may name channels by number: stem.1 for stem.gauge.
 
     Args:
         recording: Recording of a file.
@@ -164,6 +167,10 @@ def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
     Raises:
         InputError: The file has a time stamp, or its channels have several start times.
     """
+    if recording.aliases:
+        both = zip(recording.names, recording.aliases, strict=True)
+        names = (n if n in stations or a not in stations else a for n, a in both)
+        recording = replace(recording, names=tuple(names))
     starts = {stations[name].start for name in recording.names if name in stations}
     if starts <= {None}:
         return recording

@@ -164,7 +164,8 @@ class _Reading:
                     )
                 recordings = open_record(file, self.scaling)
                 _check_lengths(recordings)
-                runs = [(one, stretches(self._timed(one))) for one in recordings]
+                recordings = [self._timed(one) for one in recordings]
+                runs = [(one, stretches(one)) for one in recordings]
             except InputError as error:
                 self.refused.append(error)
                 continue
@@ -508,7 +509,8 @@ def _pick(
     mine = [
         one
         for one in found.picks
-        if len(channels) == 1 or one.record.name in (sensor, f"{file.stem}.{sensor}")
+        if len(channels) == 1
+        or {one.record.name, one.record.alias} & {sensor, f"{file.stem}.{sensor}"}
     ]
     if not mine:
         got = f"channels {', '.join(sorted(channels))}" if channels else "no blast"

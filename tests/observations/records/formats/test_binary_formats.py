@@ -106,7 +106,8 @@ def test_tdms_is_read_by_its_properties(tmp_path):
             ]
         )
     recordings = open_record(path, Scaling(sensitivity=50.0))
-    assert [r.names for r in recordings] == [("daq.1",), ("daq.2",)]
+    assert [r.names for r in recordings] == [("daq.p1",), ("daq.p2",)]
+    assert [r.aliases for r in recordings] == [("daq.1",), ("daq.2",)]
     for recording in recordings:
         check(recording, start_s=0.25)
         assert recording.epoch == BEGAN.replace(microsecond=0)
