@@ -62,7 +62,8 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
             for channel in channels:
                 with warned() as warnings:
                     channel[:1]
-                faults |= {channel.path: text for text in warnings}
+                if warnings:
+                    faults[channel.path] = warnings[0]
             found = [_labelled(channel) for channel in channels]
             wanted = [channel for channel in channels if _is_pressure(channel)]
             if not found:
@@ -75,8 +76,8 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
             for channel in wanted:
                 if channel.path in faults:
                     raise InputError(
-                        f"{path}: channel {channel.group_name}/{channel.name}: expected "
-                        "samples that npTDMS can scale, got raw numbers "
+                        f"{path}: channel {channel.group_name}/{channel.name}: "
+                        "expected samples that npTDMS can scale, got raw numbers "
                         f"({faults[channel.path]}); write the file with scaled values"
                     )
             pieces = [_piece(nptdms, path, file[c.group_name], c) for c in wanted]
