@@ -696,15 +696,15 @@ def _clock(
         word = spelt(word_and_unit(names[at])[0])
         if word in CLOCKS or word.split("_")[0] in CLOCKS:
             return at
-    if step is not None:
+    several = len(head.columns) > 1
+    if several and step is not None:
         for at in head.columns:
             steps = np.diff(head.values(at))
-            if steps.size and any(
-                np.allclose(steps, of, rtol=STEP_TOLERANCE, atol=0.0)
+            if not _is_unit(word_and_unit(names[at])[1]) and any(
+                steps.size and np.allclose(steps, of, rtol=STEP_TOLERANCE, atol=0.0)
                 for of in (1.0, step.step_s)
             ):
                 return at
-    several = len(head.columns) > 1
     return head.columns[0] if several and stated.time_unit and step is None else None
 
 

@@ -499,6 +499,7 @@ def columns_of(names: list[str], where: str, *, clocked: bool = False) -> Sample
             unit, or two have one word and two units.
     """
     dates: list[str] = []
+    untimed: list[str] = []
     times: list[tuple[int, float]] = []
     pressures: list[tuple[int, str]] = []
     left_out: list[str] = []
@@ -511,11 +512,8 @@ def columns_of(names: list[str], where: str, *, clocked: bool = False) -> Sample
             pressures.append((number, unit))
         elif re.search(r"(^|[\s_])(date|utc|timestamp)\b", name.lower()):
             dates.append(name)
-        elif re.match(r"(elapsed|time|t)\b", word.lower()) and not unit and not clocked:
-            raise InputError(
-                f"{where}, column {name}: expected a unit of time in its name, as in "
-                "time_s or time_ms, got none"
-            )
+        elif re.match(r"(elapsed|time|t)\b", word.lower()) and not unit:
+            untimed.append(name)
         elif word.lower().startswith("pressure") or "overpressure" in word.lower():
             raise InputError(
                 f"{where}, column {name}: expected a unit of pressure in its name, as "
@@ -529,6 +527,11 @@ def columns_of(names: list[str], where: str, *, clocked: bool = False) -> Sample
             "moment, as time_s or time_ms, got times of day; add such a column, and "
             "the time of the first sample to the column start_utc of the table of "
             "stations"
+        )
+    if untimed and not times and not clocked:
+        raise InputError(
+            f"{where}, column {untimed[0]}: expected a unit of time in its name, as in "
+            "time_s or time_ms, got none"
         )
     if len(times) != 1 and not (clocked and not times):
         got = ", ".join(names[at] for at, _ in times) or shown(", ".join(names))
@@ -549,7 +552,11 @@ def columns_of(names: list[str], where: str, *, clocked: bool = False) -> Sample
         seconds,
         tuple(at for at, _ in pressures),
         tuple(unit for _, unit in pressures),
-        tuple(n for n in (*left_out, *dates) if n.split("_")[0].lower() not in IGNORED),
+        tuple(
+            n
+            for n in (*left_out, *dates, *untimed)
+            if n.split("_")[0].lower() not in IGNORED
+        ),
     )
 
 
