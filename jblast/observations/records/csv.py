@@ -117,15 +117,15 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     columns = columns_of(
         named, f"{path}: line {table.header}", clocked=table.step is not None
     )
-    # the clock of the preamble, without a column of times or numbers
-    counted = columns.time is None
-    wanted = columns.pressures if counted else (columns.time, *columns.pressures)
-    numbers, lines = _numbers(path, table, wanted, timed=not counted)
-    if counted:
+    # without a column of times or numbers the clock is that of the preamble
+    clock = () if columns.time is None else (columns.time,)
+    wanted = (*clock, *columns.pressures)
+    numbers, lines = _numbers(path, table, wanted, timed=bool(clock))
+    if not clock:
         numbers = np.vstack([np.arange(numbers.shape[1], dtype=float), numbers])
 
     def place(sample: int) -> str:
-        column = "" if counted else f", column {table.names[wanted[0]]}"
+        column = f", column {table.names[clock[0]]}" if clock else ""
         return f"{path}: line {lines[sample]}{column}"
 
     # in seconds first, so that messages and the rounded rate are in SI units

@@ -170,7 +170,7 @@ def test_tdms_with_times_without_a_unit_is_refused(tmp_path):
     with TdmsWriter(path) as writer:
         p = ChannelObject("a", "p", pulse(), {"unit_string": "Pa"})
         writer.write_segment([ChannelObject("a", "Time", times()), p])
-    with pytest.raises(InputError, match="channel of time .* got Time without a unit"):
+    with pytest.raises(InputError, match=r"channel of time .* got Time without a unit"):
         open_record(path)
 
 

@@ -156,7 +156,7 @@ def test_the_text_of_an_instrument_is_read(tmp_path, name):
 
 def test_samples_beyond_the_range_are_clipped(tmp_path):
     path = tmp_path / "pico.csv"
-    lines = TWO.splitlines()
+    lines = [str(line) for line in TWO.splitlines()]
     for row, sign in ((100, "∞"), (101, "1e99"), (102, "inf"), (160, "-∞")):
         time, _, other = lines[row].split(",")
         lines[row] = f"{time},{sign},{other}"
@@ -165,6 +165,7 @@ def test_samples_beyond_the_range_are_clipped(tmp_path):
     assert (whole.names, clipped.names) == (("pico.B",), ("pico.A",))
     assert whole.full_scale is None
     # the front is at sample 100: the next finite one is that of 1.5 ms
+    assert clipped.full_scale is not None
     assert clipped.full_scale == pytest.approx(pulse()[103], abs=1e-5)
     samples = clipped.samples(0, 400)[0]
     np.testing.assert_array_equal(samples[[100, 101, 102]], clipped.full_scale)
