@@ -126,8 +126,8 @@ def add_records(verb: VerbParser) -> None:
         type=path,
         help="sensor positions of pressure records: columns sensor (stem of a file's "
         "name, or stem.channel, by name or number), east_m, north_m, up_m or lat_deg, "
-        "lon_deg, alt_m, and optionally clock and start_utc (time of the first sample, for "
-        "files without a time stamp)",
+        "lon_deg, alt_m, and optionally clock and start_utc (time of the first sample, "
+        "for files without a time stamp)",
     )
     add_scale(verb)
 
