@@ -145,7 +145,7 @@ def open_csv(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     notes = (*table.notes, *left_out(columns.left_out, "columns left out"))
 
     def recording(of: list[int], full_scale: float | None, *more: str) -> Recording:
-        held = samples[of]
+        held = samples if len(of) == len(samples) else samples[of]
         return Recording(
             source=str(path),
             names=tuple(channels[at] for at in of),
