@@ -19,6 +19,9 @@ from jblast.parameters import PLACE_LIMITS
 
 METRES = ("east_m", "north_m")
 DEGREES = ("lat_deg", "lon_deg")
+DEGREE_DIGITS, HEIGHT_DIGITS = 12, 6
+"""Decimals of geodetic positions: 1e-12 degrees are 0.1 um. Conversion to metres and
+back is exact to 1e-13 degrees and 1e-8 m within 50 km."""
 HEIGHTS = ("alt_m", "up_m")
 """Above the one datum of all heights, and above the ground there."""
 MAX_DISTANCE = 1e6
@@ -100,6 +103,8 @@ class Frame:
     ) -> Float[np.ndarray, "*place 3"]:
         """Return latitude, longitude (-180 to 180) [degree] and height of places [m].
 
+        They are rounded to `DEGREE_DIGITS` and `HEIGHT_DIGITS`.
+
         Args:
             enu_m: East, north, up [m].
         """
@@ -111,7 +116,9 @@ class Frame:
         )
         # one turn: libraries return longitudes up to 360 degrees
         lon = (np.asarray(lon, float) + 180.0) % 360.0 - 180.0
-        return np.stack([np.asarray(lat, float), lon, np.asarray(alt, float)], axis=-1)
+        # the conversion's own rounding is below, so that positions are written as read
+        places = [(lat, DEGREE_DIGITS), (lon, DEGREE_DIGITS), (alt, HEIGHT_DIGITS)]
+        return np.stack([np.round(np.asarray(x), n) for x, n in places], axis=-1)
 
 
 def places_of(rows: Columns) -> tuple[Float[np.ndarray, "row 3"], Frame | None]:

@@ -125,9 +125,9 @@ def add_records(verb: VerbParser) -> None:
         metavar="STATIONS.csv",
         type=path,
         help="sensor positions of pressure records: columns sensor (stem of a file's "
-        "name, or stem.channel, from 1), east_m, north_m, up_m or lat_deg, lon_deg, "
-        "alt_m, and optionally clock and start_utc (time of the first sample, for "
-        "files without a time stamp)",
+        "name, or stem.channel, by name or number), east_m, north_m, up_m or lat_deg, "
+        "lon_deg, alt_m, and optionally clock and start_utc (time of the first sample, "
+        "for files without a time stamp)",
     )
     add_scale(verb)
 

@@ -9,14 +9,14 @@ length.
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from jblast.errors import InputError, closest
 from jblast.lazy import resolved
 from jblast.observations.records.csv import is_stations
-from jblast.observations.records.recording import Recording, Scaling
+from jblast.observations.records.recording import Recording, Scaling, warned
 from jblast.registry import Registry
 
 Opener = Callable[[Path, Scaling], tuple[Recording, ...]]
@@ -55,7 +55,7 @@ RECORD_FORMATS = Registry[RecordFormat](
     ),
     RecordFormat(
         name="csv",
-        suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc"),
+        suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"),
         open=f"{_FOLDER}.csv:open_csv",
         is_whole=True,
     ),
@@ -118,10 +118,15 @@ def open_record(
         raise InputError(f"{path}: no such file; expected a record of samples")
     kind = _kind(path)
     _check(path, kind)
-    recordings = resolved(kind.open)(path, scaling or Scaling())
+    with warned() as warnings:
+        recordings = resolved(kind.open)(path, scaling or Scaling())
     if not any(recording.length for recording in recordings):
         raise InputError(f"{path}: expected samples, got none")
-    return recordings
+    if not warnings:
+        return recordings
+    # each once: a library may repeat one for every channel
+    notes = tuple(f"warning of the reader: {one}" for one in dict.fromkeys(warnings))
+    return tuple(replace(one, notes=(*one.notes, *notes)) for one in recordings)
 
 
 def is_record(path: Path) -> bool:

@@ -178,4 +178,5 @@ def _piece(
         length=samples.shape[1],
         read=lambda start, stop: samples[:, start:stop],
         clock=clock,
+        name=word_and_unit(name)[0] or name,
     )

@@ -152,7 +152,8 @@ def _piece(
     clock = _clock(path, group, file, name, times, units)
     channels = variable.size // max(length, 1)
     label = f"variable {group}{name}"
-    return Piece(label, units[name], channels, length, read, clock)
+    short = f"{group}{word_and_unit(name)[0] or name}".replace("/", ".")
+    return Piece(label, units[name], channels, length, read, clock, short)
 
 
 def _clock(

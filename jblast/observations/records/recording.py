@@ -16,9 +16,12 @@ Seconds since 1970 in double precision are 2.4e-7 s apart; seconds after the epo
 finer.
 """
 
+import logging
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -35,8 +38,21 @@ BLOCK_SAMPLES = 2**20
 opening the file costs little, small enough for any memory."""
 RATES = ("rate_hz", "sampling_rate_hz", "sampling_rate", "sample_rate", "fs_hz", "fs")
 """Names of the sampling rate in files without times."""
-VOLTS = {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6}
-PRESSURES = {"pascal": 1.0, "pascals": 1.0}
+VOLTS = {
+    "v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3, "millivolts": 1e-3, "uv": 1e-6,
+}  # fmt: skip
+PSI = 6894.757293168
+PRESSURES = {
+    "pascal": 1.0, "pascals": 1.0, "n_m2": 1.0, "n_m_2": 1.0, "n_mm2": 1e6,
+    "n_mm_2": 1e6, "lbf_in2": PSI, "lbf_in_2": PSI, "lb_in2": PSI, "lb_in_2": PSI,
+    "poundspersquareinch": PSI, "pounds_per_square_inch": PSI,
+    "inh2o": 249.08891, "mmh2o": 9.80665, "cmh2o": 98.0665, "kgf_cm2": 98066.5,
+    "kgf_cm_2": 98066.5,
+    "psia": PSI, "kpaa": 1e3, "bara": 1e5, "mbara": 1e2,
+}  # fmt: skip
+"""Pascals per unit in files of samples, besides those of `units`. Absolute pressures
+are among them: readings count from the level before the front. A column of water is
+that of ISO 80000-4 (conventional, 1000 kg/m^3, 9.80665 m/s^2) [Pa]."""
 TIMES = {
     "second": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9,
     "seconds": 1.0, "minutes": 60.0, "hours": 3600.0,
@@ -55,6 +71,11 @@ makes it 2, jitter at most 1.5."""
 RATE_TOLERANCE = 0.01
 """Largest shift of the last sample by a rounded rate, in steps: far below the error of
 any arrival."""
+NOT_OF_THE_FILE = (
+    DeprecationWarning, PendingDeprecationWarning, FutureWarning, ImportWarning,
+    ResourceWarning,
+)  # fmt: skip
+"""Warnings of libraries that do not concern a file."""
 START = datetime(1970, 1, 1, tzinfo=UTC)
 """Zero of POSIX time."""
 BILLION = 1_000_000_000
@@ -66,7 +87,7 @@ class PressureRecord:
     """Samples of one channel on an even clock.
 
     Attributes:
-        name: The stem of its file, or stem.channel, channels counted from 1.
+        name: The stem of its file, or stem.channel.
         samples: Samples in double precision: overpressure [Pa] if `calibrated`, else in
             an unknown unit, as shares of full scale or counts.
         rate_hz: Sampling rate [Hz].
@@ -79,6 +100,7 @@ class PressureRecord:
             one, or if unknown.
         source: The file.
         notes: Notes of the reader, a sentence each.
+        alias: Its name by number: stem.1; "" without one.
     """
 
     name: str
@@ -91,6 +113,7 @@ class PressureRecord:
     high_pass_hz: float | None = None
     source: str = ""
     notes: tuple[str, ...] = ()
+    alias: str = ""
 
     def __post_init__(self):
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
@@ -117,8 +140,8 @@ class Recording:
 
     Attributes:
         source: The file.
-        names: Names of the channels: the stem of the file, or stem.channel, counted
-            from 1.
+        names: Names of the channels: the stem of the file, or stem.channel with the
+            channel's name in the file, or its number from 1.
         labels: Names of the channels in messages: "channel 2", "column pressure_kpa".
         rate_hz: Sampling rate [Hz].
         length: Number of samples of each channel.
@@ -130,6 +153,7 @@ class Recording:
         full_scale: Largest absolute value of a sample; None if unknown.
         notes: Notes of the reader, a sentence each.
         first_line: Line of the first sample in a text; None for other formats.
+        aliases: Names of the channels by number, which tables of stations may have.
     """
 
     source: str
@@ -144,6 +168,7 @@ class Recording:
     full_scale: float | None = None
     notes: tuple[str, ...] = ()
     first_line: int | None = None
+    aliases: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -203,14 +228,29 @@ class Recording:
             full_scale=self.full_scale,
             source=self.source,
             notes=self.notes,
+            alias=self.aliases[channel] if self.aliases else "",
         )
 
 
 def channel_names(stem: str, count: int) -> tuple[str, ...]:
-    """Return the names of a file's channels: its stem, or stem.channel of several."""
+    """Return a file's channels by number: its stem, or stem.1 and so on."""
     if count == 1:
         return (stem,)
     return tuple(f"{stem}.{number}" for number in range(1, count + 1))
+
+
+def named_channels(stem: str, words: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of a file's channels: stem.name, or by number without names.
+
+    Args:
+        stem: Stem of the file.
+        words: Names of the channels in the file; "" without one.
+    """
+    # a comma or quote separates fields of a log, # is followed by a bang's number
+    words = [re.sub(r"[\s,;\"'#]+", " ", word).strip() for word in words]
+    if len(words) == 1 or "" in words or len(set(words)) < len(words):
+        return channel_names(stem, len(words))
+    return tuple(f"{stem}.{word}" for word in words)
 
 
 class SampleClock(NamedTuple):
@@ -237,6 +277,7 @@ class Piece(NamedTuple):
         length: Number of samples of each.
         read: Function that returns the samples in a range, in that unit.
         clock: Times of the samples.
+        name: Name of the channel in names of records; "" for its number.
     """
 
     label: str
@@ -245,6 +286,7 @@ class Piece(NamedTuple):
     length: int
     read: Callable[[int, int], Float[np.ndarray, "channel sample"]]
     clock: SampleClock
+    name: str = ""
 
 
 class Scaling(NamedTuple):
@@ -262,12 +304,24 @@ class Scaling(NamedTuple):
 def recordings_of(
     path: Path, pieces: Sequence[Piece], scaling: Scaling, notes: tuple[str, ...] = ()
 ) -> tuple[Recording, ...]:
-    """Return a recording for each array, its channels numbered through the file.
+    """Return a recording for each array, its channels named or numbered in the file.
 
     Raises:
         InputError: One contains volts without a sensitivity, or no pressure.
     """
-    names = channel_names(path.stem, sum(piece.channels for piece in pieces))
+    # channels of one array have no names of their own
+    alone = len(pieces) == 1
+    words = [
+        ""
+        if alone
+        else piece.name
+        if piece.channels == 1 or not piece.name
+        else f"{piece.name}.{n + 1}"
+        for piece in pieces
+        for n in range(piece.channels)
+    ]
+    names = named_channels(path.stem, words)
+    aliases = channel_names(path.stem, len(words))
     recordings, first = [], 0
     for piece in pieces:
         last = first + piece.channels
@@ -288,15 +342,41 @@ def recordings_of(
                 epoch=piece.clock.epoch,
                 calibrated=scale.calibrated,
                 notes=notes,
+                aliases=aliases[first:last],
             )
         )
         first = last
     return tuple(recordings)
 
 
-def left_out(labels: Sequence[str]) -> tuple[str, ...]:
-    """Return the note on arrays without pressure."""
-    return (f"left out, not pressure: {', '.join(labels)}",) if labels else ()
+@contextmanager
+def warned() -> Iterator[list[str]]:
+    """Collect the warnings of a library that reads a file: logged, or Python's own."""
+    found: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            found.append(f"{record.name.split('.')[0]}: {record.getMessage()}")
+
+    handler, root = Handler(logging.WARNING), logging.getLogger()
+    root.addHandler(handler)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield found
+    finally:
+        root.removeHandler(handler)
+    # of the others the reader's author is the addressee
+    found += [
+        f"{one.category.__name__}: {one.message}"
+        for one in caught
+        if not issubclass(one.category, NOT_OF_THE_FILE)
+    ]
+
+
+def left_out(labels: Sequence[str], head: str = "left out") -> tuple[str, ...]:
+    """Return the note on arrays or columns without pressure."""
+    return (f"{head}, not pressure: {', '.join(labels)}",) if labels else ()
 
 
 def _scaled(
@@ -392,31 +472,34 @@ class SampleColumns(NamedTuple):
     """Contents of the columns of a table of samples.
 
     Attributes:
-        time: Number of the column of times.
+        time: Number of the column of times; None without one.
         seconds: Seconds per unit of these.
         pressures: Numbers of the columns of pressure, or volts.
         units: Units of these as written.
         left_out: Names of the other columns.
     """
 
-    time: int
+    time: int | None
     seconds: float
     pressures: tuple[int, ...]
     units: tuple[str, ...]
     left_out: tuple[str, ...]
 
 
-def columns_of(names: list[str], where: str) -> SampleColumns:
+def columns_of(names: list[str], where: str, *, clocked: bool = False) -> SampleColumns:
     """Return the contents of columns by the units at the end of their names.
 
     Args:
         names: `time_ms`, `Pressure (kPa)`, `ch1_mV`, in any order.
         where: The file and line of the names, for messages.
+        clocked: True if the samples may have no column of time.
 
     Raises:
         InputError: There is not one column of time, or none of pressure; one has no
             unit, or two have one word and two units.
     """
+    dates: list[str] = []
+    untimed: list[str] = []
     times: list[tuple[int, float]] = []
     pressures: list[tuple[int, str]] = []
     left_out: list[str] = []
@@ -428,16 +511,9 @@ def columns_of(names: list[str], where: str) -> SampleColumns:
         elif pressure_factor(unit) is not None or volts_factor(unit) is not None:
             pressures.append((number, unit))
         elif re.search(r"(^|[\s_])(date|utc|timestamp)\b", name.lower()):
-            raise InputError(
-                f"{where}, column {name}: expected seconds or milliseconds since any "
-                "moment, as time_s or time_ms, got times of day; when the first sample "
-                "was stands in the column start_utc of the table of stations"
-            )
+            dates.append(name)
         elif re.match(r"(elapsed|time|t)\b", word.lower()) and not unit:
-            raise InputError(
-                f"{where}, column {name}: expected a unit of time in its name, as in "
-                "time_s or time_ms, got none"
-            )
+            untimed.append(name)
         elif word.lower().startswith("pressure") or "overpressure" in word.lower():
             raise InputError(
                 f"{where}, column {name}: expected a unit of pressure in its name, as "
@@ -445,7 +521,19 @@ def columns_of(names: list[str], where: str) -> SampleColumns:
             )
         else:
             left_out.append(name)
-    if len(times) != 1:
+    if dates and not times and not clocked:
+        raise InputError(
+            f"{where}, column {dates[0]}: expected seconds or milliseconds since any "
+            "moment, as time_s or time_ms, got times of day; add such a column, and "
+            "the time of the first sample to the column start_utc of the table of "
+            "stations"
+        )
+    if untimed and not times and not clocked:
+        raise InputError(
+            f"{where}, column {untimed[0]}: expected a unit of time in its name, as in "
+            "time_s or time_ms, got none"
+        )
+    if len(times) != 1 and not (clocked and not times):
         got = ", ".join(names[at] for at, _ in times) or shown(", ".join(names))
         log = "sensor" in (name.strip().lower() for name in names)
         raise InputError(
@@ -458,11 +546,17 @@ def columns_of(names: list[str], where: str) -> SampleColumns:
             f"got {shown(', '.join(names))}"
         )
     refuse_two_units([(names[at], unit) for at, unit in pressures], f"{where}, columns")
+    time, seconds = times[0] if times else (None, 1.0)
     return SampleColumns(
-        *times[0],
+        time,
+        seconds,
         tuple(at for at, _ in pressures),
         tuple(unit for _, unit in pressures),
-        tuple(n for n in left_out if n.split("_")[0].lower() not in IGNORED),
+        tuple(
+            n
+            for n in (*left_out, *dates, *untimed)
+            if n.split("_")[0].lower() not in IGNORED
+        ),
     )
 
 
@@ -502,6 +596,10 @@ def word_and_unit(name: str) -> tuple[str, str]:
         return " ".join(parts[:-1]), unit
     if volts_factor(unit) is not None:
         return " ".join(parts[:-1]), unit
+    # a unit behind a channel's number, as of oscilloscopes: CH1V
+    glued = re.fullmatch(r"(.*\d)([A-Za-z]+)", name.strip())
+    if glued and (pressure_factor(glued[2]) or volts_factor(glued[2])):
+        return glued[1], glued[2]
     return " ".join(parts), ""
 
 

@@ -1,9 +1,10 @@
 """Stations: positions, clocks and start times of recorders, from a table.
 
 A station is identified by the name of its channel: the stem of the file, or
-stem.channel. Its position is east, north, up [m] or latitude, longitude, altitude. The
-column `start_utc` gives the time of the first sample for files without a time stamp; it
-is refused for files that contain one, and must be the same for all channels of a file.
+stem.channel with the channel's name or number. Its position is east, north, up [m] or
+latitude, longitude, altitude. The column `start_utc` gives the time of the first sample
+for files without a time stamp; it is refused for files that contain one, and must be
+the same for all channels of a file.
 """
 
 import os
@@ -11,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from jblast.errors import InputError, nearest, shown
+from jblast.errors import InputError, argument, nearest, shown
 from jblast.observations.clocks import EXAMPLE, SECOND, NotAnInstant, instant, moment
 from jblast.observations.dialects import (
     Header,
@@ -32,6 +33,8 @@ from jblast.units import spelt
 PLACE = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
 START = "start_utc"
+MAX_FAULTS = 20
+"""Largest number of faults that one message lists."""
 COLUMNS = ("sensor", *PLACE, *DEGREES, "clock", START)
 
 
@@ -60,24 +63,27 @@ def read_stations(
     Columns are `sensor,east_m,north_m,up_m`, or `sensor,lat_deg,lon_deg,alt_m`, and
     optionally `clock` and `start_utc`, the time of the first sample of a file without a
     time stamp (2020-08-04T15:08:18.310Z). A sensor is the stem of a file's name, or
-    stem.channel, with channels counted from 1. `note` columns and lines that begin with
-    # are comments. Dialects and units of length are those of a log (`read`).
+    stem.channel, with the name or number of the channel. `note` columns and lines that
+    begin with # are comments. Dialects and units of length are those of a log (`read`).
 
     Args:
         path: Text, a spreadsheet or Parquet.
         understood: Conversions are appended here.
 
     Raises:
-        InputError: The file is not as described; the message has position and fault.
+        InputError: The file is not as described; the message has position and fault,
+            of all faults.
     """
     within = f"a header {','.join(COLUMNS[:4])} and a station a row"
-    faults = Faults()
+    gathered: list[InputError] = []
+    faults = Faults(gathered)
     table = table_of(
         path, faults, strict=False, expected="a table of stations", within=within
     )
     drop_blanks(table)
     header = _header(table, take_units_row(table))
     if not len(table.lines):
+        _raise(path, gathered)
         raise InputError(f"{path}: expected {within}, got the header alone")
     refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
     take_decimal_commas(table, (*PLACE, *DEGREES))
@@ -100,23 +106,38 @@ def read_stations(
         rows.refuse(
             [not x for x in given], "lat_deg", lambda _: "a number, got nothing"
         )
+    starts = _starts(rows)
+    _raise(path, gathered)
     if understood is not None:
         understood += [*table.understood, *converted_columns(rows)]
     return {
         name: Station((float(east), float(north), float(up)), clock, frame, start)
         for name, east, north, up, clock, start in zip(
-            sensors, *axes, rows.text("clock"), _starts(rows), strict=True
+            sensors, *axes, rows.text("clock"), starts, strict=True
         )
     }
 
 
+def _raise(path: str | os.PathLike[str], faults: list[InputError]) -> None:
+    """Raise one error for all faults of a table, if there are any."""
+    if len(faults) == 1:
+        raise faults[0]
+    if faults:
+        texts = [fault.worded(argument) for fault in faults[:MAX_FAULTS]]
+        texts = [text.removeprefix(f"{path}: ") for text in texts]
+        more = len(faults) - MAX_FAULTS
+        texts += [f"and {more} more"] if more > 0 else []
+        raise InputError(f"{path}: {len(faults)} faults: {'; '.join(texts)}")
+
+
 def _starts(rows: Fields) -> list[int | None]:
-    """Return the start times of records; None without one."""
+    """Return the start times of records; None without one, and for faults."""
     starts: list[int | None] = []
     for row, text in enumerate(rows.text(START)):
         try:
             starts.append(instant(text, None, None) if text else None)
         except NotAnInstant:
+            starts.append(None)
             bad = [at == row for at in range(len(rows.lines))]
             expected = f"a day, a time and a zone, as {EXAMPLE}, got {shown(text)}"
             # bound as a default, since a closure would read the last text of the loop
@@ -132,14 +153,13 @@ def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
     """
     where = table.at(table.header_line)
     header = Header()
+    unknown: list[str] = []
     for index, theirs in enumerate(table.header):
         found = column_of(theirs, units_row.get(theirs), table, strict=False)
         name, unit = (START, None) if spelt(theirs) == START else found or ("", None)
         if name not in COLUMNS:
-            raise InputError(
-                f"{where}: unknown column {shown(theirs)}{nearest(theirs, COLUMNS)}; "
-                f"expected some of {', '.join(COLUMNS)}"
-            )
+            unknown.append(f"{shown(theirs)}{nearest(theirs, COLUMNS)}")
+            continue
         if name in header.theirs:
             got = "it twice" if header.theirs[name] == theirs else shown(theirs)
             raise InputError(f"{where}: expected column {name} once, got {got}")
@@ -149,13 +169,21 @@ def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
         table.header[index] = name
     needed = DEGREES[:2] if set(DEGREES) & set(table.header) else PLACE
     missing = [name for name in ("sensor", *needed) if name not in table.header]
+    if unknown:
+        also = f"; missing column {', '.join(missing)}" if missing else ""
+        raise InputError(
+            f"{where}: unknown column {', '.join(unknown)}; "
+            f"expected some of {', '.join(COLUMNS)}{also}"
+        )
     if missing:
         raise InputError(f"{where}: missing column {', '.join(missing)}")
     return header
 
 
 def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
-    """Return a recording with the start time of its station.
+    """Return a recording with the names of its stations, and their start time.
+
+    A table may name channels by number: stem.1 for stem.gauge.
 
     Args:
         recording: Recording of a file.
@@ -164,6 +192,10 @@ def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
     Raises:
         InputError: The file has a time stamp, or its channels have several start times.
     """
+    if recording.aliases:
+        both = zip(recording.names, recording.aliases, strict=True)
+        names = (n if n in stations or a not in stations else a for n, a in both)
+        recording = replace(recording, names=tuple(names))
     starts = {stations[name].start for name in recording.names if name in stations}
     if starts <= {None}:
         return recording

@@ -1,6 +1,7 @@
 """TDMS files of LabVIEW: channels in groups, with units and steps as properties."""
 
 import logging
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, needed, shown
 from jblast.observations.records.recording import (
+    NO_UNIT_WORDS,
     Piece,
     Recording,
     SampleClock,
@@ -17,14 +19,16 @@ from jblast.observations.records.recording import (
     even_clock,
     holds_pressure,
     left_out,
+    plain_unit,
     recordings_of,
     time_factor,
+    warned,
+    word_and_unit,
 )
 
-UNIT, STEP = "unit_string", "wf_increment"
+UNITS, STEP = ("unit_string", "NI_UnitDescription"), "wf_increment"
 OFFSET, START = "wf_start_offset", "wf_start_time"
 """LabVIEW's names of the properties of a waveform."""
-Properties = dict[str, Any]
 
 
 def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
@@ -34,34 +38,54 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     same group.
 
     Raises:
-        InputError: npTDMS cannot read the file; no channel is a pressure; one has no
-            clock, or volts without a sensitivity.
+        InputError: npTDMS cannot read the file or scale a channel; no channel is a
+            pressure; one has no clock, or volts without a sensitivity.
     """
     nptdms = needed("nptdms", "tdms", path, "TDMS is read")
     try:
-        # npTDMS would print a warning for a truncated file, which is an error here
-        nptdms.log.log_manager.set_level(logging.ERROR)
+        # npTDMS would print its warnings, which are notes or errors here
+        nptdms.log.log_manager.console_handler.setLevel(logging.ERROR)
         with nptdms.TdmsFile.open(path) as file:
             if file.file_status.incomplete_final_segment:
                 raise InputError(
                     f"{path}: is cut short: its last segment is incomplete"
                 )
-            found = [
-                (channel.group_name, channel.name, dict(channel.properties))
+            channels = [
+                channel
                 for group in file.groups()
                 for channel in group.channels()
                 # LabVIEW writes channels without samples, too
                 if len(channel)
             ]
-            wanted = [one for one in found if holds_pressure(str(one[2].get(UNIT, "")))]
+            # npTDMS returns raw numbers if it does not know a scale, with a warning
+            faults: dict[str, str] = {}
+            for channel in channels:
+                with warned() as warnings:
+                    channel[:1]
+                if warnings:
+                    faults[channel.path] = warnings[0]
+            found = [_labelled(channel) for channel in channels]
+            wanted = [channel for channel in channels if _is_pressure(channel)]
             if not found:
                 raise InputError(f"{path}: expected TDMS with channels, got none")
             if not wanted:
                 raise InputError(
                     f"{path}: expected a channel of pressure or volts, got "
-                    f"{shown(', '.join(_labelled(*one) for one in found))}"
+                    f"{shown(', '.join(found))}"
                 )
-            pieces = [_piece(nptdms, path, file, *one) for one in wanted]
+            for channel in wanted:
+                if channel.path in faults:
+                    raise InputError(
+                        f"{path}: channel {channel.group_name}/{channel.name}: "
+                        "expected samples that npTDMS can scale, got raw numbers "
+                        f"({faults[channel.path]}); write the file with scaled values"
+                    )
+            pieces = [_piece(nptdms, path, file[c.group_name], c) for c in wanted]
+            others = [
+                _labelled(channel)
+                for channel in channels
+                if channel not in wanted and not _is_clock(channel)
+            ]
     except InputError:
         raise
     # npTDMS has no exception of its own
@@ -69,44 +93,56 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
         raise InputError(
             f"{path}: expected TDMS, got a file that npTDMS cannot read ({error})"
         ) from None
-    others = [
-        _labelled(*one) for one in found if one not in wanted and not _seconds(one[2])
-    ]
     return recordings_of(path, pieces, scaling, left_out(others))
 
 
-def _piece(
-    nptdms: Any, path: Path, file: Any, group: str, name: str, properties: Properties
-) -> Piece:
+def _piece(nptdms: Any, path: Path, group: Any, channel: Any) -> Piece:
+    name = channel.name
+
     def read(start: int, stop: int) -> Float[np.ndarray, "1 sample"]:
         with nptdms.TdmsFile.open(path) as opened:
-            return opened[group][name][start:stop][None]
+            return opened[group.name][name][start:stop][None]
 
     return Piece(
-        label=f"channel {group}/{name}",
-        unit=str(properties.get(UNIT, "")),
+        label=f"channel {group.name}/{name}",
+        unit=_unit(channel),
         channels=1,
-        length=len(file[group][name]),
+        length=len(channel),
         read=read,
-        clock=_clock(path, file, group, name, properties),
+        clock=_clock(path, group, channel),
+        name=word_and_unit(name)[0] or name,
     )
 
 
-def _seconds(properties: Properties) -> float | None:
-    """Return seconds per unit of a channel of time; None for other channels."""
-    unit = str(properties.get(UNIT, ""))
-    return time_factor(unit) if unit else None
+def _unit(channel: Any) -> str:
+    """Return the unit of a channel: a property, or at the end of its name."""
+    stated = [str(channel.properties.get(key, "")) for key in UNITS]
+    unit = next((one for one in stated if plain_unit(one) not in NO_UNIT_WORDS), "")
+    return unit or word_and_unit(channel.name)[1]
 
 
-def _labelled(group: str, name: str, properties: Properties) -> str:
-    unit = properties.get(UNIT, "")
-    return f"{group}/{name}" + (f" ({unit})" if unit else "")
+def _is_pressure(channel: Any) -> bool:
+    """Return True for numbers that can be pressure."""
+    is_number = np.issubdtype(channel.dtype, np.number)
+    return is_number and holds_pressure(_unit(channel)) and not _is_clock(channel)
 
 
-def _clock(
-    path: Path, file: Any, group: str, name: str, properties: Properties
-) -> SampleClock:
+def _is_clock(channel: Any) -> bool:
+    """Return True for a channel of times, also without a unit."""
+    stamps = np.issubdtype(channel.dtype, np.datetime64)
+    named = re.match(r"(elapsed|time|t)\b", word_and_unit(channel.name)[0].lower())
+    unit = _unit(channel)
+    return stamps or (time_factor(unit) is not None if unit else bool(named))
+
+
+def _labelled(channel: Any) -> str:
+    unit = _unit(channel)
+    return f"{channel.group_name}/{channel.name}" + (f" ({unit})" if unit else "")
+
+
+def _clock(path: Path, group: Any, channel: Any) -> SampleClock:
     """Return the start of a channel [s], its rate [Hz], and its epoch."""
+    properties = channel.properties
     step = properties.get(STEP)
     if step:
         offset, began = float(properties.get(OFFSET, 0.0)), properties.get(START)
@@ -115,15 +151,28 @@ def _clock(
         nanoseconds = int(np.datetime64(began, "ns").astype(np.int64))
         epoch, start = epoch_and_start(nanoseconds)
         return SampleClock(start + offset, 1.0 / float(step), epoch)
-    for other in file[group].channels():
-        seconds = _seconds(dict(other.properties))
-        if seconds is not None and len(other) == len(file[group][name]):
+    clocks = [
+        other
+        for other in group.channels()
+        if _is_clock(other) and len(other) == len(channel)
+    ]
+    for other in clocks:
+        label = f"{path}: channel {group.name}/{other.name}"
+
+        def place(row: int, at: str = label) -> str:
+            return f"{at}, row {row + 1}"
+
+        if np.issubdtype(other.dtype, np.datetime64):
+            stamps = other[:].astype("datetime64[ns]").astype(np.int64)
+            epoch, first = epoch_and_start(int(stamps[0]))
+            start, rate = even_clock((stamps - stamps[0]) / 1e9, place)
+            return SampleClock(first + start, rate, epoch)
+        seconds = time_factor(_unit(other))
+        if seconds is not None and _unit(other):
             times = seconds * np.asarray(other[:], np.float64)
-            label = f"{path}: channel {group}/{other.name}"
-            return SampleClock(
-                *even_clock(times, lambda row, at=label: f"{at}, row {row + 1}")
-            )
+            return SampleClock(*even_clock(times, place))
+    got = f"{clocks[0].name} without a unit" if clocks else "neither"
     raise InputError(
-        f"{path}: channel {group}/{name}: expected its step as {STEP}, or a channel of "
-        "time in its group, got neither"
+        f"{path}: channel {group.name}/{channel.name}: expected its step as {STEP}, or "
+        f"a channel of time in its group, got {got}"
     )

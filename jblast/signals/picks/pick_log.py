@@ -164,7 +164,8 @@ class _Reading:
                     )
                 recordings = open_record(file, self.scaling)
                 _check_lengths(recordings)
-                runs = [(one, stretches(self._timed(one))) for one in recordings]
+                recordings = [self._timed(one) for one in recordings]
+                runs = [(one, stretches(one)) for one in recordings]
             except InputError as error:
                 self.refused.append(error)
                 continue
@@ -363,15 +364,17 @@ def _shots(
         several = len(set(found.orders)) > 1
         orders = enumerate(found.orders)
         return {at: str(order) if several else "" for at, order in orders}, []
+    records = {one.record.name: one.record.source for one in found.picks}
+    absent = [name for name in records if name not in stations]
+    if absent:
+        raise InputError(
+            f"{records[absent[0]]}: expected a station for {', '.join(absent)}, got "
+            f"{', '.join(stations)}"
+        )
     arrivals: dict[str, list[Detection]] = {}
     at_of: dict[tuple[str, Detection], int] = {}
     for at, one in enumerate(found.picks):
         name = one.record.name
-        if name not in stations:
-            raise InputError(
-                f"{one.record.source}: expected a station for {name}, got "
-                f"{', '.join(stations)}"
-            )
         when, peak = one.pick.air_arrival_s, one.pick.peak_overpressure_pa
         # an onset alone has no peak: zero makes it weaker than any pulse
         arrival = Detection(float(when), 0.0, 0.0, float(np.nan_to_num(peak)))
@@ -508,7 +511,8 @@ def _pick(
     mine = [
         one
         for one in found.picks
-        if len(channels) == 1 or one.record.name in (sensor, f"{file.stem}.{sensor}")
+        if len(channels) == 1
+        or {one.record.name, one.record.alias} & {sensor, f"{file.stem}.{sensor}"}
     ]
     if not mine:
         got = f"channels {', '.join(sorted(channels))}" if channels else "no blast"

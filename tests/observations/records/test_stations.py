@@ -3,7 +3,8 @@
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations.records.stations import read_stations
+from jblast.observations.records.formats import open_record
+from jblast.observations.records.stations import read_stations, started
 
 TABLE = """# a campaign
 sensor,note,east_m,north_m,up_m,clock
@@ -88,3 +89,42 @@ def test_places_in_degrees_are_metres_about_their_middle(tmp_path):
     mixed = text.replace("lon_deg,alt_m", "east_m,north_m")
     with pytest.raises(InputError, match="missing column lon_deg"):
         read_stations(table(tmp_path, mixed))
+
+
+def test_all_faults_of_a_table_are_in_one_message(tmp_path):
+    text = (
+        "sensor,lat_deg,lon_deg,alt_m,start_utc\na,52.37128,4.9,x,\n"
+        "a,95.0,4.9,1,yesterday\n,52.37,4.9,1,\n"
+    )
+    with pytest.raises(InputError) as raised:
+        read_stations(table(tmp_path, text))
+    message = str(raised.value)
+    assert "stations.csv: 5 faults: line 3, column sensor: expected a new" in message
+    for said in (
+        "line 4, column sensor: expected a new name, got nothing",
+        "line 3, column lat_deg: expected a number between -90 and 90, got 95.0",
+        "line 2, column alt_m: expected a finite number, got 'x'",
+        "line 3, column start_utc: expected a day, a time and a zone",
+    ):
+        assert said in message
+    text = "sensor,east_m,north,up_m,foo\na,1,2,3,4\n"
+    with pytest.raises(InputError, match=r"column 'north'.*, 'foo'.*missing column n"):
+        read_stations(table(tmp_path, text))
+
+
+def test_a_table_may_name_channels_by_number(tmp_path):
+    path = tmp_path / "gate.csv"
+    path.write_text("time_s,left_pa,right_pa\n0,1,2\n1,2,3\n")
+    (recording,) = open_record(path)
+    assert recording.names == ("gate.left", "gate.right")
+    text = "sensor,east_m,north_m,up_m\ngate.1,0,0,0\ngate.right,1,0,0\n"
+    stations = read_stations(table(tmp_path, text))
+    assert started(recording, stations).names == ("gate.1", "gate.right")
+
+
+def test_positions_in_degrees_are_written_as_they_are_read(tmp_path):
+    text = "sensor,lat_deg,lon_deg,alt_m\na,52.37128,4.90017,1.3\nb,52.3799,4.91,7.25\n"
+    stations = read_stations(table(tmp_path, text)).values()
+    places = [one.frame.to_geodetic(one.position).tolist() for one in stations]
+    # without the last digits of the conversion: 52.371280000000006
+    assert places == [[52.37128, 4.90017, 1.3], [52.3799, 4.91, 7.25]]

@@ -125,7 +125,7 @@ def test_sound_without_full_scale_tells_times_alone(jblast):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("c.csv", "not UTF-8"),
+        ("c.csv", "expected names of columns and a sample a row, got one line"),
         ("c.wav", "is not a sound file"),
         ("c.mp3", "expected a record of samples, its name ending in"),
         ("huge.csv", "expected at most 2 GB of .csv, which is read whole, got 10"),

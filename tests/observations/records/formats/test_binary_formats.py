@@ -14,6 +14,7 @@ from nptdms import ChannelObject, TdmsWriter
 
 from jblast.errors import InputError
 from jblast.observations.records.formats import Scaling, open_record
+from jblast.observations.records.recording import PSI
 from tests.observations.records.formats.bangs import RATE_HZ, START_S, pulse, times
 
 with warnings.catch_warnings():  # of its own age
@@ -106,7 +107,8 @@ def test_tdms_is_read_by_its_properties(tmp_path):
             ]
         )
     recordings = open_record(path, Scaling(sensitivity=50.0))
-    assert [r.names for r in recordings] == [("daq.1",), ("daq.2",)]
+    assert [r.names for r in recordings] == [("daq.p1",), ("daq.p2",)]
+    assert [r.aliases for r in recordings] == [("daq.1",), ("daq.2",)]
     for recording in recordings:
         check(recording, start_s=0.25)
         assert recording.epoch == BEGAN.replace(microsecond=0)
@@ -127,6 +129,75 @@ def test_tdms_with_a_channel_of_time(tmp_path):
     recording = only(path)
     check(recording)
     assert recording.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "pascals"),
+    [
+        ("p", "lbf/in^2", PSI),
+        ("p", "PoundsPerSquareInch", PSI),
+        ("p", "psia", PSI),
+        ("p", "N/m2", 1.0),
+        ("p", "inH2O", 249.08891),
+        ("p [kPa]", "", 1e3),
+        ("p_kPa", "None", 1e3),
+    ],
+)
+def test_tdms_with_time_stamps_is_read_in_any_unit(tmp_path, name, unit, pascals):
+    path = tmp_path / "daq.tdms"
+    began = np.datetime64(BEGAN.replace(tzinfo=None), "ns")
+    stamps = began + np.rint(np.arange(400) * 1e9 / RATE_HZ).astype("timedelta64[ns]")
+    held = {"unit_string": unit} if unit else {}
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("a", "Time", stamps.astype("datetime64[us]")),
+                ChannelObject("a", name, pulse() / pascals, held),
+                ChannelObject("a", "q [V]", pulse()),
+                ChannelObject("a", "remark", ["a", "b"]),
+            ]
+        )
+    recording, other = open_record(path, Scaling(sensitivity=1.0))
+    check(recording, start_s=0.25)
+    assert recording.epoch == BEGAN.replace(microsecond=0)
+    assert (recording.names, recording.aliases) == (("daq.p",), ("daq.1",))
+    assert other.names == ("daq.q",)
+    assert recording.notes == ("left out, not pressure: a/remark",)
+
+
+def test_tdms_with_times_without_a_unit_is_refused(tmp_path):
+    path = tmp_path / "daq.tdms"
+    with TdmsWriter(path) as writer:
+        p = ChannelObject("a", "p", pulse(), {"unit_string": "Pa"})
+        writer.write_segment([ChannelObject("a", "Time", times()), p])
+    with pytest.raises(InputError, match=r"channel of time .* got Time without a unit"):
+        open_record(path)
+
+
+def test_tdms_with_a_scale_that_npTDMS_does_not_apply_is_refused(tmp_path):
+    path = tmp_path / "daq.tdms"
+    wave = {"wf_increment": 1 / RATE_HZ, "unit_string": "Pa"}
+    scale = {"NI_Number_Of_Scales": 1, "NI_Scaling_Status": "unscaled"}
+    scale |= {"NI_Scale[0]_Scale_Type": "Reciprocal"}
+    with TdmsWriter(path) as writer:
+        p = ChannelObject("a", "p", pulse(), wave)
+        writer.write_segment([p, ChannelObject("a", "raw", pulse(), wave | scale)])
+    with pytest.raises(InputError, match=r"channel a/raw: .*raw numbers \(nptdms: Uns"):
+        open_record(path)
+
+
+def test_a_warning_of_a_library_is_a_note(tmp_path, monkeypatch):
+    path = tmp_path / "gate.sac"
+    trace = obspy.Trace(np.zeros(100, np.float32), {"sampling_rate": 100.0})
+    trace.write(str(path), format="SAC")
+    original = obspy.read
+
+    def read(*arguments, **options):
+        warnings.warn("odd header", UserWarning, stacklevel=1)
+        return original(*arguments, **options)
+
+    monkeypatch.setattr(obspy, "read", read)
+    assert only(path).notes == ("warning of the reader: UserWarning: odd header",)
 
 
 def test_tdms_that_is_cut_short_is_refused(tmp_path):
@@ -214,6 +285,7 @@ def test_each_struct_of_matlab_has_its_own_times(tmp_path, seventh):
     check(gate)
     check(mast, start_s=0.0)
     assert mast.labels == ("variable mast.p_pa",)
+    assert (gate.names, mast.names) == (("daq.gate.p",), ("daq.mast.p",))
     assert mast.notes == ("left out, not pressure: mast.T",)
 
 
