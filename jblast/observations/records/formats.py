@@ -16,7 +16,11 @@ from typing import NamedTuple
 from jblast.errors import InputError, closest
 from jblast.lazy import resolved
 from jblast.observations.records.csv import is_stations
-from jblast.observations.records.recording import Recording, Scaling
+from jblast.observations.records.recording import (
+    Recording,
+    Scaling,
+    without_unset_clocks,
+)
 from jblast.registry import Registry
 
 Opener = Callable[[Path, Scaling], tuple[Recording, ...]]
@@ -118,7 +122,7 @@ def open_record(
         raise InputError(f"{path}: no such file; expected a record of samples")
     kind = _kind(path)
     _check(path, kind)
-    recordings = resolved(kind.open)(path, scaling or Scaling())
+    recordings = without_unset_clocks(resolved(kind.open)(path, scaling or Scaling()))
     if not any(recording.length for recording in recordings):
         raise InputError(f"{path}: expected samples, got none")
     return recordings
