@@ -7,7 +7,8 @@ note: the header of a WAV file (RIFF, or RF64 by EBU Tech 3306) is compared with
 size of the file, and the end of a FLAC file is decoded. A recorder that stopped without
 closing its file left the size 0 in the header, which is replaced by that of the file.
 Whole numbers are passed to libsndfile in the upper bits of 32, because its own
-conversion from floats is not the inverse of its reading. WAV files are written up to 4 GiB.
+conversion from floats is not the inverse of its reading. WAV files are written up to
+4 GiB.
 """
 
 import math
@@ -448,7 +449,9 @@ def _sizes(path: Path) -> _Sizes:
             name, size = struct.unpack("<4sI", head)
             if name == b"ds64":
                 long_at = file.tell()
-                long_whole, long_size = struct.unpack("<QQ", file.read(16))
+                long_whole, long_size = struct.unpack(
+                    "<QQ", file.read(16).ljust(16, b"\0")
+                )
                 whole = 8 + long_whole
                 file.seek(size - 16, 1)
                 continue
