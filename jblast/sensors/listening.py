@@ -457,6 +457,7 @@ def with_ambient(
     if (count := sound.samples.shape[1]) < 2:
         raise InputError(f"{ambient.file}: expected two or more samples, got {count}")
     notes = [f"ambient sound: a loop of {ambient.file}, {sound.seconds:g} s"]
+    notes += [f"ambient sound: {note}" for note in sound.notes]
     if len(sound.samples) > 1:
         notes.append(f"the first of its {len(sound.samples)} channels is used")
     if 0 in sound.dead_channels:

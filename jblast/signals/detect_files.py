@@ -7,6 +7,7 @@ the camera of the scene, are given.
 """
 
 import os
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -329,6 +330,8 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
                 f"{file}: expected recordings with different names, got {stem} twice"
             )
         sound = read_sound(file)
+        for note in sound.notes:
+            warnings.warn(f"{file}: {note}", stacklevel=2)
         for number, samples in enumerate(sound.samples, start=1):
             name = stem if len(sound.samples) == 1 else f"{stem}.{number}"
             if not np.ptp(samples) > 0:
@@ -398,6 +401,8 @@ def _read_template(file: str) -> SoundRecord:
         InputError: It cannot be read, is constant, or has several channels.
     """
     sound = read_sound(file)
+    for note in sound.notes:
+        warnings.warn(f"{file}: {note}", stacklevel=2)
     if len(sound.samples) > 1:
         raise InputError(
             f"{file}: expected a template of one channel, got {len(sound.samples)}"

@@ -413,8 +413,8 @@ def orthonormal(
     """Return polynomials that are orthonormal over samples with repeated values.
 
     An input with few levels, as an axis of a study, has other ranks than a density:
-    squared coefficients of its polynomials would not be shares, and from as many degrees
-    as levels on they are combinations of the lower ones. Those are zero here.
+    squared coefficients of its polynomials would not be shares. From as many degrees
+    as levels on, polynomials are combinations of the lower ones; those are zero here.
     """
     rotated, root = np.linalg.qr(columns)
     size = np.diag(root)

@@ -16,7 +16,12 @@ from typing import NamedTuple
 from jblast.errors import InputError, closest
 from jblast.lazy import resolved
 from jblast.observations.records.csv import is_stations
-from jblast.observations.records.recording import Recording, Scaling, warned
+from jblast.observations.records.recording import (
+    Recording,
+    Scaling,
+    warned,
+    without_unset_clocks,
+)
 from jblast.registry import Registry
 
 Opener = Callable[[Path, Scaling], tuple[Recording, ...]]
@@ -120,6 +125,7 @@ def open_record(
     _check(path, kind)
     with warned() as warnings:
         recordings = resolved(kind.open)(path, scaling or Scaling())
+    recordings = without_unset_clocks(recordings)
     if not any(recording.length for recording in recordings):
         raise InputError(f"{path}: expected samples, got none")
     if not warnings:

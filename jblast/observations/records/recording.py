@@ -22,7 +22,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
@@ -80,6 +80,12 @@ START = datetime(1970, 1, 1, tzinfo=UTC)
 """Zero of POSIX time."""
 BILLION = 1_000_000_000
 """Nanoseconds per second."""
+ZEROS = tuple(datetime(year, 1, 1, tzinfo=UTC) for year in (1904, 1970, 1980))
+"""Zero of the clocks of LabVIEW, of POSIX and of GPS (5 days later) or DOS: a recorder
+whose clock was not set begins there."""
+UNSET_S = 31 * 86400.0
+"""Longest time after one of them at which a clock is not set [s]: a recorder runs for
+weeks without a fix, and records of blasts of those months are few."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +160,9 @@ class Recording:
         notes: Notes of the reader, a sentence each.
         first_line: Line of the first sample in a text; None for other formats.
         aliases: Names of the channels by number, which tables of stations may have.
+        offset: Function that returns the time of a sample after the first one [s], for
+            a rate that varies; None for a constant rate.
+        clock_is_set: False for a recorder whose clock began at zero when it started.
     """
 
     source: str
@@ -169,6 +178,8 @@ class Recording:
     notes: tuple[str, ...] = ()
     first_line: int | None = None
     aliases: tuple[str, ...] = ()
+    offset: Callable[[int], float] | None = None
+    clock_is_set: bool = True
 
     @property
     def seconds(self) -> float:
@@ -199,7 +210,13 @@ class Recording:
         """Return a sample's position for messages: its line, or number and time."""
         if self.first_line is not None:
             return f"line {self.first_line + sample}"
-        return f"sample {sample + 1} ({self.start_s + sample / self.rate_hz:.6g} s)"
+        return f"sample {sample + 1} ({self.time_s(sample):.6g} s)"
+
+    def time_s(self, sample: int) -> float:
+        """Return the time of a sample on the recorder's clock [s]."""
+        if self.offset is None:
+            return self.start_s + sample / self.rate_hz
+        return self.start_s + float(self.offset(sample))
 
     def blocks(self) -> Iterator[tuple[int, Float[np.ndarray, "channel sample"]]]:
         """Yield the first sample of each block and the block, in constant memory."""
@@ -222,7 +239,7 @@ class Recording:
             name=self.names[channel],
             samples=samples,
             rate_hz=self.rate_hz,
-            start_s=self.start_s + start / self.rate_hz,
+            start_s=self.time_s(start),
             epoch=self.epoch,
             calibrated=self.calibrated,
             full_scale=self.full_scale,
@@ -688,3 +705,40 @@ def epoch_and_start(nanoseconds: int) -> tuple[datetime, float]:
     """
     whole, part = divmod(nanoseconds, BILLION)
     return START + timedelta(seconds=whole), part / BILLION
+
+
+def without_unset_clocks(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
+    """Return the recordings of a file, those of a clock that was not set without UTC.
+
+    Their times count from the first of their samples.
+    """
+    recordings = tuple(recordings)
+    starts = [
+        None
+        if one.epoch is None
+        else one.epoch + timedelta(seconds=math.floor(one.start_s))
+        for one in recordings
+    ]
+    unset = [
+        at is not None
+        and any(0 <= (at - zero).total_seconds() < UNSET_S for zero in ZEROS)
+        for at in starts
+    ]
+    begin = min(
+        (at for at, flag in zip(starts, unset, strict=True) if flag), default=START
+    )
+    return tuple(
+        replace(
+            one,
+            epoch=None,
+            start_s=(one.epoch - begin).total_seconds() + one.start_s,
+            clock_is_set=False,
+            notes=(
+                *one.notes,
+                f"no time of day, as its clock was not set: it begins in {begin.year}",
+            ),
+        )
+        if flag and one.epoch is not None
+        else one
+        for one, flag in zip(recordings, unset, strict=True)
+    )

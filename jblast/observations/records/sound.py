@@ -1,23 +1,26 @@
-"""Sound files: WAV and FLAC of 8 to 32 bits or float, one to eight channels.
+"""Sound files: WAV and FLAC of 8 to 32 bits, float, mu-law or A-law; 1 to 8 channels.
 
 Whole numbers are read as a share of full scale, floating-point numbers as they stand.
-Lossy compression, samples that are not finite and truncated files are refused; nothing
-is clipped or filled in. libsndfile reads the samples that are present and ignores the
-size in the header, so the header of a WAV file (RIFF, or RF64 by EBU Tech 3306) is
-compared with the size of the file. Whole numbers are passed to libsndfile in the upper
-bits of 32, because its own conversion from floats is not the inverse of its reading.
-WAV files are written up to 4 GiB.
+Other compression with loss and samples that are not finite are refused; nothing is
+clipped or filled in. Of a truncated file the samples that are present are read, with a
+note: the header of a WAV file (RIFF, or RF64 by EBU Tech 3306) is compared with the
+size of the file, and the end of a FLAC file is decoded. A recorder that stopped without
+closing its file left the size 0 in the header, which is replaced by that of the file.
+Whole numbers are passed to libsndfile in the upper bits of 32, because its own
+conversion from floats is not the inverse of its reading. WAV files are written up to
+4 GiB.
 """
 
 import math
+import mmap
 import os
 import struct
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -38,12 +41,24 @@ SUBTYPES = {
     "FLAC": {8: "PCM_S8", 16: "PCM_16", 24: "PCM_24"},
 }
 """Names in libsndfile of the subtypes by format and bits."""
-READ_SUBTYPES = {"DOUBLE"}.union(*(kinds.values() for kinds in SUBTYPES.values()))
+LARGEST = {
+    **{f"PCM_{name}": 1 - 2.0 ** (1 - bits) for name, bits in (
+        ("U8", 8), ("S8", 8), ("16", 16), ("24", 24), ("32", 32)
+    )},
+    "ULAW": 32124 / 2**15, "ALAW": 32256 / 2**15,
+}  # fmt: skip
+"""Largest sample by subtype; that of floats is unknown. ITU-T G.711 for the laws, whose
+codes of 8 bits libsndfile expands to 16."""
+READ_SUBTYPES = {"FLOAT", "DOUBLE", *LARGEST}
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 EXPECTED = "expected a sound file, WAV or FLAC"
 MAX_BYTES = 2**32 - 2**16
 """Largest size of the samples of a WAV file: its sizes have 32 bits, and 64 KiB are
 left for the header."""
+MAX_FRAMES = 2**36
+"""Limit of the number of samples in a FLAC header, where 0 means unknown."""
+FLAC_BLOCK = 4096
+"""Samples of a read from a damaged FLAC file: the usual size of its own blocks."""
 STREAMED = 0xFFFFFFFF
 """Size in a header that means "until the end of the file": written by programs that
 cannot seek back, and in RF64, where the chunk `ds64` has the true size."""
@@ -57,12 +72,14 @@ class SoundRecord(NamedTuple):
         rate_hz: Sampling rate of each channel [Hz].
         subtype: Subtype in libsndfile: "PCM_24", "FLOAT".
         dead_channels: Channels, counted from 0, that contain only zeros.
+        notes: Notes of the reader, a sentence each.
     """
 
     samples: Float[np.ndarray, "channel sample"]
     rate_hz: int
     subtype: str
     dead_channels: tuple[int, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -74,22 +91,17 @@ def read_sound(path: str | os.PathLike[str]) -> SoundRecord:
     """Return the samples of a sound file, in double precision.
 
     Raises:
-        InputError: There is no such file; it is empty, truncated or not a sound file;
-            it has no samples, some that are not finite, or more than eight channels; or
-            its compression is lossy.
+        InputError: There is no such file; it is empty or not a sound file; it has no
+            samples, some that are not finite, or more than eight channels; or its
+            compression is lossy.
     """
     path = Path(path)
-    with opened_sound(path) as file:
-        rate_hz, subtype, length = file.samplerate, file.subtype, file.frames
-        samples = file.read(dtype="float64", always_2d=True).T
-    if samples.shape[1] < length:
-        raise InputError(
-            f"{path}: is cut short: expected {length:,} samples as in its header, got "
-            f"{samples.shape[1]:,}"
-        )
+    with opened_sound(path) as (file, length, notes):
+        rate_hz, subtype = file.samplerate, file.subtype
+        samples = file.read(length, dtype="float64", always_2d=True).T
     _check_finite(path, samples, rate_hz)
     dead = tuple(int(i) for i in np.flatnonzero(~samples.any(axis=1)))
-    return SoundRecord(np.ascontiguousarray(samples), rate_hz, subtype, dead)
+    return SoundRecord(np.ascontiguousarray(samples), rate_hz, subtype, dead, notes)
 
 
 def write_sound(
@@ -243,15 +255,13 @@ def open_sound(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     Raises:
         InputError: As for `read_sound`, except for samples that are not finite.
     """
-    with opened_sound(path) as file:
-        channels, rate_hz, length = file.channels, file.samplerate, file.frames
-        bits = {"PCM_U8": 8, "PCM_S8": 8, "PCM_16": 16, "PCM_24": 24, "PCM_32": 32}.get(
-            file.subtype
-        )
+    with opened_sound(path) as (file, length, notes):
+        channels, rate_hz = file.channels, file.samplerate
+        largest = LARGEST.get(file.subtype)
     factor = 1.0 if scaling.full_scale_pa is None else scaling.full_scale_pa
 
     def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
-        with opened_sound(path) as file:
+        with opened_sound(path) as (file, _, _):
             file.seek(start)
             samples = file.read(stop - start, dtype="float64", always_2d=True)
         return factor * samples.T
@@ -264,18 +274,21 @@ def open_sound(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
         length=length,
         read=read,
         calibrated=scaling.full_scale_pa is not None,
-        full_scale=None if bits is None else factor * (1.0 - 2.0 ** (1 - bits)),
+        full_scale=None if largest is None else factor * largest,
+        notes=notes,
     )
     return (recording,)
 
 
 @contextmanager
-def opened_sound(path: Path) -> Iterator["soundfile.SoundFile"]:
-    """Open a sound file for reading.
+def opened_sound(
+    path: Path,
+) -> Iterator[tuple["soundfile.SoundFile", int, tuple[str, ...]]]:
+    """Open a sound file for reading, with its number of samples and notes.
 
     Raises:
-        InputError: There is no such file; it is empty, truncated or not a sound file;
-            it has no samples or more than eight channels; or its compression is lossy.
+        InputError: There is no such file; it is empty or not a sound file; it has no
+            samples or more than eight channels; or its compression is lossy.
     """
     # imported here: loading libsndfile would delay readers of other formats
     import soundfile
@@ -289,18 +302,29 @@ def opened_sound(path: Path) -> Iterator["soundfile.SoundFile"]:
     if not os.access(path, os.R_OK):
         raise InputError(f"{path}: may not be read; {EXPECTED}")
     try:
-        with soundfile.SoundFile(path) as file:
+        sizes = _sizes(path)
+        with _sized(path, sizes.unset) as source, soundfile.SoundFile(source) as file:
             check_kind(path, file.format, file.subtype, file.channels)
-            if file.format != "FLAC" and (missing := missing_bytes(path)):
-                raise InputError(
-                    f"{path}: is cut short: at least {missing:,} bytes are missing at "
-                    "its end"
+            length, notes = file.frames, ()
+            if sizes.unset:
+                notes = ("its header has no size: read to the end of the file",)
+            elif file.format == "FLAC":
+                length = _intact(path, length)
+            if length < file.frames or sizes.missing:
+                lost = f"{sizes.missing:,} bytes"
+                if length < file.frames:
+                    lost = f"{(file.frames - length) / file.samplerate:.4g} s"
+                notes = (
+                    f"cut short: {length / file.samplerate:.6g} s are read, and at "
+                    f"least {lost} are missing at its end",
                 )
-            if file.frames == 0:
+            if length == 0:
                 raise InputError(
-                    f"{path}: expected a sound file with samples, got none"
+                    f"{path}: is cut short: expected samples, got the header alone"
+                    if sizes.missing or file.frames
+                    else f"{path}: expected a sound file with samples, got none"
                 )
-            yield file
+            yield file, length, notes
     except soundfile.LibsndfileError as error:
         with path.open("rb") as file:
             start = file.read(4)
@@ -395,11 +419,20 @@ def encoded(
     return (np.minimum(codes, scale - 1) << (32 - bits)).astype(np.int32)
 
 
-def missing_bytes(path: Path) -> int:
-    """Return the smallest number of bytes missing at the end of a WAV file.
+class _Sizes(NamedTuple):
+    """Sizes in the header of a WAV file.
 
-    Args:
-        path: A file that begins with RIFF or RF64.
+    Attributes:
+        missing: Smallest number of bytes missing at the end of the file.
+        unset: Positions of sizes that were never written, and the right bytes.
+    """
+
+    missing: int
+    unset: tuple[tuple[int, bytes], ...]
+
+
+def _sizes(path: Path) -> _Sizes:
+    """Return the sizes in a header that do not agree with the file.
 
     References:
         Multimedia Programming Interface and Data Specifications 1.0 (IBM, Microsoft,
@@ -407,20 +440,71 @@ def missing_bytes(path: Path) -> int:
     """
     there = path.stat().st_size
     with path.open("rb") as file:
-        # after "RIFF", the size and "WAVE"
-        file.seek(12)
-        long_size = STREAMED
+        head = file.read(12)
+        if not head.startswith((b"RIFF", b"RF64")) or len(head) < 12:
+            return _Sizes(0, ())
+        whole = 8 + struct.unpack("<I", head[4:8])[0]
+        long_size, long_at = STREAMED, 0
         while len(head := file.read(8)) == 8:
             name, size = struct.unpack("<4sI", head)
             if name == b"ds64":
-                _, long_size = struct.unpack("<QQ", file.read(16))
+                long_at = file.tell()
+                long_whole, long_size = struct.unpack(
+                    "<QQ", file.read(16).ljust(16, b"\0")
+                )
+                whole = 8 + long_whole
                 file.seek(size - 16, 1)
                 continue
             if name == b"data":
-                size = long_size if size == STREAMED else size
-                stated = 0 if size == STREAMED else file.tell() + size
-                return max(stated - there, 0)
+                at = file.tell()
+                is_long = size == STREAMED and long_at > 0
+                size = long_size if is_long else size
+                # other chunks behind no samples are within the size of the whole
+                if size == 0 and at < there != whole:
+                    if is_long:
+                        fix = long_at + 8, struct.pack("<Q", there - at)
+                    else:
+                        fix = at - 4, struct.pack("<I", min(there - at, STREAMED))
+                    return _Sizes(0, (fix,))
+                stated = 0 if size == STREAMED else at + size
+                return _Sizes(max(stated - there, 0), ())
             # chunks begin at even positions
             file.seek(size + size % 2, 1)
     # the file ends before the header of its samples
-    return 8 - len(head)
+    return _Sizes(8 - len(head), ())
+
+
+@contextmanager
+def _sized(path: Path, unset: tuple[tuple[int, bytes], ...]) -> Iterator[Any]:
+    """Yield a file to open: the path, or its content with other sizes."""
+    if not unset:
+        yield path
+        return
+    with (
+        path.open("rb") as file,
+        # a copy of the pages that are changed, not of the file
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY) as content,
+    ):
+        for at, octets in unset:
+            content[at : at + len(octets)] = octets
+        yield content
+
+
+def _intact(path: Path, frames: int) -> int:
+    """Return the number of samples of a FLAC file that can be read."""
+    import soundfile
+
+    if frames > MAX_FRAMES:
+        raise InputError(
+            f"{path}: expected the number of samples in its header, got none, as of a "
+            "stream; decode it to WAV (flac -d)"
+        )
+    with suppress(soundfile.LibsndfileError), soundfile.SoundFile(path) as file:
+        file.seek(frames - 1)
+        if len(file.read(1)) == 1:
+            return frames
+    length = 0
+    with suppress(soundfile.LibsndfileError), soundfile.SoundFile(path) as file:
+        while got := len(file.read(FLAC_BLOCK)):
+            length += got
+    return length

@@ -180,7 +180,9 @@ def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
     return header
 
 
-def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
+def started(
+    recording: Recording, stations: Mapping[str, Station], later_s: float = 0.0
+) -> Recording:
     """Return a recording with the names of its stations, and their start time.
 
     A table may name channels by number: stem.1 for stem.gauge.
@@ -188,6 +190,7 @@ def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
     Args:
         recording: Recording of a file.
         stations: Stations by name of channel.
+        later_s: Time from the first sample of the file to that of the recording [s].
 
     Raises:
         InputError: The file has a time stamp, or its channels have several start times.
@@ -212,4 +215,9 @@ def started(recording: Recording, stations: Mapping[str, Station]) -> Recording:
         )
     # a datetime has microseconds: the nanoseconds stay in the seconds after it
     whole = start // SECOND * SECOND
-    return replace(recording, epoch=moment(whole), start_s=(start - whole) / SECOND)
+    return replace(
+        recording,
+        epoch=moment(whole),
+        start_s=(start - whole) / SECOND + later_s,
+        clock_is_set=True,
+    )

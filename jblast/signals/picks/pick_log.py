@@ -33,7 +33,7 @@ from jblast.progress import each
 from jblast.quantities import ADDITIVE, CLOCK_TIMES
 from jblast.signals.arrays import bangs
 from jblast.signals.matched_filter import Detection
-from jblast.signals.onsets import stretches
+from jblast.signals.onsets import LEAST_PEAK_SHARE, Stretches, stretches
 from jblast.signals.picks.pick import LEAST_SAMPLES, NAMES
 from jblast.signals.picks.record_picks import RecordPick, pick_records
 
@@ -71,7 +71,7 @@ class Gathered(NamedTuple):
             the loudest.
         refused: Errors of files that could not be read.
         epoch: UTC of time zero of all picks; None if no file states it.
-        channels: Number of channels read.
+        channels: Number of channels read; segments between gaps are one channel.
     """
 
     picks: tuple[RecordPick, ...]
@@ -150,7 +150,7 @@ class _Reading:
         self.quieter: dict[str, int] = {}
         self.refused: list[InputError] = []
         self.epoch: datetime | None = None
-        self._first: Path | None = None
+        self._first: Recording | None = None
 
     def __iter__(self) -> Iterator[PressureRecord]:
         """Yield intervals with a signal, those of a channel in order of time."""
@@ -162,42 +162,70 @@ class _Reading:
                         f"{file}: expected records with different names, got "
                         f"{file.stem} twice"
                     )
-                recordings = open_record(file, self.scaling)
-                _check_lengths(recordings)
-                recordings = [self._timed(one) for one in recordings]
+                recordings = _long_enough(open_record(file, self.scaling))
+                begin = min(one.start_s for one in recordings)
+                recordings = [
+                    self._timed(one, one.start_s - begin) for one in recordings
+                ]
                 runs = [(one, stretches(one)) for one in recordings]
             except InputError as error:
                 self.refused.append(error)
                 continue
             seen.add(file.stem)
+            by_channel: dict[str, list[Stretches]] = {}
             for recording, channels in runs:
                 for name, channel in zip(recording.names, channels, strict=True):
-                    self.channels.append(name)
-                    if channel.quieter:
-                        self.quieter[name] = channel.quieter
-                    for record in channel.records:
-                        # a constant interval is a dead channel, not a quiet one
-                        if np.ptp(record.samples) > 0:
-                            yield replace(record, high_pass_hz=self.high_pass_hz)
+                    by_channel.setdefault(name, []).append(channel)
+            for name, segments in by_channel.items():
+                self.channels.append(name)
+                records, quieter = _loud(segments)
+                if quieter:
+                    self.quieter[name] = quieter
+                for record in records:
+                    # a constant interval is a dead channel, not a quiet one
+                    if np.ptp(record.samples) > 0:
+                        yield replace(record, high_pass_hz=self.high_pass_hz)
 
-    def _timed(self, recording: Recording) -> Recording:
+    def _timed(self, recording: Recording, later_s: float) -> Recording:
         """Return a recording on the clock of the first.
 
+        Args:
+            recording: The recording.
+            later_s: Time from the first sample of the file to that of the recording
+                [s].
+
         Raises:
-            InputError: Only one of the two has a time of day.
+            InputError: Only one of the two has a time of day, or one was made by a
+                clock that was not set and is not that of its station.
         """
-        recording = started(recording, self.stations)
+        recording = started(recording, self.stations, later_s)
         if self._first is None:
-            self._first, self.epoch = Path(recording.source), recording.epoch
+            self._first, self.epoch = recording, recording.epoch
+        first = self._first
+        remedy = (
+            "add the time of the first sample of each file without one to column "
+            "start_utc of the table of stations, or pick the files separately"
+        )
         if (self.epoch is None) != (recording.epoch is None):
             one, other = "a time of day", "none"
             if recording.epoch is None:
                 one, other = other, one
+            unset = "" if recording.clock_is_set else ", as its clock was not set"
             raise InputError(
                 f"{recording.source}: expected a start at {other}, as in "
-                f"{self._first}, got {one}; add the time of the first sample of each "
-                "file without one to column start_utc of the table of stations, or "
-                "pick the files separately"
+                f"{first.source}, got {one}{unset}; {remedy}"
+            )
+        own_clock = all(
+            name in self.stations and self.stations[name].clock
+            for name in recording.names
+        )
+        if recording.source != first.source and not (
+            own_clock or (recording.clock_is_set and first.clock_is_set)
+        ):
+            raise InputError(
+                f"{recording.source}: expected a start on the clock of {first.source}, "
+                f"got a clock that was not set; {remedy}, or name the clock of each "
+                "recorder in column clock"
             )
         if self.epoch is None or recording.epoch is None:
             return recording
@@ -206,14 +234,42 @@ class _Reading:
         return replace(recording, epoch=self.epoch, start_s=start)
 
 
-def _check_lengths(recordings: Sequence[Recording]) -> None:
-    """Raise an error for recordings too short for a pulse and the noise before it."""
+def _long_enough(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return the recordings that may contain a pulse and the noise before it.
+
+    Short segments of a channel with longer ones are left out.
+
+    Raises:
+        InputError: All segments of a channel are too short.
+    """
+    long = [one for one in recordings if one.length >= LEAST_SAMPLES]
+    names = {one.names for one in long}
     for one in recordings:
-        if one.length < LEAST_SAMPLES:
+        if one.names not in names:
             raise InputError(
                 f"{one.source}: {one.labels[0]}: expected {LEAST_SAMPLES} samples or "
                 f"more, got {one.length}"
             )
+    return long
+
+
+def _loud(segments: Sequence[Stretches]) -> tuple[list[PressureRecord], int]:
+    """Return the intervals of a channel to pick, and the number of quieter onsets.
+
+    Each segment between gaps has an interval about its loudest sample, which may be
+    noise next to another segment.
+    """
+    records = [record for one in segments for record in one.records]
+    quieter = sum(one.quieter for one in segments)
+    if len(segments) == 1:
+        return records, quieter
+    sizes = [np.abs(one.samples - np.median(one.samples)).max() for one in records]
+    loud = [
+        record
+        for record, size in zip(records, sizes, strict=True)
+        if size >= LEAST_PEAK_SHARE * max(sizes)
+    ]
+    return loud, quieter + len(records) - len(loud)
 
 
 def _batches(records: _Reading) -> Iterator[list[PressureRecord]]:

@@ -86,6 +86,14 @@ ONSET_ROUGHNESS = 3.0
 """Smallest ratio of the rms difference of neighbouring samples behind an onset to that
 before it: a drift grows large without becoming rougher."""
 
+FLAT_SAMPLES = 8
+"""Smallest number of equal samples in a row at the maximum that are clipped below full
+scale. Noise of a few codes makes three or four; a shorter flat top is left to the fit,
+which tries a clipped one if no pulse fits (`lanes`)."""
+FLAT_RATIO = 4.0
+"""Smallest ratio of the number of samples at the maximum to that at the next value: in
+a pulse of few codes, as of 8 bits, both are about equal."""
+
 
 @dataclass(frozen=True)
 class RecordPick:
@@ -188,7 +196,7 @@ def _picked(
         np.array([x.size for x in cut]),
         start,
         step,
-        np.array([record.full_scale or np.nan for record in records]),
+        np.array([clipping_level(record) for record in records]),
         corners,
     )
     many = jax.tree.map(np.asarray, many)
@@ -201,6 +209,24 @@ def _picked(
             places, picks, cut, start, step, strict=True
         )
     }
+
+
+def clipping_level(record: PressureRecord) -> float:
+    """Return the absolute value at which samples are clipped; NaN if unknown.
+
+    An amplifier may clip below the full scale of the converter.
+    """
+    if not record.full_scale:
+        return np.nan
+    samples, top = record.samples, float(record.samples.max())
+    flat = samples == top
+    if not 0 < top < record.full_scale or flat.all():
+        return record.full_scale
+    below = samples == samples[~flat].max()
+    ends = np.flatnonzero(np.diff(flat, prepend=False, append=False))
+    longest = int((ends[1::2] - ends[::2]).max())
+    clipped = longest >= FLAT_SAMPLES and flat.sum() > FLAT_RATIO * below.sum()
+    return top if clipped else record.full_scale
 
 
 def _began(

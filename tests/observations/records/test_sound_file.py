@@ -5,6 +5,7 @@ import pytest
 import soundfile
 
 from jblast.errors import InputError
+from jblast.observations.records.formats import open_record
 from jblast.observations.records.sound import (
     read_sound,
     resampled,
@@ -82,15 +83,61 @@ def test_a_dead_channel_is_told(tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "subtype", "_"), SUBTYPES)
-def test_a_file_cut_short_anywhere_is_refused(tmp_path, kind, subtype, _):
+def test_a_file_cut_short_is_read_as_far_as_it_goes(tmp_path, kind, subtype, _):
     path = tmp_path / "a"
-    soundfile.write(path, ramps(2).T, 8000, subtype=subtype, format=kind)
-    whole = path.read_bytes()
-    for length in (3, 9, 12, 21, 30, 43, 47, 60, 100, len(whole) // 2, len(whole) - 1):
+    # FLAC has blocks of 4096 samples
+    samples = ramps(2, 40_000 if kind == "FLAC" else 1000)
+    soundfile.write(path, samples.T, 8000, subtype=subtype, format=kind)
+    whole, all_of_it = path.read_bytes(), read_sound(path).samples
+    for length in (3, 9, 12, 21, 30, 43):
         path.write_bytes(whole[:length])
         with pytest.raises(InputError, match=r"a: is cut short") as refusal:
             read_sound(path)
         assert "\n" not in str(refusal.value)
+    for length in (len(whole) * 4 // 5, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        record = read_sound(path)
+        n = record.samples.shape[1]
+        assert 0.6 * samples.shape[1] < n < samples.shape[1]
+        np.testing.assert_array_equal(record.samples, all_of_it[:, :n])
+        (note,) = record.notes
+        assert note.startswith(f"cut short: {n / 8000:.6g} s are read, and at least")
+        (part,) = open_record(path.rename(tmp_path / "a.wav"))  # whole again below
+        assert (part.length, part.notes) == (n, record.notes)
+        np.testing.assert_array_equal(part.samples(n - 50, n), all_of_it[:, n - 50 : n])
+
+
+@pytest.mark.parametrize("kind", ["WAV", "RF64"])
+def test_a_recorder_that_stopped_left_the_size_zero(tmp_path, kind):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, ramps(2).T, 8000, subtype="PCM_16", format=kind)
+    whole, samples = bytearray(path.read_bytes()), read_sound(path).samples
+    at = whole.index(b"data") + 4
+    if kind == "RF64":
+        ds64 = whole.index(b"ds64") + 8
+        whole[ds64 : ds64 + 16] = bytes(16)
+    else:
+        whole[4:8] = whole[at : at + 4] = bytes(4)
+    path.write_bytes(whole)
+    record = read_sound(path)
+    np.testing.assert_array_equal(record.samples, samples)
+    assert record.notes == ("its header has no size: read to the end of the file",)
+    (recording,) = open_record(path)
+    np.testing.assert_array_equal(recording.samples(900, 1000), samples[:, 900:])
+
+
+@pytest.mark.parametrize(("law", "largest"), [("ULAW", 32124), ("ALAW", 32256)])
+def test_telephone_sound_is_read(tmp_path, law, largest):
+    path = tmp_path / "a.wav"
+    loud = np.concatenate([ramps(1)[0], [1.0, -1.0]])
+    soundfile.write(path, loud, 8000, subtype=law)
+    record = read_sound(path)
+    # steps of the laws are at most a sixteenth of a sample
+    np.testing.assert_allclose(
+        record.samples[0, :1000], loud[:1000], rtol=0.04, atol=1e-3
+    )
+    (recording,) = open_record(path)
+    assert recording.full_scale == record.samples.max() == largest / 2**15
 
 
 def test_a_stream_that_could_not_tell_its_length_is_read_to_its_end(tmp_path):

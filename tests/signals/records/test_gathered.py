@@ -106,6 +106,50 @@ def test_channels_of_a_file_begin_together(tmp_path):
     assert "a.wav: expected one start_utc for all channels of a file" in str(error)
 
 
+def seismic(tmp_path, name, began, blasts):
+    """Segments of a channel, 20 s apart, with a bang of each size at 0.5 s."""
+    rng, stream = np.random.default_rng(5), obspy.Stream()
+    for k, size in enumerate(blasts):
+        samples = 1e-3 * rng.standard_normal(1000).astype(np.float32)
+        samples[500:510] += size
+        header = {"sampling_rate": RATE, "starttime": obspy.UTCDateTime(began) + 20 * k}
+        stream.append(obspy.Trace(samples, header | {"channel": "HDF"}))
+    stream.write(str(tmp_path / name), format="MSEED")
+    return tmp_path / name
+
+
+def test_segments_of_a_channel_are_picked_one_by_one(tmp_path):
+    path = seismic(tmp_path, "a.mseed", "2024-05-17T11:53:00", (9.0, 0.0, 5.0))
+    found = gathered([path])
+    assert found.named() == ("a#1", "a#2")
+    times = [float(one.pick.air_arrival_s) for one in found.picks]
+    np.testing.assert_allclose(times, [0.5, 40.5], atol=0.01)
+    # the loudest sample of a segment of noise is no onset of the channel
+    assert (found.channels, found.quieter) == (1, {"a": 1})
+
+
+def test_clocks_that_were_not_set_share_no_time(tmp_path):
+    one = seismic(tmp_path, "a.mseed", "1970-01-01T00:00:10", (9.0,))
+    other = seismic(tmp_path, "b.mseed", "1980-01-06T00:00:00", (9.0,))
+    dated = seismic(tmp_path, "c.mseed", "2024-05-17T11:53:00", (9.0,))
+    found = gathered([dated, one])
+    assert len(found.picks) == 1
+    assert "got none, as its clock was not set; add the time" in str(found.refused[0])
+    found = gathered([one, other])
+    assert (len(found.picks), found.epoch) == (1, None)
+    assert "b.mseed: expected a start on the clock of" in str(found.refused[0])
+    assert "got a clock that was not set" in str(found.refused[0])
+    own = {
+        name: Station((0.0, 0.0, 0.0), clock=name, start=None) for name in ("a", "b")
+    }
+    assert not gathered([one, other], stations=own).refused
+    start = 1_715_946_780_000_000_000  # 2024-05-17T11:53:00Z
+    given = {"a": Station((0.0, 0.0, 0.0), "", start=start)}
+    together = gathered([dated, one], stations=given)
+    times = [float(one.pick.air_arrival_s) for one in together.picks]
+    np.testing.assert_allclose(times, [0.5, 0.5], atol=0.01)
+
+
 def test_samples_are_kept_only_where_they_are_to_be_drawn(tmp_path):
     path = sound(tmp_path, "a.wav", [[(3.0, 20.0)]])
     (kept,) = gathered([path]).picks

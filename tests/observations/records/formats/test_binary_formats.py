@@ -73,18 +73,6 @@ def test_the_rate_of_sac_is_not_rounded_to_a_microsecond(tmp_path):
     assert only(path).rate_hz == 44100.0
 
 
-def test_a_trace_in_pieces_is_refused(tmp_path):
-    first = obspy.Trace(np.arange(100, dtype=np.int32), {"sampling_rate": 100.0})
-    second = first.copy()
-    second.stats.starttime += 1.5
-    path = tmp_path / "gate.mseed"
-    obspy.Stream([first, second]).write(str(path), format="MSEED")
-    with pytest.raises(
-        InputError, match=r"trace \S*: expected one segment, got a gap of 0.5"
-    ):
-        open_record(path)
-
-
 def test_ground_motion_is_no_pressure(tmp_path):
     path = tmp_path / "ground.sac"
     trace = obspy.Trace(np.zeros(100, np.float32), {"sampling_rate": 100.0})
