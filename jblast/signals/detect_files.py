@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 AnyPath = str | os.PathLike[str]
 Kind = Literal["sound", "frames", "video", "events"]
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
-EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
+EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt")
 """Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
 USUAL_STEPS = (0.2, 0.2)
 """Thresholds of an event camera without a scene [ln of the light], those of `jblast
