@@ -292,12 +292,12 @@ def _joined(clips: Sequence[FilmDetections]) -> Observations | None:
     if not logs:
         return None
     names = ("sensor", "quantity", "value", "sigma")
-    columns = [sum((list(getattr(log, n)) for log in logs), []) for n in names]
+    columns = [[x for log in logs for x in getattr(log, n)] for n in names]
     log = observed(
         *columns,
         position=np.concatenate([log.position for log in logs]),
-        clock=sum((tuple(log.clock) for log in logs), ()),
-        comments=sum((log.comments for log in logs), ()),
+        clock=tuple(name for log in logs for name in log.clock),
+        comments=tuple(line for log in logs for line in log.comments),
     )
     return replace(log, frame=logs[0].frame)
 
@@ -327,11 +327,11 @@ def recording_kind(
         )
     first = recordings[0]
     only = "sound" if seen else "frames, a video or events"
-    others = of_sound if seen else of_film
-    if kinds[0] == "video":  # a video has both; one scene has one camera
-        others = {} if len(kinds) == 1 else {"scene": of_film.get("scene")}
-        only = "one video"
-        others |= {"size": of_film.get("size")}
+    others = dict(of_sound if seen else of_film)
+    if kinds[0] == "video":  # sound tracks are searched as sound
+        only, others = "events", {"size": of_film.get("size")}
+        if len(kinds) > 1 and of_film.get("scene"):
+            only, others = "one video", {"scene": of_film["scene"]}
     for name, value in others.items():
         if value and not Path(first).exists():
             raise InputError(f"{first}: no such file or directory")

@@ -61,8 +61,8 @@ def add_arguments(verb: VerbParser) -> None:
         "--positions",
         metavar="STATIONS.csv",
         type=path,
-        help="positions of microphones or clips: columns sensor (stem of a file's name, or "
-        "stem.channel, from 1), east_m, north_m, up_m, and optionally clock; requires "
+        help="positions of microphones or clips: columns sensor (stem of a file's "
+        "name, or stem.channel, from 1), east_m, north_m, up_m, and optionally clock; requires "
         "--out",
     )
     verb.inputs.add_argument(

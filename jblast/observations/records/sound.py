@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, check_declared, shown
 from jblast.files import replacing
 from jblast.observations.records.recording import Recording, Scaling, channel_names
 
@@ -296,6 +296,7 @@ def opened_sound(path: Path) -> Iterator["soundfile.SoundFile"]:
                     f"{path}: is cut short: at least {missing:,} bytes are missing at "
                     "its end"
                 )
+            check_declared(path, file.frames * file.channels)
             if file.frames == 0:
                 raise InputError(
                     f"{path}: expected a sound file with samples, got none"
