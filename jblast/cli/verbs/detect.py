@@ -45,10 +45,10 @@ def add_arguments(verb: VerbParser) -> None:
         metavar="RECORDING",
         nargs="+",
         type=path,
-        help="WAV or FLAC files of one to eight channels, each searched; several files "
-        "start simultaneously, unless --positions has their clocks. Or one folder of "
-        "PNG frames, one file of camera events (.h5, .npz, .raw, .aedat4, .txt), or one "
-        "or more videos, whose sound tracks are searched, too",
+        help="WAV or FLAC files of one to eight channels, each searched; several "
+        "files start simultaneously, unless --positions has their clocks. Or one "
+        "folder of PNG frames, one file of camera events (.h5, .npz, .raw, .aedat4, "
+        ".txt), or one or more videos, whose sound tracks are searched, too",
     )
     verb.inputs.add_argument(
         "--fps",
@@ -62,8 +62,8 @@ def add_arguments(verb: VerbParser) -> None:
         metavar="STATIONS.csv",
         type=path,
         help="positions of microphones or clips: columns sensor (stem of a file's "
-        "name, or stem.channel, from 1), east_m, north_m, up_m, and optionally clock; requires "
-        "--out",
+        "name, or stem.channel, from 1), east_m, north_m, up_m, and optionally clock; "
+        "requires --out",
     )
     verb.inputs.add_argument(
         "--scene",
