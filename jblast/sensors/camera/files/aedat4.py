@@ -50,14 +50,14 @@ import dv_processing as dv
 import numpy as np
 kind = np.dtype({"names": ["t", "x", "y", "p"], "formats": ["<i8", "<i2", "<i2", "u1"],
                  "itemsize": 16})
-parts, told = [], {}
+parts, answer = [], {}
 try:
     file = dv.io.MonoCameraRecording(sys.argv[1])
-    told["all"] = file.getStreamNames()
-    told["streams"] = [n for n in told["all"] if file.isStreamOfEventType(n)]
-    if len(told["streams"]) == 1:
-        (name,) = told["streams"]
-        told["size"] = file.getEventResolution(name)
+    answer["all"] = file.getStreamNames()
+    answer["streams"] = [n for n in answer["all"] if file.isStreamOfEventType(n)]
+    if len(answer["streams"]) == 1:
+        (name,) = answer["streams"]
+        answer["size"] = file.getEventResolution(name)
         while file.isRunning(name):
             batch = file.getNextEventBatch(name)
             if batch is not None:
@@ -68,12 +68,12 @@ try:
                     part[ours] = some[theirs]
                 parts.append(part)
 except IndexError:
-    told["error"] = "IndexError"
+    answer["error"] = "IndexError"
 except (RuntimeError, MemoryError) as error:
     # the first line of a message is a position in the source of the library
     lines = str(error).splitlines() or ["MemoryError"]
-    told["error"] = lines[min(1, len(lines) - 1)].partition(" - Error info")[0]
-sys.stdout.buffer.write(json.dumps(told).encode() + b"\\n")
+    answer["error"] = lines[min(1, len(lines) - 1)].partition(" - Error info")[0]
+sys.stdout.buffer.write(json.dumps(answer).encode() + b"\\n")
 for part in parts:  # concatenated, they would lose the empty bytes of the type
     sys.stdout.buffer.write(part.tobytes())
 """
@@ -130,22 +130,22 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
     if done.returncode or not head:
         lines = done.stderr.decode(errors="replace").strip().splitlines()
         raise _unreadable(path, lines[-1] if lines else f"exit code {done.returncode}")
-    told = json.loads(head)
-    if len(told.get("streams", "1")) != 1:
-        names = ", ".join(told["all"]) or "nothing"
+    answer = json.loads(head)
+    if len(answer.get("streams", "1")) != 1:
+        names = ", ".join(answer["all"]) or "nothing"
         raise InputError(
-            f"{path}: expected one stream of events, got {len(told['streams'])} of "
+            f"{path}: expected one stream of events, got {len(answer['streams'])} of "
             f"{names}"
         )
-    if told.get("error") == "IndexError":  # from dv-processing's own empty files, too
+    if answer.get("error") == "IndexError":  # from dv-processing's own empty files, too
         raise InputError(
             f"{path}: expected an AEDAT4 file with packets of events, got none"
         )
-    if "error" in told:
-        raise _unreadable(path, told["error"])
+    if "error" in answer:
+        raise _unreadable(path, answer["error"])
     events = np.frombuffer(data, EVENT)
     columns = {name: events[name] for name in TYPES}
-    return recorded(path, columns, tuple(told["size"]) if told["size"] else size)
+    return recorded(path, columns, tuple(answer["size"]) if answer["size"] else size)
 
 
 def _unreadable(path: Path, why: str) -> InputError:
