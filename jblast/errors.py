@@ -4,7 +4,8 @@ import difflib
 import os
 import re
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -91,6 +92,57 @@ def needed(module: str, extra: str, path: str | Path, what: str) -> ModuleType:
             f"{path}: {what} by the package {module.partition('.')[0]}, which "
             f"is not installed; pip install 'jblast[{extra}]'"
         ) from None
+
+
+FREE_BYTES, MAX_RATIO = 1 << 25, 100
+"""A file may declare 32 MiB of numbers, and as many times its size. Events and samples
+compress to a third or a tenth; a constant compresses to a thousandth, and a damaged or
+forged header declares any number."""
+
+
+def check_declared(path: str | os.PathLike[str], octets: int) -> None:
+    """Reject a file that declares far more numbers than it can contain.
+
+    Args:
+        path: The file.
+        octets: Declared size of its numbers in memory [bytes].
+
+    Raises:
+        InputError: It exceeds `FREE_BYTES` and `MAX_RATIO` times the size of the file.
+    """
+    size = os.stat(path).st_size
+    if not 0 <= octets <= FREE_BYTES + MAX_RATIO * size:
+        raise InputError(
+            f"{path}: expected a complete file, got one of {size:,} bytes that "
+            f"declares {octets:,} bytes of numbers; write it again"
+        )
+
+
+@contextmanager
+def reading(path: str | os.PathLike[str], expected: str) -> Iterator[None]:
+    """Convert the exceptions of a format's library to an `InputError`.
+
+    Libraries raise exceptions of many types for damaged files, also `KeyError`,
+    `struct.error` and `MemoryError`.
+
+    Args:
+        path: The file.
+        expected: Expected kind of file: "a complete HDF5 file of events".
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        why = " ".join(str(error).split()) or "no reason given"
+        why = why if len(why) <= 200 else f"{why[:196]} ..."
+        raise InputError(
+            f"{path}: expected {expected}, which cannot be read "
+            f"({type(error).__name__}: {why})"
+        ) from error
 
 
 def read_text(path: str | os.PathLike[str], expected: str) -> str:

@@ -13,7 +13,7 @@ from jblast.report.detect import DetectionAnswer
 from jblast.report.discovery import DiscoveryAnswer
 from jblast.report.film import EventsAnswer, FilmAnswer
 from jblast.report.fit.document import FitAnswer, FitsAnswer
-from jblast.report.flash import FlashAnswer
+from jblast.report.flash import ClipsAnswer, FlashAnswer
 from jblast.report.flights import FlightsAnswer
 from jblast.report.gains import GainsAnswer
 from jblast.report.listen import ListenAnswer
@@ -36,6 +36,7 @@ DOCUMENTS: dict[str, tuple[type, str]] = {
     "calc_inverse": (InverseAnswer, "A range or a mass by jblast calc"),
     "detect": (DetectionAnswer, "Sound searched by jblast detect"),
     "detect_film": (FlashAnswer, "Film seen by jblast detect"),
+    "detect_clips": (ClipsAnswer, "Several videos seen by jblast detect"),
     "render": (FilmAnswer, "An answer of jblast render"),
     "events": (EventsAnswer, "An answer of jblast events"),
     "listen": (ListenAnswer, "An answer of jblast listen"),

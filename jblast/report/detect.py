@@ -301,16 +301,11 @@ def detection_answer(
         method: Parameters of the search, by key.
         arrays: Results of arrays.
     """
-    # a search with a template has detections without fits
-    arrivals = [
-        _arrival(one, found, fit)
-        for one in searched
-        for found, fit in zip_longest(one.detections, one.fits)
-    ]
+    arrivals = sound_arrivals(searched)
     rejected = [_arrival(one, *pair) for one in searched for pair in one.rejected]
     return DetectionAnswer(
         detected=bool(arrivals),
-        arrivals=tuple(sorted(arrivals, key=lambda arrival: arrival.time_s)),
+        arrivals=arrivals,
         threshold_snr_db=max(one.threshold_snr_db for one in searched),
         latency_s=max(one.latency_s for one in searched),
         method=method,
@@ -329,6 +324,17 @@ def detection_answer(
         arrays=tuple(_array(finding) for finding in arrays),
         rejected_arrivals=tuple(sorted(rejected, key=lambda arrival: arrival.time_s)),
     )
+
+
+def sound_arrivals(searched: Sequence[Searched]) -> tuple[SoundArrival, ...]:
+    """Return the arrivals of all channels in order of time."""
+    # a search with a template has detections without fits
+    arrivals = [
+        _arrival(one, found, fit)
+        for one in searched
+        for found, fit in zip_longest(one.detections, one.fits)
+    ]
+    return tuple(sorted(arrivals, key=lambda arrival: arrival.time_s))
 
 
 def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> SoundArrival:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -24,6 +25,9 @@ from jblast.report.figure_style import (
 )
 from jblast.signals.flash.search import Flash, FlashDetections
 from jblast.signals.search import Searched
+
+if TYPE_CHECKING:
+    from jblast.signals.detect_files import FilmDetections
 
 MAX_DRAWN = 4
 """Largest number of flashes in a figure."""
@@ -73,6 +77,27 @@ def write_detection(
         names.append(name)
     write_figure(draw(), directory / PICTURE)
     names.append(PICTURE)
+    (directory / LOG).unlink(missing_ok=True)
+    if log is not None and len(log):
+        write(directory / LOG, log)
+        names.append(LOG)
+    return names
+
+
+def write_clips(
+    directory: Path,
+    text: str,
+    clips: "Sequence[FilmDetections]",
+    log: Observations | None,
+) -> list[str]:
+    """Write document, log and a figure per clip; return the names of the files."""
+    directory.mkdir(parents=True, exist_ok=True)
+    write_text(directory / JSON, text)
+    names = [JSON]
+    for clip in clips:
+        names.append(f"{Path(clip.path).stem}.{PICTURE}")
+        figure = flash_figure(clip.flashes, (clip.height, clip.width))
+        write_figure(figure, directory / names[-1])
     (directory / LOG).unlink(missing_ok=True)
     if log is not None and len(log):
         write(directory / LOG, log)

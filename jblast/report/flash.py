@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from jblast.report.detect import SoundArrival
 from jblast.results import Document, among
 from jblast.signals.flash.fireball import Direction, Growth, Silhouette
 from jblast.signals.flash.search import Flash, FlashDetections, Rejected
@@ -138,6 +139,8 @@ class FlashAnswer(Document):
         recording: The searched film.
         flashes: Each flash in full.
         warnings: Warnings, as sentences.
+        sound_arrivals: Arrivals in the sound track of a video, from the first frame.
+        bang_s: Time of the loudest arrival after the flash; null without one.
     """
 
     detected: bool
@@ -148,6 +151,21 @@ class FlashAnswer(Document):
     recording: Searched
     flashes: tuple[FlashSeen, ...]
     warnings: tuple[str, ...]
+    sound_arrivals: tuple[SoundArrival, ...] = ()
+    bang_s: float | None = None
+
+
+@dataclass(frozen=True)
+class ClipsAnswer(Document):
+    """The answer of `jblast detect` for several videos.
+
+    Attributes:
+        detected: Whether any clip has a flash or a bang.
+        clips: The answer for each clip.
+    """
+
+    detected: bool
+    clips: tuple[FlashAnswer, ...]
 
 
 def flash_text(answer: FlashAnswer) -> str:
@@ -158,6 +176,11 @@ def flash_text(answer: FlashAnswer) -> str:
     lines = [f"{head} detected in {_film_words(answer.recording)}"]
     for number, flash in enumerate(answer.flashes, 1):
         lines += ["", *_lines(flash, number if count > 1 else None)]
+    if answer.bang_s is not None:
+        lines += ["", f"bang         {answer.bang_s:.4f} s in the sound track"]
+        if answer.arrivals:
+            later = answer.bang_s - answer.arrivals[0].time_s
+            lines[-1] += f", {later:.4f} s after the first light"
     lines += [
         "",
         "search target: a bright spot that grows in all directions and stays; "
@@ -217,6 +240,8 @@ def flash_answer(
     false_alarms: float,
     directions: Sequence[Direction] = (),
     warnings: Sequence[str] = (),
+    sound_arrivals: Sequence[SoundArrival] = (),
+    bang_s: float | None = None,
 ) -> FlashAnswer:
     """Return the answer on a film.
 
@@ -226,10 +251,12 @@ def flash_answer(
         false_alarms: False-alarm rate of the threshold [1/h].
         directions: Direction of each flash; none without a scene.
         warnings: Warnings, as sentences.
+        sound_arrivals: Arrivals in the sound track.
+        bang_s: Time of the bang.
     """
     late = [f.told_s - f.growth.time_s for f in watched.flashes]
     return FlashAnswer(
-        detected=bool(watched.flashes),
+        detected=bool(watched.flashes or sound_arrivals),
         arrivals=tuple(_arrival(flash) for flash in watched.flashes),
         threshold_snr_db=in_decibels(watched.threshold),
         latency_s=max(late, default=watched.latency_s),
@@ -245,6 +272,8 @@ def flash_answer(
             for i, flash in enumerate(watched.flashes)
         ),
         warnings=tuple(warnings),
+        sound_arrivals=tuple(sound_arrivals),
+        bang_s=bang_s,
     )
 
 

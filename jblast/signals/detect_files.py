@@ -6,9 +6,11 @@ flash that grows. Arrivals are rows of a log where the positions of the micropho
 the camera of the scene, are given.
 """
 
+import math
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -18,12 +20,13 @@ import numpy as np
 
 from jblast.errors import InputError, argument
 from jblast.kept_programs import kept_between_runs
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
+from jblast.observations.records.clips import VIDEOS, has_sound, read_track
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
 from jblast.signals.arrival_log import Log, log_of
-from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
+from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
 from jblast.signals.search import (
     DURATIONS,
     OTHER_FRONT,
@@ -45,9 +48,14 @@ if TYPE_CHECKING:
 
 AnyPath = str | os.PathLike[str]
 Kind = Literal["sound", "frames", "video", "events"]
-VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
-EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4")
+EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt")
 """Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
+LOSSY_SD_S = 1e-3
+"""Standard error of an arrival by the compression of a phone's sound [s]: transients
+spread within a block of AAC, of 128 samples or 2.7 ms at 48 kHz."""
+LATE_US, PAUSE_US = 10**6, 60 * 10**6
+"""First time of events [us] up to which they are on the clock of the film; later ones
+are counted from the first event. Longest accepted time without an event [us]."""
 USUAL_STEPS = (0.2, 0.2)
 """Thresholds of an event camera without a scene [ln of the light], those of `jblast
 events`. A wrong value scales the changes of light, not the times of flashes."""
@@ -100,7 +108,10 @@ class FilmDetections(NamedTuple):
         seconds: Length [s].
         false_alarms_per_hour: Rate of false alarms of the threshold.
         directions: Direction of each flash; empty without a scene.
-        log: Rows of the flashes; None without a scene.
+        log: Rows of the flashes; of a video with `positions`, of the flash and the
+            bang. None without a scene or positions.
+        sound: Arrivals in the sound track of a video; None without one.
+        notes: Warnings, a sentence each.
     """
 
     flashes: "FlashDetections"
@@ -114,11 +125,31 @@ class FilmDetections(NamedTuple):
     false_alarms_per_hour: float
     directions: "Sequence[Direction]"
     log: Observations | None
+    sound: SoundDetections | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def detected(self) -> bool:
-        """True if there is a flash."""
-        return bool(self.flashes.flashes)
+        """True if there is a flash, or an arrival in the sound track."""
+        heard = self.sound is not None and self.sound.detected
+        return bool(self.flashes.flashes) or heard
+
+
+class ClipDetections(NamedTuple):
+    """Flashes and bangs in several video clips, each on its own clock.
+
+    Attributes:
+        clips: Detections in each clip.
+        log: Rows of all clips; None without positions.
+    """
+
+    clips: tuple[FilmDetections, ...]
+    log: Observations | None
+
+    @property
+    def detected(self) -> bool:
+        """True if any clip has a flash or a bang."""
+        return any(clip.detected for clip in self.clips)
 
 
 @kept_between_runs()
@@ -134,12 +165,13 @@ def detect(
     positions: AnyPath | None = None,
     fps: float | None = None,
     scene: "UncertainScene | AnyPath | None" = None,
-) -> SoundDetections | FilmDetections:
-    """Find blasts in recordings of sound, in a film, or in camera events.
+    size: tuple[int, int] | None = None,
+) -> SoundDetections | FilmDetections | ClipDetections:
+    """Find blasts in recordings of sound, in a film, in clips, or in camera events.
 
     Args:
         recordings: Sound files of one to eight channels; or a folder of PNG frames, a
-            video, or a file of events.
+            file of events, or one or more videos, whose sound tracks are searched, too.
         template: Sound file of one channel to search for; an arrival is the time of its
             first sample.
         mass_kg: TNT mass of a charge on the ground whose pulse is searched for.
@@ -148,12 +180,13 @@ def detect(
             that resemble a blast.
         blast_form: Accept only sounds with the form of a blast pulse.
         stream: Filter block by block, with the noise of the first ten seconds.
-        positions: Table of stations of the microphones.
+        positions: Table of stations of the microphones, or of the clips.
         fps: Frame rate [Hz], required for a folder.
         scene: Scene, or its file, whose camera recorded the film.
+        size: Width and height of camera events in a file that does not state them.
 
     Returns:
-        Arrivals of sound, or flashes.
+        Arrivals of sound, or flashes; for several videos, those of each.
 
     Raises:
         InputError: A recording cannot be read, an argument does not apply to its kind,
@@ -172,13 +205,102 @@ def detect(
         "stream": stream,
         "positions": positions,
     }
-    of_film: dict[str, Any] = {"fps": fps, "scene": scene}
+    of_film: dict[str, Any] = {"fps": fps, "scene": scene, "size": size}
     kind = recording_kind(files, of_sound, of_film)
     if kind == "sound":
         return detect_sound(
             files, false_alarms_per_hour=false_alarms_per_hour, **of_sound
         )
-    return detect_film(files[0], false_alarms_per_hour=false_alarms_per_hour, **of_film)
+    rate = {"false_alarms_per_hour": false_alarms_per_hour}
+    if kind != "video":
+        return detect_film(files[0], **rate, **of_film)
+    if positions and scene:
+        raise InputError(
+            f"{argument('scene')}: expected it or {argument('positions')}, got both"
+        )
+    table = None if positions is None else read_stations(os.fspath(positions))
+    for file in files if table is not None else ():
+        if Path(file).stem not in table:
+            raise InputError(
+                f"{positions}: expected a station for {Path(file).stem}, got "
+                f"{', '.join(table)}"
+            )
+    of_sound["positions"] = None
+    clips = [
+        _clip(file, table, of_sound | rate, of_film | rate)
+        for file in each(files, "clips")
+    ]
+    return clips[0] if len(clips) == 1 else ClipDetections(tuple(clips), _joined(clips))
+
+
+def _clip(
+    file: str,
+    stations: "dict[str, Station] | None",
+    of_sound: Mapping[str, Any],
+    of_film: Mapping[str, Any],
+) -> FilmDetections:
+    """Search the picture and the sound track of a clip."""
+    film = detect_film(file, **of_film)
+    notes, sound = list(film.notes), None
+    if has_sound(Path(file)):
+        try:
+            sound = detect_sound([file], **of_sound)
+        except InputError as error:
+            notes.append(f"the sound track was not searched: {error}")
+    film = film._replace(sound=sound, notes=tuple(notes))
+    if stations is None:
+        return film
+    return film._replace(log=_clip_log(film, stations[Path(file).stem]))
+
+
+def bang_of(film: FilmDetections) -> Detection | None:
+    """Return the loudest arrival after the flash; without a flash the loudest."""
+    if film.sound is None:
+        return None
+    lit = [flash.growth.time_s for flash in film.flashes.flashes]
+    heard = [found for one in film.sound.searched for found in one.detections]
+    later = [found for found in heard if not lit or found.time_s > min(lit)]
+    return max(later, key=lambda found: found.statistic, default=None)
+
+
+def _clip_log(film: FilmDetections, station: Station) -> Observations:
+    """Return the rows of the first flash and of the bang of a clip."""
+    name = Path(film.path).stem
+    rows: list[tuple[str, float, float]] = []
+    for flash in film.flashes.flashes[:1]:
+        # sound and picture of a phone are offset by about a frame
+        sigma = math.hypot(flash.growth.sigma_s, 1.0 / film.frames_hz / math.sqrt(12))
+        rows.append(("flash_time_s", flash.growth.time_s, sigma))
+    bang = bang_of(film)
+    if bang is not None:
+        sigma = math.hypot(bang.sigma_s, LOSSY_SD_S)
+        rows.append(("air_arrival_s", bang.time_s, sigma))
+    log = observed(
+        [name] * len(rows),
+        [quantity for quantity, *_ in rows],
+        [value for _, value, _ in rows],
+        [sigma for *_, sigma in rows],
+        position=np.tile(np.array(station.position, float), (len(rows), 1)),
+        clock=(station.clock or name,) * len(rows),
+        comments=(f"jblast detect of {Path(film.path).name}: flash and bang",),
+    )
+    return replace(log, frame=station.frame)
+
+
+def _joined(clips: Sequence[FilmDetections]) -> Observations | None:
+    """Return the rows of all clips."""
+    logs = [clip.log for clip in clips if clip.log is not None]
+    if not logs:
+        return None
+    names = ("sensor", "quantity", "value", "sigma")
+    columns = [[x for log in logs for x in getattr(log, n)] for n in names]
+    log = observed(
+        *columns,
+        position=np.concatenate([log.position for log in logs]),
+        clock=tuple(name for log in logs for name in log.clock),
+        comments=tuple(line for log in logs for line in log.comments),
+    )
+    return replace(log, frame=logs[0].frame)
 
 
 def recording_kind(
@@ -199,14 +321,19 @@ def recording_kind(
     """
     kinds: list[Kind] = [_kind(Path(file)) for file in recordings]
     seen = [f for f, kind in zip(recordings, kinds, strict=True) if kind != "sound"]
-    if seen and len(kinds) > 1:
+    if seen and len(kinds) > 1 and {*kinds} != {"video"}:
         raise InputError(
-            f"{seen[0]}: expected one folder of frames, video or file of events, "
+            f"{seen[0]}: expected one folder of frames, file of events, or videos, "
             f"without sound; got {len(kinds)} recordings"
         )
     first = recordings[0]
     only = "sound" if seen else "frames, a video or events"
-    for name, value in (of_sound if seen else of_film).items():
+    others = dict(of_sound if seen else of_film)
+    if kinds[0] == "video":  # sound tracks are searched as sound
+        only, others = "events", {"size": of_film.get("size")}
+        if len(kinds) > 1 and of_film.get("scene"):
+            only, others = "one video", {"scene": of_film["scene"]}
+    for name, value in others.items():
         if value and not Path(first).exists():
             raise InputError(f"{first}: no such file or directory")
         if value:
@@ -329,7 +456,7 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
             raise InputError(
                 f"{file}: expected recordings with different names, got {stem} twice"
             )
-        sound = read_sound(file)
+        sound = _sound(file)
         for note in sound.notes:
             warnings.warn(f"{file}: {note}", stacklevel=2)
         for number, samples in enumerate(sound.samples, start=1):
@@ -344,6 +471,17 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
             f"{', '.join(files)}: expected sound, got one value throughout"
         )
     return alive, dead
+
+
+def _sound(file: str) -> SoundRecord:
+    """Read a sound file, or the sound track of a clip from its first frame on."""
+    if Path(file).suffix.lower() not in VIDEOS:
+        return read_sound(file)
+    track = read_track(Path(file))
+    # silence before a late track keeps one time zero for sound and picture
+    late = round(track.start_s * track.rate_hz)
+    samples = np.pad(track.samples[:, max(-late, 0) :], ((0, 0), (max(late, 0), 0)))
+    return SoundRecord(samples, int(track.rate_hz), track.codec, ())
 
 
 def _stations(file: str, channels: Sequence[Channel]) -> dict[str, Station]:
@@ -429,6 +567,7 @@ def detect_film(
     *,
     fps: float | None = None,
     scene: "UncertainScene | AnyPath | None" = None,
+    size: tuple[int, int] | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
 ) -> FilmDetections:
     """Find flashes of blasts in a film or in camera events.
@@ -437,6 +576,7 @@ def detect_film(
         recording: As for `detect`.
         fps: As for `detect`.
         scene: As for `detect`.
+        size: As for `detect`.
         false_alarms_per_hour: As for `detect`.
 
     Raises:
@@ -450,10 +590,12 @@ def detect_film(
     assert kind != "sound"
     camera = None if scene is None else _camera(scene)
     opened = (
-        _events(path, fps, camera)
+        _events(path, fps, camera, size)
         if kind == "events"
         else _frames(path, fps, 0.0 if camera is None else float(camera.exposure_s))
     )
+    if size is not None and kind != "events":
+        raise InputError(f"{argument('size')}: expected it with events only")
     width, height = opened.width, opened.height
     if camera is not None and (width, height) != (camera.width, camera.height):
         raise InputError(
@@ -478,10 +620,11 @@ def detect_film(
         flashes,
         path,
         kind,
-        *opened[1:],
+        *opened[1:6],
         false_alarms_per_hour,
         directions,
         log,
+        notes=opened.notes,
     )
 
 
@@ -492,6 +635,7 @@ class _Opened(NamedTuple):
     frames: int
     frames_hz: float
     seconds: float
+    notes: tuple[str, ...] = ()
 
 
 def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
@@ -541,7 +685,12 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
     return _Opened(blocks(), film.width, film.height, len(film), hz, seconds)
 
 
-def _events(path: str, fps: float | None, camera: "Camera | None") -> _Opened:
+def _events(
+    path: str,
+    fps: float | None,
+    camera: "Camera | None",
+    size: tuple[int, int] | None,
+) -> _Opened:
     """Return blocks of changes of light."""
     from jblast.sensors.camera.files.event_files import read_events
     from jblast.signals.flash.search import STEP_S, event_changes
@@ -550,13 +699,27 @@ def _events(path: str, fps: float | None, camera: "Camera | None") -> _Opened:
         raise InputError(
             f"{argument('fps')}: expected it with frames or a video only, got {path}"
         )
-    size = None if camera is None else (camera.width, camera.height)
+    if size is None and camera is not None:
+        size = camera.width, camera.height
     events = read_events(path, size=size)
     if not len(events.t):
         raise InputError(f"{path}: expected events, got none")
-    # times of a recorder may begin below zero, and steps are counted from zero
-    first = int(events.t[0]) if events.t[0] < 0 else 0
+    # times of a recorder may be those of the day, or begin below zero
+    first = int(events.t[0]) if not 0 <= events.t[0] <= LATE_US else 0
     events = events._replace(t=events.t - first)
+    notes = events.notes
+    if first:
+        notes += (
+            f"times are counted from the first event, at {first / 1e6:.6f} s of the "
+            "recorder's clock",
+        )
+    pauses = np.diff(events.t, prepend=0)
+    longest = int(np.argmax(pauses))
+    if pauses[longest] > PAUSE_US:
+        raise InputError(
+            f"{path}: event {longest}: expected at most {PAUSE_US / 1e6:g} s without "
+            f"an event, got {pauses[longest] / 1e6:.6g} s; cut the file there"
+        )
     threshold = USUAL_STEPS
     if camera is not None:
         brighter, darker = (float(step) for step in camera.threshold)
@@ -569,4 +732,5 @@ def _events(path: str, fps: float | None, camera: "Camera | None") -> _Opened:
         last // round(1e6 * STEP_S) + 1,
         1.0 / STEP_S,
         1e-6 * last,
+        notes,
     )

@@ -15,12 +15,27 @@ from typing import TYPE_CHECKING, Any
 from jblast.cli.arguments.numbers import positive, positive_of_any_size
 from jblast.cli.arguments.options import NOT_FOUND, add_force, add_json, given, path
 from jblast.cli.arguments.verb_parser import VerbParser
-from jblast.errors import InputError
+from jblast.errors import InputError, whole_number
 
 if TYPE_CHECKING:
-    from jblast.signals.detect_files import FilmDetections, SoundDetections
+    from jblast.report.flash import FlashAnswer
+    from jblast.signals.detect_files import (
+        ClipDetections,
+        FilmDetections,
+        SoundDetections,
+    )
 
 Answer = tuple[dict[str, Any], str, Callable[[Path, str], list[str]]]
+
+
+def image_size(text: str) -> tuple[int, int]:
+    """Return width and height of `640x480`."""
+    sides = [whole_number(side) for side in text.lower().split("x")]
+    if len(sides) != 2 or not all(sides):
+        raise argparse.ArgumentTypeError(
+            f"expected width and height, such as 640x480, got {text!r}"
+        )
+    return sides[0] or 0, sides[1] or 0
 
 
 def add_arguments(verb: VerbParser) -> None:
@@ -30,9 +45,10 @@ def add_arguments(verb: VerbParser) -> None:
         metavar="RECORDING",
         nargs="+",
         type=path,
-        help="WAV or FLAC files of one to eight channels, each searched; several files "
-        "start simultaneously, unless --positions has their clocks. Or one folder of "
-        "PNG frames, one video or one file of camera events (.h5, .npz, .raw, .aedat4)",
+        help="WAV or FLAC files of one to eight channels, each searched; several "
+        "files start simultaneously, unless --positions has their clocks. Or one "
+        "folder of PNG frames, one file of camera events (.h5, .npz, .raw, .aedat4, "
+        ".txt), or one or more videos, whose sound tracks are searched, too",
     )
     verb.inputs.add_argument(
         "--fps",
@@ -45,9 +61,9 @@ def add_arguments(verb: VerbParser) -> None:
         "--positions",
         metavar="STATIONS.csv",
         type=path,
-        help="microphone positions: columns sensor (stem of a file's name, or "
-        "stem.channel, from 1), east_m, north_m, up_m, and optionally clock; requires "
-        "--out",
+        help="positions of microphones or clips: columns sensor (stem of a file's "
+        "name, or stem.channel, from 1), east_m, north_m, up_m, and optionally clock; "
+        "requires --out",
     )
     verb.inputs.add_argument(
         "--scene",
@@ -55,6 +71,13 @@ def add_arguments(verb: VerbParser) -> None:
         type=path,
         help="scene file of the camera, whose pose and lens convert the image position "
         "to a direction, and with --out to a log for jblast fit",
+    )
+    verb.inputs.add_argument(
+        "--size",
+        metavar="WIDTHxHEIGHT",
+        type=image_size,
+        help="image size of camera events [px], for files that do not state it: "
+        "640x480",
     )
     verb.model.add_argument(
         "--template",
@@ -110,6 +133,7 @@ def add_arguments(verb: VerbParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Search, write, print; return the exit code."""
     from jblast.signals.detect_files import (
+        ClipDetections,
         SoundDetections,
         check_target,
         detect,
@@ -124,9 +148,9 @@ def run(options: argparse.Namespace) -> int:
         "stream": options.stream,
         "positions": options.positions,
     }
-    of_film = {"fps": options.fps, "scene": options.scene}
+    of_film = {"fps": options.fps, "scene": options.scene, "size": options.size}
     kind = recording_kind(options.recordings, of_sound, of_film)
-    if kind == "sound":
+    if kind in ("sound", "video"):
         # `detect` checks the same, but only after the seconds in which JAX starts
         check_target(
             options.template,
@@ -143,7 +167,7 @@ def run(options: argparse.Namespace) -> int:
 
         check_directory(options.out, options.force)
     # Pulses of laws and the camera of a scene need JAX; other searches use NumPy.
-    if options.scene or (kind == "sound" and not options.template):
+    if options.scene or (not options.template and _has_sound(kind, options.recordings)):
         from jblast.cli.jax_start import start_jax
 
         start_jax(quick=True)
@@ -156,7 +180,12 @@ def run(options: argparse.Namespace) -> int:
     from jblast.results import to_json
 
     is_sound = isinstance(found, SoundDetections)
-    document, words, write = _of_sound(found) if is_sound else _of_film(found)
+    if isinstance(found, SoundDetections):
+        document, words, write = _of_sound(found)
+    elif isinstance(found, ClipDetections):
+        document, words, write = _of_clips(found)
+    else:
+        document, words, write = _of_film(found)
     text = to_json(document)
     written = write(Path(options.out), text) if options.out else []
     if options.json:
@@ -170,7 +199,9 @@ def run(options: argparse.Namespace) -> int:
             # The default scene has its charge at the origin at time 0.
             free = "--free origin_time_s,charge_east_m,charge_north_m"
             scene = free if is_sound else f"--scene {options.scene}"
-            sys.stdout.write(f"Fit it with: jblast fit {log} {scene}\n")
+            if kind == "video" and not options.scene:
+                scene = ""  # clocks, position and time are free without a scene
+            sys.stdout.write(f"Fit it with: jblast fit {log} {scene}".rstrip() + "\n")
     return 0 if found.detected else NOT_FOUND
 
 
@@ -191,26 +222,56 @@ def _of_sound(found: "SoundDetections") -> Answer:
     return answer.to_dict(), detection_text(searched, dead, method.words, log), write
 
 
-def _of_film(found: "FilmDetections") -> Answer:
+def _has_sound(kind: str, recordings: list[str]) -> bool:
+    from jblast.observations.records.clips import has_sound
+
+    if kind != "video":
+        return kind == "sound"
+    return any(Path(file).is_file() and has_sound(Path(file)) for file in recordings)
+
+
+def _of_clips(found: "ClipDetections") -> Answer:
     """Return the document, the text, and the function that writes files."""
-    from jblast.report.flash import (
-        Searched,
-        flash_answer,
-        flash_text,
-        rejected_alarms,
-        slow_film,
-    )
+    from jblast.report.flash import ClipsAnswer
+
+    parts = [(Path(clip.path), *_of_film(clip)) for clip in found.clips]
+    answer = ClipsAnswer(found.detected, tuple(film_answer(c) for c in found.clips))
+    words = "\n".join(f"{path.name}: {text}" for path, _, text, _ in parts)
+
+    def write(folder: Path, text: str) -> list[str]:
+        from jblast.report.detect_files import write_clips
+
+        return write_clips(folder, text, found.clips, found.log)
+
+    return answer.to_dict(), words, write
+
+
+def film_answer(found: "FilmDetections") -> "FlashAnswer":
+    """Return the answer on a film."""
+    from jblast.report.detect import sound_arrivals
+    from jblast.report.flash import Searched, flash_answer, rejected_alarms, slow_film
+    from jblast.signals.detect_files import bang_of
     from jblast.signals.flash.search import SLOW_HZ
 
     seen, hz = found.flashes, found.frames_hz
     warnings = [] if hz >= SLOW_HZ else [slow_film(hz)]
-    answer = flash_answer(
+    bang = bang_of(found)
+    return flash_answer(
         seen,
         Searched(*found[1:8]),
         found.false_alarms_per_hour,
         found.directions,
-        [*warnings, *rejected_alarms(seen.rejected)],
+        [*warnings, *rejected_alarms(seen.rejected), *found.notes],
+        sound_arrivals(found.sound.searched) if found.sound else (),
+        bang and bang.time_s,
     )
+
+
+def _of_film(found: "FilmDetections") -> Answer:
+    """Return the document, the text, and the function that writes files."""
+    from jblast.report.flash import flash_text
+
+    answer, seen = film_answer(found), found.flashes
 
     def write(folder: Path, text: str) -> list[str]:
         from jblast.report.detect_files import flash_figure, write_detection

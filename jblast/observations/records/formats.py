@@ -13,8 +13,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from jblast.errors import InputError, closest
+from jblast.errors import InputError, check_declared, closest, reading
 from jblast.lazy import resolved
+from jblast.observations.records.clips import VIDEOS
 from jblast.observations.records.csv import is_stations
 from jblast.observations.records.recording import (
     Recording,
@@ -71,6 +72,12 @@ RECORD_FORMATS = Registry[RecordFormat](
         is_whole=True,
     ),
     RecordFormat(
+        name="clip",
+        suffixes=VIDEOS,
+        open=f"{_FOLDER}.clips:open_clip",
+        is_whole=True,
+    ),
+    RecordFormat(
         name="tdms",
         suffixes=(".tdms",),
         open=f"{_FOLDER}.tdms:open_tdms",
@@ -123,8 +130,10 @@ def open_record(
         raise InputError(f"{path}: no such file; expected a record of samples")
     kind = _kind(path)
     _check(path, kind)
-    with warned() as warnings:
+    with warned() as warnings, reading(path, f"a complete {path.suffix} file"):
         recordings = resolved(kind.open)(path, scaling or Scaling())
+    # samples of a record are at least a byte each, compressed ones less
+    check_declared(path, sum(one.length * len(one.names) for one in recordings))
     recordings = without_unset_clocks(recordings)
     if not any(recording.length for recording in recordings):
         raise InputError(f"{path}: expected samples, got none")

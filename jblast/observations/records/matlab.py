@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, check_declared, shown
 from jblast.observations.records.recording import (
     RATES,
     Piece,
@@ -103,6 +103,8 @@ def _arrays_of_hdf5(path: Path) -> dict[str, dict[str, np.ndarray]]:
     import h5py
 
     def numbers(held: Any) -> dict[str, np.ndarray]:
+        sets = [one for one in held.values() if isinstance(one, h5py.Dataset)]
+        check_declared(path, sum(one.nbytes for one in sets))
         return {
             # MATLAB counts columns first
             name: np.asarray(one).T

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, check_declared, shown
 from jblast.observations.records.recording import (
     RATES,
     Piece,
@@ -51,6 +51,8 @@ def open_netcdf(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     others: list[str] = []
     for group in _groups(path):
         with _opened(path, group) as file:
+            # before times, which are read whole
+            check_declared(path, sum(v.nbytes for v in file.variables.values()))
             units = {
                 str(n): str(v.attrs.get("units", "")) or word_and_unit(str(n))[1]
                 for n, v in file.variables.items()

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, argument, nearest, shown
+from jblast.errors import InputError, argument, nearest, reading, shown
 from jblast.units import si_factor, unit_spelt
 
 BLOCK_SAMPLES = 2**20
@@ -192,7 +192,8 @@ class Recording:
         Raises:
             InputError: A sample is not finite.
         """
-        samples = self.read(max(start, 0), min(stop, self.length))
+        with reading(self.source, "samples"):
+            samples = self.read(max(start, 0), min(stop, self.length))
         if np.isfinite(samples).all():
             return samples
         # transposed, so that the first one in time is reported

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, check_declared, shown
 from jblast.files import replacing
 from jblast.observations.records.recording import Recording, Scaling, channel_names
 
@@ -318,6 +318,7 @@ def opened_sound(
                     f"cut short: {length / file.samplerate:.6g} s are read, and at "
                     f"least {lost} are missing at its end",
                 )
+            check_declared(path, length * file.channels)
             if length == 0:
                 raise InputError(
                     f"{path}: is cut short: expected samples, got the header alone"

@@ -583,13 +583,13 @@ def event_changes(
     """
     step_us = round(1e6 * STEP_S)
     steps = int(events.t[-1]) // step_us + 1 if len(events.t) else 0
-    edges = np.searchsorted(events.t, step_us * np.arange(steps + 1))
     size = events.height * events.width
     pixel = events.y.astype(np.int64) * events.width + events.x
     amount = np.where(events.p > 0, threshold[0], -threshold[1])
     for first in range(0, steps, BLOCK_STEPS):
         last = min(first + BLOCK_STEPS, steps)
-        which = slice(edges[first], edges[last])
+        bounds = [step_us * first, step_us * last]
+        which = slice(*np.searchsorted(events.t, bounds).tolist())
         step = events.t[which] // step_us - first
         changes = np.bincount(
             step * size + pixel[which],

@@ -10,13 +10,16 @@ References:
     iniVation, AEDAT 4.0 file format; dv-processing, its FlatBuffers schemas.
 """
 
+import json
+import subprocess
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from jblast.errors import InputError, needed
+from jblast.errors import MAX_RATIO, InputError, needed
 from jblast.sensors.camera.files.recorded_events import (
     TYPES,
     Columns,
@@ -24,8 +27,6 @@ from jblast.sensors.camera.files.recorded_events import (
     recorded,
 )
 
-NAMES = {"x": "x", "y": "y", "t": "timestamp", "p": "polarity"}
-"""Names of the columns in dv-processing."""
 MAX_SIDE = 1 << 15
 """Largest number of columns or rows [px]: coordinates have 16 bits with a sign."""
 EVENT = np.dtype(
@@ -36,6 +37,48 @@ EVENT = np.dtype(
     }
 )
 """An event as the schema's struct: the time first, three empty bytes at the end."""
+LIMIT_S, CHILD_BYTES = 8.0, 1 << 29
+"""Time and memory of the process that reads a file, beside those by its size."""
+CHILD = """
+import json, sys
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+except ImportError:
+    pass
+import dv_processing as dv
+import numpy as np
+kind = np.dtype({"names": ["t", "x", "y", "p"], "formats": ["<i8", "<i2", "<i2", "u1"],
+                 "itemsize": 16})
+parts, answer = [], {}
+try:
+    file = dv.io.MonoCameraRecording(sys.argv[1])
+    answer["all"] = file.getStreamNames()
+    answer["streams"] = [n for n in answer["all"] if file.isStreamOfEventType(n)]
+    if len(answer["streams"]) == 1:
+        (name,) = answer["streams"]
+        answer["size"] = file.getEventResolution(name)
+        while file.isRunning(name):
+            batch = file.getNextEventBatch(name)
+            if batch is not None:
+                some = batch.numpy()
+                part = np.zeros(len(some), kind)
+                names = {"t": "timestamp", "x": "x", "y": "y", "p": "polarity"}
+                for ours, theirs in names.items():
+                    part[ours] = some[theirs]
+                parts.append(part)
+except IndexError:
+    answer["error"] = "IndexError"
+except (RuntimeError, MemoryError) as error:
+    # the first line of a message is a position in the source of the library
+    lines = str(error).splitlines() or ["MemoryError"]
+    answer["error"] = lines[min(1, len(lines) - 1)].partition(" - Error info")[0]
+sys.stdout.buffer.write(json.dumps(answer).encode() + b"\\n")
+for part in parts:  # concatenated, they would lose the empty bytes of the type
+    sys.stdout.buffer.write(part.tobytes())
+"""
+"""Program that reads a file. It is a process of its own, with limits of time and
+memory: dv-processing ends with a segmentation fault, or never, for damaged files."""
 PACKET = 1 << 16
 """Events of a packet, 1 MB: a reader has one in memory at a time."""
 # Number of the one stream in the header below; a file without a table of packets states
@@ -68,50 +111,48 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
         InputError: dv-processing is not installed or cannot read the file; it has no
             events, or those of several cameras.
     """
-    dv = needed("dv_processing", "aedat4", path, "AEDAT4 is read")
+    needed("dv_processing", "aedat4", path, "AEDAT4 is read")
     with path.open("rb") as begun:
         begin = begun.read(12)
     if begin != b"#!AER-DAT4.0":
         raise InputError(f"{path}: expected an AEDAT4 file, got none of that format")
+    octets = path.stat().st_size
+    limit_s = LIMIT_S + octets / 1e7
+    child = [sys.executable, "-c", CHILD, str(path)]
     try:
-        file = dv.io.MonoCameraRecording(str(path))
-        stream = _stream(path, file)
-        size = file.getEventResolution(stream) or size
-        parts = []
-        while file.isRunning(stream):
-            batch = file.getNextEventBatch(stream)
-            if batch is not None:
-                parts.append(batch.numpy())
-    except IndexError:  # from dv-processing's own empty files, too
+        memory = str(CHILD_BYTES + MAX_RATIO * octets)
+        done = subprocess.run(
+            [*child, memory], capture_output=True, timeout=limit_s, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise _unreadable(path, f"no end after {limit_s:.3g} s") from None
+    head, _, data = done.stdout.partition(b"\n")
+    if done.returncode or not head:
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        raise _unreadable(path, lines[-1] if lines else f"exit code {done.returncode}")
+    answer = json.loads(head)
+    if len(answer.get("streams", "1")) != 1:
+        names = ", ".join(answer["all"]) or "nothing"
+        raise InputError(
+            f"{path}: expected one stream of events, got {len(answer['streams'])} of "
+            f"{names}"
+        )
+    if answer.get("error") == "IndexError":  # from dv-processing's own empty files, too
         raise InputError(
             f"{path}: expected an AEDAT4 file with packets of events, got none"
-        ) from None
-    except RuntimeError as error:
-        # the first line of the message is a position in the library's source
-        lines = str(error).splitlines()
-        reason = (lines[1] if len(lines) > 1 else lines[0]).partition(" - Error info")
-        raise InputError(
-            f"{path}: expected a complete AEDAT4 file, which dv-processing cannot read "
-            f"({reason[0]})"
-        ) from None
-    columns = {
-        name: np.concatenate(
-            [np.zeros(0, kind), *(part[NAMES[name]] for part in parts)]
         )
-        for name, kind in TYPES.items()
-    }
-    return recorded(path, columns, size)
+    if "error" in answer:
+        raise _unreadable(path, answer["error"])
+    events = np.frombuffer(data, EVENT)
+    columns = {name: events[name] for name in TYPES}
+    return recorded(path, columns, tuple(answer["size"]) if answer["size"] else size)
 
 
-def _stream(path: Path, file: Any) -> str:
-    """Return the name of the single stream of events."""
-    names = [name for name in file.getStreamNames() if file.isStreamOfEventType(name)]
-    if len(names) != 1:
-        raise InputError(
-            f"{path}: expected one stream of events, got {len(names)} of "
-            f"{', '.join(file.getStreamNames()) or 'nothing'}"
-        )
-    return names[0]
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path}: expected a complete AEDAT4 file, which dv-processing cannot read "
+        f"({why[:200]})"
+    )
 
 
 class Packet(NamedTuple):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jblast.errors import InputError
+from jblast.errors import InputError, reading
 from jblast.files import replacing
 from jblast.registry import Registry
 from jblast.sensors.camera.events.ideal import Events
@@ -22,9 +22,11 @@ from jblast.sensors.camera.files.recorded_events import (
     check_place,
     check_rising,
     read_arrays,
-    read_dsec,
+    read_hdf5,
+    read_lines,
     write_arrays,
     write_dsec,
+    write_text,
 )
 
 
@@ -47,11 +49,12 @@ class EventFormat(NamedTuple):
 
 EVENT_FORMATS = Registry[EventFormat](
     "format of events",
-    EventFormat(".h5", read_dsec, write_dsec),
-    EventFormat(".hdf5", read_dsec, write_dsec),
+    EventFormat(".h5", read_hdf5, write_dsec),
+    EventFormat(".hdf5", read_hdf5, write_dsec),
     EventFormat(".npz", read_arrays, write_arrays),
-    EventFormat(".raw", evt3.read_evt3, evt3.write_evt3, evt3.MAX_SIDE),
+    EventFormat(".raw", evt3.read_raw, evt3.write_evt3, evt3.MAX_SIDE),
     EventFormat(".aedat4", aedat4.read_aedat4, aedat4.write_aedat4, aedat4.MAX_SIDE),
+    EventFormat(".txt", read_lines, write_text),
 )
 """Formats by the suffix of their files; `register` adds one from any module."""
 register = EVENT_FORMATS.register
@@ -78,7 +81,8 @@ def read_events(
         raise InputError(f"{path}: {what}; expected an event file")
     if not path.stat().st_size:
         raise InputError(f"{path}: is empty; expected an event file")
-    return EVENT_FORMATS[suffix].read(path, size)
+    with reading(path, f"a complete {suffix} file of events"):
+        return EVENT_FORMATS[suffix].read(path, size)
 
 
 class Written(NamedTuple):

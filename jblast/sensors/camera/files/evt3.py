@@ -1,15 +1,19 @@
-"""EVT 3.0, the raw files of Prophesee's event cameras.
+"""EVT 3.0 and 2.0, the raw files of Prophesee's event cameras.
 
-A text header with lines "% keyword value" is followed by words of 16 bits,
-little-endian: four bits are the kind of a word, twelve its value. A word changes the
+A text header with lines "% keyword value" is followed by little-endian words, of which
+the upper four bits are the kind. Those of EVT 3.0 have 16 bits: a word changes the
 state of the decoder (the time's upper and lower 12 bits, the row, the column at which
-vectors begin), or contains events.
+vectors begin), or contains events. Those of EVT 2.0 have 32 bits: an event with the
+lower 6 bits of its time, or the upper 28 bits of the time.
+
+Files of EVT 2.0 are only read.
 
 Encoder and decoder are our own: expelliarmus 1.1.12 loses the time of events after
 4,096 us or more without one, and handles neither an empty file nor its size.
 
 References:
-    Prophesee, Metavision documentation: EVT 3.0 format; RAW file format.
+    Prophesee, Metavision documentation: EVT 3.0 format; EVT 2.0 format; RAW file
+    format.
 """
 
 import os
@@ -19,9 +23,9 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int64, UInt16
+from jaxtyping import Bool, Int64, UInt16, UInt32
 
-from jblast.errors import InputError, whole_number
+from jblast.errors import InputError, shown, whole_number
 from jblast.sensors.camera.files.recorded_events import (
     TYPES,
     Columns,
@@ -29,8 +33,9 @@ from jblast.sensors.camera.files.recorded_events import (
     recorded,
 )
 
-BLOCK = 1 << 20
-"""Words that are decoded together: some 100 MB with the decoder's temporary arrays."""
+BLOCK = 1 << 18
+"""Words that are decoded together: some 100 MB with the decoder's temporary arrays if
+all are full vectors."""
 NOWHERE = -1 << 40
 """Column of vectors before any word sets it: adding columns never makes it valid."""
 LONGEST_US = 24 * 3600 * 10**6
@@ -57,6 +62,12 @@ MAX_SIDE = 1 << 11
 """Largest number of columns or rows [px]: they have 11 bits."""
 PERIOD = 1 << 12
 """Microseconds per step of `TIME_HIGH`, and number of steps until it begins again."""
+EVT2_TIME, EVT2_EVENTS, EVT2_OTHERS = 0x8, (0x0, 0x1), (0xA, 0xE, 0xF)
+"""Kinds of words of EVT 2.0: upper bits of the time; an event, darker or brighter;
+triggers and extensions of vendors."""
+EVT2_STEP, EVT2_STEPS = 1 << 6, 1 << 28
+"""Microseconds per step of the upper bits, and number of steps until they begin again,
+after 4.8 hours."""
 
 
 class DecoderState(NamedTuple):
@@ -119,11 +130,7 @@ class Decoder:
         """Return upper and lower bits of the time at each word."""
         at = np.flatnonzero(kind == TIME_HIGH)
         before = self.state.high
-        steps = np.diff(value[at], prepend=max(before, 0) % PERIOD)
-        # a fall by more than half of their range: the 12 bits began again
-        wraps = np.cumsum(steps < -PERIOD // 2) + max(before, 0) // PERIOD
-        counted = value[at] + PERIOD * wraps
-        high = _last_at(at, counted, before, len(kind))
+        high = _last_at(at, _counted(value[at], before, PERIOD), before, len(kind))
         is_low = kind == TIME_LOW
         # a new step begins at 0; the same step, sent again, changes nothing
         is_new = np.diff(high, prepend=before) != 0
@@ -137,6 +144,49 @@ class Decoder:
         before = self.state.base if self.state.base >= 0 else NOWHERE
         start = _last_at(at, value[at] - lengths[at], before, len(kind))
         return np.where(start == NOWHERE, -1, start + lengths)
+
+
+class Evt2Decoder:
+    """Decoder of words of EVT 2.0, block by block.
+
+    Attributes:
+        high: Steps of 64 us, continued where their 28 bits begin again; -1 before the
+            first.
+    """
+
+    def __init__(self):
+        self.high = -1
+
+    def columns(self, words: UInt32[np.ndarray, " word"]) -> Columns:
+        """Return the events of a block of words.
+
+        Events before the first time are omitted, because their time is unknown.
+        """
+        kind = words >> 28
+        at = np.flatnonzero(kind == EVT2_TIME)
+        steps = (words[at] & (EVT2_STEPS - 1)).astype(np.int64)
+        high = _last_at(
+            at, _counted(steps, self.high, EVT2_STEPS), self.high, len(kind)
+        )
+        self.high = int(high[-1])
+        some = np.flatnonzero((kind <= EVT2_EVENTS[-1]) & (high >= 0))
+        word = words[some].astype(np.int64)
+        return {
+            "x": word >> 11 & 0x7FF,
+            "y": word & 0x7FF,
+            "t": high[some] * EVT2_STEP + (word >> 22 & 0x3F),
+            "p": word >> 28,
+        }
+
+
+def _counted(
+    steps: Int64[np.ndarray, " word"], before: int, period: int
+) -> Int64[np.ndarray, " word"]:
+    """Return steps of a counter, continued where its bits begin again."""
+    falls = np.diff(steps, prepend=max(before, 0) % period)
+    # a fall by more than half of the range: the bits began again
+    wraps = np.cumsum(falls < -period // 2) + max(before, 0) // period
+    return steps + period * wraps
 
 
 def _lengths(kind: UInt16[np.ndarray, " word"]) -> Int64[np.ndarray, " word"]:
@@ -158,49 +208,87 @@ def _last_at(at, values, before: int, count: int) -> Int64[np.ndarray, " word"]:
     return np.repeat(found, np.diff(at, prepend=0, append=count))
 
 
-def read_evt3(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
-    """Read an EVT 3.0 file.
+class Encoding(NamedTuple):
+    """Encoding of a file.
+
+    Attributes:
+        name: Its name in messages.
+        word: Type of its words.
+        kinds: Kinds of words that can be in a file.
+        decoder: Type of its decoder.
+    """
+
+    name: str
+    word: str
+    kinds: tuple[int, ...]
+    decoder: type[Decoder] | type[Evt2Decoder]
+
+
+ENCODINGS = {
+    "EVT3": Encoding("EVT 3.0", "<u2", (*KNOWN, *WITHOUT_EVENTS), Decoder),
+    "EVT2": Encoding(
+        "EVT 2.0", "<u4", (*EVT2_EVENTS, EVT2_TIME, *EVT2_OTHERS), Evt2Decoder
+    ),
+}
+"""Encodings by their names in headers."""
+
+
+def read_raw(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
+    """Read a file of EVT 3.0 or 2.0.
+
+    The bytes of an incomplete last word are omitted, with a note, where the header does
+    not state the number of words.
 
     Raises:
-        InputError: It has no header of EVT 3.0, is incomplete, or contains words of an
+        InputError: It has no header of these, is incomplete, or contains words of an
             unknown kind.
     """
     with path.open("rb") as file:
         header = read_header(path, file)
-        # a truncated file would otherwise lose its last events without a message
+        encoding = ENCODINGS[header.encoding]
+        width = np.dtype(encoding.word).itemsize
         octets = os.fstat(file.fileno()).st_size - file.tell()
-        if octets % 2 or (header.words is not None and octets != 2 * header.words):
-            amount = (
-                "whole words" if header.words is None else f"{2 * header.words:,} bytes"
-            )
+        # a truncated file would otherwise lose its last events without a message
+        if header.words is not None and octets != width * header.words:
             raise InputError(
-                f"{path}: expected a complete EVT 3.0 file, {amount} after its header, "
-                f"got {octets:,} bytes"
+                f"{path}: expected a complete {encoding.name} file, "
+                f"{width * header.words:,} bytes after its header, got {octets:,} bytes"
             )
-        decoder = Decoder()
+        over = octets % width
+        notes = (
+            f"{path}: expected words of {width} bytes up to the end of the file; the "
+            f"last {over} byte{'s' if over > 1 else ''}, an incomplete word, "
+            f"{'are' if over > 1 else 'is'} ignored",
+        )
+        decoder = encoding.decoder()
         # converted block by block: int64 columns of a whole file would take four times
         # the memory
         parts = [
             {name: part[name].astype(kind) for name, kind in TYPES.items()}
-            for part in map(decoder.columns, _word_blocks(path, file))
+            for part in map(decoder.columns, _word_blocks(path, file, encoding))
         ]
     columns = {
         name: np.concatenate([np.zeros(0, kind), *(part[name] for part in parts)])
         for name, kind in TYPES.items()
     }
-    return recorded(path, columns, header.size or size)
+    found = recorded(path, columns, header.size or size)
+    return found._replace(notes=notes if over else ())
 
 
-def _word_blocks(path: Path, file) -> Iterator[UInt16[np.ndarray, " word"]]:
+def _word_blocks(path: Path, file, encoding: Encoding) -> Iterator[np.ndarray]:
     """Yield words, block by block."""
-    while data := file.read(2 * BLOCK):
-        words = np.frombuffer(data, "<u2").astype(np.uint16)
-        kinds = np.bincount(words >> 12, minlength=16)
-        kinds[[*KNOWN, *WITHOUT_EVENTS]] = 0
+    word = np.dtype(encoding.word)
+    while data := file.read(word.itemsize * BLOCK):
+        count = len(data) // word.itemsize
+        words = np.frombuffer(data, word, count).astype(word.newbyteorder("="))
+        if not count:
+            return
+        kinds = np.bincount(words >> (8 * word.itemsize - 4), minlength=16)
+        kinds[[*encoding.kinds]] = 0
         if kinds.any():
             raise InputError(
-                f"{path}: expected words of EVT 3.0, got some of the unknown type "
-                f"0x{int(np.argmax(kinds)):x}"
+                f"{path}: expected words of {encoding.name}, got some of the unknown "
+                f"type 0x{int(np.argmax(kinds)):x}"
             )
         yield words
 
@@ -286,10 +374,12 @@ class Header(NamedTuple):
     Attributes:
         size: Width and height, or None.
         words: Number of words that follow, or None.
+        encoding: Key of `ENCODINGS`.
     """
 
     size: tuple[int, int] | None
     words: int | None
+    encoding: str
 
 
 def header_of(width: int, height: int, words: int) -> bytes:
@@ -330,10 +420,13 @@ def read_header(path: Path, file: BinaryIO) -> Header:
     file.seek(start)
     encoding, _, options = stated.get("format", "").partition(";")
     version = stated.get("evt", "")
-    encoding = encoding or {"3.0": "EVT3"}.get(version, version)
-    if encoding != "EVT3":
-        got = f"one of {encoding}" if encoding else "none"
-        raise InputError(f"{path}: expected the header of an EVT 3.0 file, got {got}")
+    by_version = {"3.0": "EVT3", "2.0": "EVT2"}
+    encoding = encoding or by_version.get(version, version)
+    if encoding not in ENCODINGS:
+        got = f"one of {shown(encoding)}" if encoding else "none"
+        raise InputError(
+            f"{path}: expected the header of an EVT 3.0 or EVT 2.0 file, got {got}"
+        )
     if stated.get("endianness", "little") != "little":
         raise InputError(f"{path}: expected little-endian words, got big-endian ones")
     width, _, height = stated.get("geometry", "").partition("x")
@@ -343,4 +436,4 @@ def read_header(path: Path, file: BinaryIO) -> Header:
         fields[key] = value
     across, down = whole_number(fields["width"]), whole_number(fields["height"])
     size = None if across is None or down is None else (across, down)
-    return Header(size, whole_number(stated.get("words", "")))
+    return Header(size, whole_number(stated.get("words", "")), encoding)

@@ -129,8 +129,8 @@ def test_upper_bits_that_fall_by_half_their_range_began_again(tmp_path, high, ex
 @pytest.mark.parametrize(
     ("header", "words", "said"),
     [
-        (b"% evt 2.0\n% end\n", (), "expected the header of an EVT 3.0 file, got one"),
-        (b"", (0x8000,), "expected the header of an EVT 3.0 file, got none"),
+        (b"% evt 2.1\n% end\n", (), "EVT 3.0 or EVT 2.0 file, got one of '2.1'"),
+        (b"", (0x8000,), "the header of an EVT 3.0 or EVT 2.0 file, got none"),
         (
             HEADER,
             (0x8000, 0xC000),
@@ -155,11 +155,34 @@ def test_a_size_in_other_digits_is_no_size(tmp_path):
         assert read_header(path, file).size is None
 
 
-def test_half_a_word_is_refused(tmp_path):
+def test_half_a_word_at_the_end_is_reported(tmp_path):
+    whole = saved(tmp_path / "a.raw", 0x8000, 0x6000, 0x0000, 0x2001)
+    assert not read_events(whole).notes
+    whole.write_bytes(whole.read_bytes() + b"\x00")
+    found = read_events(whole)
+    assert found.x.tolist() == [1]
+    assert "the last 1 byte, an incomplete word, is ignored" in found.notes[0]
+
+
+def test_evt2_of_a_camera_is_read_beyond_its_28_bits(tmp_path):
+    """Words by the maker's page: kind, 6 bits of time, column, row."""
+    word = lambda kind, low, x, y: kind << 28 | low << 22 | x << 11 | y  # noqa: E731
+    words = [
+        word(1, 5, 9, 9),  # before any time
+        0x8 << 28 | 0x0FFFFFFF,
+        *(word(1, 3, 100, 200), word(0, 63, 639, 479)),
+        *(0xA << 28 | 0x101, 0x8 << 28 | 0x2, word(1, 0, 1, 2)),
+    ]
+    header = b"% evt 2.0\n% format EVT2;height=480;width=640\n% end\n"
     path = tmp_path / "a.raw"
-    path.write_bytes(HEADER + b"\x00\x80\x00")
-    with pytest.raises(InputError, match=r"a\.raw: expected a complete EVT 3\.0 file"):
-        read_events(path)
+    path.write_bytes(header + np.array(words, "<u4").tobytes() + b"\0\0\0")
+    found = read_events(path)
+    base = 0x0FFFFFFF * 64
+    assert found.t.tolist() == [base + 3, base + 63, (2**28 + 2) * 64]
+    assert found.x.tolist() == [100, 639, 1]
+    assert found.y.tolist() == [200, 479, 2]
+    assert found.p.tolist() == [1, 0, 1]
+    assert "the last 3 bytes" in found.notes[0]
 
 
 def test_large_images_and_days_without_an_event_do_not_fit(tmp_path):

@@ -150,5 +150,73 @@ def test_other_arrays_and_other_suffixes_are_refused(tmp_path):
     path = saved(tmp_path / "a.npz", {"light": [1.0]})
     with pytest.raises(InputError, match=r"expected arrays x, y, t and p, got light"):
         read_events(path)
-    with pytest.raises(InputError, match=r"a\.txt: expected a name ending in"):
-        read_events(tmp_path / "a.txt")
+    with pytest.raises(InputError, match=r"a\.bin: expected a name ending in"):
+        read_events(tmp_path / "a.bin")
+
+
+def refused(path, said, **size):
+    with pytest.raises(InputError, match=said):
+        read_events(path, **size)
+
+
+def test_files_of_v2e_and_prophesee_are_read(tmp_path):
+    order = np.array([COLUMNS[name] for name in "txyp"], np.uint32).T
+    path = tmp_path / "v2e.h5"
+    with h5py.File(path, "w") as file:
+        file["events"] = order
+    refused(path, "expected the width and height of the image")
+    assert read_events(path, size=(4, 3)).t.tolist() == COLUMNS["t"]
+    kinds = [("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")]
+    rows = np.zeros(3, kinds)
+    for name, column in COLUMNS.items():
+        rows[name] = column
+    path = tmp_path / "prophesee.h5"
+    with h5py.File(path, "w") as file:
+        file["CD/events"] = rows
+        file.attrs["geometry"] = "640x480"
+    found = read_events(path)
+    assert (found.width, found.height, found.x.tolist()) == (640, 480, COLUMNS["x"])
+    with h5py.File(path, "w") as file:  # as by Prophesee's writer, with its codec
+        plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        plist.set_chunk((3,))
+        plist.set_filter(0x8ECF, h5py.h5z.FLAG_OPTIONAL, ())
+        space = h5py.h5s.create_simple((3,))
+        kind = h5py.h5t.py_create(rows.dtype)
+        group = file.create_group("CD")
+        h5py.h5d.create(group.id, b"events", kind, space, plist)
+    refused(
+        path, r"Prophesee's ECF \(filter 36559\), which is not installed", size=(4, 3)
+    )
+
+
+def test_text_of_v2e_is_read(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text(
+        "#!events.txt\n# v2e\n0.000000000 3 2 1\n0.00004 0 2 0\n0.000999 1 0 1\n"
+    )
+    found = read_events(path, size=(4, 3))
+    for name, column in COLUMNS.items():
+        assert getattr(found, name).tolist() == column
+    path.write_text("0 3 2 1\n40 0 2 0\n")
+    refused(path, r"times in seconds, as 0\.000123, got whole numbers", size=(4, 3))
+    path.write_text("0.1 3 2.5 1\n0.2 0 2 0\n")
+    refused(path, r"event 0: expected whole numbers of column", size=(4, 3))
+
+
+def test_files_that_declare_more_than_they_contain_are_refused(tmp_path):
+    path = tmp_path / "large.h5"
+    with h5py.File(path, "w") as file:
+        for name in "xytp":
+            file.create_dataset(
+                f"events/{name}", (3 * 10**9,), np.int64, chunks=(1 << 16,)
+            )
+    refused(path, r"got one of [\d,]+ bytes that declares 24,000,000,000 bytes")
+    zeros = np.zeros(5 * 10**6, np.int64)
+    np.savez_compressed(tmp_path / "large.npz", **dict.fromkeys("xytp", zeros))
+    refused(tmp_path / "large.npz", r"bytes that declares 160,000,\d+ bytes of numbers")
+    with h5py.File(path, "w") as file:
+        for name in "xytp":
+            file[f"events/{name}"] = h5py.ExternalLink("other.h5", name)
+    refused(path, r"expected a complete \.h5 file of events, which cannot be read")
+    saved(path, COLUMNS, width=60000, height=60000)
+    refused(path, "expected an image of 1 to 16,777,216 pixels, got 60000 x 60000")

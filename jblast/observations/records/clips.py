@@ -1,0 +1,145 @@
+"""Sound tracks of video clips: MP4, MOV, MKV and others, decoded by PyAV (FFmpeg).
+
+Time 0 is the first frame of the picture, from which flashes in the same clip are timed.
+The delay of the encoder is removed as the container states it.
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import FREE_BYTES, MAX_RATIO, InputError, needed, reading
+from jblast.observations.records.recording import Recording, Scaling, channel_names
+
+VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
+MAX_GAP_S = 0.02
+"""Largest deviation of a time stamp from an even clock [s]: stamps of Matroska are
+rounded to a millisecond, and a missing packet of AAC at 48 kHz lasts 21 ms."""
+
+
+class Track(NamedTuple):
+    """The sound track of a clip.
+
+    Attributes:
+        samples: Samples as a share of full scale.
+        rate_hz: Sampling rate [Hz].
+        start_s: Time of the first sample, from the first frame of the picture [s].
+        codec: Name of the compression.
+    """
+
+    samples: Float[np.ndarray, "channel sample"]
+    rate_hz: float
+    start_s: float
+    codec: str
+
+
+def has_sound(path: Path) -> bool:
+    """Return True if a clip has a sound track.
+
+    Raises:
+        InputError: PyAV is not installed or cannot read the file.
+    """
+    with _opened(path) as container:
+        return bool(container.streams.audio)
+
+
+def read_track(path: Path) -> Track:
+    """Read the first sound track of a clip whole.
+
+    Raises:
+        InputError: PyAV is not installed or cannot read the file; it has no sound; or
+            sound is missing between two packets.
+    """
+    with reading(path, "a complete clip"), _opened(path) as container:
+        if not container.streams.audio:
+            raise InputError(f"{path}: expected a clip with sound, got one without")
+        sound = container.streams.audio[0]
+        rate = sound.codec_context.sample_rate
+        limit = FREE_BYTES + MAX_RATIO * path.stat().st_size
+        parts, length, first = [], 0, None
+        for frame in container.decode(sound):
+            values = _floats(frame)
+            at = float(frame.pts * frame.time_base) if frame.pts is not None else None
+            if first is None:
+                first = at or 0.0
+            off = 0.0 if at is None else at - first - length / rate
+            if abs(off) > MAX_GAP_S:
+                raise InputError(
+                    f"{path}: expected sound without gaps, got {abs(off):.3g} s "
+                    f"{'missing' if off > 0 else 'repeated'} at {at:.6g} s; cut the "
+                    "clip there"
+                )
+            parts.append(values)
+            length += values.shape[1]
+            if 4 * length * len(values) > limit:
+                raise InputError(f"{path}: declares more sound than it can contain")
+        if first is None:
+            raise InputError(f"{path}: expected a clip with sound, got no samples")
+        codec = str(sound.codec_context.name)
+        begin = _first_frame_s(container)
+    samples = np.concatenate(parts, axis=1).astype(np.float64)
+    return Track(samples, float(rate), first - begin, codec)
+
+
+def open_clip(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
+    """Return the recording of a clip's sound track.
+
+    Raises:
+        InputError: As for `read_track`.
+    """
+    track = read_track(path)
+    factor = 1.0 if scaling.full_scale_pa is None else scaling.full_scale_pa
+    samples = factor * track.samples
+    channels = len(samples)
+    return (
+        Recording(
+            source=str(path),
+            names=channel_names(path.stem, channels),
+            labels=tuple(f"channel {number + 1}" for number in range(channels)),
+            rate_hz=track.rate_hz,
+            length=samples.shape[1],
+            read=lambda start, stop: samples[:, start:stop],
+            start_s=track.start_s,
+            calibrated=scaling.full_scale_pa is not None,
+            full_scale=factor,
+            notes=(
+                f"sound track ({track.codec}); times count from the first frame of "
+                "the picture",
+            ),
+        ),
+    )
+
+
+def _opened(path: Path) -> Any:
+    av = needed("av", "video", path, "a clip is read")
+    with reading(path, "a complete clip"):
+        # only local files: a playlist must not open connections to other machines
+        return av.open(str(path), options={"protocol_whitelist": "file"})
+
+
+def _floats(frame: Any) -> Float[np.ndarray, "channel sample"]:
+    """Return the samples of a frame as shares of full scale."""
+    values = frame.to_ndarray()
+    if not frame.format.is_planar:
+        values = values.reshape(-1, frame.layout.nb_channels).T
+    if values.dtype.kind == "u":  # 8 bits, with silence at 128
+        return ((values.astype(np.float32)) - 128.0) / 128.0
+    if values.dtype.kind == "i":
+        return values.astype(np.float32) / -float(np.iinfo(values.dtype).min)
+    return values.astype(np.float32)
+
+
+def _first_frame_s(container: Any) -> float:
+    """Return the time of the first frame of the picture [s]; 0 without a picture."""
+    if not container.streams.video:
+        return 0.0
+    video = container.streams.video[0]
+    container.seek(0)
+    stamps = [
+        packet.pts
+        for packet, _ in zip(container.demux(video), range(32), strict=False)
+        if packet.pts is not None and not packet.is_discard
+    ]
+    return float(min(stamps) * video.time_base) if stamps else 0.0

@@ -1,0 +1,42 @@
+"""Sound tracks of clips: their clock, and one log of several clips."""
+
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.observations.records.clips import read_track
+from jblast.observations.records.formats import open_record
+from jblast.signals.detect_files import detect, recording_kind
+from tests.test_mutations_of_files import clip
+
+STATIONS = "sensor,east_m,north_m,up_m\none,500,0,0\ntwo,0,500,0\n"
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".mov"])
+def test_a_sound_track_has_the_clock_of_the_picture(tmp_path, suffix):
+    path = clip(tmp_path / f"one{suffix}")
+    (one,) = open_record(path)
+    assert one.names == ("one",)
+    assert one.rate_hz == 48000
+    assert abs(one.start_s) < 0.03
+    samples = np.abs(one.samples(0, one.length)[0])
+    first = one.start_s + np.argmax(samples > 0.3) / one.rate_hz
+    # the encoder's delay, 21 ms, is removed; Matroska rounds stamps to 1 ms
+    assert first == pytest.approx(0.5, abs=2e-3)
+
+
+def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
+    assert recording_kind(["a.mp4", "b.mov"]) == "video"
+    paths = [clip(tmp_path / f"{name}.mp4") for name in ("one", "two")]
+    table = tmp_path / "stations.csv"
+    table.write_text(STATIONS.replace("two", "three"))
+    with pytest.raises(InputError, match="expected a station for two, got one, three"):
+        detect(paths, positions=table)
+    with pytest.raises(InputError, match="scene: expected it with one video only"):
+        detect(paths, scene="scene.toml")
+    with pytest.raises(InputError, match="size: expected it with events only"):
+        detect(paths[0], size=(640, 480))
+    cut = tmp_path / "cut.mp4"
+    cut.write_bytes(paths[0].read_bytes()[:900])
+    with pytest.raises(InputError, match=r"cut\.mp4: expected a complete clip"):
+        read_track(cut)
