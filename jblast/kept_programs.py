@@ -177,29 +177,62 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
         if STORE.folder is None:
             return compiled(*args, **kwargs)
-        arguments = args, kwargs
-        leaves = jax.tree.leaves(arguments)
+        leaves = jax.tree.leaves((args, kwargs))
         # Within another traced program there are no values to key or arrays to call
         # with.
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return compiled(*args, **kwargs)
-        try:
-            key = _key(function, arguments)
-        except Unkept:
-            return compiled(*args, **kwargs)
-        if key not in STORE.used:
-            path = STORE.folder / f"traced-{key}"
-            # A None is stored, too, so that a program that cannot be exported is tried
-            # only once.
-            STORE.used[key] = _read(path, options) or _traced(
-                function, arguments, path, options
-            )
-        program = STORE.used[key]
+        program = _program_for(function, (args, kwargs), options)
         if program is None:
             return compiled(*args, **kwargs)
         return program(*(leaf for leaf in leaves if is_array(leaf)))
 
     return keeping
+
+
+def kept_once(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function like `kept`, for arguments of one layout.
+
+    The program is looked up at the first call only, in `kept_between_runs`. Later calls
+    must have the same shapes and the same values of all that is not an array. They do
+    without the key, which takes longer than a step of an environment.
+    """
+    found: list[Callable[..., Any] | None] = []
+    compiled = eqx.filter_jit(function)
+
+    @functools.wraps(function)
+    def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
+        if not found:
+            with kept_between_runs():
+                if STORE.folder is not None:
+                    found.append(_program_for(function, (args, kwargs), {}))
+                    return called(*args, **kwargs)  # compiles in the cache
+        return called(*args, **kwargs)
+
+    def called(*args: Any, **kwargs: Any) -> Any:
+        if not found or found[0] is None:
+            return compiled(*args, **kwargs)
+        leaves = jax.tree.leaves((args, kwargs))
+        return found[0](*(leaf for leaf in leaves if is_array(leaf)))
+
+    return keeping
+
+
+def _program_for(function: Callable, arguments: Any, options: Any) -> Callable | None:
+    """Return the stored or traced program for arguments; None if it has no key."""
+    assert STORE.folder is not None
+    try:
+        key = _key(function, arguments)
+    except Unkept:
+        return None
+    if key not in STORE.used:
+        path = STORE.folder / f"traced-{key}"
+        # A None is stored, too, so that a program that cannot be exported is tried only
+        # once.
+        STORE.used[key] = _read(path, options) or _traced(
+            function, arguments, path, options
+        )
+    return STORE.used[key]
 
 
 def _traced(

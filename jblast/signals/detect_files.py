@@ -21,6 +21,7 @@ from jblast.observations import Observations
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
+from jblast.progress_line import Progress, reported
 from jblast.signals.arrival_log import Log, log_of
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
 from jblast.signals.search import (
@@ -121,6 +122,7 @@ class FilmDetections(NamedTuple):
 
 
 @kept_between_runs()
+@reported("detect")
 def detect(
     recordings: AnyPath | Sequence[AnyPath],
     *,
@@ -133,6 +135,7 @@ def detect(
     positions: AnyPath | None = None,
     fps: float | None = None,
     scene: "UncertainScene | AnyPath | None" = None,
+    progress: Progress = False,
 ) -> SoundDetections | FilmDetections:
     """Find blasts in recordings of sound, in a film, or in camera events.
 
@@ -150,6 +153,7 @@ def detect(
         positions: Table of stations of the microphones.
         fps: Frame rate [Hz], required for a folder.
         scene: Scene, or its file, whose camera recorded the film.
+        progress: As for `jblast.fit`.
 
     Returns:
         Arrivals of sound, or flashes.
@@ -495,9 +499,9 @@ def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
     Raises:
         InputError: It has none.
     """
-    from jblast.scene import UncertainScene, read_scene
+    from jblast.scene import scene_of
 
-    uncertain = scene if isinstance(scene, UncertainScene) else read_scene(scene)
+    uncertain = scene_of(scene)
     camera = uncertain.scene.camera
     if camera is None:
         raise InputError(

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from jblast.cli.progress_line import ProgressLine
 from jblast.progress import counted, each, heard_by, in_words, stages
+from jblast.progress_line import ProgressLine
 
 
 class Stream(io.StringIO):
@@ -211,7 +211,8 @@ def test_where_nobody_listens_telling_does_nothing():
 
 SLOW = """
 import sys
-from jblast.cli import main, progress_line
+from jblast import progress_line
+from jblast.cli import main
 from jblast.cli.verbs import calc
 from jblast.progress import stages
 
