@@ -198,7 +198,7 @@ def kept_once(function: Callable[P, R]) -> Callable[P, R]:
     without the key, which takes longer than a step of an environment.
     """
     found: list[Callable[..., Any] | None] = []
-    compiled = eqx.filter_jit(function)
+    compiled = _compiled(function)
 
     @functools.wraps(function)
     def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -216,6 +216,10 @@ def kept_once(function: Callable[P, R]) -> Callable[P, R]:
         return found[0](*(leaf for leaf in leaves if is_array(leaf)))
 
     return keeping
+
+
+# one for all callers, which otherwise would compile the same program again
+_compiled = functools.cache(eqx.filter_jit)
 
 
 def _program_for(function: Callable, arguments: Any, options: Any) -> Callable | None:

@@ -13,7 +13,7 @@ import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from typing import Any, ParamSpec, TextIO, TypeVar
 
 from jblast.errors import InputError, shown
@@ -176,6 +176,24 @@ class _Calls(Listener):
         self._function(self.words(), self.share())
 
 
+def shown_by(progress: Progress, name: str) -> AbstractContextManager[None]:
+    """Return a context whose progress is shown as the argument `progress` states.
+
+    Raises:
+        InputError: It is neither True, False nor a function.
+    """
+    if progress is False:  # reports go to the listener around the call, if any
+        return nullcontext()
+    if progress is True:
+        return printed_progress(name)
+    if not callable(progress):
+        raise InputError(
+            "progress: expected True, False, or a function of the words and the "
+            f"finished share, got {shown(progress)}"
+        )
+    return heard_by(_Calls(progress))
+
+
 def reported(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return a decorator of functions with a keyword argument `progress`.
 
@@ -186,17 +204,8 @@ def reported(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)
         def reporting(*args: P.args, **kwargs: P.kwargs) -> R:
-            progress = kwargs.get("progress", False)
-            # without the argument, reports go to the listener around the call
-            if progress is False:
-                return function(*args, **kwargs)
-            if progress is not True and not callable(progress):
-                raise InputError(
-                    "progress: expected True, False, or a function of the words and "
-                    f"the finished share, got {shown(progress)}"
-                )
-            lines = printed_progress(name) if progress is True else None
-            with lines or heard_by(_Calls(progress)):
+            progress: Any = kwargs.get("progress", False)
+            with shown_by(progress, name):
                 return function(*args, **kwargs)
 
         return reporting
