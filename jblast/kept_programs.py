@@ -197,25 +197,30 @@ def kept_once(function: Callable[P, R]) -> Callable[P, R]:
     must have the same shapes and the same values of all that is not an array. They do
     without the key, which takes longer than a step of an environment.
     """
-    found: list[Callable[..., Any] | None] = []
-    compiled = _compiled(function)
+    found: list[Callable[..., Any]] = []
 
     @functools.wraps(function)
     def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
-        if not found:
-            with kept_between_runs():
-                if STORE.folder is not None:
-                    found.append(_program_for(function, (args, kwargs), {}))
-                    return called(*args, **kwargs)  # compiles in the cache
-        return called(*args, **kwargs)
-
-    def called(*args: Any, **kwargs: Any) -> Any:
-        if not found or found[0] is None:
-            return compiled(*args, **kwargs)
-        leaves = jax.tree.leaves((args, kwargs))
-        return found[0](*(leaf for leaf in leaves if is_array(leaf)))
+        if found:
+            return found[0](*args, **kwargs)
+        with kept_between_runs():
+            program = None
+            if STORE.folder is not None:
+                program = _program_for(function, (args, kwargs), {})
+            found.append(
+                _compiled(function)
+                if program is None
+                # compiled once more around the stored program: without Python code for
+                # the structure of arguments and results
+                else eqx.filter_jit(functools.partial(_of_arrays, program))
+            )
+            return found[0](*args, **kwargs)
 
     return keeping
+
+
+def _of_arrays(program: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    return program(*filter(is_array, jax.tree.leaves((args, kwargs))))
 
 
 # one for all callers, which otherwise would compile the same program again
