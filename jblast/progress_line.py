@@ -176,7 +176,7 @@ class _Calls(Listener):
         self._function(self.words(), self.share())
 
 
-def shown_by(progress: Progress, name: str) -> AbstractContextManager[None]:
+def shown_by(progress: Any, name: str) -> AbstractContextManager[None]:
     """Return a context whose progress is shown as the argument `progress` states.
 
     Raises:
