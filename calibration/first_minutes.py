@@ -5,11 +5,13 @@
 Needs git and make alone, and a network. Clones the last commit into an empty folder and
 runs there with empty caches, as on a machine that has never seen the project; prints
 seconds and J, how long `import jax` takes (tests/tools/import_time.py): machines differ
-threefold. With `--slow` the slow tests as well.
+threefold. The second runs of the Python of the README and of the same fit by the
+command compare the library with the command. With `--slow` the slow tests as well.
 """
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -59,6 +61,18 @@ class Clone:
         whole = time.perf_counter() - begun
         return answered or whole, whole, last
 
+    def timed(self, *words: str) -> float:
+        """Return the time of the second of two runs of a program of `.venv` [s]."""
+        command = [str(self.tree / ".venv/bin" / words[0]), *words[1:]]
+        seconds = 0.0
+        for _ in range(2):
+            begun = time.perf_counter()
+            subprocess.run(
+                command, cwd=self.tree, env=self.env, check=True, capture_output=True
+            )
+            seconds = time.perf_counter() - begun
+        return seconds
+
     def import_time(self) -> float:
         """Return J [s]."""
         run = subprocess.run(
@@ -90,6 +104,15 @@ def main() -> None:
         rows.append(("second `make fit`, to the answer", answered, 0))
         rows.append(("second `make fit`, with its reports", whole, 30))
         unit = clone.import_time()
+        data = "calibration/data/hta_1"
+        fitted = clone.timed("jblast", "fit", f"{data}.csv", "--scene", f"{data}.toml")
+        rows.append(("second `jblast fit` of the log of the README", fitted, 0))
+        readme = (clone.tree / "README.md").read_text()
+        python = re.findall(r"^```python\n(.*?)^```", readme, re.M | re.S)[0]
+        called = clone.timed("python", "-c", python)
+        rows.append(
+            ("second run of the README's Python", called, round(1.5 * fitted / unit))
+        )
         clone = Clone(Path(two))
         _, seconds, last = clone.make("test")
         rows.append((f"first `make test`: {last.strip('= ')}", seconds, 400))

@@ -88,9 +88,4 @@ _HOMES = {
 }
 
 
-__getattr__ = lazy_face(__name__, _HOMES)
-
-
-def __dir__() -> list[str]:
-    """Return all names, also those that are not imported yet."""
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_face(__name__, _HOMES)

@@ -177,29 +177,71 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
     def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
         if STORE.folder is None:
             return compiled(*args, **kwargs)
-        arguments = args, kwargs
-        leaves = jax.tree.leaves(arguments)
+        leaves = jax.tree.leaves((args, kwargs))
         # Within another traced program there are no values to key or arrays to call
         # with.
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return compiled(*args, **kwargs)
-        try:
-            key = _key(function, arguments)
-        except Unkept:
-            return compiled(*args, **kwargs)
-        if key not in STORE.used:
-            path = STORE.folder / f"traced-{key}"
-            # A None is stored, too, so that a program that cannot be exported is tried
-            # only once.
-            STORE.used[key] = _read(path, options) or _traced(
-                function, arguments, path, options
-            )
-        program = STORE.used[key]
+        program = _program_for(function, (args, kwargs), options)
         if program is None:
             return compiled(*args, **kwargs)
         return program(*(leaf for leaf in leaves if is_array(leaf)))
 
     return keeping
+
+
+def kept_once(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function like `kept`, for arguments of one layout.
+
+    The program is looked up at the first call only, in `kept_between_runs`. Later calls
+    must have the same shapes and the same values of all that is not an array. They do
+    without the key, which takes longer than a step of an environment.
+    """
+    found: list[Callable[..., Any]] = []
+
+    @functools.wraps(function)
+    def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
+        if found:
+            return found[0](*args, **kwargs)
+        with kept_between_runs():
+            program = None
+            if STORE.folder is not None:
+                program = _program_for(function, (args, kwargs), {})
+            found.append(
+                _compiled(function)
+                if program is None
+                # compiled once more around the stored program: without Python code for
+                # the structure of arguments and results
+                else eqx.filter_jit(functools.partial(_of_arrays, program))
+            )
+            return found[0](*args, **kwargs)
+
+    return keeping
+
+
+def _of_arrays(program: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    return program(*filter(is_array, jax.tree.leaves((args, kwargs))))
+
+
+# one for all callers, which otherwise would compile the same program again
+_compiled = functools.cache(eqx.filter_jit)
+
+
+def _program_for(function: Callable, arguments: Any, options: Any) -> Callable | None:
+    """Return the stored or traced program for arguments; None if it has no key."""
+    assert STORE.folder is not None
+    try:
+        key = _key(function, arguments)
+    except Unkept:
+        return None
+    if key not in STORE.used:
+        path = STORE.folder / f"traced-{key}"
+        # A None is stored, too, so that a program that cannot be exported is tried only
+        # once.
+        STORE.used[key] = _read(path, options) or _traced(
+            function, arguments, path, options
+        )
+    return STORE.used[key]
 
 
 def _traced(

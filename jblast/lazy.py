@@ -2,9 +2,9 @@
 
 There are two uses. A package with lazy names (`jblast`, `jblast.sensors`,
 `jblast.study`, ...) lists them with their modules and sets
-`__getattr__ = lazy_face(__name__, HOMES)`, so that a command imports only the modules
-that it uses. An entry of a registry (`registry.Registry`) may name a function or module
-by its import path, as "jblast.sensors.geophone" or
+`__getattr__, __dir__ = lazy_face(__name__, HOMES)`, so that a command imports only the
+modules that it uses. An entry of a registry (`registry.Registry`) may name a function
+or module by its import path, as "jblast.sensors.geophone" or
 "jblast.vehicle.warp.position_hold:hold_functions", and `resolved` imports it at its
 use. The reader of scene files thus has all kinds of sensors without their physics.
 """
@@ -15,8 +15,10 @@ from importlib import import_module
 from typing import Any
 
 
-def lazy_face(face: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a package with lazy names.
+def lazy_face(
+    face: str, homes: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return the `__getattr__` and `__dir__` of a package with lazy names.
 
     Args:
         face: Name of the package.
@@ -33,7 +35,7 @@ def lazy_face(face: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
         setattr(sys.modules[face], name, value)
         return value
 
-    return imported
+    return imported, lambda: sorted({*vars(sys.modules[face]), *homes})
 
 
 def resolved(entry: Any) -> Any:

@@ -1,8 +1,9 @@
 """Progress reports of long tasks: current stage, or number of finished items.
 
 A long function reports its progress by `stages`, `counted`, `each` or `in_words`. The
-reports go to the `Listener` set by `heard_by`, for example by the command line
-(`cli/progress_line.py`); without one they are discarded. A task within a task is one
+reports go to the `Listener` set by `heard_by`, for example by the command line or by
+the argument `progress` of a function (`progress_line.py`); without one they are
+discarded. A task within a task is one
 level deeper. It ends with the next report of its parent, or when its `Task` object is
 deleted.
 """

@@ -85,6 +85,7 @@ def test_a_face_has_the_names_it_lists_and_no_others(face):
         late = set(getattr(module, LAZY[face]))
         assert late <= set(listed)
         assert late | set(vars(module)) >= set(listed)
+        assert late <= set(dir(module))
         return
     others = {
         name

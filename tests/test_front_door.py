@@ -2,17 +2,21 @@
 
 import importlib
 import inspect
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas
 import pytest
 
 import jblast
 from jblast.errors import InputError
 from jblast.inference import batch_of
+from jblast.inference.fitting.fit_input import fit_input
 from jblast.observations import write
-from jblast.scene import Sensor, default_scene
+from jblast.scene import Sensor, default_scene, scene_of
 from jblast.sensors import planned_layout
 from jblast.study.flights import Options
 
@@ -109,6 +113,26 @@ def test_a_log_is_simulated_written_and_read(log, tmp_path):
     again = jblast.read(tmp_path / "log.csv")
     np.testing.assert_allclose(again.value, log.value, rtol=1e-6)
     assert again.quantity == log.quantity
+
+
+def test_a_scene_may_be_given_by_its_file(known, log):
+    again = jblast.simulate(known.source, seed=1)
+    np.testing.assert_array_equal(again.value, log.value)
+
+
+def test_objects_that_are_no_scene_or_log_are_refused():
+    with pytest.raises(InputError, match=r"path of a scene file or the .*, got dict"):
+        scene_of({"charge": {}})
+    with pytest.raises(InputError, match=r"log\['value'\]: expected observations, got"):
+        fit_input({"value": 1.0})
+    with pytest.raises(InputError, match="or a data frame, got Series"):
+        fit_input(pandas.Series([1.0]))
+
+
+def test_python_runs_the_package_as_the_command():
+    command = [sys.executable, "-m", "jblast", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert jblast.__version__ in done.stdout
 
 
 @pytest.mark.slow

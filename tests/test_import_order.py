@@ -20,6 +20,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 # Each may import what stands above it, and its own.
 ORDER = [
     ("types", "constants", "lazy", "errors", "progress"),
+    ("progress_line",),
     ("registry",),
     ("addresses", "files", "results"),
     ("parameters", "quantities"),

@@ -61,6 +61,41 @@ def test_programs_are_stored_and_settings_are_as_before(tmp_path, own):
     assert list((tmp_path / "jblast").glob("traced-*"))
 
 
+ONCE = """
+import jax
+import jax.numpy as jnp
+from jblast.kept_programs import STORE, kept_once
+
+traced = []
+
+def law(x):
+    traced.append(1)
+    return {"value": jnp.sin(x)}
+
+call = kept_once(law)
+for x in (0.5, 1.0):
+    print(float(call(jnp.asarray(x))["value"]))
+print(len(traced), jax.config.jax_compilation_cache_dir)
+"""
+
+
+def test_a_program_for_one_layout_is_looked_up_once_and_kept(tmp_path):
+    env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    env.pop("JBLAST_KEEP_PROGRAMS", None)
+    for traced in "10":  # the second process loads what the first one stored
+        done = subprocess.run(
+            [sys.executable, "-c", ONCE],
+            env=env,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        half, one, *others = done.stdout.split()
+        assert float(half) == pytest.approx(0.479425538604203, rel=1e-6)
+        assert float(one) == pytest.approx(0.841470984807897, rel=1e-6)
+        assert others == [traced, "None"]
+
+
 def test_it_can_be_turned_off(tmp_path):
     _, folder, _ = called(tmp_path, JBLAST_KEEP_PROGRAMS="0")
     assert folder is None

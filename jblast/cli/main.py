@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 from jblast.cli.arguments.options import option_for
 from jblast.cli.parsers import parsed, root_parser
-from jblast.cli.progress_line import printed_progress
 from jblast.errors import InputError
+from jblast.progress_line import printed_progress
 
 CLOSED_PIPE, INTERRUPTED = 128 + 13, 128 + 2
 """Exit codes of a command ended by SIGPIPE or SIGINT, by convention of shells."""

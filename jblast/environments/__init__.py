@@ -46,7 +46,7 @@ _HOMES = {
 }
 
 registration.register_environments()
-_imported = lazy_face(__name__, _HOMES)
+_imported, __dir__ = lazy_face(__name__, _HOMES)
 
 
 def __getattr__(name: str) -> Any:

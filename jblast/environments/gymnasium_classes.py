@@ -1,8 +1,8 @@
 """Gymnasium classes of the environments; Gymnasium is an optional extra."""
 
+from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import gymnasium
 import jax
 import jax.numpy as jnp
@@ -16,9 +16,33 @@ from jblast.environments.episode import EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
 from jblast.environments.tasks import default_guidance
 from jblast.errors import InputError, shown
+from jblast.kept_programs import kept_once
+from jblast.progress import in_words
+from jblast.progress_line import Progress, shown_by
 
-_RESET, _STEP = eqx.filter_jit(reset), eqx.filter_jit(step)
-_RESET_LANES, _STEP_LANES = eqx.filter_jit(reset_lanes), eqx.filter_jit(step_lanes)
+
+class _Programs:
+    """Programs of an environment, kept between runs.
+
+    Without a stored program the first step of `QuadrotorEnv` compiles for 17 s; that
+    is reported.
+    """
+
+    def __init__(self, task: str, progress: Progress, **functions: Callable) -> None:
+        self._programs = {name: kept_once(f) for name, f in functions.items()}
+        self._waiting = set(functions)
+        self._task, self._progress = task, progress
+
+    def __call__(self, name: str, *arguments: Any) -> Any:
+        """Run a program; the first call loads or compiles it."""
+        if name not in self._waiting:
+            return self._programs[name](*arguments)
+        with shown_by(self._progress, self._task):
+            report = in_words()
+            report(f"compiling {name}")
+            answer = jax.block_until_ready(self._programs[name](*arguments))
+        self._waiting.remove(name)
+        return answer
 
 
 class QuadrotorEnv(gymnasium.Env):
@@ -28,6 +52,8 @@ class QuadrotorEnv(gymnasium.Env):
         task: "Hover", "Rates", "Mission" or "Detect".
         params: Parameters of the environment; they replace `task` and `options`.
         render_mode: None: the environments are not rendered.
+        progress: True prints on stderr while the first `reset` and `step` compile; or
+            as for `jblast.fit`.
         options: As in `environment_params`.
 
     Raises:
@@ -39,6 +65,7 @@ class QuadrotorEnv(gymnasium.Env):
         task: str = "Hover",
         params: EnvironmentParams | None = None,
         render_mode: str | None = None,
+        progress: Progress = True,
         **options: Any,
     ):
         _check_render_mode(render_mode)
@@ -50,6 +77,7 @@ class QuadrotorEnv(gymnasium.Env):
         self.action_space = action_space(self.params)
         self.observation_space = observation_space(seen.shape[-1])
         self._state = None
+        self._run = _Programs(self.params.task, progress, reset=reset, step=step)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -66,7 +94,7 @@ class QuadrotorEnv(gymnasium.Env):
         # Lane 0 of the batch with this seed, so that both classes give the same
         # episodes.
         key = jax.random.fold_in(jax.random.key(seed), 0)
-        self._state, seen = _RESET(key, self.params)
+        self._state, seen = self._run("reset", key, self.params)
         return np.asarray(seen, np.float32), {}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -79,7 +107,7 @@ class QuadrotorEnv(gymnasium.Env):
             raise InputError("step: expected a reset before it, got none")
         # A wrong shape would broadcast or compile another program.
         taken = checked_actions(action, self.action_space.shape or ())
-        found = _STEP(self._state, jnp.asarray(taken), self.params)
+        found = self._run("step", self._state, jnp.asarray(taken), self.params)
         self._state = found.state
         info = {name: value.item() for name, value in found.info.items()}
         return (
@@ -104,6 +132,8 @@ class QuadrotorBlast(VectorEnv):
         task: "Hover", "Rates", "Mission" or "Detect".
         params: Parameters of the environment; they replace `task` and `options`.
         render_mode: None: the environments are not rendered.
+        progress: True prints on stderr while the first `reset` and `step` compile; or
+            as for `jblast.fit`.
         options: As in `environment_params`.
 
     Raises:
@@ -120,6 +150,7 @@ class QuadrotorBlast(VectorEnv):
         task: str = "Hover",
         params: EnvironmentParams | None = None,
         render_mode: str | None = None,
+        progress: Progress = True,
         **options: Any,
     ):
         _check_render_mode(render_mode)
@@ -148,6 +179,9 @@ class QuadrotorBlast(VectorEnv):
             self.single_observation_space, self.num_envs
         )
         self._states = None
+        self._run = _Programs(
+            self.params.task, progress, reset=reset_lanes, step=step_lanes
+        )
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -162,7 +196,9 @@ class QuadrotorBlast(VectorEnv):
         if seed is None:
             seed = int(self.np_random.integers(2**31))
         lanes = jnp.arange(self.num_envs)
-        self._states, seen = _RESET_LANES(jax.random.key(seed), lanes, self.params)
+        self._states, seen = self._run(
+            "reset", jax.random.key(seed), lanes, self.params
+        )
         return np.asarray(seen, np.float32), {}
 
     def step(
@@ -176,7 +212,7 @@ class QuadrotorBlast(VectorEnv):
         if self._states is None:
             raise InputError("step: expected a reset before it, got none")
         taken = checked_actions(actions, self.action_space.shape or ())
-        found = _STEP_LANES(self._states, jnp.asarray(taken), self.params)
+        found = self._run("step", self._states, jnp.asarray(taken), self.params)
         self._states = found.state
         infos = {name: np.asarray(value) for name, value in found.info.items()}
         return (

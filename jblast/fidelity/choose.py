@@ -8,6 +8,7 @@ machine changes them by as much.
 """
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
@@ -32,6 +33,8 @@ from jblast.fidelity.errors import (
     relative_errors,
 )
 from jblast.kept_programs import kept_between_runs
+from jblast.progress import each
+from jblast.progress_line import Progress, reported
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, TIMES, components
 from jblast.registry import Law, law_for, names_for
 from jblast.scene import (
@@ -40,6 +43,7 @@ from jblast.scene import (
     Sensor,
     UncertainScene,
     parameter_named,
+    scene_of,
     with_values,
 )
 from jblast.scene.charge import BURSTS, Burst
@@ -116,17 +120,23 @@ class Choice:
 
 
 @kept_between_runs()
+@reported("choose")
 def choose(
-    scene: Scene | UncertainScene, quantity: str, tolerance: float | None = None
+    scene: UncertainScene | Scene | str | os.PathLike[str],
+    quantity: str,
+    tolerance: float | None = None,
+    *,
+    progress: Progress = False,
 ) -> Choice:
     """Return the cheapest method that is accurate enough for the sensors of a scene.
 
     Args:
-        scene: Charge, air and sensors; a number with a prior counts over its 90 %
-            interval.
+        scene: Charge, air and sensors, or their file; a number with a prior counts over
+            its 90 % interval.
         quantity: Quantity that the sensors measure.
         tolerance: Largest accepted relative error; None for a third of the smallest
             standard error of the sensors.
+        progress: As for `jblast.fit`.
 
     Returns:
         The method with its measured error and cost, and the other candidates
@@ -138,9 +148,9 @@ def choose(
             determines the choice is free.
 
     Example:
-        `jblast.choose(jblast.read_scene("scene.toml"), "air_arrival_s", 0.01).method`
+        `jblast.choose("scene.toml", "air_arrival_s", 0.01).method`
     """
-    uncertain = scene if isinstance(scene, UncertainScene) else UncertainScene(scene)
+    uncertain = scene_of(scene)
     if tolerance is not None and not (tolerance > 0 and math.isfinite(tolerance)):
         raise InputError(f"tolerance: expected a positive number, got {tolerance}")
     sensors = sensors_for(uncertain.scene, quantity)
@@ -149,7 +159,8 @@ def choose(
     unsettled = paths_in(uncertain, quantity, sensors)
     paths = by_curves(unsettled)
     conditions = [
-        jax.tree.map(np.asarray, jitted_conditions(quantity, path)) for path in paths
+        jax.tree.map(np.asarray, jitted_conditions(quantity, path))
+        for path in each(paths, "paths")
     ]
     if tolerance is None:
         sigma = np.array([dict(s.records).get(quantity, math.nan) for s in sensors])
@@ -464,15 +475,15 @@ def blind_to_height(quantity: str, conditions: Sequence[Conditions]) -> set[str]
     The set is empty if the charge is on the ground, or if the reference has no such
     input either.
     """
-    for each in conditions:
-        z = np.asarray(each.z)
+    for one in conditions:
+        z = np.asarray(one.z)
         branches = REFERENCES.get(quantity, ())
         laws = [law_for(quantity, p.law) for p in branches if covers(p, z).any()]
-        lifted = np.abs(each.scaled_height).max() > ON_THE_GROUND
+        lifted = np.abs(one.scaled_height).max() > ON_THE_GROUND
         if lifted and any(map(_has_height, laws)):
             return {
                 method
-                for method in each.holds
+                for method in one.holds
                 if method == SOLVER or not _has_height(law_for(quantity, method))
             }
     return set()

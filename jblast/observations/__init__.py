@@ -34,4 +34,4 @@ HOMES = {
     "write": "jblast.observations.log_io",
 }
 
-__getattr__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__, HOMES)

@@ -26,4 +26,4 @@ HOMES = {
 }
 
 # a calculation needs nothing of a fit
-__getattr__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__, HOMES)

@@ -20,6 +20,7 @@ from jblast.scene.reader.scene import (
     read_scene as read_scene,
     read_scene_or_world as read_scene_or_world,
     read_world as read_world,
+    scene_of as scene_of,
 )
 from jblast.scene.scene import (
     Air as Air,

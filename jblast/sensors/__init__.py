@@ -72,4 +72,4 @@ HOMES = {
     "simulate": "jblast.sensors.simulated_readings",
 }
 
-__getattr__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__, HOMES)

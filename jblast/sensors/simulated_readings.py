@@ -10,6 +10,7 @@ at twenty times the cost.
 """
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
@@ -22,7 +23,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA, CIRCULAR
-from jblast.scene import Scene, UncertainScene, draw_scene
+from jblast.scene import Scene, UncertainScene, draw_scene, scene_of
 from jblast.scene.uncertain import value_of
 from jblast.sensors.law_choice import height_notes, law_names, resolve_laws, settled
 from jblast.sensors.layout import (
@@ -43,12 +44,15 @@ enough for occasional wild readings (beyond 5 sd in 0.2 % of rows; normal: 6e-5 
 
 
 def simulate(
-    uncertain: UncertainScene, seed: int = 0, *, noise: Noise = "student"
+    uncertain: UncertainScene | Scene | str | os.PathLike[str],
+    seed: int = 0,
+    *,
+    noise: Noise = "student",
 ) -> Observations:
     """Return the simulated log of a scene's sensors; its comments contain the truth.
 
     Args:
-        uncertain: The scene; numbers with a prior are drawn from it.
+        uncertain: The scene, or its file; numbers with a prior are drawn from it.
         seed: Seed of all draws.
         noise: Distribution of the independent errors.
 
@@ -60,8 +64,9 @@ def simulate(
             records anything.
 
     Example:
-        `observations = jblast.simulate(jblast.read_scene("scene.toml"), seed=1)`
+        `observations = jblast.simulate("scene.toml", seed=1)`
     """
+    uncertain = scene_of(uncertain)
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     scene = draw_scene(scene_key, uncertain)
     log = readings(noise_key, scene, noise=noise)

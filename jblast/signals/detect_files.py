@@ -25,6 +25,7 @@ from jblast.observations.records.clips import VIDEOS, has_sound, read_track
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
+from jblast.progress_line import Progress, reported
 from jblast.signals.arrival_log import Log, log_of
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
 from jblast.signals.search import (
@@ -153,6 +154,7 @@ class ClipDetections(NamedTuple):
 
 
 @kept_between_runs()
+@reported("detect")
 def detect(
     recordings: AnyPath | Sequence[AnyPath],
     *,
@@ -166,6 +168,7 @@ def detect(
     fps: float | None = None,
     scene: "UncertainScene | AnyPath | None" = None,
     size: tuple[int, int] | None = None,
+    progress: Progress = False,
 ) -> SoundDetections | FilmDetections | ClipDetections:
     """Find blasts in recordings of sound, in a film, in clips, or in camera events.
 
@@ -184,6 +187,7 @@ def detect(
         fps: Frame rate [Hz], required for a folder.
         scene: Scene, or its file, whose camera recorded the film.
         size: Width and height of camera events in a file that does not state them.
+        progress: As for `jblast.fit`.
 
     Returns:
         Arrivals of sound, or flashes; for several videos, those of each.
@@ -644,9 +648,9 @@ def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
     Raises:
         InputError: It has none.
     """
-    from jblast.scene import UncertainScene, read_scene
+    from jblast.scene import scene_of
 
-    uncertain = scene if isinstance(scene, UncertainScene) else read_scene(scene)
+    uncertain = scene_of(scene)
     camera = uncertain.scene.camera
     if camera is None:
         raise InputError(

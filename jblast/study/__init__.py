@@ -27,9 +27,4 @@ HOMES = {
 __all__ = ["Axis", "Study", "draw", "outcomes", "read_study", "run", "run_into"]
 
 
-__getattr__ = lazy_face(__name__, HOMES)
-
-
-def __dir__() -> list[str]:
-    """Return the names, those that are not imported yet included."""
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_face(__name__, HOMES)

@@ -9,6 +9,7 @@ estimate of their state.
 """
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -30,6 +31,7 @@ from jblast.autopilot.lockstep import suite_of
 from jblast.errors import InputError, argument
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.progress import counted
+from jblast.progress_line import Progress, reported
 from jblast.scene import (
     Place,
     Scene,
@@ -37,6 +39,7 @@ from jblast.scene import (
     VehicleSpec,
     draw_scene,
     parameter_named,
+    scene_of,
 )
 from jblast.scene.uncertain import leaf_of
 from jblast.sensors.flight_sensors import Barometer
@@ -96,24 +99,27 @@ BOTH_HOLDS = ("with_integral", "without_integral")
 
 
 @kept_between_runs()
+@reported("fly")
 def fly(
-    uncertain: UncertainScene,
+    uncertain: UncertainScene | Scene | str | os.PathLike[str],
     options: Options | None = None,
     *,
     vehicles: int = 1,
     seed: int = 0,
     controllers: Sequence[str] | None = None,
+    progress: Progress = False,
 ) -> Flights:
     """Fly a scene's vehicle through its blasts.
 
     Args:
-        uncertain: Scene; parameters with a prior are sampled.
+        uncertain: Scene, or its file; parameters with a prior are sampled.
         options: Options of the flights; None for the defaults.
         vehicles: Number of sampled scenes.
         seed: Seed of the samples.
         controllers: Names in `vehicle.CONTROLLERS`, or "hold" for the SE(3) controller
             of the scene; None for that with and without integral action, the one of
             the scene first.
+        progress: As for `jblast.fit`.
 
     Returns:
         Flights by controller, with peak deviation, recovery and crash of each vehicle.
@@ -123,9 +129,10 @@ def fly(
             option is invalid.
 
     Example:
-        `flights = jblast.fly(jblast.read_scene("scene.toml"), vehicles=100)`
+        `flights = jblast.fly("scene.toml", vehicles=100)`
     """
     options = Options() if options is None else options
+    uncertain = scene_of(uncertain)
     vehicle = checked_scene(uncertain, vehicles, options.profile is not None)
     scenes = drawn_scenes(uncertain, vehicles, seed)
     notes = ()

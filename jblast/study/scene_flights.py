@@ -12,7 +12,8 @@ from dataclasses import replace
 
 from jblast.errors import InputError, argument
 from jblast.kept_programs import kept_between_runs
-from jblast.scene import UncertainScene, read_scene, read_scene_or_world
+from jblast.progress_line import Progress, reported
+from jblast.scene import UncertainScene, read_scene, read_scene_or_world, scene_of
 from jblast.study.flight_results import TOLERANCE_M, Flights, Options, Profile
 from jblast.study.flights import fly
 from jblast.study.missions import (
@@ -26,6 +27,7 @@ from jblast.world import draw_world
 
 
 @kept_between_runs()
+@reported("fly_scene")
 def fly_scene(
     scene: UncertainScene | str | os.PathLike[str],
     *,
@@ -40,6 +42,7 @@ def fly_scene(
     profile: str | os.PathLike[str] | None = None,
     profile_moments_about: tuple[float, float, float] | None = None,
     seed: int = 0,
+    progress: Progress = False,
 ) -> Flights | MissionFlight:
     """Fly a scene's vehicle through its blasts, on its mission if it has one.
 
@@ -60,6 +63,7 @@ def fly_scene(
         profile_moments_about: Vector from the reference point of the profile's moments
             to the centre of mass, body axes [m].
         seed: Seed of the samples.
+        progress: As for `jblast.fit`.
 
     Returns:
         Flights by controller, or the flight of the mission.
@@ -70,9 +74,9 @@ def fly_scene(
     Example:
         `jblast.fly_scene("scene.toml", vehicles=100, controllers=["cascade"])`
     """
-    uncertain = scene
-    if not isinstance(uncertain, UncertainScene):
-        uncertain = scene_to_fly(uncertain, seconds=seconds, seed=seed)
+    if isinstance(scene, str | os.PathLike):
+        scene = scene_to_fly(scene, seconds=seconds, seed=seed)
+    uncertain = scene_of(scene)
     on_mission = has_mission(uncertain)
     if on_mission and controllers is not None:
         raise InputError(

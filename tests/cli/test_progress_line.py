@@ -1,13 +1,19 @@
 """What a command says while it works, by a clock that the test winds."""
 
+import inspect
 import io
 import subprocess
 import sys
+from typing import Any, cast
 
 import pytest
 
-from jblast.cli.progress_line import ProgressLine
-from jblast.progress import counted, each, heard_by, in_words, stages
+import jblast
+import jblast.study
+from jblast import progress_line
+from jblast.errors import InputError
+from jblast.progress import Listener, counted, each, heard_by, in_words, stages
+from jblast.progress_line import Progress, ProgressLine, reported
 
 
 class Stream(io.StringIO):
@@ -209,9 +215,58 @@ def test_where_nobody_listens_telling_does_nothing():
     assert list(each(range(3), "logs")) == [0, 1, 2]
 
 
+@reported("work")
+def work(*, progress: Progress = False) -> str:
+    begin = stages({"reading": 1.0, "fitting": 3.0})
+    begin("reading")
+    begin("fitting")
+    return "done"
+
+
+def test_a_function_reports_to_the_function_that_the_caller_gives():
+    heard = []
+    assert work(progress=lambda words, share: heard.append((words, share))) == "done"
+    assert heard == [("reading (1 of 2)", 0.0), ("fitting (2 of 2)", 0.25)]
+
+
+def test_a_function_prints_its_progress_on_stderr(capsys, monkeypatch):
+    monkeypatch.setattr(progress_line, "QUIET_S", 0.0)
+    assert work(progress=True) == "done"
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("jblast work: reading (1 of 2), 0 s so far")
+    assert work() == "done"
+    assert capsys.readouterr() == ("", "")
+
+
+def test_without_the_argument_reports_go_to_the_listener_around_the_call():
+    with heard_by(outer := Listener()):
+        work()
+        assert outer.words() == ""  # the task has ended
+        work(progress=lambda words, share: None)
+
+
+def test_another_progress_is_refused():
+    with pytest.raises(InputError, match="progress: expected True, False, or a func"):
+        work(progress=cast(Any, "yes"))
+
+
+LONG_CALLS = (
+    *(jblast.fit, jblast.fit_each, jblast.fit_many, jblast.bound, jblast.choose),
+    *(jblast.pick_files, jblast.detect, jblast.fly, jblast.fly_scene),
+    *(jblast.study.run, jblast.study.run_into),
+)
+
+
+@pytest.mark.parametrize("call", LONG_CALLS, ids=lambda call: call.__name__)
+def test_long_calls_have_the_argument(call):
+    assert inspect.signature(call).parameters["progress"].default is False
+
+
 SLOW = """
 import sys
-from jblast.cli import main, progress_line
+from jblast import progress_line
+from jblast.cli import main
 from jblast.cli.verbs import calc
 from jblast.progress import stages
 

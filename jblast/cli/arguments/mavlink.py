@@ -26,8 +26,8 @@ from jblast.autopilot.lockstep import (
 )
 from jblast.autopilot.logs import TelemetryLog, flight_ulog
 from jblast.autopilot.mavlink import Link, read_address
-from jblast.cli.progress_line import serve_line
 from jblast.files import refuse_existing, write_bytes
+from jblast.progress_line import serve_line
 from jblast.report.autopilot import (
     LockstepAnswer,
     WatchedAnswer,

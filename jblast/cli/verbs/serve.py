@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 from jblast.cli.arguments.numbers import positive, seed
 from jblast.cli.arguments.options import DOUBTFUL, add_force, add_json, path
 from jblast.cli.arguments.verb_parser import VerbParser
-from jblast.cli.progress_line import serve_line
 from jblast.errors import InputError, read_text
+from jblast.progress_line import serve_line
 
 if TYPE_CHECKING:
     from jblast.report.world import ServedAnswer

@@ -11,6 +11,7 @@ or each other unknown given, which shows what the answer is sensitive to. The sl
 $d \ln y / d \ln W$ of the laws limit any estimate of the mass.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
@@ -51,9 +52,10 @@ from jblast.inference.posterior.posterior import Posterior
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.observations import Observations
 from jblast.progress import stages
+from jblast.progress_line import Progress, reported
 from jblast.quantities import ADDABLE, ADDITIVE, TIMES
 from jblast.results import plain
-from jblast.scene import Free, UncertainScene
+from jblast.scene import Free, Scene, UncertainScene, scene_of
 from jblast.sensors import Layout
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.layout import check_scene
@@ -212,21 +214,25 @@ class Bound:
 
 
 @kept_between_runs()
+@reported("bound")
 def bound(
-    uncertain: UncertainScene,
+    uncertain: UncertainScene | Scene | str | os.PathLike[str],
     at: Mapping[str, ArrayLike] | None = None,
     *,
     noise: Noise = "student",
     seed: int = 0,
+    progress: Progress = False,
 ) -> Bound:
     """Return the Cramer-Rao bound of the uncertain numbers of a scene with sensors.
 
     Args:
-        uncertain: The scene; its sensors have the quantities that they record.
+        uncertain: The scene, or its file; its sensors have the quantities that they
+            record.
         at: Assumed values, required for each free number. The default is the median of
             the prior.
         noise: Distribution of the independent errors.
         seed: Seed of the search for a second optimum.
+        progress: As for `jblast.fit`.
 
     Returns:
         The smallest standard deviation of each unknown (Cramer-Rao), its limitations,
@@ -236,8 +242,9 @@ def bound(
         InputError: Scene and arguments do not match; the message states the remedy.
 
     Example:
-        `jblast.bound(jblast.read_scene("scene.toml"), {"charge_mass_kg": 15.0})`
+        `jblast.bound("scene.toml", {"charge_mass_kg": 15.0})`
     """
+    uncertain = scene_of(uncertain)
     check_scene(uncertain.scene)
     taken: dict[str, float] = {}
     for name, value in (at or {}).items():

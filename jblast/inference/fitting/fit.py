@@ -19,7 +19,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.errors import InputError, argument
 from jblast.fidelity import TakenLaw
@@ -67,6 +67,7 @@ from jblast.observations.records.formats import Scaling
 from jblast.observations.scenes import for_log
 from jblast.observations.table import SAMPLES
 from jblast.progress import each, stages
+from jblast.progress_line import Progress, reported
 from jblast.quantities import DIRECTIONS, TIMED
 from jblast.scene import Scene, UncertainScene, freed as with_free
 from jblast.scene.uncertain import NO_SCENE
@@ -143,6 +144,7 @@ class Fit:
         posterior_reason: Reason for the method of the intervals.
         ensemble: The walkers' chain, if they ran.
         density: The posterior.
+        start: Optimum in the coordinates of `log_density`.
         exit_code: 0 answered, 4 answered with a warning: not converged, not
             identifiable, no requested number identified, a poor fit, a law that is
             within its range for no row or not for those on which a requested number
@@ -164,6 +166,32 @@ class Fit:
     weighted: bool = False
     ensemble: Any = None
     density: Any = None
+    start: Float[np.ndarray, " free"] = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the fitted parameters, in the order of `start`."""
+        return self.density.parameters.names
+
+    @property
+    def log_density(self) -> Callable[[Float[Array, " free"]], Float[Array, ""]]:
+        """Return ln of the posterior density as a function of coordinates.
+
+        It is known up to a constant, per unit of the coordinates. A coordinate is the
+        logarithm of a free positive number, a free number itself, or the normal score
+        of a number with a prior; all are unbounded. JAX can differentiate, compile and
+        vectorise the function.
+        """
+        return self.density.log_density
+
+    def values(self, z: Float[ArrayLike, "*draw free"]) -> dict[str, Array]:
+        """Return the parameters in their units at coordinates of `log_density`."""
+        parameters = self.density.parameters
+        each_of = zip(parameters.names, parameters.beliefs, strict=True)
+        return {
+            name: belief.constrain(jnp.asarray(z)[..., i])
+            for i, (name, belief) in enumerate(each_of)
+        }
 
     @property
     def origin_time(self) -> Float[np.ndarray, " row"]:
@@ -197,6 +225,7 @@ class Fit:
 
 
 @kept_between_runs()
+@reported("fit")
 def fit(
     log: Any,
     scene: UncertainScene | str | os.PathLike[str] | None = None,
@@ -211,6 +240,7 @@ def fit(
     store: str | os.PathLike[str] | None = None,
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
+    progress: Progress = False,
 ) -> Fit:
     """Fit a blast to a log, as `jblast fit` does.
 
@@ -239,6 +269,8 @@ def fit(
             interrupted.
         scaling: Scale of the records, where files do not state it.
         high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
+        progress: True prints progress on stderr; a function is called at each report
+            with words and the finished share, 0 to 1.
 
     Returns:
         Estimates with their intervals, the laws with their ranges, and what the data do
@@ -371,6 +403,7 @@ def _fit(
         weighted=sure.weighted,
         ensemble=sure.ensemble,
         density=density,
+        start=np.asarray(z),
         bands=bands(
             parameters,
             z,
@@ -485,6 +518,7 @@ def _stages(*, of_samples: bool) -> Callable[[str], None]:
 
 
 @kept_between_runs()
+@reported("fit_each")
 def fit_each(
     logs: Any,
     scene: UncertainScene | str | os.PathLike[str] | None = None,
@@ -497,6 +531,7 @@ def fit_each(
     seed: int = 0,
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
+    progress: Progress = False,
 ) -> dict[str, Fit | InputError]:
     """Fit every log with the same scene. Logs of the same rows compile once.
 
@@ -512,6 +547,7 @@ def fit_each(
         seed: As for `fit`.
         scaling: As for `fit`.
         high_pass_hz: As for `fit`.
+        progress: As for `fit`.
 
     Returns:
         By name, the fit, or the error if the log could not be read or fitted.

@@ -24,6 +24,7 @@ from jblast.scene import (
     default_scene,
     freed as with_free,
     read_scene_or_world,
+    scene_of,
     with_laws,
 )
 from jblast.sensors.law_choice import laws_named
@@ -117,6 +118,12 @@ def fit_input(
         logs = {log.source or "log": log}
     elif isinstance(log, Mapping):
         logs = dict(log)
+        for name, one in logs.items():
+            if not isinstance(one, Observations | InputError):
+                raise InputError(
+                    f"log[{name!r}]: expected observations, got {type(one).__name__}; "
+                    "pass columns by name as pandas.DataFrame(log)"
+                )
     elif _is_picked(log):
         rows = log.observations()
         uncertain = scene_of_records(rows) if scene is None else uncertain
@@ -153,8 +160,8 @@ def scene_named(
     """Return the scene of a fit; of a world of random blasts, that of any of them."""
     if scene is None:
         return default_scene()
-    if isinstance(scene, UncertainScene):
-        return scene
+    if not isinstance(scene, str | os.PathLike):
+        return scene_of(scene)
     uncertain, world = read_scene_or_world(scene)
     if world is None:
         return uncertain

@@ -25,6 +25,8 @@ from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.observations.grouping import located
+from jblast.progress import stages
+from jblast.progress_line import Progress, reported
 from jblast.registry import names_for
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
@@ -55,6 +57,7 @@ PLACED = ("position", "slant_range", "time")
 
 
 @kept_between_runs()
+@reported("fit_many")
 def fit_many(
     uncertain: UncertainScene,
     layout: Layout,
@@ -68,6 +71,7 @@ def fit_many(
     seed: int = 0,
     devices: int | None = None,
     again_z: float = COST_Z_MAX,
+    progress: Progress = False,
 ) -> ManyFits:
     r"""Fit many logs of one layout.
 
@@ -100,6 +104,7 @@ def fit_many(
         again_z: Excess of a cost over its mean, in standard deviations, above which a
             log starts again. Smaller values find more of the logs that ended in another
             optimum.
+        progress: As for `jblast.fit`.
 
     Returns:
         Estimates and standard deviations of each log, convergence, and faults.
@@ -116,7 +121,10 @@ def fit_many(
     # programs of a single fit to load
     from jblast.inference.many.engine import engine_for
 
+    begin = stages({"preparing": 1.0, "fitting": 4.0})
+    begin("preparing")
     engine = engine_for(uncertain, layout, laws, noise, devices)
+    begin("fitting")
     return engine.fit(
         values,
         relative_sigma,

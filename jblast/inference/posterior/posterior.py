@@ -25,8 +25,9 @@ effects would exceed the memory or the time of a fit.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -184,10 +185,14 @@ class Posterior(eqx.Module):
         """Return the misfit of the data at $z$."""
         return self._misfit(self._recording(z), self.kernels)
 
-    @kept
-    def log_density(self, z: Float[Array, " free"]) -> Float[Array, ""]:
-        """Return ln of the posterior density per unit of $z$, up to a constant."""
-        return logsumexp(self.log_densities(z))
+    @property
+    def log_density(self) -> Callable[[Float[Array, " free"]], Float[Array, ""]]:
+        """Return ln of the posterior density per unit of $z$, up to a constant.
+
+        It is a plain function of $z$: `jax.jit` rejects a bound method of a module with
+        arrays, which have no hash.
+        """
+        return partial(_log_density, self)
 
     def log_densities(self, z: Float[Array, " free"]) -> Float[Array, " kernel"]:
         """Return ln of the contribution of each correlation function to the density.
@@ -352,6 +357,11 @@ class Posterior(eqx.Module):
             records=None,
             neighbours=False,
         )
+
+
+@kept
+def _log_density(posterior: Posterior, z: Float[Array, " free"]) -> Float[Array, ""]:
+    return logsumexp(posterior.log_densities(z))
 
 
 def posterior_of(

@@ -72,6 +72,24 @@ def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
     return scene_from_document(document_of(path), str(path))
 
 
+def scene_of(scene: Any) -> UncertainScene:
+    """Return a scene, which may be given by the path of its file.
+
+    Raises:
+        InputError: It is neither, or as in `read_scene`.
+    """
+    if isinstance(scene, str | os.PathLike):
+        return read_scene(scene)
+    if isinstance(scene, Scene):
+        return UncertainScene(scene)
+    if not isinstance(scene, UncertainScene):
+        raise InputError(
+            "scene: expected the path of a scene file or the result of "
+            f"jblast.read_scene, got {type(scene).__name__}"
+        )
+    return scene
+
+
 def read_world(path: str | os.PathLike[str]) -> tuple[UncertainScene, WorldSpec]:
     """Read a scene file of random blasts.
 

@@ -16,6 +16,7 @@ from jblast.observations import Observations
 from jblast.observations.records.formats import Scaling, record_files
 from jblast.observations.records.stations import read_stations
 from jblast.observations.table import Understood
+from jblast.progress_line import Progress, reported
 from jblast.signals.picks.pick_log import Gathered, PickLog, gathered, log_of
 
 MAX_NAMED_FILES = 20
@@ -81,6 +82,7 @@ class PickedFiles(NamedTuple):
 
 
 @kept_between_runs()
+@reported("pick_files")
 def pick_files(
     records: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
@@ -88,6 +90,7 @@ def pick_files(
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
     keep_samples: bool = True,
+    progress: Progress = False,
 ) -> PickedFiles:
     """Pick the blasts of files and folders of pressure records.
 
@@ -98,6 +101,7 @@ def pick_files(
         scaling: Scale of the recorders, where files do not state it.
         high_pass_hz: Corner of their first-order high-pass [Hz].
         keep_samples: True to keep the samples in the picks, for figures.
+        progress: As for `jblast.fit`.
 
     Returns:
         Picks and the rows of a log; `jblast.fit` accepts them. Files that cannot be

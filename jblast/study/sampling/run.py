@@ -24,6 +24,7 @@ from jax.sharding import Mesh
 import jblast
 from jblast.errors import InputError, shown
 from jblast.progress import Level, Task
+from jblast.progress_line import Progress, reported
 from jblast.study.engine.store import SCHEMA, Store, Variable, locked, open_store
 from jblast.study.engine.summary import State, SummaryStore, merged_states, outcomes_of
 from jblast.study.engine.tiles import (
@@ -36,7 +37,7 @@ from jblast.study.engine.tiles import (
     ahead,
     calculated,
 )
-from jblast.study.file import Keep, Study, sha256_of
+from jblast.study.file import Keep, Study, read_study, sha256_of
 from jblast.study.sampling.work import Reduced, Work
 
 if TYPE_CHECKING:
@@ -50,12 +51,19 @@ means that a worker has written the tile. With `summary=True` they are tiles of
 statistics."""
 
 
-def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
+@reported("study")
+def run(
+    study: Study | str | os.PathLike[str],
+    mesh: Mesh | None = None,
+    *,
+    progress: Progress = False,
+) -> "xarray.Dataset":
     """Run a study in memory.
 
     Args:
-        study: Study.
+        study: Study, or its file.
         mesh: Devices of the run, along one axis; None for all local ones.
+        progress: As for `jblast.fit`.
 
     Returns:
         Data set with each parameter and outcome of each sample; attributes state its
@@ -65,8 +73,9 @@ def run(study: Study, mesh: Mesh | None = None) -> "xarray.Dataset":
         InputError: An outcome is unknown, or not available for the scene.
 
     Example:
-        `jblast.study.run(jblast.study.read_study("study.toml"))`
+        `jblast.study.run("study.toml")`
     """
+    study = study if isinstance(study, Study) else read_study(study)
     work = Work(study, mesh)
     estimates = Estimates(work.variables, work.numbering)
     order = InOrder(estimates, study.sd_target, progress_reporter(work.numbering))
@@ -107,25 +116,28 @@ class Ran:
     notes: tuple[str, ...] = field(default_factory=tuple)
 
 
+@reported("study")
 def run_into(
-    study: Study,
+    study: Study | str | os.PathLike[str],
     path: str | os.PathLike[str],
     *,
     resume: bool = False,
     limit: int | None = None,
     mesh: Mesh | None = None,
     tiles: Tiles | None = None,
+    progress: Progress = False,
 ) -> Ran:
     """Run a study into a new or existing store.
 
     Args:
-        study: Study.
+        study: Study, or its file.
         path: Folder of the store.
         resume: Whether to continue an existing store.
         limit: Largest number of samples to compute, rounded up to whole tiles; None for
             all that are missing.
         mesh: Devices, as in `run`.
         tiles: Computation of tiles by other processes; None for this process.
+        progress: As for `jblast.fit`.
 
     Raises:
         InputError: An outcome is not available, the store exists and `resume` is false,
@@ -140,6 +152,7 @@ def run_into(
             f"{path}: expected a new store, got an existing one; resume it, or write "
             "to another"
         )
+    study = study if isinstance(study, Study) else read_study(study)
     work = Work(study, mesh)
     if store is not None:
         check_same_study(store, work)

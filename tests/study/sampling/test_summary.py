@@ -22,7 +22,7 @@ SAMPLES = 5000
 SUMMARY = STUDY.replace("samples = 300", f'samples = {SAMPLES}\nkeep = "summary"')
 AXIS = "[axes]\ncharge_mass_kg = [1.0, 10.0, 100.0]\n"
 YES_NO = SUMMARY.replace(
-    '["air_arrival_s"]', '["air_arrival_s", "above_threshold", "windows_break"]'
+    '["air_arrival_s"]', '["air_arrival_s", "above_threshold", "above_glass_threshold"]'
 )
 
 

@@ -1,22 +1,30 @@
-"""Progress of a command: its stage, and the time left.
+"""Progress of a command or of a function: its stage, and the time left.
 
+Functions of the library with an argument `progress` have the decorator `reported`.
 Nothing is printed in the first second. After that a terminal has one line on stderr,
 which is overwritten and cleared at the end. A pipe or a file gets a line at each stage,
 at intervals that grow with the run. Stdout is not used.
 """
 
+import functools
 import io
 import sys
 import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from typing import Any, ParamSpec, TextIO, TypeVar
 
+from jblast.errors import InputError, shown
 from jblast.progress import Listener, heard_by
 
+P = ParamSpec("P")
+R = TypeVar("R")
 Stream = TextIO | io.TextIOBase
+Progress = bool | Callable[[str, float], object]
+"""Argument `progress` of a function: True for lines on stderr, or a function that is
+called at each report with words and the finished share, 0 to 1."""
 
 # Intervals by judgement of readability, not by measurement.
 QUIET_S = 1.0
@@ -155,6 +163,54 @@ def printed_progress(verb: str) -> Iterator[None]:
         ticking.join()
         sys.stdout, sys.stderr = streams
         line.clear()
+
+
+class _Calls(Listener):
+    """A listener that calls a function with each report."""
+
+    def __init__(self, function: Callable[[str, float], object]):
+        super().__init__()
+        self._function = function
+
+    def heard(self) -> None:
+        self._function(self.words(), self.share())
+
+
+def shown_by(progress: Any, name: str) -> AbstractContextManager[None]:
+    """Return a context whose progress is shown as the argument `progress` states.
+
+    Raises:
+        InputError: It is neither True, False nor a function.
+    """
+    if progress is False:  # reports go to the listener around the call, if any
+        return nullcontext()
+    if progress is True:
+        return printed_progress(name)
+    if not callable(progress):
+        raise InputError(
+            "progress: expected True, False, or a function of the words and the "
+            f"finished share, got {shown(progress)}"
+        )
+    return heard_by(_Calls(progress))
+
+
+def reported(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator of functions with a keyword argument `progress`.
+
+    Args:
+        name: Name of the function in the lines.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def reporting(*args: P.args, **kwargs: P.kwargs) -> R:
+            progress: Any = kwargs.get("progress", False)
+            with shown_by(progress, name):
+                return function(*args, **kwargs)
+
+        return reporting
+
+    return decorated
 
 
 def serve_line(line: str) -> None:

@@ -1,0 +1,79 @@
+"""The posterior of a fit as a plain function for samplers of other libraries."""
+
+import re
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+PAGE = Path(__file__).parents[3] / "docs/howto/own_sampler.md"
+BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.M | re.S)
+LOG = """sensor,range_m,quantity,value,sigma
+a,20,air_arrival_s,0.1301,0.001
+b,40,air_arrival_s,0.1801,0.001
+c,60,air_arrival_s,0.2346,0.001
+c,60,peak_overpressure_pa,12000,600
+"""
+INTERVAL = "print(np.quantile"
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory):
+    """Names that the first two blocks of the page define."""
+    folder = tmp_path_factory.mktemp("fit")
+    (folder / "log.csv").write_text(LOG)
+    defined = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        exec(BLOCKS[0], defined)
+        exec(BLOCKS[1], defined)
+    return defined
+
+
+def test_the_log_density_is_a_plain_function_with_its_optimum_at_the_start(names):
+    found = names["found"]
+    start = jnp.asarray(found.start)
+    assert found.names == ("charge_mass_kg", "origin_time_s")
+    value, slope = jax.jit(jax.value_and_grad(found.log_density))(start)
+    # in standard deviations of the posterior
+    assert np.linalg.norm(names["root"].T @ slope) < 1e-3
+    assert value == pytest.approx(float(jax.jit(found.density.log_density)(start)))
+    many = jax.jit(jax.vmap(found.log_density))(jnp.stack([start, start + 0.1]))
+    assert float(many[0]) == pytest.approx(float(value))
+    assert float(many[1]) < float(value)
+
+
+def test_values_are_the_numbers_of_the_scene_in_their_units(names):
+    found = names["found"]
+    at = found.values(found.start)
+    assert float(at["charge_mass_kg"]) == pytest.approx(
+        float(found.scene.charge.mass_kg)
+    )
+    assert float(at["origin_time_s"]) == pytest.approx(float(found.scene.charge.time_s))
+    assert found.values(np.zeros((3, 2)))["charge_mass_kg"].tolist() == [1.0] * 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("library", ["emcee", "numpyro", "blackjax"])
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
+def test_samplers_of_others_find_the_interval_of_the_fit(names, library, capsys):
+    (block,) = (one for one in BLOCKS if library in one and INTERVAL in one)
+    exec(block, names)
+    assert capsys.readouterr().out.startswith("[")
+    mass = np.asarray(names["draws"]["charge_mass_kg"])
+    own = names["found"].summary.estimates["charge_mass_kg"]
+    # a fifth of a standard deviation: the error of a quantile of 500 independent draws
+    near = 0.2 * own.sd
+    assert np.quantile(mass, [0.05, 0.5, 0.95]) == pytest.approx(
+        [own.q05, own.q50, own.q95], abs=near
+    )
+
+
+@pytest.mark.slow
+def test_an_optimiser_of_others_finds_the_optimum(names):
+    (block,) = (one for one in BLOCKS if "import optimistix" in one)
+    exec(block, names)
+    best = names["place"](np.asarray(names["best"].value))
+    np.testing.assert_allclose(best, names["found"].start, atol=1e-4)
