@@ -22,15 +22,17 @@ def log(suffix):
 
 
 def seismic(folder):
+    from jblast.observations.records.recording import Scaling
     from jblast.observations.records.seismic import open_seismic
 
-    open_seismic(folder / "x.mseed", None)  # type: ignore[arg-type]
+    open_seismic(folder / "x.mseed", Scaling())
 
 
 def tdms(folder):
+    from jblast.observations.records.recording import Scaling
     from jblast.observations.records.tdms import open_tdms
 
-    open_tdms(folder / "x.tdms", None)  # type: ignore[arg-type]
+    open_tdms(folder / "x.tdms", Scaling())
 
 
 def video(folder):
