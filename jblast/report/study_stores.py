@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError
+from jblast.errors import InputError, needed
 from jblast.report.study_columns import (
     INCOMPLETE,
     Lane,
@@ -15,8 +15,8 @@ from jblast.report.study_columns import (
     columns_of,
     found_in,
 )
-from jblast.study.engine.merge import summary_of
-from jblast.study.engine.store import Store, Variable, open_store
+from jblast.study.engine.merge import opened_intact, summary_of
+from jblast.study.engine.store import Store, Variable
 from jblast.study.engine.summary import State, merged_states, outcomes_of
 from jblast.study.file import study_from_text
 from jblast.study.sampling.run import scenes_of
@@ -33,10 +33,13 @@ def read_columns(path: str) -> StudyColumns:
     """Read a store.
 
     Raises:
-        InputError: There is no store, or it has another layout or schema.
+        InputError: There is no store, it has another layout or schema, or it is
+            damaged, or zarr is not installed.
     """
     import xarray
 
+    needed("zarr", "study", path, "a study is read")
+    store = opened_intact(path)
     try:
         with warnings.catch_warnings():
             # zarr warns of our files in the store that are not arrays: lock, statistics
@@ -47,8 +50,6 @@ def read_columns(path: str) -> StudyColumns:
             f"{path}: expected the store of a study, as `jblast study` writes it: "
             f"{error}"
         ) from None
-    store = open_store(path)
-    assert store is not None, "it was read"
     # the order of the study: xarray lists arrays as the file system does
     ordered = [v.name for v in store.variables if v.name in dataset.data_vars]
     found = columns_of(dataset[ordered], path)

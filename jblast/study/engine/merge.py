@@ -5,7 +5,6 @@ store that has it. Studies that differ in their seed alone are placed one after 
 """
 
 import os
-import shutil
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.files import replacing
-from jblast.study.engine.store import Store, open_store, places_of
+from jblast.study.engine.store import Store, Tiled, open_store, places_of
 from jblast.study.engine.summary import PARTS, Anchor, SummaryStore, outcomes_of
 
 # Attributes on which values or layout of the samples depend; the seed may differ.
@@ -35,15 +33,15 @@ def merged(
         Merged store, complete if no sample is missing.
 
     Raises:
-        InputError: A folder is no store, a store belongs to another study, or the
-            output is another study.
+        InputError: A folder is no store, a store is damaged or belongs to another
+            study, or the output is another study.
         OSError: The output cannot be written.
     """
     paths = [Path(path).resolve() for path in stores]
     for n, path in enumerate(paths):
         if path in paths[:n]:
             raise InputError(f"{stores[n]}: expected each store once, got it twice")
-    found = [_opened(path) for path in stores]
+    found = [opened_intact(path) for path in stores]
     first = found[0]
     for other in found[1:]:
         _check_same_study(first, other)
@@ -64,10 +62,30 @@ def merged(
     return _seeds(found, Path(out), whole)
 
 
-def _opened(path: str | os.PathLike[str]) -> Store:
+def opened_intact(path: str | os.PathLike[str]) -> Store:
+    """Return the store at a path after checking its chunks.
+
+    Raises:
+        InputError: There is no store, a chunk is damaged, or a complete store lacks a
+            tile.
+    """
     store = open_store(path)
     if store is None:
         raise InputError(f"{path}: no such store; expected a store of jblast study")
+    parts: list[Tiled] = [store]
+    if store.attributes["keep"] != "all":
+        parts.append(summary_of(store))
+    for part in parts:
+        faults = part.faults()
+        if store.attributes["complete"]:
+            lacking = set(range(part.tiles)) - part.done()
+            faults = {tile: part.fault(tile) for tile in sorted(lacking)}
+        if faults:
+            (tile, first), more = min(faults.items()), len(faults) - 1
+            raise InputError(
+                f"{first} (tile {tile}{f'; {more} more tiles are damaged' * (more > 0)}"
+                "); jblast study --resume computes damaged tiles again"
+            )
     return store
 
 
@@ -181,10 +199,7 @@ def _rewritten(found: Sequence[Store], whole: Store) -> None:
 def _copy(store: Store, tile: int, whole: Store, onto: int) -> None:
     """Copy the chunks of a tile."""
     for variable in store.variables:
-        source = store.chunk_path(variable, tile)
-        # no fsync: `Store.done` detects a truncated chunk by its size
-        with replacing(whole.chunk_path(variable, onto), durable=False) as temporary:
-            shutil.copyfile(source, temporary)
+        whole.write_chunk(variable, onto, store.read_chunk(variable, tile))
 
 
 def summary_of(store: Store) -> SummaryStore:
@@ -259,6 +274,5 @@ def _copy_summary(
     """Copy the chunks of a tile."""
     for v in outcomes_of(source.variables):
         for part in PARTS[v.kind]:
-            path = into.chunk_path(v, part, onto)
-            with replacing(path, durable=False) as temporary:
-                shutil.copyfile(source.chunk_path(v, part, tile), temporary)
+            data = source.read_chunk(v, part, tile)
+            into.write_chunk(v, part, onto, data)

@@ -1,20 +1,24 @@
 """Store of a study on disk: a Zarr group that can be read before it is complete.
 
 A chunk is a file of plain numbers, written completely or not at all (`jblast.files`). A
-tile is done when every column has its chunk, so no other record of progress is needed,
-and writing a tile twice changes nothing. The layout is Zarr 3
+tile is done when every column has its intact chunk, so no other record of progress is
+needed, and writing a tile twice changes nothing. The layout is Zarr 3
 (https://zarr-specs.readthedocs.io/en/latest/v3/core/): little-endian numbers without
-compression, one file a chunk. No other package is needed to write it.
+compression, one file a chunk, with a checksum (codec crc32c) at its end. Stores of
+earlier versions have none. Zarr itself is not needed to write it.
 """
 
 import contextlib
 import errno
+import functools
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import google_crc32c
 import numpy as np
 
 from jblast.errors import InputError, shown, whole_number
@@ -31,6 +35,87 @@ Role = Literal["input", "axis", "outcome", "weight"]
 Kind = Literal["number", "yes_no"]
 NO_ANSWER = -1
 """Value of a yes-or-no outcome of a failed sample; a number is NaN."""
+CHECKSUM = {"name": "crc32c"}
+"""Codec that appends four bytes to a chunk."""
+
+
+def sealed(data: bytes, checksums: bool) -> bytes:
+    """Return the content of a chunk's file, with its checksum if the store has them."""
+    if not checksums:
+        return data
+    return data + google_crc32c.value(data).to_bytes(4, "little")
+
+
+def read_chunk(path: Path, checksums: bool, size: int | None = None) -> bytes:
+    """Return the data of a chunk, without its checksum.
+
+    Args:
+        path: File of the chunk.
+        checksums: Whether the store has checksums.
+        size: Size of the data [bytes]; None if it varies.
+
+    Raises:
+        InputError: The file is missing, truncated or damaged.
+    """
+    try:
+        whole = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: expected a chunk of the store, got none") from None
+    data, check = (whole[:-4], whole[-4:]) if checksums else (whole, b"")
+    if size is not None and len(data) != size:
+        raise InputError(
+            f"{path}: expected {size + 4 * checksums:,} bytes, got {len(whole):,}"
+        )
+    if checksums and sealed(data, True) != whole:
+        raise InputError(
+            f"{path}: expected the checksum {google_crc32c.value(data):08x} of its "
+            f"data, got {int.from_bytes(check, 'little'):08x}"
+        )
+    return data
+
+
+class Tiled(ABC):
+    """Tiles that consist of several chunks.
+
+    Attributes:
+        tiles: Number of tiles.
+    """
+
+    tiles: int
+
+    @abstractmethod
+    def parts(self) -> list[tuple[Path, Callable[[int], object]]]:
+        """Return the folder of each kind of chunk and the reader of a tile's chunk."""
+
+    def fault(self, tile: int) -> str:
+        """Return the message on the first damaged or missing chunk; "" without one."""
+        try:
+            for _, read in self.parts():
+                read(tile)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    def faults(self) -> dict[int, str]:
+        """Return the message on the first damaged chunk of each tile with one."""
+        found: dict[int, str] = {}
+        for folder, read in self.parts():
+            for tile in sorted(self._written(folder)):
+                try:
+                    read(tile)
+                except InputError as error:
+                    found.setdefault(tile, str(error))
+        return found
+
+    def done(self) -> set[int]:
+        """Return the complete tiles, of which each chunk is intact."""
+        there = [self._written(folder) for folder, _ in self.parts()]
+        return set.intersection(*there) - set(self.faults()) if there else set()
+
+    def _written(self, folder: Path) -> set[int]:
+        """Return the tiles that have a file in a folder."""
+        numbers = (whole_number(n.partition(".")[0]) for n in os.listdir(folder))
+        return {n for n in numbers if n is not None and n < self.tiles}
 
 
 @contextlib.contextmanager
@@ -120,7 +205,7 @@ class Variable(NamedTuple):
         return attributes
 
 
-class Store:
+class Store(Tiled):
     """Store of a study.
 
     Attributes:
@@ -129,6 +214,7 @@ class Store:
         samples: Number of rows of the complete store.
         tile: Rows of a chunk.
         attributes: Attributes of the group.
+        checksums: Whether the chunks have checksums.
     """
 
     def __init__(
@@ -138,13 +224,15 @@ class Store:
         samples: int,
         tile: int,
         attributes: Mapping[str, Any],
+        *,
+        checksums: bool = True,
     ) -> None:
         self.path, self.variables = Path(path), tuple(variables)
         self.samples, self.tile = samples, tile
-        self.attributes = dict(attributes)
+        self.attributes, self.checksums = dict(attributes), checksums
 
     @property
-    def tiles(self) -> int:
+    def tiles(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Number of tiles."""
         return -(-self.samples // self.tile)
 
@@ -166,7 +254,7 @@ class Store:
             for name, data in (names, (PLACES, where)):
                 (self.path / name).mkdir(exist_ok=True)
                 chunk = "0" if name == "sensor" else "0.0"
-                write_bytes(self.path / name / chunk, data)
+                write_bytes(self.path / name / chunk, sealed(data, self.checksums))
         self._describe(len(places))
 
     def _describe(self, sensors: int) -> None:
@@ -183,6 +271,8 @@ class Store:
             names, size = ("sensor", "direction"), (sensors, 3)
             arrays[PLACES] = described(size, size, "float64", "NaN", names, where)
         for name, array in arrays.items():
+            if self.checksums:
+                array["codecs"].append(CHECKSUM)
             write_text(self.path / name / GROUP, as_json(array))
         group = {
             "zarr_format": 3,
@@ -231,37 +321,44 @@ class Store:
             )
             given = columns[variable.name][: self.samples - tile * self.tile]
             whole[: len(given)] = given
-            path = self.chunk_path(variable, tile)
-            # no fsync of each chunk: a kill loses nothing that the system has
-            write_bytes(path, whole.tobytes(), durable=False)
+            self.write_chunk(variable, tile, whole.tobytes())
+
+    def write_chunk(self, variable: Variable, tile: int, data: bytes) -> None:
+        """Write the chunk of a column, completely or not at all."""
+        # no fsync of each chunk: a kill loses nothing that the system has
+        whole = sealed(data, self.checksums)
+        write_bytes(self.chunk_path(variable, tile), whole, durable=False)
+
+    def read_chunk(self, variable: Variable, tile: int) -> bytes:
+        """Return the values of a column of a tile.
+
+        Raises:
+            InputError: The chunk is missing or damaged.
+        """
+        size = int(np.prod(variable.shape(self.tile))) * variable.dtype.itemsize
+        return read_chunk(self.chunk_path(variable, tile), self.checksums, size)
 
     def read_tile(self, tile: int, names: Sequence[str] = ()) -> dict[str, np.ndarray]:
-        """Return the columns of a complete tile."""
+        """Return the columns of a complete tile.
+
+        Raises:
+            InputError: A chunk is missing or damaged.
+        """
         found = {}
         rows = min(self.tile, self.samples - tile * self.tile)
         for variable in self.variables:
             if names and variable.name not in names:
                 continue
-            data = self.chunk_path(variable, tile).read_bytes()
-            whole = np.frombuffer(data, variable.dtype)
+            whole = np.frombuffer(self.read_chunk(variable, tile), variable.dtype)
             found[variable.name] = whole.reshape(variable.shape(self.tile))[:rows]
         return found
 
-    def done(self) -> set[int]:
-        """Return the complete tiles, of which each column has its whole chunk."""
-        there: set[int] | None = None
-        for variable in self.variables:
-            size = int(np.prod(variable.shape(self.tile))) * variable.dtype.itemsize
-            whole = set()
-            with os.scandir(self.path / variable.name) as entries:
-                for entry in entries:
-                    number = whole_number(entry.name.partition(".")[0])
-                    # the size is the proof of completeness; no other record can
-                    # disagree with it
-                    if number is not None and entry.stat().st_size == size:
-                        whole.add(number)
-            there = whole if there is None else there & whole
-        return {tile for tile in there or () if tile < self.tiles}
+    def parts(self) -> list[tuple[Path, Callable[[int], object]]]:
+        """Return folder and reader of each column."""
+        return [
+            (self.path / v.name, functools.partial(self.read_chunk, v))
+            for v in self.variables
+        ]
 
     def chunk_path(self, variable: Variable, tile: int) -> Path:
         """Return the file of a column of a tile."""
@@ -278,7 +375,8 @@ def open_store(path: str | os.PathLike[str]) -> Store | None:
     """Return the store at a path; None for an empty or missing folder.
 
     Raises:
-        InputError: The folder has other files, or the store of a newer jblast.
+        InputError: The folder has other files, or the store of a newer jblast, or the
+            names of the sensors are damaged.
     """
     folder = Path(path)
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
@@ -307,12 +405,14 @@ def open_store(path: str | os.PathLike[str]) -> Store | None:
     )
     first = arrays[variables[0].name]
     tile = first["chunk_grid"]["configuration"]["chunk_shape"][0]
+    checksums = CHECKSUM in first["codecs"]
     if "sensor" in arrays:
-        names = read_words((folder / "sensor" / "0").read_bytes())
+        names = read_words(read_chunk(folder / "sensor" / "0", checksums))
         variables = tuple(
             v._replace(sensors=names) if v.sensors else v for v in variables
         )
-    return Store(folder, variables, first["shape"][0], tile, attributes)
+    samples = first["shape"][0]
+    return Store(folder, variables, samples, tile, attributes, checksums=checksums)
 
 
 def places_of(store: Store) -> dict[str, tuple[float, ...]]:
@@ -320,7 +420,9 @@ def places_of(store: Store) -> dict[str, tuple[float, ...]]:
     path = store.path / PLACES / "0.0"
     if not path.exists():
         return {}
-    places = np.frombuffer(path.read_bytes(), "<f8").reshape(-1, 3)
+    size = 8 * 3 * len(store.sensors())
+    data = read_chunk(path, store.checksums, size)
+    places = np.frombuffer(data, "<f8").reshape(-1, 3)
     return dict(zip(store.sensors(), map(tuple, places.tolist()), strict=True))
 
 

@@ -12,12 +12,14 @@ device do not grow with the number of samples.
 
 On disk the statistics are a Zarr group within the store of the study. Each tile and
 outcome has a chunk, written completely or not at all; counts of sketches, most of which
-are zero, are packed by gzip. A tile is done when all its chunks are complete.
+are zero, are packed by gzip. A tile is done when all its chunks are intact.
 """
 
+import functools
 import gzip
 import json
 import os
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,10 +29,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jblast.errors import whole_number
+from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
 from jblast.study.engine.launch import Reduce
-from jblast.study.engine.store import Variable, as_json, described
+from jblast.study.engine.store import (
+    CHECKSUM,
+    Tiled,
+    Variable,
+    as_json,
+    described,
+    read_chunk,
+    sealed,
+)
 from jblast.study.statistics import (
     ACCUMULATORS,
     BINS,
@@ -83,7 +93,7 @@ class Anchor(NamedTuple):
     origin: Float[np.ndarray, "..."]
 
 
-class SummaryStore:
+class SummaryStore(Tiled):
     """Statistics of the tiles of a study.
 
     Attributes:
@@ -91,6 +101,7 @@ class SummaryStore:
         variables: Columns of the study.
         groups: Number of variants times cells.
         tiles: Number of tiles.
+        checksums: Whether the chunks have checksums.
     """
 
     def __init__(
@@ -102,6 +113,10 @@ class SummaryStore:
     ) -> None:
         self.path = Path(store) / FOLDER
         self.variables, self.groups, self.tiles = tuple(variables), groups, tiles
+        self.checksums = True
+        if self.there:
+            arrays = self._group()["consolidated_metadata"]["metadata"]
+            self.checksums = CHECKSUM in next(iter(arrays.values()))["codecs"]
 
     def create(self, anchors: Mapping[str, Anchor], tile: int) -> None:
         """Create the group, without tiles.
@@ -131,8 +146,11 @@ class SummaryStore:
                 whole.shape, whole.shape, "float64", "NaN", dims, attributes
             )
             (self.path / key).mkdir(parents=True, exist_ok=True)
-            write_bytes(self.path / key / _chunk(0, whole.ndim), whole.tobytes())
+            data = sealed(whole.tobytes(), self.checksums)
+            write_bytes(self.path / key / _chunk(0, whole.ndim), data)
         for name, array in arrays.items():
+            if self.checksums:
+                array["codecs"].append(CHECKSUM)
             write_text(self.path / name / GROUP, as_json(array))
         group = {
             "zarr_format": 3,
@@ -178,13 +196,16 @@ class SummaryStore:
         """True if the group exists."""
         return (self.path / GROUP).exists()
 
+    def _group(self) -> dict[str, Any]:
+        return json.loads((self.path / GROUP).read_text())
+
     def tile_samples(self) -> int:
         """Return the samples of a tile; the last of a study may have fewer."""
-        return int(json.loads((self.path / GROUP).read_text())["attributes"]["tile"])
+        return int(self._group()["attributes"]["tile"])
 
     def stored_tiles(self) -> int:
         """Return the number of tiles in the stored description."""
-        arrays = json.loads((self.path / GROUP).read_text())["consolidated_metadata"]
+        arrays = self._group()["consolidated_metadata"]
         shapes = [
             array["shape"][0]
             for name, array in arrays["metadata"].items()
@@ -198,13 +219,18 @@ class SummaryStore:
         self.create(self.anchors(), tile)
 
     def anchors(self) -> dict[str, Anchor]:
-        """Return the stored reference values."""
+        """Return the stored reference values.
+
+        Raises:
+            InputError: They are damaged.
+        """
         found = {}
         for v in outcomes_of(self.variables):
             if v.kind == "number":
                 shape = (*v.shape(self.groups), 2)
                 path = self.path / f"{v.name}{ANCHOR}" / _chunk(0, len(shape))
-                whole = np.frombuffer(path.read_bytes(), "<f8").reshape(shape)
+                data = read_chunk(path, self.checksums, 8 * int(np.prod(shape)))
+                whole = np.frombuffer(data, "<f8").reshape(shape)
                 found[v.name] = Anchor(whole[..., 0], whole[..., 1])
         return found
 
@@ -221,13 +247,43 @@ class SummaryStore:
                 if part == PACKED:
                     # without a time stamp: equal counts are equal bytes
                     data = gzip.compress(data, 1, mtime=0)
-                write_bytes(self.chunk_path(v, part, tile), data, durable=False)
+                self.write_chunk(v, part, tile, data)
+
+    def write_chunk(self, v: Variable, part: str, tile: int, data: bytes) -> None:
+        """Write a chunk, of packed counts, completely or not at all."""
+        whole = sealed(data, self.checksums)
+        write_bytes(self.chunk_path(v, part, tile), whole, durable=False)
+
+    def read_chunk(self, v: Variable, part: str, tile: int) -> bytes:
+        """Return a chunk, counts still packed.
+
+        Raises:
+            InputError: The chunk is missing or damaged.
+        """
+        size = 8 * int(np.prod((*v.shape(self.groups), PARTS[v.kind][part][1])))
+        path = self.chunk_path(v, part, tile)
+        if part != PACKED:
+            return read_chunk(path, self.checksums, size)
+        data = read_chunk(path, self.checksums)
+        try:
+            unpacked_size = len(gzip.decompress(data))
+        except (OSError, EOFError, zlib.error) as error:
+            raise InputError(f"{path}: expected gzip data, got {error}") from None
+        if unpacked_size != size:
+            raise InputError(
+                f"{path}: expected {size:,} bytes of gzip data, got {unpacked_size:,}"
+            )
+        return data
 
     def read(self, tile: int, anchors: Mapping[str, Anchor]) -> dict[str, State]:
-        """Return the states of a complete tile."""
+        """Return the states of a complete tile.
+
+        Raises:
+            InputError: A chunk is missing or damaged.
+        """
         found: dict[str, dict[str, np.ndarray]] = {}
         for v, part, shape, kind in self._arrays():
-            data = self.chunk_path(v, part, tile).read_bytes()
+            data = self.read_chunk(v, part, tile)
             if part == PACKED:
                 data = gzip.decompress(data)
             whole = np.frombuffer(data, f"<{kind[0]}8").reshape(shape)
@@ -237,19 +293,15 @@ class SummaryStore:
             for v in outcomes_of(self.variables)
         }
 
-    def done(self) -> set[int]:
-        """Return the complete tiles."""
-        there: set[int] | None = None
-        for v, part, shape, _ in self._arrays():
-            size = 8 * int(np.prod(shape))
-            whole = set()
-            folder = self.path / f"{v.name}.{part}"
-            for path in folder.iterdir():
-                number = whole_number(path.name.partition(".")[0])
-                if number is not None and _size(path, part) == size:
-                    whole.add(number)
-            there = whole if there is None else there & whole
-        return {tile for tile in there or () if tile < self.tiles}
+    def parts(self) -> list[tuple[Path, Callable[[int], object]]]:
+        """Return folder and reader of each part of an outcome."""
+        return [
+            (
+                self.path / f"{v.name}.{part}",
+                functools.partial(self.read_chunk, v, part),
+            )
+            for v, part, _, _ in self._arrays()
+        ]
 
     def chunk_path(self, v: Variable, part: str, tile: int) -> Path:
         """Return the chunk file of a part of a tile."""
@@ -259,18 +311,6 @@ class SummaryStore:
 
 def _chunk(tile: int, dims: int) -> str:
     return ".".join([str(tile), *["0"] * (dims - 1)])
-
-
-def _size(path: Path, part: str) -> int:
-    """Return the uncompressed size of a chunk [bytes]; -1 for a truncated one."""
-    size = path.stat().st_size
-    if part != PACKED:
-        return size
-    if size < 18:  # header and trailer of gzip alone have 18 bytes
-        return -1
-    with path.open("rb") as file:  # gzip ends with the uncompressed size
-        file.seek(-4, os.SEEK_END)
-        return int.from_bytes(file.read(), "little")
 
 
 Anchors = Mapping[str, Anchor]

@@ -51,7 +51,7 @@ def write_tile(path: str, tile: int) -> str:
     """
     stamp = (Path(path) / "zarr.json").stat().st_mtime_ns
     store, work = _opened(path, stamp)
-    if store.attributes["jblast"] == jblast.__version__ and tile not in store.done():
+    if store.attributes["jblast"] == jblast.__version__ and store.fault(tile):
         store.write_tile(tile, work.tile(tile))
     return jblast.__version__
 
@@ -62,7 +62,7 @@ def write_summary(path: str, tile: int) -> str:
     store = _opened(path, stamp)[0]
     if store.attributes["jblast"] == jblast.__version__:
         summary, reduced = _summary(path, stamp)
-        if tile not in summary.done():
+        if summary.fault(tile):
             summary.write(tile, reduced.states(tile))
     return jblast.__version__
 

@@ -6,6 +6,7 @@ request the first samples. The store contains the text of the study, the scenes 
 versions; a resumed run of another study is refused.
 """
 
+import contextlib
 import json
 import math
 import os
@@ -25,7 +26,14 @@ import jblast
 from jblast.errors import InputError, shown
 from jblast.progress import Level, Task
 from jblast.progress_line import Progress, reported
-from jblast.study.engine.store import SCHEMA, Store, Variable, locked, open_store
+from jblast.study.engine.store import (
+    SCHEMA,
+    Store,
+    Tiled,
+    Variable,
+    locked,
+    open_store,
+)
 from jblast.study.engine.summary import State, SummaryStore, merged_states, outcomes_of
 from jblast.study.engine.tiles import (
     Columns,
@@ -179,16 +187,18 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
     study, numbering = work.study, work.numbering
     estimates = Estimates(work.variables, numbering)
     order = InOrder(estimates, study.sd_target, progress_reporter(work.numbering))
-    if store.attributes["complete"]:
+    done = store.done()
+    if store.attributes["complete"] and len(done) == store.tiles:
         for tile in range(store.tiles):
             order.take(tile, store.read_tile(tile))
         # only targets end a complete study before its last sample
         reached = store.samples < numbering.samples
         return Ran(store, estimates, store.samples, 0, 0.0, True, reached, work.notes)
-    done = store.done()
-    missing = [tile for tile in range(numbering.tiles) if tile not in done]
+    # of a complete store the damaged tiles only, which may end at a target
+    missing = [tile for tile in range(store.tiles) if tile not in done]
     if limit is not None:
         missing = missing[: -(-limit // numbering.tile)]
+    notes = work.notes + damage_notes(store, missing)
     for tile in sorted(done):
         order.take(tile, store.read_tile(tile))
     begun, new = time.monotonic(), 0
@@ -220,7 +230,7 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
         seconds,
         complete,
         order.reached,
-        work.notes,
+        notes,
     )
 
 
@@ -229,6 +239,16 @@ def rows_of(keep: Keep, samples: int) -> int:
     if keep == "all":
         return samples
     return 0 if keep == "summary" else min(keep, samples)
+
+
+def damage_notes(tiled: Tiled, missing: Sequence[int]) -> tuple[str, ...]:
+    """Return a note on each damaged tile among those to compute."""
+    faults = tiled.faults()
+    return tuple(
+        f"Damaged tile {tile}, computed again: {faults[tile]}"
+        for tile in missing
+        if tile in faults
+    )
 
 
 def opened_summary(store: Store, work: Work) -> tuple[SummaryStore, Reduced]:
@@ -240,9 +260,13 @@ def opened_summary(store: Store, work: Work) -> tuple[SummaryStore, Reduced]:
     """
     groups = work.numbering.variants * work.numbering.cells
     summary = SummaryStore(store.path, store.variables, groups, 0)
-    reduced = Reduced(work, summary.anchors() if summary.there else None)
+    anchors = None
+    if summary.there:
+        with contextlib.suppress(InputError):  # damaged: computed again
+            anchors = summary.anchors()
+    reduced = Reduced(work, anchors)
     summary.tiles = reduced.tiles
-    if not summary.there:
+    if anchors is None:
         summary.create(reduced.anchors, reduced.tile)
     return summary, reduced
 
@@ -260,17 +284,22 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
     run = _Run(work, summary, reduced)
     if store.attributes["complete"]:
         summary.tiles = summary.stored_tiles()
-        run.take(summary.done())
+    done, rows = summary.done(), store.done()
+    whole = len(done) == summary.tiles and len(rows) == store.tiles
+    if store.attributes["complete"] and whole:
+        run.take(done)
         reached = run.samples < work.numbering.samples
         return Ran(store, run.estimates, run.samples, 0, 0.0, True, reached, work.notes)
     begun = time.monotonic()
-    left = _rows(work, store, limit, tiles)
-    done = summary.done()
+    rows = [tile for tile in range(store.tiles) if tile not in rows]
+    notes = work.notes + damage_notes(store, rows)
+    left = _rows(work, store, rows, limit, tiles)
     run.take(done)
-    missing = [tile for tile in range(reduced.tiles) if tile not in done]
+    missing = [tile for tile in range(summary.tiles) if tile not in done]
     if left is not None:
         # rounded up: a limit below one tile still computes one
         missing = missing[: -(-left // reduced.tile)]
+    notes += damage_notes(summary, missing)
     new, reached = 0, run.reached
     if not reached:
 
@@ -285,7 +314,7 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
             run.take({number})
             if run.reached:
                 break
-    complete = run.reached or run.next == reduced.tiles
+    complete = run.reached or run.next == summary.tiles
     if complete:
         # tiles beyond the target, which workers may have written, are not part of it
         summary.resized(run.next, reduced.tile)
@@ -299,16 +328,18 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
         time.monotonic() - begun,
         complete,
         run.reached,
-        work.notes,
+        notes,
     )
 
 
 def _rows(
-    work: Work, store: Store, limit: int | None, tiles: Tiles | None
+    work: Work,
+    store: Store,
+    missing: list[int],
+    limit: int | None,
+    tiles: Tiles | None,
 ) -> int | None:
-    """Compute the missing stored samples; return the remaining limit of samples."""
-    done = store.done()
-    missing = [tile for tile in range(store.tiles) if tile not in done]
+    """Compute missing stored samples; return the remaining limit of samples."""
     if limit is not None:
         missing = missing[: -(-limit // store.tile)]
     if tiles is not None and missing:

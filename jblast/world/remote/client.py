@@ -4,6 +4,7 @@ Packets, announcements and motions have the types of `world.server`.
 """
 
 import queue
+import warnings
 from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -201,6 +202,9 @@ class Client:
     ) -> float:
         """Add a blast for all entities and return the time of the world [s].
 
+        A warning names entities whose next packet begins after the blast: they receive
+        only waves that have not arrived yet.
+
         Raises:
             InputError: The server rejects the blast.
         """
@@ -212,7 +216,14 @@ class Client:
             mass_kg=mass_kg,
             explosive=explosive,
         )
-        return self._ask("Announce", new).now_s
+        answer = self._ask("Announce", new)
+        if answer.missed:
+            warnings.warn(
+                f"blast {shot!r} at {time_s:g} s: entities past this time receive only "
+                f"waves that have not arrived yet: {', '.join(answer.missed)}",
+                stacklevel=2,
+            )
+        return answer.now_s
 
     def _ask(self, method: str, message: Any) -> Any:
         answer = getattr(messages(), METHODS[method][1])

@@ -6,6 +6,7 @@ import functools
 import gc
 import secrets
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -48,6 +49,7 @@ from jblast.world.server import (
 from jblast.world.server.playback import StagingRequest
 from jblast.world.server.registry import (
     CAPACITY,
+    MAX_DROPPED,
     Clock,
     NameTaken,
     NotRegistered,
@@ -67,6 +69,8 @@ COLLECT_DELAY_S = 0.1
 
 Long enough for the event loop to process the end of the call before.
 """
+MAX_INVALID = 10
+"""Invalid messages of one host that are stored and reported; more are counted only."""
 TOO_SLOW = f"too slow: {CAPACITY} packets are waiting, the maximum"
 
 
@@ -136,7 +140,7 @@ class Table:
         sent: Number of sent packets.
         late: Number of packets completed after their end in real time.
         closing: True while the server stops and cancels all calls.
-        foremost_s: Time of the most advanced entity, in lockstep [s].
+        foremost_s: Time of the most advanced entity, in lockstep [s]; for information.
     """
 
     def __init__(
@@ -161,6 +165,8 @@ class Table:
         self.stager = Stager(world.drawn)
         self._patience_s, self._report_line = patience_s, report_line
         self._joined: dict[str, Joined] = {}
+        self._invalid: Counter[str] = Counter()
+        self._reported = 0
         # One thread: JAX uses all cores itself, and stagings keep their order.
         self._thread = ThreadPoolExecutor(1, "staging")
 
@@ -192,21 +198,49 @@ class Table:
         self.registry.leave(name)
 
     def drop(self, name: str, peer: str, why: str) -> None:
-        """Disconnect a client, with a message."""
+        """Disconnect a client, with a message; without a name up to `MAX_INVALID`."""
         self._joined.pop(name, None)
+        host = host_of(peer)
+        # Hosts can be many, too: beyond a thousand no new one is reported.
+        if not name and (host in self._invalid or len(self._invalid) < MAX_DROPPED):
+            self._invalid[host] += 1
+        if not name and not 1 <= self._invalid[host] <= MAX_INVALID:
+            self.registry.dropped_count += 1
+            return
+        if not name and self._invalid[host] == MAX_INVALID:
+            why += f" (more invalid messages of {host} are only counted)"
         self.registry.drop(name, peer, why)
         who = f"{name!r} ({peer})" if name else peer
-        self._report_line(f"dropped {who}: {why}")
+        self.report(f"dropped {who}: {why}")
 
-    async def stage(self, wanted: StagingRequest) -> Announcement:
+    def report(self, line: str) -> None:
+        """Report a line, up to the number of stored disconnections."""
+        if self._reported <= MAX_DROPPED:
+            full = self._reported == MAX_DROPPED
+            self._report_line("further lines are left out" if full else line)
+        self._reported += 1
+
+    async def stage(self, wanted: StagingRequest) -> Announcement | None:
         """Stage a blast in a worker thread, so that other streams continue.
 
+        Returns:
+            The announcement; None if an added blast has no waves for this entity, which
+            has moved into the charge.
+
         Raises:
-            InputError: As in `Stager.stage`.
+            InputError: As in `Stager.stage`, for a blast of the scene.
         """
         loop = asyncio.get_running_loop()
         call = functools.partial(self.stager.stage, *wanted)
-        return await loop.run_in_executor(self._thread, call)
+        try:
+            return await loop.run_in_executor(self._thread, call)
+        except InputError as error:
+            # Another client's blast never ends a stream.
+            if wanted.charge.name not in {x.name for x in self.world.schedule.added}:
+                raise
+            shot, name = shown(wanted.charge.name), shown(wanted.entity.name)
+            self.report(f"blast {shot} was not sent to {name}: {error}")
+            return None
 
     async def watch(self) -> None:
         """Disconnect clients that keep the server waiting, until cancelled."""
@@ -279,8 +313,7 @@ def _unary(
             message = parsed(METHODS[name][0], data)
             return method(table, message, context.peer()).SerializeToString()
         except InputError as error:
-            # TooLarge): | Other errors are mistakes of a valid client, which may try
-            # again.
+            # Other errors are mistakes of a valid client, which may try again.
             if isinstance(error, InvalidMessage | TooLarge):
                 table.drop("", context.peer(), str(error))
             return await _abort(context, _status_of(error), str(error))
@@ -367,9 +400,22 @@ def _register(table: Table, message: Any, peer: str) -> Any:
 
 
 def _announce(table: Table, message: Any, peer: str) -> Any:
-    now = table.now_s
-    table.world.schedule.announce(charge_of(message), now)
-    return messages().Announced(now_s=now)
+    charge, world = charge_of(message), table.world
+    # In lockstep each client has its own clock: acceptance depends on none of them.
+    now = 0.0 if world.lockstep else table.now_s
+    world.schedule.announce(charge, now, host_of(peer), table.registry.entities())
+    missed = [
+        name
+        for name, session in table.sessions.items()
+        if session.playback is not None
+        and float(charge.time_s) < session.playback.time_s
+    ]
+    return messages().Announced(now_s=table.now_s, missed=sorted(missed))
+
+
+def host_of(peer: str) -> str:
+    """Return the host of a network address, without the port."""
+    return peer.rpartition(":")[0]
 
 
 def _leave(table: Table, message: Any, peer: str) -> Any:
@@ -407,7 +453,7 @@ class Stream:
         self._table, self._context = table, context
         self._end = grpc().aio.EOF
         self._writing: asyncio.Future[None] | None = None
-        self._staged: dict[tuple[str, int], asyncio.Task[Announcement]] = {}
+        self._staged: dict[tuple[str, int], asyncio.Task[Announcement | None]] = {}
 
     async def run(self) -> None:
         """Send packets until the client closes the stream or the world ends.
@@ -428,7 +474,7 @@ class Stream:
         self.name = entity.name
         table.sessions[self.name] = self.session
         world = table.world
-        playback = Playback(
+        self.session.playback = playback = Playback(
             entity,
             world.schedule,
             world.times,
@@ -545,7 +591,7 @@ class Stream:
             ahead = self._staged.pop((one.charge.name, one.revision), None)
             self.session.waits_since = NOT_WAITING  # the client waits for the server
             staged.append(await (ahead or self._table.stage(one)))
-        return playback.next(staged)
+        return playback.next([one for one in staged if one is not None])
 
     def _stage_ahead(self, playback: Playback) -> None:
         """Begin to stage blasts that will be announced soon."""
@@ -595,6 +641,7 @@ class Session:
 
     Attributes:
         task: Task that serves the stream.
+        playback: Packets of its entity; None before the first message.
         waits_since: Time since which the server waits for the client, monotonic clock
             [s].
         why: Reason of its disconnection; "" while connected.
@@ -602,5 +649,6 @@ class Session:
 
     def __init__(self, task: "asyncio.Task[object] | None"):
         self.task = task
+        self.playback: Playback | None = None
         self.waits_since = time.monotonic()
         self.why = ""

@@ -5,7 +5,8 @@ blasts and entities: for the load, the arrivals, and each kind of sampled sensor
 position of a moving entity at an arrival follows from its path or from its last report,
 extrapolated linearly.
 
-A blast is announced in the first packet that begins within the lead before it. An
+A blast is announced in the first packet that begins within the lead before it. A blast
+that a client adds later is announced in the next packet, as to an entity that joins. An
 entity that reports its motion receives an updated announcement, computed from its last
 report, in one of the `UPDATE_PACKETS` packets before an arrival. As an entity is slower
 than sound, no wave arrives unannounced, and an arriving wave is the one announced last.
@@ -479,6 +480,8 @@ class Playback:
         self._ahead_s = UPDATE_PACKETS / float(times.rate)
         self._sound_m_s = float(sound_speed_of(stager.scene.air))
         self._announced_s = times.start_s(first) - schedule.lead_s - PAST_S
+        # Numbers of added blasts: before the next packet, and before the one after it.
+        self._added = self._added_next = len(schedule.added)
         self._live: dict[str, _Live] = {}
         self._motion: Motion | None = None
 
@@ -502,9 +505,17 @@ class Playback:
         Args:
             ahead_s: Length of the interval from the beginning of the next packet [s].
         """
-        charges = self._schedule.announced(self._announced_s, self.time_s + ahead_s)
+        schedule, told_s = self._schedule, self._announced_s + self._schedule.lead_s
+        charges = schedule.announced(self._announced_s, self.time_s + ahead_s)
+        # Added after the packet that would have announced them.
+        late = tuple(
+            charge
+            for charge in schedule.added[self._added :]
+            if self.time_s - PAST_S <= float(charge.time_s) <= told_s
+        )
         return [
-            StagingRequest(self.entity, charge, self._motion, 0) for charge in charges
+            StagingRequest(self.entity, charge, self._motion, 0)
+            for charge in late + charges
         ]
 
     def wanted(self) -> list[StagingRequest]:
@@ -514,6 +525,8 @@ class Playback:
             StagingRequest(self.entity, one.charge, self._motion, one.revision + 1)
             for one in uncertain
         ]
+        # Blasts added while these are staged belong to the packet after.
+        self._added_next = len(self._schedule.added)
         return updates + self.soon(0.0)
 
     def next(self, staged: list[Announcement]) -> Packet:
@@ -546,6 +559,7 @@ class Playback:
             self._live[name] = live
             announced.append(new)
         self._announced_s = max(self._announced_s, start)
+        self._added = self._added_next
         packet = Packet(
             self.number,
             start,

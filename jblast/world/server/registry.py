@@ -10,8 +10,8 @@ import functools
 import math
 import secrets
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import Generic, NamedTuple, TypeVar
 
@@ -31,6 +31,14 @@ In this time its wave travels 20 km; later waves are inaudible for the charges h
 """
 MAX_ANNOUNCED = 10_000
 """Maximum number of blasts added to those of the scene; declared, bounds memory."""
+MAX_ANNOUNCED_HOST = 1000
+"""Maximum number of them from one host, so that one cannot use up the others' share."""
+MASS_KG = (1e-6, 1e7)
+"""Range of the mass of an added blast; the largest accidents were below 1e7 kg."""
+FARTHEST_M = 1e6
+"""Largest coordinate of an added blast; its sound would travel for an hour."""
+TNT_DENSITY_KG_M3 = 1630.0
+"""Density of cast TNT. Within its sphere of explosive a charge has no blast wave."""
 T = TypeVar("T")
 CAPACITY = 256
 """Maximum number of packets waiting for one entity: 2.56 s at 100 Hz; declared.
@@ -61,6 +69,7 @@ class BlastSchedule:
 
     Attributes:
         lead_s: Lead of an announcement before its blast [s].
+        added: Blasts added by clients, in the order of their addition.
     """
 
     def __init__(self, world: DrawnWorld, lead_s: float):
@@ -81,7 +90,8 @@ class BlastSchedule:
         self._charges = list(world.charges)
         self._times = [float(charge.time_s) for charge in self._charges]
         self._names = {charge.name for charge in self._charges}
-        self._announced = 0
+        self.added: list[Charge] = []
+        self._by_host: Counter[str] = Counter()
 
     @property
     def charges(self) -> tuple[Charge, ...]:
@@ -94,16 +104,26 @@ class BlastSchedule:
         last = bisect.bisect_right(self._times, until_s + self.lead_s)
         return tuple(self._charges[first:last])
 
-    def announce(self, charge: Charge, now_s: float) -> None:
+    def announce(
+        self,
+        charge: Charge,
+        now_s: float,
+        host: str = "",
+        entities: Iterable["Entity"] = (),
+    ) -> None:
         """Add a future blast.
 
         Args:
             charge: Charge with a new name and a time at least the lead after `now_s`.
-            now_s: Time of the most advanced entity [s].
+            now_s: Time of the world's clock; in lockstep 0, the beginning of the world
+                [s].
+            host: Host of the client.
+            entities: Entities that must be outside the charge.
 
         Raises:
-            InputError: It is too early, its name is taken or empty, or there are too
-                many.
+            InputError: It is too early, its mass or position is out of range, or its
+                name is taken or empty.
+            WorldFull: There are too many.
         """
         where = f"blast {shown(charge.name)}"
         when = float(charge.time_s)
@@ -111,24 +131,68 @@ class BlastSchedule:
             raise InputError("blast name: expected a name, got an empty one")
         if charge.name in self._names:
             raise InputError(f"{where}: expected a new name, got that of another blast")
-        # Strictly later, so that no entity has passed the packet of its announcement.
+        mass, far = float(charge.mass_kg), max(map(abs, map(float, charge.position_m)))
+        if not MASS_KG[0] <= mass <= MASS_KG[1]:
+            raise InputError(
+                f"{where} mass_kg: expected {MASS_KG[0]:g} to {MASS_KG[1]:g} kg, got "
+                f"{mass:g}"
+            )
+        if not far <= FARTHEST_M:
+            raise InputError(
+                f"{where} position_m: expected coordinates of at most {FARTHEST_M:g} "
+                f"m, got {far:g} m"
+            )
+        check_outside(charge, entities)
+        # Strictly later, so that each entity that starts now has the whole lead.
         if not now_s + self.lead_s < when < math.inf:
             raise InputError(
                 f"{where} time_s: expected one after {now_s + self.lead_s:g} s (now "
                 f"{now_s:g} s plus the lead of {self.lead_s:g} s), got {when:g} s"
             )
-        if self._announced >= MAX_ANNOUNCED:
-            raise InputError(
-                f"{where}: expected at most {MAX_ANNOUNCED:,} announced blasts, got "
-                "one more"
-            )
+        for count, most, of in (
+            (len(self.added), MAX_ANNOUNCED, ""),
+            (self._by_host[host], MAX_ANNOUNCED_HOST, " of one host"),
+        ):
+            if count >= most:
+                raise WorldFull(
+                    f"{where}: expected at most {most:,} announced blasts{of}, got one "
+                    "more"
+                )
         # The list stays sorted for the bisection in `announced`; blasts at equal times
         # keep their order.
         place = bisect.bisect_right(self._times, when)
         self._times.insert(place, when)
         self._charges.insert(place, charge)
         self._names.add(charge.name)
-        self._announced += 1
+        self.added.append(charge)
+        self._by_host[host] += 1
+
+
+def check_outside(charge: Charge, entities: Iterable["Entity"]) -> None:
+    """Reject a charge with an entity inside the sphere of its explosive.
+
+    Args:
+        charge: The charge.
+        entities: Entities at their positions, or on their paths.
+
+    Raises:
+        InputError: An entity is inside.
+    """
+    sphere = 3.0 * float(charge.mass_kg) / (4.0 * math.pi * TNT_DENSITY_KG_M3)
+    radius, center = sphere ** (1 / 3), np.array([float(x) for x in charge.position_m])
+    for entity in entities:
+        knots = entity.position_m[None] if entity.path is None else entity.path[1]
+        # The nearest point of each segment of the path.
+        ways = np.diff(knots, axis=0, append=knots[-1:])
+        square = np.maximum((ways**2).sum(1), np.finfo(float).tiny)
+        share = np.clip(((center - knots) * ways).sum(1) / square, 0.0, 1.0)
+        nearest_m = np.linalg.norm(knots + share[:, None] * ways - center, axis=1).min()
+        if not nearest_m > radius:
+            raise InputError(
+                f"blast {shown(charge.name)} position_m: expected a position more than "
+                f"{radius:.2g} m (the radius of the charge) from each entity, got "
+                f"{nearest_m:.2g} m from {shown(entity.name)}"
+            )
 
 
 class BufferFull(Exception):
@@ -394,6 +458,10 @@ class Registry:
                 f"got {'no such entity' if found is None else 'another ticket'}"
             )
         return found.entity
+
+    def entities(self) -> Iterator[Entity]:
+        """Yield the registered entities."""
+        return (registered.entity for registered in self._by_name.values())
 
     def leave(self, name: str) -> None:
         """Remove an entity; its name becomes available again."""

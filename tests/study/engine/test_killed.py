@@ -3,16 +3,21 @@
 import json
 import os
 import random
+import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from jblast.errors import InputError
+from jblast.report.study_stores import read_columns
 from jblast.study import run_into
 from jblast.study.engine import store as store_module
+from jblast.study.engine.merge import merged
 from jblast.study.engine.store import locked, open_store
 from jblast.study.sampling import work
 from tests.study.example import SCENE, STUDY, study_in, written
@@ -123,6 +128,90 @@ def test_half_a_chunk_is_calculated_anew(tmp_path, small):
     (tmp_path / "cut" / "air_arrival_s" / ".1.0.abcd.part").write_bytes(b"half")
     run_into(study, tmp_path / "cut", resume=True)
     assert chunks(tmp_path / "cut") == chunks(tmp_path / "whole")
+
+
+def flipped(chunk):
+    """Change one bit in the middle of a file."""
+    data = bytearray(chunk.read_bytes())
+    data[len(data) // 2] ^= 16
+    chunk.write_bytes(data)
+
+
+DAMAGE = {
+    "flipped": (flipped, "expected the checksum"),
+    "truncated": (lambda chunk: chunk.write_bytes(b"half"), "expected 16,388 bytes"),
+    "lost": (lambda chunk: chunk.unlink(), "expected a chunk of the store, got none"),
+}
+
+
+def test_a_damaged_tile_of_a_complete_study_is_named_and_computed_again(
+    tmp_path, small
+):
+    study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 2500"))
+    run_into(study, tmp_path / "store")
+    before = chunks(tmp_path / "store")
+    for harm, message in DAMAGE.values():
+        harm(tmp_path / "store" / "air_arrival_s" / "1.0")
+        with pytest.raises(InputError, match=rf"{message}.*\(tile 1\).*--resume"):
+            read_columns(str(tmp_path / "store"))
+        with pytest.raises(InputError, match=rf"{message}.*\(tile 1\)"):
+            merged([tmp_path / "store"], tmp_path / "out")
+        ran = run_into(study, tmp_path / "store", resume=True)
+        assert (ran.new, ran.complete) == (SMALL, True)
+        lost = "got none" in message
+        assert lost or message in ran.notes[-1]
+        assert lost or ran.notes[-1].startswith("Damaged tile 1, computed again: ")
+        assert chunks(tmp_path / "store") == before
+    assert read_columns(str(tmp_path / "store")).samples == 2500
+
+
+def test_a_damaged_tile_of_statistics_is_named_and_computed_again(tmp_path, small):
+    text = STUDY.replace("samples = 300", "samples = 2500") + 'keep = "summary"\n'
+    study = study_in(tmp_path, text)
+    run_into(study, tmp_path / "store")
+    before = chunks(tmp_path / "store")
+    for part in ("counts", "moments"):
+        chunk = tmp_path / "store" / "summary" / f"air_arrival_s.{part}" / "1.0.0.0"
+        flipped(chunk)
+        with pytest.raises(InputError, match=rf"{part}.*checksum.*\(tile 1\)"):
+            read_columns(str(tmp_path / "store"))
+        ran = run_into(study, tmp_path / "store", resume=True)
+        assert f"{part}/1.0.0.0: expected the checksum" in ran.notes[-1]
+        assert chunks(tmp_path / "store") == before
+    flipped(tmp_path / "store" / "summary" / "air_arrival_s.anchor" / "0.0.0")
+    with pytest.raises(InputError, match=r"anchor.*expected the checksum"):
+        read_columns(str(tmp_path / "store"))
+    run_into(study, tmp_path / "store", resume=True)
+    assert chunks(tmp_path / "store") == before
+
+
+def without_checksums(folder):
+    """Change a store to the layout of earlier versions."""
+    for path in folder.rglob("*"):
+        if path.name == "zarr.json":
+            text = path.read_text()
+            path.write_text(re.sub(r',\s*\{\s*"name": "crc32c"\s*\}', "", text))
+        elif path.is_file() and path.name != ".lock":
+            path.write_bytes(path.read_bytes()[:-4])
+
+
+def test_a_store_without_checksums_is_read_and_continued(tmp_path, small):
+    study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 2500"))
+    run_into(study, tmp_path / "new", limit=2048)
+    shutil.copytree(tmp_path / "new", tmp_path / "old")
+    without_checksums(tmp_path / "old")
+    old, new = (read_columns(str(tmp_path / name)) for name in ("old", "new"))
+    for one, other in zip(old.lanes, new.lanes, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+    assert run_into(study, tmp_path / "old", resume=True).new == 2500 - 2048
+    run_into(study, tmp_path / "new", resume=True)
+    # its layout stays
+    assert {name: data[:-4] for name, data in chunks(tmp_path / "new").items()} == (
+        chunks(tmp_path / "old")
+    )
+    whole = merged([tmp_path / "new", tmp_path / "old"], tmp_path / "out")
+    assert whole.attributes["complete"]
+    assert chunks(tmp_path / "out") == chunks(tmp_path / "new")
 
 
 def test_a_store_is_written_by_one_process(tmp_path):

@@ -142,9 +142,54 @@ def test_a_blast_is_announced_to_all_and_not_too_late(server, client):
         packets = list(stream.packets(ahead=10))
         shots = [told.charge.name for p in packets for told in p.announcements]
         assert sorted(shots) == ["1", "2", "more"]
-        with pytest.raises(InputError, match=r"time_s: expected one after 2\.5 s"):
-            one.announce("late", 2.0, [0.0, 9.0, 0.0], 2.0)
+        with pytest.raises(InputError, match=r"time_s: expected one after 0\.5 s"):
+            one.announce("late", 0.5, [0.0, 9.0, 0.0], 2.0)
         stream.close()
+
+
+def test_a_blast_is_accepted_however_far_another_client_is(server, said):
+    """One at its own place is refused, and ends nobody's stream."""
+    with serving(world(), OPTIONS, said.append) as fresh, connect(fresh.address) as one:
+        fast = one.stream(one.register("fast", ["flash"], position_m=HERE))
+        fast.ask(150)
+        assert [fast.next() for _ in range(150)][-1].number == 149
+        slow = one.stream(one.register("slow", ["flash"], position_m=[0.0, 50.0, 1.0]))
+        with pytest.raises(InputError, match=r"got 0 m from 'fast'.*INVALID_ARGUMENT"):
+            one.announce("at it", 1.9, HERE, 2.0)
+        with pytest.raises(InputError, match=r"mass_kg: expected 1e-06"):
+            one.announce("absurd", 1.9, [0.0, 9.0, 0.0], 1e30)
+        with pytest.warns(UserWarning, match="entities past this time .*: fast"):
+            one.announce("more", 1.0, [0.0, 9.0, 0.0], 2.0, "C4")
+        one.announce("inside", 1.9, [90.0, 0.0, 1.0], 2.0)
+        into = one.stream(one.register("into", ["flash"], position_m=[90.0, 0.0, 1.0]))
+        said.clear()
+        for stream, count in ((fast, 50), (slow, 200), (into, 200)):
+            packets = list(stream.packets(ahead=20))
+            assert len(packets) == count
+            shots = {told.charge.name for p in packets for told in p.announcements}
+            assert ("more" in shots) == (stream is not fast)
+            stream.close()
+    assert [line for line in said if "was not sent to 'into'" in line]
+    assert not [line for line in said if "dropped" in line]
+
+
+def test_invalid_messages_of_one_host_are_stored_and_reported_ten_times():
+    said = []
+    drawn, times = world(), packet_times(100.0)
+    schedule = BlastSchedule(drawn, LEAD_S)
+    served = ServedWorld(drawn, schedule, times, ScaledRealTime(1.0), math.inf)
+    table = Table(served, 60.0, said.append)
+    for port in range(2000):
+        table.drop("", f"ipv4:1.2.3.4:{port}", "bad")
+    table.drop("", "ipv4:1.2.3.5:1", "bad")
+    assert len(said) == len(table.registry.dropped) == 11
+    assert said[9].endswith("(more invalid messages of ipv4:1.2.3.4 are only counted)")
+    assert table.registry.dropped_count == 2001
+    for number in range(2000):
+        table.drop(f"n{number}", "ipv4:1.2.3.4:1", "went away")
+    assert len(said) == 1001
+    assert len(table.registry.dropped) == 1000
+    table.close()
 
 
 def call(server, method, data):

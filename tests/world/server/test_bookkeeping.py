@@ -19,7 +19,12 @@ from jblast.world.server import (
     checked_motion,
     packet_times,
 )
-from jblast.world.server.registry import NameTaken, NotRegistered, WorldFull
+from jblast.world.server.registry import (
+    MAX_ANNOUNCED_HOST,
+    NameTaken,
+    NotRegistered,
+    WorldFull,
+)
 from tests.world.server.served import HERE, world
 
 ONE = checked_entity("one", ["flash"], position_m=HERE)
@@ -118,14 +123,48 @@ ANNOUNCED = {
     "never": (Charge(1.0, time_s=math.inf, name="a"), "time_s: expected"),
     "another's name": (Charge(1.0, time_s=9.0, name="1"), "expected a new name"),
     "no name": (Charge(1.0, time_s=9.0), "name: expected a name"),
+    "an absurd mass": (
+        Charge(1e30, time_s=9.0, name="a"),
+        r"mass_kg: expected 1e-06 to 1e\+07 kg, got 1e\+30",
+    ),
+    "hardly a mass": (Charge(1e-300, time_s=9.0, name="a"), "mass_kg: expected 1e-06"),
+    "nowhere": (Charge(1.0, (1e300, 0, 0), 9.0, name="a"), "position_m: expected coor"),
+    "an entity's place": (
+        Charge(1.0, tuple(HERE), 9.0, name="a"),
+        r"more than 0\.053 m .* got 0 m from 'one'",
+    ),
+    "beside it": (
+        Charge(1000.0, (30.0, 2.5, 1.5), 9.0, name="a"),
+        r"more than 0\.53 m .* got 0\.5 m from 'one'",
+    ),
+    "a path's midst": (
+        Charge(1.0, (50.0, 2.0, 1.5), 9.0, name="a"),
+        "got 0 m from 'moves'",
+    ),
 }
+MOVES = checked_entity(
+    "moves", ["flash"], path=([0.0, 1.0], [[40.0, 2.0, 1.5], [60.0, 2.0, 1.5]])
+)
 
 
 @pytest.mark.parametrize("name", ANNOUNCED)
 def test_what_cannot_be_announced_is_refused(name):
     charge, message = ANNOUNCED[name]
     with pytest.raises(InputError, match=message):
-        BlastSchedule(world(), 0.5).announce(charge, 0.1)
+        BlastSchedule(world(), 0.5).announce(charge, 0.1, "a", [ONE, MOVES])
+
+
+def test_the_blasts_of_one_host_are_limited():
+    schedule = BlastSchedule(world(), 0.5)
+    for n in range(3000):
+        charge = Charge(1.0, (0.0, 0.0, 0.0), 9.0, name=f"b{n}")
+        if n < MAX_ANNOUNCED_HOST:
+            schedule.announce(charge, 0.0, "one")
+            continue
+        with pytest.raises(WorldFull, match="at most 1,000 announced blasts of one"):
+            schedule.announce(charge, 0.0, "one")
+    assert len(schedule.added) == MAX_ANNOUNCED_HOST
+    schedule.announce(charge, 0.0, "another")
 
 
 ENTITIES = {

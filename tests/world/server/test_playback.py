@@ -147,6 +147,29 @@ def test_an_announced_blast_comes_like_any_other():
     assert seen == pytest.approx([1.7], abs=1e-6)  # light takes 0.1 us
 
 
+def test_a_blast_added_after_its_lead_comes_in_the_next_packet():
+    """Whoever is past it receives what has not arrived yet, as one who joins."""
+    schedule = BlastSchedule(world(), LEAD_S)
+    flash = EVERYTHING._replace(senses=("flash", "pressure"))
+    played = playback(flash, schedule=schedule)
+    for _ in range(100):
+        step(played)
+    wanted = played.wanted()
+    for name, time_s, up in (("soon", 1.2, 0.0), ("past", 0.98, 2.0)):
+        charge = Charge(3.0, (5.0, 5.0, up), time_s, name=name)
+        schedule.announce(charge, 0.0)
+    # one was added while the packet before was staged
+    played.next([stager().stage(*one) for one in wanted])
+    first, *rest = packets_of(played, stager())
+    assert {"soon", "past"} <= {one.charge.name for one in first.announcements}
+    told = [one.charge.name for p in rest for one in p.announcements]
+    assert not {"soon", "past"} & set(told)
+    seen = {(one.shot, one.sense) for p in [first, *rest] for one in p.perceived}
+    assert ("soon", "flash") in seen
+    assert ("past", "pressure") in seen
+    assert ("past", "flash") not in seen
+
+
 def test_one_who_moves_is_told_anew_where_it_meets_the_wave():
     """It reports a straight flight, so its last word is that of the path known ahead;
     1e-9 s, as the two tracks are counted from other knots."""
