@@ -170,6 +170,8 @@ class Discovery:
             could replace it (`exchangeable_terms`).
         start: Smoothed states at the first row.
         judged: Tests of each equation.
+        growth_s: Mean time in which an error of the integrated equations grows tenfold
+            along the record [s]; infinite if it does not.
         growing: Rows at which an error has grown tenfold since the last of them, by the
             equations along the record (`restarts`).
         segments: Number of segments, each held out once.
@@ -187,6 +189,7 @@ class Discovery:
     exchangeable: tuple[tuple[tuple[str, str], ...], ...]
     start: Float[np.ndarray, " state"]
     judged: tuple[Judgement, ...]
+    growth_s: float = np.inf
     growing: tuple[int, ...] = ()
     segments: int = SEGMENTS
 
@@ -402,6 +405,7 @@ def discover_in(
             Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])
             for state in range(len(states))
         ),
+        float(np.mean(np.diff(record.time_s[[0, *growing]]))) if growing else np.inf,
         tuple(growing),
         segments,
     )
