@@ -36,7 +36,7 @@ def found_in(time, states, degree: int):
     names = tuple("xyz"[: states.shape[1]])
     candidates, outside = (polynomial(names, n) for n in (degree, degree + 1))
     found = discover(
-        time, states, names=names, candidates=candidates, outside=outside, members=6
+        time, states, names=names, candidates=candidates, outside=outside, members=5
     )
     return found, replay(found, time, states)
 
@@ -46,7 +46,7 @@ def near(found, state: int, truth: dict[str, float], rel: float) -> None:
     for term, value in truth.items():
         place = found.candidates.names.index(term)
         assert found.coefficients[state, place] == pytest.approx(value, rel=rel)
-        # six members: the interval is nominal at 71 %, so that a few miss by a little
+        # five members: the interval is nominal at 67 %, so that a few miss by a little
         half = found.high[state, place] - found.low[state, place]
         assert abs(found.coefficients[state, place] - value) < 2.0 * half
 
@@ -54,7 +54,7 @@ def near(found, state: int, truth: dict[str, float], rel: float) -> None:
 @pytest.fixture(scope="module")
 def cycle():
     """Return three turns of the limit cycle in reversed time, which is unstable."""
-    time, states = noisy(van_der_pol, [2.0, 0.0], 18.0, 500, 0.01, back=True)
+    time, states = noisy(van_der_pol, [2.0, 0.0], 18.0, 360, 0.01, back=True)
     return time, states, *found_in(time, states, 3)
 
 
@@ -81,7 +81,7 @@ def test_other_equations_have_no_trajectory_near_the_record(cycle):
 
 def test_a_decay_from_an_unstable_limit_cycle_is_certain():
     # the cubic term is only constrained where a fifth of the record is held out
-    time, states = noisy(van_der_pol, [0.01, 0.0], 15.0, 500, 0.02, back=True)
+    time, states = noisy(van_der_pol, [0.01, 0.0], 15.0, 400, 0.02, back=True)
     found, again = found_in(time, states, 3)
     near(found, 1, {"x": 1.0, "y": -1.0, "x^2 y": 1.0}, 0.05)
     assert found.segments > 5
@@ -90,7 +90,7 @@ def test_a_decay_from_an_unstable_limit_cycle_is_certain():
 
 
 def test_equations_of_chaos_are_certain():
-    time, states = noisy(lorenz, [1.0, 1.0, 20.0], 5.0, 600, 0.01)
+    time, states = noisy(lorenz, [1.0, 1.0, 20.0], 4.0, 480, 0.01)
     found, again = found_in(time, states, 2)
     near(found, 0, {"x": -10.0, "y": 10.0}, 0.03)
     near(found, 1, {"x": 28.0, "y": -1.0, "x z": -1.0}, 0.15)
@@ -99,7 +99,7 @@ def test_equations_of_chaos_are_certain():
 
 
 def test_chaos_with_a_hidden_state_is_no_law():
-    time, states = noisy(lorenz, [1.0, 1.0, 20.0], 5.0, 600, 0.01)
+    time, states = noisy(lorenz, [1.0, 1.0, 20.0], 4.0, 480, 0.01)
     assert not certain(*found_in(time, states[:, :2], 2))
 
 
