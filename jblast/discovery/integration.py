@@ -45,7 +45,7 @@ the segments are no trajectory."""
 STEP = 1e-3
 """Change of a start for its derivative, in spreads: a thousand times the tolerance."""
 MAX_ITERATIONS = 20
-"""Steps of the fit of a trajectory: it needs 5 to 10 where it converges."""
+"""Steps of the fit of a trajectory: it needs 4 to 10 where it converges."""
 
 
 def misfit(
@@ -247,28 +247,27 @@ def nearest_trajectory(
     nothing = np.full(states.shape, np.nan)
     starts = states[[first for first, _ in segments]]
     made, jumps, over, runs = residuals(starts)
-    damping = 1e-3
+    # Levenberg and Marquardt's damping, larger until a step reduces the sum of squares
+    damping, by = 1e-3, None
     for _ in range(MAX_ITERATIONS):
-        if not np.all(np.isfinite(over)):
-            return nothing
-        by = derivative(starts, runs)
-        if not np.all(np.isfinite(by.data)):
-            return nothing
+        if by is None:
+            if not np.all(np.isfinite(over)):
+                return nothing
+            by = derivative(starts, runs)
+            if not np.all(np.isfinite(by.data)):
+                return nothing
         square = by.T @ by
-        # Levenberg and Marquardt's damping, until a step reduces the sum of squares
-        while True:
-            damped = square + damping * sparse.diags_array(square.diagonal())
-            step = spsolve(sparse.csc_array(damped), -(by.T @ over))
-            tried = starts + spread * step.reshape(starts.shape)
-            answer = residuals(tried)
-            if answer[2] @ answer[2] < over @ over or damping > 1e6:
-                break
-            damping *= 10.0
+        damped = square + damping * sparse.diags_array(square.diagonal())
+        step = spsolve(sparse.csc_array(damped), -(by.T @ over))
+        tried = starts + spread * step.reshape(starts.shape)
+        answer = residuals(tried)
         gain = 1.0 - (answer[2] @ answer[2]) / (over @ over)
+        # NaN, after a stopped integration, is no gain either
         if not gain > 0.0:
-            break
-        starts, (made, jumps, over, runs) = tried, answer
-        damping = max(0.1 * damping, 1e-9)
+            damping *= 10.0
+            continue
+        starts, (made, jumps, over, runs), by = tried, answer, None
+        damping *= 0.1
         if gain < 1e-4:
             break
     return made if np.all(np.abs(jumps) <= MAX_JUMP) else nothing
