@@ -47,6 +47,11 @@ def shown(value: Any, width: int = 60) -> str:
     return text if len(text) <= width else text[: width - 4] + " ..."
 
 
+def foreign_digits(text: str) -> bool:
+    """Return whether a text has digits other than 0 to 9, which `float` reads too."""
+    return re.search("(?![0-9])\\d", text) is not None
+
+
 def whole_number(text: str) -> int | None:
     """Return the number of 1 to 18 digits after leading zeros; else None.
 

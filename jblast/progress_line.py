@@ -39,8 +39,22 @@ the duration.
 """
 STAGE_S, STAGE_SHARE = 1.0, 0.05
 """The same for the first line of a new stage, which has more to report."""
+COMPILATION = {
+    "/jax/core/compile/jaxpr_to_mlir_module_duration": True,
+    "/jax/core/compile/backend_compile_duration": False,
+}
+"""Whether a compilation runs after an event of `jax.monitoring`: JAX reports the end of
+lowering, which is the start of compilation, and its end."""
+_COMPILING: dict[int, bool] = {}
+"""Whether each thread compiles, by its identifier."""
 WIDTH = 79
 """Characters of the line: a terminal of 80 columns would wrap a longer one."""
+
+
+def note_compilation(event: str, _duration: float, **_details: str | int) -> None:
+    """Record that a compilation has begun or ended; a listener of `jax.monitoring`."""
+    if event in COMPILATION:
+        _COMPILING[threading.get_ident()] = COMPILATION[event]
 
 
 class ProgressLine(Listener):
@@ -56,6 +70,9 @@ class ProgressLine(Listener):
         self._last_stages: tuple[str, ...] = ()
         self._width, self._reported = 0, False
         self._times, self._shares = [0.0], [0.0]
+        # Kind of the counted units in progress, and the index of its first share.
+        self._kind: tuple[str, ...] = ()
+        self._first_of_kind = 0
         # The line is shown by the working thread, by that of the clock, and by output
         # to the terminal; `clear` is called within `show`, hence reentrant.
         self._lock = threading.RLock()
@@ -64,9 +81,12 @@ class ProgressLine(Listener):
         """Record the time of a new share of the work, and show the line."""
         with self._lock:
             share, self._reported = self.share(), True
-            if share > self._shares[-1]:
+            kind = self._units()
+            if share > self._shares[-1] or kind != self._kind:
                 self._times.append(self._clock() - self._begun)
-                self._shares.append(share)
+                self._shares.append(max(share, self._shares[-1]))
+            if kind != self._kind:
+                self._kind, self._first_of_kind = kind, len(self._shares) - 1
             self.show()
 
     def show(self) -> None:
@@ -99,24 +119,36 @@ class ProgressLine(Listener):
                 self._write_over("")
 
     def seconds_left(self) -> float | None:
-        """Return the estimated time left [s], at the pace of the second half so far.
+        """Return the estimated time left [s], at the pace of the last units.
 
-        None if there is no estimate: no share of the work is complete, or the present
-        one takes longer than the pace predicts.
+        These are the second half of the completed units of the present kind. None if
+        there is no estimate: nothing is counted, no unit of the present kind is
+        complete, or the present one takes longer than the pace predicts.
         """
-        # the first half includes compilation, which does not recur
         share, gone = self._shares[-1], self._clock() - self._begun
-        if share <= 0.0:
+        first = self._shares[self._first_of_kind]
+        # A stage of another kind has another pace, and loading or compiling has none.
+        if not self._kind or share <= first:
             return None
-        half = bisect_right(self._shares, share / 2.0) - 1
+        # the first half includes compilation, which does not recur
+        half = bisect_right(self._shares, (first + share) / 2.0) - 1
         pace = (self._times[-1] - self._times[half]) / (share - self._shares[half])
         left = pace * (1.0 - share) - (gone - self._times[-1])
         return left if left > 0.0 else None
+
+    def _units(self) -> tuple[str, ...]:
+        """Return the stages of the outermost counted task; empty if none counts."""
+        for depth, level in enumerate(self.levels):
+            if level.number:
+                return (*(above.stage for above in self.levels[:depth]), "counted")
+        return ()
 
     def _line(self, words: str, gone: float) -> str:
         left = self.seconds_left()
         left_words = f", about {_time(left)} left" if left is not None else ""
         first, last = f"jblast {self._verb}: ", f", {_time(gone)} so far{left_words}"
+        if any(_COMPILING.values()):
+            words = f"{words}: compiling" if words else "compiling"
         words, room = words or "working", WIDTH - len(first) - len(last)
         if self._terminal and len(words) > room:  # its end is the most specific
             words = "..." + words[3 - room :]

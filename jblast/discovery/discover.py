@@ -16,7 +16,8 @@ equation. Intervals are nominal: those of 90 % covered the true coefficient in 7
 
 The equation is judged a law by two tests. First, prediction: segment by segment the
 coefficients are estimated from windows that touch none of the segment, and the equation
-is integrated over it from its first row. The prediction must be nearer to its rows than
+is integrated over it from its first row, and again from a later row before errors of
+the start have grown tenfold. The prediction must be nearer to its rows than
 the mean of the other rows, and than the segment's first row, would be. The terms were
 chosen from all rows, including these. Second, residuals: in size, in correlation with
 the next window and in correlation with candidates outside the search, they must be as
@@ -30,16 +31,16 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.integrate import solve_ivp
 from scipy.stats import t as student
 
-from jblast.discovery.record import (
-    PER_HALF_WIDTH,
-    Record,
-    Sides,
-    input_at,
-    trajectory_record,
+from jblast.discovery.integration import (
+    CLOSE,
+    MIN_ROWS,
+    flow,
+    reproducing_trajectory,
+    restarts,
 )
+from jblast.discovery.record import PER_HALF_WIDTH, Record, Sides, trajectory_record
 from jblast.discovery.sparse_regression import (
     Candidates,
     Regression,
@@ -66,6 +67,9 @@ FEWEST_OF_INTERVAL = 19
 """Smallest ensemble with 5 % and 95 % quantiles, its smallest and largest members."""
 SEGMENTS = 5
 """Segments of a record, each held out once: as in five-fold cross-validation."""
+MIN_SEGMENT = 1.0
+"""Half widths of a window in a held-out segment at least: a sixth of a period, in which
+the motion differs from its start."""
 RESTART_HALF_WIDTHS = 8.0
 """Half widths of a window after which an integration restarts: about 1.3 periods, so
 that chaos and phase drift do not decide the prediction."""
@@ -87,48 +91,25 @@ WINDOWS_PER_TERM = 4
 resembles any residual."""
 Find = Callable[[Bool[np.ndarray, " window"]], Float[np.ndarray, "state term"]]
 """Function from a mask of windows to coefficients."""
-CLOSE = 0.1
-"""Misfit relative to the standard deviation of a state up to which it is reproduced:
-1 % of its variance."""
-DIVERGED_SPREADS = 1e3
-"""Standard deviations of a state at which an integration is stopped as diverged."""
-MAX_CALLS = 500
-"""Evaluations of the equations per row at which an integration is stopped: a stiff
-wrong equation would not end."""
-TOLERANCE = 1e-6
-"""Relative tolerance of the integrator, far below any noise."""
-
-
-def misfit(
-    made: Float[np.ndarray, "row state"],
-    states: Float[np.ndarray, "row state"],
-    noise_sd: Float[np.ndarray, " state"],
-) -> Float[np.ndarray, " state"]:
-    """Return the misfit of integrated equations relative to the spread of each state.
-
-    It is the root mean square difference, less the noise in quadrature, and infinite if
-    the integration was stopped. Up to `CLOSE` the equations reproduce the record.
-    """
-    # The data have noise and the integrated equations none: their variances add.
-    over = np.mean((states - made) ** 2, axis=0) - noise_sd**2
-    share = np.sqrt(np.maximum(over, 0.0)) / np.std(states, axis=0)
-    return np.where(np.isnan(over), np.inf, share)
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Trajectory integrated from the first row.
+    """Trajectory integrated from the first row, or the nearest one to the data.
 
     Attributes:
         states: States at the rows; NaN after the integration was stopped.
         misfit: Root mean square difference from the data, less the noise in quadrature,
             relative to the state's standard deviation.
         reproduced: Whether the misfit is at most 10 %, by state.
+        nearest: Whether it is the trajectory of the equations nearest to the data,
+            since errors of the first row grow and its integration leaves the data.
     """
 
     states: Float[np.ndarray, "row state"]
     misfit: Float[np.ndarray, " state"]
     reproduced: tuple[bool, ...]
+    nearest: bool = False
 
 
 @dataclass(frozen=True)
@@ -189,6 +170,11 @@ class Discovery:
             could replace it (`exchangeable_terms`).
         start: Smoothed states at the first row.
         judged: Tests of each equation.
+        growth_s: Mean time in which an error of the integrated equations grows tenfold
+            along the record [s]; infinite if it does not.
+        growing: Rows at which an error has grown tenfold since the last of them, by the
+            equations along the record (`restarts`).
+        segments: Number of segments, each held out once.
     """
 
     states: tuple[str, ...]
@@ -203,6 +189,9 @@ class Discovery:
     exchangeable: tuple[tuple[tuple[str, str], ...], ...]
     start: Float[np.ndarray, " state"]
     judged: tuple[Judgement, ...]
+    growth_s: float = np.inf
+    growing: tuple[int, ...] = ()
+    segments: int = SEGMENTS
 
     def terms(self, state: int) -> tuple[str, ...]:
         """Return the names of the terms of an equation."""
@@ -221,6 +210,8 @@ def replay(
 ) -> Replay:
     """Return the equations integrated from the first row, compared with the data.
 
+    If this leaves the data and errors grow, it is the nearest trajectory instead.
+
     Args:
         discovery: Equations.
         time_s: Times of the rows, increasing [s].
@@ -230,17 +221,18 @@ def replay(
         noise: Whether the states have the estimated noise, which is then subtracted.
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
-    own = flow(
+    own, off, nearest = reproducing_trajectory(
         discovery.candidates.evaluate,
         discovery.coefficients,
         discovery.start,
         time_s,
+        states,
         inputs,
-        np.std(states, axis=0),
+        noise * discovery.noise_sd,
+        discovery.growing,
         held=held,
     )
-    off = misfit(own, states, noise * discovery.noise_sd)
-    return Replay(own, off, tuple((off <= CLOSE).tolist()))
+    return Replay(own, off, tuple((off <= CLOSE).tolist()), nearest)
 
 
 def discover(
@@ -347,6 +339,14 @@ def discover_in(
     # The vote of the ensemble decides, not the one noisy record.
     kept = inclusion > MIN_INCLUSION
     own = coefficients_of(terms, record.sides.left, kept)
+    growing = restarts(
+        candidates.evaluate,
+        own,
+        record.time_s,
+        record.smooth,
+        record.inputs,
+        np.std(record.states, axis=0),
+    )
     begin("uncertainty")
     sure = ensemble_uncertainty(
         record,
@@ -354,15 +354,30 @@ def discover_in(
         outside_terms(record, candidates, outside),
         own,
         kept,
+        growing,
         members,
         rng,
     )
     begin("held-out segments")
-    skill = held_out_skill(
-        record,
-        candidates,
-        lambda seen: coefficients_of(terms[seen], record.sides.left[seen], kept),
+
+    def find(seen: Bool[np.ndarray, " window"]) -> Float[np.ndarray, "state term"]:
+        return coefficients_of(terms[seen], record.sides.left[seen], kept)
+
+    segments = SEGMENTS
+    skill = held_out_skill(record, candidates, find)
+    # The whole record is a trajectory of the equations, yet a fifth of it is not
+    # predicted from the remaining rows if these do not constrain a coefficient there,
+    # as after a decay. Shorter segments then test the equations.
+    windows = (record.windows.centre[-1] - record.windows.centre[0]) / (
+        record.windows.half
     )
+    while (
+        sure.reproduced
+        and not np.all(skill >= MIN_SKILL)
+        and 2 * segments <= windows / MIN_SEGMENT
+    ):
+        segments *= 2
+        skill = held_out_skill(record, candidates, find, segments)
     names = np.asarray(candidates.names)
     return Discovery(
         tuple(states),
@@ -390,6 +405,9 @@ def discover_in(
             Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])
             for state in range(len(states))
         ),
+        float(np.mean(np.diff(record.time_s[[0, *growing]]))) if growing else np.inf,
+        tuple(growing),
+        segments,
     )
 
 
@@ -413,12 +431,14 @@ class EnsembleUncertainty(NamedTuple):
         odds: p of size, serial and outside correlation of the residuals, by state
             (`Judgement`).
         likest: Name of the most correlated term outside of the search, by state.
+        reproduced: Whether a trajectory of the equations reproduces the record.
     """
 
     low: Float[np.ndarray, "state term"]
     high: Float[np.ndarray, "state term"]
     odds: list[tuple[float, float, float]]
     likest: list[str]
+    reproduced: bool
 
 
 def interval_level(members: int) -> float:
@@ -449,14 +469,15 @@ def ensemble_uncertainty(
     others: Candidates | None,
     own: Float[np.ndarray, "state term"],
     kept: Bool[np.ndarray, "state term"],
+    growing: Sequence[int],
     members: int,
     rng: np.random.Generator,
 ) -> EnsembleUncertainty:
     """Return the uncertainty from records with new noise.
 
     The records are integrated equations plus noise. If the equations do not reproduce
-    the record (`misfit`, all states), they are the smoothed states plus noise, and
-    there is no p.
+    the record (`reproducing_trajectory`, all states), they are the smoothed states plus
+    noise, and there is no p.
 
     Args:
         record: Record of the equations.
@@ -464,19 +485,21 @@ def ensemble_uncertainty(
         others: Terms outside of the search that residuals are compared with.
         own: Coefficients of the equations.
         kept: Mask of the terms of each equation.
+        growing: Rows at which errors have grown (`restarts`).
         members: Number of members of the ensemble.
         rng: Generator of the noise.
     """
-    made = flow(
+    made, off, _ = reproducing_trajectory(
         candidates.evaluate,
         own,
         record.smooth[0],
         record.time_s,
+        record.states,
         record.inputs,
-        np.std(record.states, axis=0),
+        record.noise_in_unit,
+        growing,
         held=record.held,
     )
-    off = misfit(made, record.states, record.noise_in_unit)
     reproduced = bool(np.all(off <= CLOSE))
     # multiplicative noise needs positive values
     if record.relative:
@@ -519,7 +542,7 @@ def ensemble_uncertainty(
     else:
         likest = [others.names[int(np.argmax(share))] for share in shares]
     chances = [(float(a), float(b), float(c)) for a, b, c in odds]
-    return EnsembleUncertainty(low, high, chances, likest)
+    return EnsembleUncertainty(low, high, chances, likest, reproduced)
 
 
 def outside_terms(
@@ -562,19 +585,25 @@ def coefficients_of(
 
 
 def held_out_skill(
-    record: Record, candidates: Candidates, find: Find
+    record: Record, candidates: Candidates, find: Find, segments: int = SEGMENTS
 ) -> Float[np.ndarray, " state"]:
     """Return the skill of equations on held-out segments relative to a guess.
 
     The coefficients are fitted without the segment; the terms were chosen with all
     rows.
+
+    Args:
+        record: Record of the equations.
+        candidates: Candidate terms.
+        find: Function from a mask of windows to coefficients.
+        segments: Number of segments, each held out once.
     """
     rows = len(record.time_s)
     # Windows of a shock are in ln of the time.
     place = np.log(record.time_s) if record.relative else record.time_s
     cut, spread = record.windows, np.std(record.states, axis=0)
     squared_errors = np.zeros((3, record.states.shape[1]))
-    bounds = np.linspace(0, rows, SEGMENTS + 1).astype(int)
+    bounds = np.linspace(0, rows, segments + 1).astype(int)
     for first, last in pairwise(bounds):
         # A window that touches the segment would carry its rows into the fit.
         seen = (cut.centre + cut.half <= place[first]) | (
@@ -590,13 +619,24 @@ def held_out_skill(
             1,
             min(
                 round(float(length) / (RESTART_HALF_WIDTHS * cut.half)),
-                # At least four rows between restarts, else the start alone predicts
-                # them.
-                (last - first) // 4,
+                (last - first) // MIN_ROWS,
             ),
         )
         starts = np.linspace(first, last, parts + 1).astype(int)
-        for begin, end in pairwise(starts):
+        # Earlier where errors of a start grow: they would hide those of the equation.
+        grown = [
+            begin + row
+            for begin, end in pairwise(starts)
+            for row in restarts(
+                candidates.evaluate,
+                coefficients,
+                record.time_s[begin:end],
+                record.smooth[begin:end],
+                record.inputs[begin:end],
+                spread,
+            )
+        ]
+        for begin, end in pairwise(sorted({*starts.tolist(), *grown})):
             some = slice(begin, end)
             start, truth = record.smooth[begin], record.states[some]
             recorded = flow(
@@ -669,61 +709,3 @@ def unlikely(
     # The spread of the mean of the members is included: a prediction interval.
     away = (own - np.mean(members, axis=0)) / (sd * np.sqrt(1.0 + 1.0 / count))
     return student.sf(away, count - 1)
-
-
-def flow(
-    evaluate: Callable[[Float[np.ndarray, "place column"]], np.ndarray],
-    coefficients: Float[np.ndarray, "state term"],
-    start: Float[np.ndarray, " state"],
-    time_s: Float[np.ndarray, " row"],
-    inputs: Float[np.ndarray, "row input"],
-    spread: Float[np.ndarray, " state"],
-    *,
-    held: bool = False,
-) -> Float[np.ndarray, "row state"]:
-    """Return equations integrated from a start (Runge and Kutta 5(4)).
-
-    Args:
-        evaluate: Function from the columns to the terms.
-        coefficients: Coefficients of the equations.
-        start: States at the first row.
-        time_s: Times of the rows, increasing [s].
-        inputs: Inputs at the rows.
-        spread: Standard deviation of each state; the integration stops at 1e3 of them
-            from the start.
-        held: Whether inputs are constant until the next row; else linear.
-
-    Returns:
-        States at the rows, NaN after the integration was stopped.
-    """
-    calls = 0
-
-    def slope(time: float, states: np.ndarray) -> np.ndarray:
-        nonlocal calls
-        calls += 1
-        # The inputs between rows, as in the integrals of the search.
-        now = [input_at(time_s, u, np.asarray(time), held=held) for u in inputs.T]
-        terms = evaluate(np.concatenate([states, np.asarray(now)])[None])
-        return coefficients @ terms[0]
-
-    def diverged(time: float, states: np.ndarray) -> float:
-        far = np.max(np.abs(states - start) / spread) > DIVERGED_SPREADS
-        return -1.0 if far or calls > MAX_CALLS * len(time_s) else 1.0
-
-    diverged.terminal = True  # type: ignore[attr-defined] (the interface of solve_ivp)
-    with np.errstate(all="ignore"):  # an overflow stops the integration
-        answer = solve_ivp(
-            slope,
-            (time_s[0], time_s[-1]),
-            start,
-            t_eval=time_s,
-            events=diverged,
-            rtol=TOLERANCE,
-            # States have any unit, so that the tolerance is relative to their spread.
-            atol=TOLERANCE * spread,
-            max_step=4.0
-            * float(np.max(np.diff(time_s))),  # so that no pulse of an input is skipped
-        )
-    states = np.full((len(time_s), len(start)), np.nan)
-    states[: answer.y.shape[1]] = answer.y.T
-    return states

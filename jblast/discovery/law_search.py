@@ -26,7 +26,14 @@ from jblast.discovery.discover import (
     replay,
 )
 from jblast.discovery.sparse_regression import polynomial
-from jblast.errors import InputError, argument, nearest, read_text, shown
+from jblast.errors import (
+    InputError,
+    argument,
+    foreign_digits,
+    nearest,
+    read_text,
+    shown,
+)
 from jblast.progress import stages
 
 TIME = "time_s"
@@ -349,7 +356,7 @@ def _numbers(
             except ValueError:
                 value = math.nan
             # The negation also rejects NaN, as in an empty field of a logger.
-            if not abs(value) < MAX_VALUE:
+            if not abs(value) < MAX_VALUE or foreign_digits(fields[place]):
                 raise InputError(
                     f"{path}: line {line}: column {names[column]}: expected a number "
                     "between -1e100 and 1e100, got "

@@ -20,7 +20,7 @@ from fractions import Fraction
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.errors import InputError, nearest, shown
+from jblast.errors import InputError, foreign_digits, nearest, shown
 from jblast.observations.clocks import (
     VALUE_UTC,
     converted_clock_times,
@@ -40,6 +40,7 @@ from jblast.observations.table import (
     EmptySkipped,
     Faults,
     LevelConverted,
+    LongitudesWrapped,
     MadeLong,
     Observations,
     Renamed,
@@ -120,8 +121,10 @@ class Fields:
         if optional and odd.any():
             odd &= np.array([bool(text) for text in texts], bool)
         # float accepts 1_000, which is Python's notation and in data a mistake
-        if "_" in "".join(texts):
-            odd |= np.array(["_" in text for text in texts], bool)
+        # and digits of other scripts, such as full-width ones
+        joined = "".join(texts)
+        if "_" in joined or foreign_digits(joined):
+            odd |= np.array(["_" in t or foreign_digits(t) for t in texts], bool)
         self.refuse(
             odd,
             column,
@@ -305,6 +308,9 @@ class Rows(Fields):
         understood = [*self.found, *converted_columns(self), *held.understood, *timing]
         if self.skipped:
             understood.append(EmptySkipped(self.skipped))
+        wrapped = sum(_number(text) > 180.0 for text in self.text("lon_deg"))
+        if wrapped:
+            understood.append(LongitudesWrapped(wrapped))
         whole = Observations(
             sensor=sensor,
             quantity=held.quantity,

@@ -355,6 +355,17 @@ class HeightTaken(Understood):
 
 
 @dataclass(frozen=True)
+class LongitudesWrapped(Understood):
+    """Longitudes from 180 to 360 degrees east, which are west.
+
+    Attributes:
+        rows: Number of rows.
+    """
+
+    rows: int
+
+
+@dataclass(frozen=True)
 class ColumnsIgnored(Understood):
     """Columns of notes, which are ignored.
 

@@ -6,7 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jblast.discovery.discover import MIN_MEMBERS, SIGNIFICANCE, Discovery, Replay
+from jblast.discovery.discover import (
+    MIN_MEMBERS,
+    SEGMENTS,
+    SIGNIFICANCE,
+    Discovery,
+    Replay,
+)
 from jblast.discovery.law_search import certain
 from jblast.discovery.noise_sweep import Outcome
 from jblast.discovery.shock import Slowing
@@ -38,6 +44,9 @@ def discovery_text(
         if doubt:
             lines += [doubt, *_further_lines(further, state), ""]
         skill, skill_words = found.judged[state].skill, "the integration diverges"
+        held = "held-out data"
+        if found.segments > SEGMENTS:
+            held += f", {found.segments} segments"
         if math.isfinite(skill):
             skill_words = (
                 f"the squared error is {100.0 * max(skill, 0.0):.1f} % smaller than "
@@ -48,7 +57,7 @@ def discovery_text(
         lines += [
             f"  {_replay_words(found, again, state)} (noise of {name}: "
             f"{significant(found.noise_sd[state])})",
-            f"  held-out data: {skill_words}",
+            f"  {held}: {skill_words}",
             "",
         ]
     if found.repeated:
@@ -132,8 +141,14 @@ def _replay_words(found: Discovery, again: Replay, state: int) -> str:
     if not math.isfinite(misfit):
         return "integration from the first row: diverges, the data are not reproduced"
     verdict = "" if again.reproduced[state] else ", not reproduced"
+    of = "integration from the first row"
+    if again.nearest:
+        of = (
+            "nearest trajectory, as errors grow tenfold in "
+            f"{significant(found.growth_s, 2)} s"
+        )
     return (
-        f"integration from the first row: misfit {100.0 * misfit:.1f} % of the spread "
+        f"{of}: misfit {100.0 * misfit:.1f} % of the spread "
         f"of {found.states[state]}, noise removed{verdict}"
     )
 
@@ -196,7 +211,14 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     if not judged.law:
         words.append("on held-out data it is hardly better than a constant prediction")
     if not again.reproduced[state]:
-        words.append(f"integrated from the first row it does not reproduce {name}")
+        grows = (
+            f": errors of its trajectories grow tenfold in "
+            f"{significant(found.growth_s, 2)} s, and no trajectory is near the record"
+        )
+        words.append(
+            f"integrated from the first row it does not reproduce {name}"
+            + (grows if math.isfinite(found.growth_s) else "")
+        )
     if not judged.tested:
         words.append(
             "the residuals could not be tested: the test requires that every state is "
@@ -301,6 +323,11 @@ class DiscoveryAnswer(Document):
         interval: Level and coverage of the intervals.
         repeated: Terms left out, as sums of other terms equal them on this record.
         reproduced: Whether the integrated equations reproduce the data.
+        nearest: Whether misfits are those of the nearest trajectory of the equations,
+            as errors of the first row grow, instead of its integration.
+        error_growth_s: Mean time in which an error of the integrated equations grows
+            tenfold; null if it does not.
+        held_out_segments: Number of segments of the record, each held out once.
     """
 
     rows: int
@@ -316,6 +343,9 @@ class DiscoveryAnswer(Document):
     interval: NominalInterval
     repeated: tuple[str, ...]
     reproduced: bool
+    nearest: bool
+    error_growth_s: float | None
+    held_out_segments: int
 
 
 def discovery_answer(
@@ -365,6 +395,9 @@ def discovery_answer(
         interval=NominalInterval(found.level, COVERAGE),
         repeated=tuple(found.repeated),
         reproduced=all(again.reproduced),
+        nearest=again.nearest,
+        error_growth_s=found.growth_s,
+        held_out_segments=found.segments,
     )
 
 

@@ -53,7 +53,12 @@ def discovery_figure(
         left.text(
             0.09,
             0.96,
-            "equations, integrated from the first row"
+            "equations, "
+            + (
+                "nearest trajectory"
+                if again.nearest
+                else "integrated from the first row"
+            )
             + (": DOUBTFUL" if doubtful else ""),
             color=VERMILLION if doubtful else BLUE,
             transform=left.transAxes,

@@ -65,6 +65,11 @@ def _(found: table.Dialect) -> str:
 
 
 @understood_words.register
+def _(found: table.LongitudesWrapped) -> str:
+    return f"lon_deg above 180 was read as west: less 360 ({_rows(found.rows)})"
+
+
+@understood_words.register
 def _(found: table.Converted) -> str:
     if found.unit == "percent":
         return f"{found.theirs}: per cent of each value ({_rows(found.rows)})"

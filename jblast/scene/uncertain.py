@@ -127,6 +127,10 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
                 f"{argument('freed')} {name}: expected one of {', '.join(known)} or "
                 f"{CLOCK_OFFSET}.NAME; got {name!r}{nearest(name, known)}"
             )
+        if list(names).count(name) > 1:
+            raise InputError(
+                f"{argument('freed')} {name}: expected each name once, got it twice"
+            )
         _check_exclusive(name, uncertain, names)
     beliefs = dict(uncertain.beliefs) | {
         name: Free(positive=parameter_named(name).positive) for name in names

@@ -592,6 +592,33 @@ def recommended_values(
     }
 
 
+def recommended_by_row(
+    question: Question, answer: Calculation
+) -> list[dict[str, Recommended]]:
+    """Return the recommended values at each range and mass of a question.
+
+    Args:
+        question: Ranges and masses.
+        answer: Values of the laws at its rows.
+    """
+    found = []
+    for row, (slant_range, mass) in enumerate(zip(*question.rows(), strict=True)):
+        one = replace(
+            question, slant_range=(float(slant_range),), charge_mass=(float(mass),)
+        )
+        here = {
+            quantity: {
+                name: replace(
+                    of_law, value=of_law.value[[row]], valid=of_law.valid[[row]]
+                )
+                for name, of_law in by_law.items()
+            }
+            for quantity, by_law in answer.items()
+        }
+        found.append(recommended_values(one, here))
+    return found
+
+
 def compared_quantities(answer: Mapping[str, Collection[str]]) -> list[str]:
     """Return the quantities whose laws are compared to recommend one for an answer."""
     parts = [

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from typing import Any, cast
 
+import jax
+import jax.numpy as jnp
 import pytest
 
 import jblast
@@ -13,7 +15,13 @@ import jblast.study
 from jblast import progress_line
 from jblast.errors import InputError
 from jblast.progress import Listener, counted, each, heard_by, in_words, stages
-from jblast.progress_line import Progress, ProgressLine, reported
+from jblast.progress_line import (
+    COMPILATION,
+    Progress,
+    ProgressLine,
+    note_compilation,
+    reported,
+)
 
 
 class Stream(io.StringIO):
@@ -114,19 +122,69 @@ def test_after_a_second_the_stage_is_told_and_of_how_many(clock):
     assert stream.getvalue() == "jblast fit: reading (1 of 2), 1 s so far\n"
 
 
-def test_time_left_follows_the_shares_of_the_stages(clock):
+def test_there_is_no_time_left_until_one_unit_of_its_kind_is_done(clock):
     line = line_on(Stream(), clock)
     with heard_by(line):
         begin = stages({"reading": 1.0, "fitting": 3.0})
         begin("reading")
-        assert line.seconds_left() is None
         clock.now += 2.0
         begin("fitting")
-        assert line.seconds_left() == pytest.approx(6.0)
-        clock.now += 4.0
-        assert line.seconds_left() == pytest.approx(2.0)
-        clock.now += 4.0  # longer than thought: nothing is made up
+        # reading has another pace than fitting
         assert line.seconds_left() is None
+        through = counted(3, "logs")
+        clock.now += 4.0
+        assert line.seconds_left() is None
+        through(1)
+        assert line.seconds_left() == pytest.approx(8.0)
+        clock.now += 3.0
+        assert line.seconds_left() == pytest.approx(5.0)
+        clock.now += 6.0  # longer than expected: no estimate
+        assert line.seconds_left() is None
+
+
+def test_each_counted_stage_has_its_own_pace(clock):
+    line = line_on(Stream(), clock)
+    with heard_by(line):
+        begin = stages({"drawing": 1.0, "flying": 1.0})
+        for stage, pace in (("drawing", 0.1), ("flying", 5.0)):
+            begin(stage)
+            through = counted(10, "vehicles")
+            assert line.seconds_left() is None
+            clock.now += pace
+            through(1)
+            if stage == "drawing":
+                for done in range(2, 11):
+                    clock.now += pace
+                    through(done)
+        assert line.seconds_left() == pytest.approx(45.0)
+
+
+def test_a_compilation_is_reported_while_it_runs(clock):
+    stream = Stream()
+    line = line_on(stream, clock)
+    lowered, compiled = COMPILATION
+    with heard_by(line):
+        begin = stages({"reading": 1.0, "fitting": 1.0})
+        begin("fitting")
+        note_compilation(lowered, 0.1, fun_name="f")
+        clock.now += 1.0
+        line.show()
+        note_compilation(compiled, 1.0, fun_name="f")
+        clock.now += 20.0
+        line.show()
+    assert stream.getvalue().splitlines() == [
+        "jblast fit: fitting (2 of 2): compiling, 1 s so far",
+        "jblast fit: fitting (2 of 2), 21 s so far",
+    ]
+
+
+def test_jax_reports_both_events_of_a_compilation():
+    heard = []
+    listen = jax.monitoring.register_event_duration_secs_listener
+    listen(lambda event, _, **details: heard.append((event, details.get("fun_name"))))
+    jax.jit(lambda x: jnp.sin(x) + 17.0)(jnp.ones(3))
+    events = [event for event, name in heard if "lambda" in str(name)]
+    assert [event for event in events if event in COMPILATION] == list(COMPILATION)
 
 
 def test_a_first_item_that_compiles_does_not_count_for_the_rest(clock):

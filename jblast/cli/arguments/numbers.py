@@ -202,6 +202,11 @@ def _evenly_in_ln(word: str, one: Callable[[str], float]) -> list[float]:
             f"got {shown(word)}"
         )
     low, high = (one(part) for part in parts[:2])
+    if not low < high:
+        raise ArgumentTypeError(
+            f"expected FROM:TO:COUNT with FROM below TO, got {shown(word)}; write "
+            f"{parts[1]}:{parts[0]}:{parts[2]}"
+        )
     # Peak, impulse and arrival are nearly powers of the range: equal ratios resolve
     # their curves evenly.
     return np.geomspace(low, high, count).tolist()

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
-from jblast.errors import InputError, closest
+from jblast.errors import InputError, closest, foreign_digits, shown
 
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?([:,].*)?$", re.IGNORECASE)
 """Negative numbers, also `-1e-1`, `-1:2` and `-1,2`."""
@@ -49,6 +49,16 @@ class VerbParser(argparse.ArgumentParser):
         if reason.startswith("expected ") and message.startswith("argument "):
             raise InputError(f"{option}: {reason}")
         super().error(message)
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """Return the value of an option; numbers need the digits 0 to 9."""
+        value = super()._get_value(action, arg_string)
+        # a file name may have any digits
+        if isinstance(value, int | float | tuple) and foreign_digits(arg_string):
+            raise argparse.ArgumentError(
+                action, f"expected the digits 0 to 9, got {shown(arg_string)}"
+            )
+        return value
 
     def refuse(self, words: Sequence[str]) -> NoReturn:
         """Print usage, the unknown words and the nearest option; exit 2."""

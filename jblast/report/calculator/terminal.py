@@ -40,6 +40,7 @@ from jblast.sensors.calculator import (
     Question,
     Recommended,
     Roots,
+    recommended_by_row,
     recommended_values,
 )
 
@@ -51,6 +52,8 @@ OUTSIDE = "outside"
 """Mark of a value outside its law's range of validity."""
 ROW_WIDTHS, LAW_WIDTH = (12, 9), 11
 """Least widths of the columns range, mass and law [characters]: "1.234e-05*" fits."""
+MAX_RECOMMENDED = 50
+"""Largest table with recommended values: the choice of laws takes about 20 ms a row."""
 Columns = list[list[str]]
 Lines = list[str]
 NUMBER = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
@@ -256,6 +259,9 @@ def calculation_text(
     words = {one.quantity: one for one in apart}
     one_row = len(question.rows()[0]) == 1
     column = law_column(name for by_law in answer.values() for name in by_law)
+    best = []
+    if 1 < len(question.rows()[0]) <= MAX_RECOMMENDED:
+        best = recommended_by_row(question, answer)
     for quantity, by_law in answer.items():
         lines.append("")
         if one_row:
@@ -263,7 +269,8 @@ def calculation_text(
             beside = {} if other is None else other[quantity]
             lines += _list(question, quantity, by_law, beside, column)
         else:
-            lines += _table(question, quantity, by_law)
+            rows = [of_row[quantity] for of_row in best] if len(by_law) > 1 else []
+            lines += _table(question, quantity, by_law, rows)
         if quantity in words:
             warning = disagreement_words(words[quantity], question)
             lines += behind("  ! ", scaled_in(warning, question.units))
@@ -361,9 +368,15 @@ def law_column(names: Iterable[str]) -> int:
 
 
 def _table(
-    question: Question, quantity: str, by_law: Mapping[str, Calculated]
+    question: Question,
+    quantity: str,
+    by_law: Mapping[str, Calculated],
+    best: Sequence[Recommended] = (),
 ) -> Lines:
-    """Return one row per range and mass, one column per law, then the laws' ranges."""
+    """Return one row per range and mass, one column per law, then the laws' ranges.
+
+    A table of the recommended values comes first, if there are any.
+    """
     ranges, masses = question.rows()
     system = question.units
     unit = one_unit(question, quantity, by_law)
@@ -376,6 +389,25 @@ def _table(
         heads.append(
             ["mass", *(printed_number("_kg", m, system=system) for m in masses)]
         )
+    if best:
+        whole = [
+            *heads,
+            [
+                "recommended",
+                *(
+                    significant(one.value / unit.size, 4) + (" " if one.valid else "*")
+                    for one in best
+                ),
+            ],
+            ["scatter", *(_scatter(one.scatter) for one in best)],
+            ["law", *(one.law for one in best)],
+        ]
+        lines += aligned(
+            list(zip(*whole, strict=True)),
+            right=range(len(whole) - 1),
+            least=(*ROW_WIDTHS[: len(heads)], LAW_WIDTH),
+        )
+        lines.append("")
     columns = [
         [name]
         + [

@@ -45,6 +45,9 @@ otherwise make a strip without room for names."""
 INSET_BELOW = 0.1
 """An ellipse below this share of the map's side gets an enlarged map: on a map of 5
 inches it is half an inch, about two star markers."""
+MARK_SHARE = 0.01
+"""Share of the map's extent within which positions of one sensor are one mark: the
+width of its symbol on a map of 5 inches."""
 SHARES = (0.5, 0.9)
 """Shares of the posterior, one ellipse each."""
 
@@ -417,10 +420,20 @@ def _stations(fit: Fit) -> tuple[Station, ...]:
     table, suspected = fit.observations, set(outlier_rows(fit))
     # a row with a range has a placeholder position, on a line from the charge
     ranged = np.isfinite(table.slant_range)
+    placed = np.flatnonzero(np.isfinite(table.position).all(axis=1) & ~ranged)
+    if not len(placed):
+        return ()
+    # positions of a sensor that differ by rounding are one mark with one label
+    mark = MARK_SHARE * float(np.max(np.ptp(table.position[placed, :2], axis=0)))
     rows: dict[tuple[str, tuple[float, ...]], list[int]] = {}
-    for row in np.flatnonzero(np.isfinite(table.position).all(axis=1) & ~ranged):
-        at = tuple(float(x) for x in table.position[row])
-        rows.setdefault((table.sensor[row], at), []).append(int(row))
+    for row in placed:
+        name, at = table.sensor[row], tuple(float(x) for x in table.position[row])
+        same = (
+            key
+            for key in rows
+            if key[0] == name and math.dist(key[1][:2], at[:2]) <= mark
+        )
+        rows.setdefault(next(same, (name, at)), []).append(int(row))
     return tuple(
         Station(
             name=name,

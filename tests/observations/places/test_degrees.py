@@ -6,6 +6,7 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.observations import write
+from jblast.report.understood import understood_lines
 
 HEAD = "sensor,quantity,value,sigma,lat_deg,lon_deg,alt_m\n"
 LOG = HEAD + (
@@ -28,6 +29,22 @@ def test_places_are_metres_about_the_middle_of_the_sensors(tmp_path):
     # a degree of latitude is 110.92 km there (6355.2 km, the meridian's radius)
     assert log.position[:, 1] == pytest.approx([-110.92, 110.92, 110.92], abs=0.01)
     assert log.position[:, 2] == pytest.approx([-5, 5, 5], abs=0.001)
+
+
+def test_longitudes_above_180_are_west_and_reported(tmp_path):
+    west = read(tmp_path, LOG.replace(",35.5,", ",355.5,"))
+    same = read(tmp_path, LOG.replace(",35.5,", ",-4.5,"))
+    assert west.frame is not None
+    assert west.frame.lon_deg == pytest.approx(-4.5)
+    assert west.position == pytest.approx(same.position, abs=1e-6)
+    (words,) = understood_lines(west.understood)
+    assert words == "lon_deg above 180 was read as west: less 360 (3 rows)"
+    assert not same.understood
+
+
+def test_digits_of_other_scripts_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"line 2.*got '３３.9'"):
+        read(tmp_path, LOG.replace("33.9,", "３３.9,"))
 
 
 def test_what_is_written_is_read_again(tmp_path):

@@ -1,6 +1,7 @@
 """What was picked, in words, JSON and pictures."""
 
 import json
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import get_args
@@ -129,6 +130,19 @@ def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_
     # by `printf RIFF | sha256sum`
     assert f"File: g0.wav, SHA-256 {RIFF}" in page
     assert page.count('<tr><th scope="row">') == 3
+
+
+def test_notes_of_a_pick_are_a_row_of_the_full_width(tmp_path):
+    # in a column of their own they would narrow the numbers to one word a line
+    some = found({"clipped_at_pa": 800.0, "lower_bound": True}, {})
+    log = log_of(some)
+    made = provenance_of([], command=["jblast", "pick", "g0.wav"])
+    write_picks(tmp_path, some, log, picks_answer(some, log), [], made)
+    page = (tmp_path / "report.html").read_text()
+    body = page.partition("<tbody>")[2].partition("</tbody>")[0]
+    columns = page.partition("<thead>")[2].partition("</thead>")[0].count("<th ")
+    notes = re.findall(r'<tr class="note quiet"><td colspan="(\d+)">', body)
+    assert notes == [str(columns)]
 
 
 def test_every_note_of_a_pick_has_words():

@@ -76,6 +76,21 @@ def test_every_map_can_be_drawn_with_north_up_and_both_axes_alike(case):
     )
 
 
+def test_positions_of_a_sensor_that_differ_by_rounding_have_one_label():
+    fit = five()
+    table = fit.observations
+    first = table.position[0]
+    doubled = replace(
+        table,
+        sensor=(*table.sensor[:-1], table.sensor[0]),
+        position=np.vstack([table.position[:-1], np.round(first + 0.04, 1)]),
+    )
+    shown = ground_map(replace(fit, observations=doubled))
+    assert shown is not None
+    names = [station.name for station in shown.stations]
+    assert names.count(table.sensor[0]) == 1
+
+
 @pytest.mark.parametrize("make", [five, far])
 def test_all_sensors_the_charge_and_its_ellipse_are_in_view(make):
     shown = ground_map(make())

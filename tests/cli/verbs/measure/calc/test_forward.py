@@ -115,6 +115,16 @@ def test_several_values_make_all_combinations(numbers, calc):
     assert set(pressure["valid"]) == {True, False}
     table = calc(words)
     assert "10 m" in table
+    lines = table.splitlines()
+    first = lines.index("Peak overpressure [kPa]")
+    # the recommended value of each range and mass comes before the table of all laws
+    assert lines[first + 1].split() == [
+        *("range", "mass", "recommended", "scatter", "law")
+    ]
+    best = [line.split() for line in lines[first + 2 : first + 12]]
+    assert [row[:2] for row in best[:2]] == [["1", "m"], ["10", "m"]]
+    assert best[1][4] == f"{pressure['value'][1] / 1e3:.4g}"
+    assert best[1][-1] == "kingery_bulmash"
     assert "*" in table
 
 

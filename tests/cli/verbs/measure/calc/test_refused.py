@@ -12,6 +12,14 @@ BAD = {
     "a negative mass with an exponent": ("--mass -5e-1 --range 1", ["--mass", "-0.5"]),
     "a mass of zero": ("--mass 0 --range 1", ["--mass", "positive", "got 0"]),
     "a range of zero": ("--mass 5 --range 0", ["--range", "positive"]),
+    "a mass in full-width digits": (
+        "--mass １２ --range 1",
+        ["--mass", "the digits 0 to 9", "'１２'"],
+    ),
+    "ranges from far to near": (
+        "--mass 5 --range 20:10:5",
+        ["--range", "FROM below TO, got '20:10:5'; write 10:20:5"],
+    ),
     "a negative range in a list": ("--mass 5 --range 3,-1", ["--range", "-1"]),
     "an infinite range": ("--mass 5 --range inf", ["--range", "finite"]),
     "a pressure of zero": ("--mass 5 --range 9 --pressure 0", ["--pressure", "got 0"]),
