@@ -51,7 +51,7 @@ WIDTH = 79
 """Characters of the line: a terminal of 80 columns would wrap a longer one."""
 
 
-def note_compilation(event: str, _duration: float, **_details: str | int) -> None:
+def note_compilation(event: str, duration_secs: float, **kwargs: str | int) -> None:
     """Record that a compilation has begun or ended; a listener of `jax.monitoring`."""
     if event in COMPILATION:
         _COMPILING[threading.get_ident()] = COMPILATION[event]

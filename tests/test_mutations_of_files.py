@@ -43,8 +43,8 @@ def made(folder: Path, suffix: str) -> Path:
         clip(path)
     else:
         t = np.cumsum(rng.integers(0, 300, 300))
-        xy = rng.integers(0, 32, (2, 300))
-        write_events(path, [events_of(*xy, t, t % 2)], 32, 32)
+        x, y = rng.integers(0, 32, (2, 300))
+        write_events(path, [events_of(x, y, t, t % 2)], 32, 32)
     return path
 
 

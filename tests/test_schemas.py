@@ -216,6 +216,9 @@ def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
         interval=NominalInterval(0.9, (0.7, 1.0)),
         repeated=(),
         reproduced=False,
+        nearest=False,
+        error_growth_s=None,
+        held_out_segments=5,
     )
     schema = documents.schema("discover")
     for one in (answer, replace(answer, one_degree_more=None)):

@@ -223,8 +223,8 @@ def detect(
             f"{argument('scene')}: expected it or {argument('positions')}, got both"
         )
     table = None if positions is None else read_stations(os.fspath(positions))
-    for file in files if table is not None else ():
-        if Path(file).stem not in table:
+    for file in files:
+        if table is not None and Path(file).stem not in table:
             raise InputError(
                 f"{positions}: expected a station for {Path(file).stem}, got "
                 f"{', '.join(table)}"

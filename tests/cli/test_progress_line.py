@@ -180,8 +180,11 @@ def test_a_compilation_is_reported_while_it_runs(clock):
 
 def test_jax_reports_both_events_of_a_compilation():
     heard = []
-    listen = jax.monitoring.register_event_duration_secs_listener
-    listen(lambda event, _, **details: heard.append((event, details.get("fun_name"))))
+
+    def listen(event: str, duration_secs: float, **kwargs: str | int) -> None:
+        heard.append((event, kwargs.get("fun_name")))
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
     jax.jit(lambda x: jnp.sin(x) + 17.0)(jnp.ones(3))
     events = [event for event, name in heard if "lambda" in str(name)]
     assert [event for event in events if event in COMPILATION] == list(COMPILATION)

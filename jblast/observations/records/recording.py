@@ -726,7 +726,8 @@ def without_unset_clocks(recordings: Iterable[Recording]) -> tuple[Recording, ..
         for at in starts
     ]
     begin = min(
-        (at for at, flag in zip(starts, unset, strict=True) if flag), default=START
+        (at for at, flag in zip(starts, unset, strict=True) if flag and at),
+        default=START,
     )
     return tuple(
         replace(

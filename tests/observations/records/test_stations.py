@@ -1,5 +1,6 @@
 """Tables of where recorders stood."""
 
+import numpy as np
 import pytest
 
 from jblast.errors import InputError
@@ -125,6 +126,10 @@ def test_a_table_may_name_channels_by_number(tmp_path):
 def test_positions_in_degrees_are_written_as_they_are_read(tmp_path):
     text = "sensor,lat_deg,lon_deg,alt_m\na,52.37128,4.90017,1.3\nb,52.3799,4.91,7.25\n"
     stations = read_stations(table(tmp_path, text)).values()
-    places = [one.frame.to_geodetic(one.position).tolist() for one in stations]
+    places = [
+        one.frame.to_geodetic(np.array(one.position)).tolist()
+        for one in stations
+        if one.frame
+    ]
     # without the last digits of the conversion: 52.371280000000006
     assert places == [[52.37128, 4.90017, 1.3], [52.3799, 4.91, 7.25]]

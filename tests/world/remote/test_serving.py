@@ -152,7 +152,9 @@ def test_a_blast_is_accepted_however_far_another_client_is(server, said):
     with serving(world(), OPTIONS, said.append) as fresh, connect(fresh.address) as one:
         fast = one.stream(one.register("fast", ["flash"], position_m=HERE))
         fast.ask(150)
-        assert [fast.next() for _ in range(150)][-1].number == 149
+        packets = [fast.next() for _ in range(150)]
+        assert packets[-1] is not None
+        assert packets[-1].number == 149
         slow = one.stream(one.register("slow", ["flash"], position_m=[0.0, 50.0, 1.0]))
         with pytest.raises(InputError, match=r"got 0 m from 'fast'.*INVALID_ARGUMENT"):
             one.announce("at it", 1.9, HERE, 2.0)

@@ -164,7 +164,8 @@ def test_the_blasts_of_one_host_are_limited():
         with pytest.raises(WorldFull, match="at most 1,000 announced blasts of one"):
             schedule.announce(charge, 0.0, "one")
     assert len(schedule.added) == MAX_ANNOUNCED_HOST
-    schedule.announce(charge, 0.0, "another")
+    other = Charge(1.0, (0.0, 0.0, 0.0), 9.0, name="other")
+    schedule.announce(other, 0.0, "another")
 
 
 ENTITIES = {

@@ -122,8 +122,8 @@ def recorded(
             f"{path}: p: expected 1 for brighter, 0 for darker, got {other}"
         )
     values = {**columns, "p": p}
-    arrays = {name: values[name].astype(kind) for name, kind in TYPES.items()}
-    return RecordedEvents(**arrays, width=size[0], height=size[1], t_offset=t_offset)
+    x, y, t, p = (values[name].astype(kind) for name, kind in TYPES.items())
+    return RecordedEvents(x, y, t, p, *size, t_offset)
 
 
 def check_place(path: str | Path, name: str, values: np.ndarray, limit: int) -> None:
