@@ -50,4 +50,4 @@ HOMES = {
     ),
 }
 
-__getattr__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__, HOMES)
