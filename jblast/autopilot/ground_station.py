@@ -727,9 +727,11 @@ class GroundStation:
             InputError: The vehicle is not on a straight segment in the air.
         """
         row, record = self._row(), self._telemetry.record
-        if not self._flies() and self._course.hovers:
-            return self._course
         n = self._telemetry.item(row)
+        # After the last item it hovers, although its record goes on.
+        complete = not self._flies() or n >= len(self._course.items)
+        if complete and self._course.hovers:
+            return self._course
         kind = self._course.items[n].command if n < len(self._course.items) else None
         if any(item.command == JUMP for item in self._course.items):
             raise InputError("expected a mission without jumps to interrupt")

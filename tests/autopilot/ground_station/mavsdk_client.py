@@ -14,8 +14,8 @@ from mavsdk.asyncio.plugins.mission import MissionAsync, MissionItem, MissionPla
 from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 
-WAIT_S = 120.0
-"""Longest wait for a state of the vehicle."""
+WAIT_S = 400.0
+"""Longest wait for a state of the vehicle: flights compile for minutes."""
 
 
 def free_port() -> int:
@@ -54,12 +54,12 @@ async def refused(request: Awaitable) -> str:
     return ""
 
 
-def plan_of(count: int, up_m: float = 10.0) -> MissionPlan:
-    """Return waypoints towards north, 11 m from one another."""
+def plan_of(count: int, up_m: float = 10.0, step_deg: float = 1e-4) -> MissionPlan:
+    """Return waypoints towards north, 11 m from one another by default."""
     return MissionPlan(
         [
             MissionItem(
-                latitude_deg=47 + n * 1e-4,
+                latitude_deg=47 + n * step_deg,
                 longitude_deg=8.0,
                 relative_altitude_m=up_m,
                 speed_m_s=5.0,
