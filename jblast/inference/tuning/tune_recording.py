@@ -21,6 +21,7 @@ from jblast.inference.tuning.tune_sight import (
     tune_frames,
 )
 from jblast.inference.tuning.tune_sound import recorded_sound, tune_sound
+from jblast.observations.records.clips import VIDEOS
 from jblast.observations.records.formats import is_record
 from jblast.scene import Camera, UncertainScene, read_scene
 from jblast.sensors.camera.files.backgrounds import background_named
@@ -68,10 +69,12 @@ def tune(
     if not Path(path).exists():
         raise InputError(f"{path}: no such file or directory; expected a recording")
     # files of events are recognised by their suffix alone
-    is_events = Path(path).suffix.lower() in EVENT_FORMATS
+    suffix = Path(path).suffix.lower()
+    # a text may be a record of sound or of events: here it is one of sound
+    is_sound = suffix == ".txt" or suffix not in (*EVENT_FORMATS, *VIDEOS)
     of_sound = {"sensor": sensor, "full_scale": full_scale}
     of_sight = {"fps": fps, "start": start, "background": background}
-    if not is_events and is_record(Path(path)) and not Path(path).is_dir():
+    if is_sound and is_record(Path(path)) and not Path(path).is_dir():
         _refuse(of_sight, path, "frames or events")
         uncertain, _ = with_ambient(uncertain)
         sound = recorded_sound(path, uncertain.scene, source, sensor, full_scale)
@@ -88,7 +91,7 @@ def tune(
                 f"{source}: [charge] time_s: expected a blast, got one that never "
                 "happens"
             )
-    if is_events:
+    if suffix in EVENT_FORMATS:
         if fps is not None:
             raise InputError(
                 f"{argument('fps')}: expected it with frames or a video only, got "

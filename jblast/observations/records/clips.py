@@ -52,7 +52,7 @@ def read_track(path: Path) -> Track:
         InputError: PyAV is not installed or cannot read the file; it has no sound; or
             sound is missing between two packets.
     """
-    with reading(path, "a complete clip"), _opened(path) as container:
+    with reading(path, "a complete video"), _opened(path) as container:
         if not container.streams.audio:
             raise InputError(f"{path}: expected a clip with sound, got one without")
         sound = container.streams.audio[0]
@@ -114,7 +114,7 @@ def open_clip(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
 
 def _opened(path: Path) -> Any:
     av = needed("av", "video", path, "a clip is read")
-    with reading(path, "a complete clip"):
+    with reading(path, "a complete video"):
         # only local files: a playlist must not open connections to other machines
         return av.open(str(path), options={"protocol_whitelist": "file"})
 

@@ -38,5 +38,5 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
         detect(paths[0], size=(640, 480))
     cut = tmp_path / "cut.mp4"
     cut.write_bytes(paths[0].read_bytes()[:900])
-    with pytest.raises(InputError, match=r"cut\.mp4: expected a complete clip"):
+    with pytest.raises(InputError, match=r"cut\.mp4: expected a complete video"):
         read_track(cut)

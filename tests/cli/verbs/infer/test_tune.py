@@ -45,7 +45,7 @@ def test_the_list_needs_no_scene(jblast):
     [
         ("none.wav", None, GROWTH, "none.wav: no such file or directory"),
         ("film.mp4", "junk", GROWTH, "film.mp4: expected a complete video"),
-        ("events.h5", "junk", GROWTH, "events.h5: expected a complete HDF5 file"),
+        ("events.h5", "junk", GROWTH, "events.h5: expected a complete .h5 file"),
         ("film.mp4", "junk", ("--sensor", "mic"), "--sensor"),
         ("events.h5", "junk", (*GROWTH, "--fps", "100"), "--fps"),
         ("mic.wav", "junk", (*GROWTH, "--start", "1"), "--start"),
