@@ -211,14 +211,14 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     if not judged.law:
         words.append("on held-out data it is hardly better than a constant prediction")
     if not again.reproduced[state]:
-        grows = (
-            f": errors of its trajectories grow tenfold in "
-            f"{significant(found.growth_s, 2)} s, and no trajectory is near the record"
-        )
-        words.append(
-            f"integrated from the first row it does not reproduce {name}"
-            + (grows if math.isfinite(found.growth_s) else "")
-        )
+        failure = f"integrated from the first row it does not reproduce {name}"
+        if math.isfinite(found.growth_s):
+            failure += (
+                ": errors of its trajectories grow tenfold in "
+                f"{significant(found.growth_s, 2)} s, and no trajectory is near the "
+                "record"
+            )
+        words.append(failure)
     if not judged.tested:
         words.append(
             "the residuals could not be tested: the test requires that every state is "

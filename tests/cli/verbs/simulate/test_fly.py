@@ -158,7 +158,16 @@ BAD = {
         (),
         ["[vehicle] model", "did you mean crazyflie?"],
     ),
-    "a free mass": (VEHICLE, (), ["charge_mass_kg is free"]),
+    "a free mass": (
+        '[charge]\nmass_kg = "free"\nposition_m = [0, 0, 0]\n' + VEHICLE,
+        (),
+        ["charge_mass_kg is free"],
+    ),
+    "no charge and no duration": (
+        VEHICLE,
+        (),
+        ["or --seconds for a flight without a blast"],
+    ),
     "a step too large": (
         CHARGE + VEHICLE,
         ("--step", "0.3"),
