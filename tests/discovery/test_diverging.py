@@ -78,13 +78,10 @@ def test_other_equations_have_no_trajectory_near_the_record(cycle):
 
 
 def test_a_decay_from_an_unstable_limit_cycle_is_certain():
-    # the cubic term is only constrained where a fifth of the record is held out
     time, states = noisy(van_der_pol, [0.003, 0.0], 15.0, 300, 0.02, back=True)
     found, again = found_in(time, states, 3)
     near(found, 1, {"x": 1.0, "y": -1.0, "x^2 y": 1.0}, 0.05)
-    assert found.segments > 5
     assert certain(found, again)
-    assert f"held-out data, {found.segments} segments: " in discovery_text(found, again)
 
 
 @pytest.mark.slow
