@@ -20,7 +20,7 @@ ELSEWHERE = {
     "emulator.py": "of v2e",
     "eventslicer.py": "of DSEC",
 }
-FILES = ("csv", "json", "md", "png", "py", "toml", "txt", "yml")
+FILES = ("csv", "html", "json", "kml", "md", "png", "py", "toml", "txt", "yml")
 """Ends of names that are files, such as `calibration.toml`."""
 
 

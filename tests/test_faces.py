@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1]
 LAZY = {
     "jblast": "_HOMES",
     "jblast.environments": "_HOMES",
+    "jblast.missions": "HOMES",
     "jblast.observations": "HOMES",
     "jblast.report": "HOMES",
     "jblast.sensors": "HOMES",

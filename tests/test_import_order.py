@@ -85,6 +85,8 @@ def level_of(module: str) -> int | None:
 def wrong_way(source: str, module: str, package: str) -> list[str]:
     """Imports of ours that stand below the importer."""
     # the front door names what it offers for type checkers, and imports it when asked
+    if module == "jblast.__main__":  # is the command
+        return []
     own = LEVEL["study"] if module == "jblast" else level_of(module)
     return sorted(
         name

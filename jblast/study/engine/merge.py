@@ -84,7 +84,7 @@ def opened_intact(path: str | os.PathLike[str]) -> Store:
             (tile, first), more = min(faults.items()), len(faults) - 1
             raise InputError(
                 f"{first} (tile {tile}{f'; {more} more tiles are damaged' * (more > 0)}"
-                "); jblast study --resume computes damaged tiles again"
+                "); a resumed study computes damaged tiles again"
             )
     return store
 
