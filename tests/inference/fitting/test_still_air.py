@@ -98,7 +98,7 @@ def test_still_air_is_told_where_it_was_taken_and_only_there():
     factor = by_hand(False, 5.0)
     said = words_of(solved())
     assert said.startswith("still air; with unknown wind (sd 5 m/s per component)")
-    assert f"charge_east_m {factor[0]:.2g} times" in said
+    assert f"charge east {factor[0]:.2g} times" in said
     assert still_air(solved(wind=3.0)) is None
     open_wind = solved(free=("charge_east_m", "wind_east_m_s"))
     assert still_air(open_wind) is None

@@ -91,5 +91,5 @@ def test_every_vehicle_has_thresholds_and_each_tells_its_source():
     for limits in THRESHOLDS.values():
         assert tuple(limits) == Exposure._fields
         for limit in limits.values():
-            known = "unknown" if limit.value is None else "declared"
-            assert limit.source.startswith(known)
+            assert limit.source.startswith("unknown") == (limit.value is None)
+            assert len(limit.source.split()) > 5  # a sentence
