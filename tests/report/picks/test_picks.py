@@ -129,7 +129,7 @@ def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_
     assert "Command: jblast pick g0.wav" in page
     # by `printf RIFF | sha256sum`
     assert f"File: g0.wav, SHA-256 {RIFF}" in page
-    assert page.count('<tr><th scope="row">') == 3
+    assert page.count('<th scope="row"') == 3
 
 
 def test_notes_of_a_pick_are_a_row_of_the_full_width(tmp_path):
