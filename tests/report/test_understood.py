@@ -32,6 +32,7 @@ SAID = [
         "zone read as Asia/Beirut (3 rows); times with an offset converted to UTC "
         "(1 row)",
     ),
+    (table.LongitudesWrapped(2), "read as west: less 360 (2 rows)"),
     (table.HeightTaken(), "sensors assumed at up = 0"),
     (table.ColumnsIgnored(("Note",)), "column Note ignored"),
     (table.UnitsRow(2), "line 2 was read as the units"),

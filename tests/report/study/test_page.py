@@ -169,7 +169,7 @@ def test_a_store_of_another_kind_is_refused(attributes, words):
 
 
 def test_a_store_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none\.zarr: expected the store of a study"):
+    with pytest.raises(InputError, match=r"none\.zarr: no such store; expected a"):
         read_columns(str(tmp_path / "none.zarr"))
 
 
