@@ -191,40 +191,23 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
 
 
 def kept_once(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function like `kept`, for arguments of one layout.
+    """Compile like `kept`, and look the stored program up only when JAX traces.
 
-    The program is looked up at the first call only, in `kept_between_runs`. Later calls
-    must have the same shapes and the same values of all that is not an array. They do
-    without the key, which takes longer than a step of an environment.
+    Later calls with arguments of the same layout do without the key, which takes longer
+    than a step of an environment. A layout whose first call is outside
+    `kept_between_runs` is compiled and not stored.
     """
-    found: list[Callable[..., Any]] = []
 
     @functools.wraps(function)
-    def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
-        if found:
-            return found[0](*args, **kwargs)
-        with kept_between_runs():
-            program = None
-            if STORE.folder is not None:
-                program = _program_for(function, (args, kwargs), {})
-            found.append(
-                _compiled(function)
-                if program is None
-                # compiled once more around the stored program: without Python code for
-                # the structure of arguments and results
-                else eqx.filter_jit(functools.partial(_of_arrays, program))
-            )
-            return found[0](*args, **kwargs)
+    def looked_up(*args: P.args, **kwargs: P.kwargs) -> R:
+        program = None
+        if STORE.folder is not None:
+            program = _program_for(function, (args, kwargs), {})
+        if program is None:
+            return function(*args, **kwargs)
+        return program(*filter(is_array, jax.tree.leaves((args, kwargs))))
 
-    return keeping
-
-
-def _of_arrays(program: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    return program(*filter(is_array, jax.tree.leaves((args, kwargs))))
-
-
-# one for all callers, which otherwise would compile the same program again
-_compiled = functools.cache(eqx.filter_jit)
+    return eqx.filter_jit(looked_up)
 
 
 def _program_for(function: Callable, arguments: Any, options: Any) -> Callable | None:
@@ -414,7 +397,8 @@ def spelled(value: Any, fixed: bool = False) -> str:
     Raises:
         Unkept: A part has no lasting description, or is spread over devices.
     """
-    if isinstance(value, jax.Array) and len(value.devices()) > 1:
+    known = isinstance(value, jax.Array) and not isinstance(value, Tracer)
+    if known and len(value.devices()) > 1:
         raise Unkept
     if is_array(value) and not fixed:
         return f"{value.dtype}{value.shape}{getattr(value, 'weak_type', False)}"

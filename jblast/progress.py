@@ -3,9 +3,8 @@
 A long function reports its progress by `stages`, `counted`, `each` or `in_words`. The
 reports go to the `Listener` set by `heard_by`, for example by the command line or by
 the argument `progress` of a function (`progress_line.py`); without one they are
-discarded. A task within a task is one
-level deeper. It ends with the next report of its parent, or when its `Task` object is
-deleted.
+discarded. A task within a task is one level deeper. It ends with the next report of its
+parent, or when its `Task` object is deleted.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping

@@ -64,22 +64,24 @@ def test_programs_are_stored_and_settings_are_as_before(tmp_path, own):
 ONCE = """
 import jax
 import jax.numpy as jnp
-from jblast.kept_programs import STORE, kept_once
+from jblast.kept_programs import kept_between_runs, kept_once
 
 traced = []
 
-def law(x):
+def law(x, sign):
     traced.append(1)
-    return {"value": jnp.sin(x)}
+    return {"value": sign * jnp.sin(x)}
 
 call = kept_once(law)
-for x in (0.5, 1.0):
-    print(float(call(jnp.asarray(x))["value"]))
+with kept_between_runs():
+    for x in (0.5, 1.0):
+        print(float(call(jnp.asarray(x), 1)["value"]))
 print(len(traced), jax.config.jax_compilation_cache_dir)
+print(float(call(jnp.asarray(0.5), -1)["value"]))
 """
 
 
-def test_a_program_for_one_layout_is_looked_up_once_and_kept(tmp_path):
+def test_a_program_is_looked_up_once_for_each_layout_and_kept(tmp_path):
     env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)}
     env.pop("JBLAST_KEEP_PROGRAMS", None)
     for traced in "10":  # the second process loads what the first one stored
@@ -90,10 +92,11 @@ def test_a_program_for_one_layout_is_looked_up_once_and_kept(tmp_path):
             text=True,
             check=True,
         )
-        half, one, *others = done.stdout.split()
+        half, one, *others, negative = done.stdout.split()
         assert float(half) == pytest.approx(0.479425538604203, rel=1e-6)
         assert float(one) == pytest.approx(0.841470984807897, rel=1e-6)
         assert others == [traced, "None"]
+        assert float(negative) == pytest.approx(-0.479425538604203, rel=1e-6)
 
 
 def test_it_can_be_turned_off(tmp_path):

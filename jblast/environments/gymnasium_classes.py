@@ -1,6 +1,5 @@
 """Gymnasium classes of the environments; Gymnasium is an optional extra."""
 
-from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -16,9 +15,12 @@ from jblast.environments.episode import EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
 from jblast.environments.tasks import default_guidance
 from jblast.errors import InputError, shown
-from jblast.kept_programs import kept_once
+from jblast.kept_programs import kept_between_runs, kept_once
 from jblast.progress import in_words
 from jblast.progress_line import Progress, shown_by
+
+_RESET, _STEP = kept_once(reset), kept_once(step)
+_RESET_LANES, _STEP_LANES = kept_once(reset_lanes), kept_once(step_lanes)
 
 
 class _Programs:
@@ -28,19 +30,19 @@ class _Programs:
     is reported.
     """
 
-    def __init__(self, task: str, progress: Progress, **functions: Callable) -> None:
-        self._programs = {name: kept_once(f) for name, f in functions.items()}
-        self._waiting = set(functions)
+    def __init__(self, task: str, progress: Progress, **programs: Any) -> None:
+        self._programs, self._waiting = programs, set(programs)
         self._task, self._progress = task, progress
 
     def __call__(self, name: str, *arguments: Any) -> Any:
         """Run a program; the first call loads or compiles it."""
+        program = self._programs[name]
         if name not in self._waiting:
-            return self._programs[name](*arguments)
-        with shown_by(self._progress, self._task):
+            return program(*arguments)
+        with kept_between_runs(), shown_by(self._progress, self._task):
             report = in_words()
             report(f"compiling {name}")
-            answer = jax.block_until_ready(self._programs[name](*arguments))
+            answer = jax.block_until_ready(program(*arguments))
         self._waiting.remove(name)
         return answer
 
@@ -77,7 +79,7 @@ class QuadrotorEnv(gymnasium.Env):
         self.action_space = action_space(self.params)
         self.observation_space = observation_space(seen.shape[-1])
         self._state = None
-        self._run = _Programs(self.params.task, progress, reset=reset, step=step)
+        self._run = _Programs(self.params.task, progress, reset=_RESET, step=_STEP)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -180,7 +182,7 @@ class QuadrotorBlast(VectorEnv):
         )
         self._states = None
         self._run = _Programs(
-            self.params.task, progress, reset=reset_lanes, step=step_lanes
+            self.params.task, progress, reset=_RESET_LANES, step=_STEP_LANES
         )
 
     def reset(

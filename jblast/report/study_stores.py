@@ -72,7 +72,7 @@ def summary_columns(
         InputError: There are no statistics.
     """
     summary, attributes = summary_of(store), store.attributes
-    anchors, done = summary.anchors(), summary.done()
+    anchors, done = summary.anchors(), summary.written()
     states: dict[str, State] | None = None
     ends = np.unique(np.geomspace(1, max(1, len(done)), MAX_POINTS).astype(int))
     course: list[tuple[int, dict[str, dict[str, Any]]]] = []

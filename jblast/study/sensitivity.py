@@ -413,13 +413,12 @@ def orthonormal(
     """Return polynomials that are orthonormal over samples with repeated values.
 
     An input with few levels, as an axis of a study, has other ranks than a density:
-    squared coefficients of its polynomials would not be shares. From as many degrees
-    as levels on, polynomials are combinations of the lower ones; those are zero here.
+    squared coefficients of its polynomials would not be shares. With n levels, a
+    polynomial of degree n or more is a combination of lower ones; it is zero here.
     """
     rotated, root = np.linalg.qr(columns)
     size = np.diag(root)
-    # rounding leaves 1e-16 of a dependent column, an independent one has a share of
-    # order 1 / degree!
+    # rounding leaves 1e-16 of a dependent column; independent ones are far above 1e-9
     kept = np.abs(size) > 1e-9 * np.abs(size[0])
     return rotated * np.where(kept, np.sign(size), 0.0) * np.sqrt(len(columns))
 

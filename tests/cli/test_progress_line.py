@@ -276,6 +276,17 @@ def test_where_nobody_listens_telling_does_nothing():
     assert list(each(range(3), "logs")) == [0, 1, 2]
 
 
+class Recorder(Listener):
+    """Listener that stores the words of each report."""
+
+    def __init__(self):
+        super().__init__()
+        self.reports = []
+
+    def heard(self):
+        self.reports.append(self.words())
+
+
 @reported("work")
 def work(*, progress: Progress = False) -> str:
     begin = stages({"reading": 1.0, "fitting": 3.0})
@@ -301,10 +312,12 @@ def test_a_function_prints_its_progress_on_stderr(capsys, monkeypatch):
 
 
 def test_without_the_argument_reports_go_to_the_listener_around_the_call():
-    with heard_by(outer := Listener()):
+    outer = Recorder()
+    with heard_by(outer):
         work()
-        assert outer.words() == ""  # the task has ended
+        assert outer.reports == ["reading (1 of 2)", "fitting (2 of 2)"]
         work(progress=lambda words, share: None)
+        assert len(outer.reports) == 2
 
 
 def test_another_progress_is_refused():

@@ -76,15 +76,16 @@ def opened_intact(path: str | os.PathLike[str]) -> Store:
     if store.attributes["keep"] != "all":
         parts.append(summary_of(store))
     for part in parts:
-        faults = part.faults()
+        intact, faults = part.checked()
         if store.attributes["complete"]:
-            lacking = set(range(part.tiles)) - part.done()
-            faults = {tile: part.fault(tile) for tile in sorted(lacking)}
+            lacking = set(range(part.tiles)) - intact - set(faults)
+            faults |= {tile: part.fault(tile) for tile in lacking}
         if faults:
-            (tile, first), more = min(faults.items()), len(faults) - 1
+            tile, first = min(faults.items())
+            among = f", the first of {len(faults)}" if len(faults) > 1 else ""
             raise InputError(
-                f"{first} (tile {tile}{f'; {more} more tiles are damaged' * (more > 0)}"
-                "); a resumed study computes damaged tiles again"
+                f"{first} (tile {tile}{among}); a resumed study computes damaged tiles "
+                "again"
             )
     return store
 
@@ -129,9 +130,10 @@ def _parts(found: Sequence[Store], out: Path) -> Store:
         rows, samples = ended[0].samples, ended[0].attributes["samples"]
     same = out.resolve() == first.path.resolve()
     whole = first if same else _begun(first, out, rows, {"samples": samples})
-    have, tiles = whole.done(), -(-rows // first.tile)
+    # `opened_intact` has read all chunks
+    have, tiles = whole.written(), -(-rows // first.tile)
     for store in found:
-        for tile in sorted(store.done() - have):
+        for tile in sorted(store.written() - have):
             if tile < tiles:
                 _copy(store, tile, whole, tile)
                 have.add(tile)
@@ -151,7 +153,7 @@ def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
         if not store.attributes["complete"]:
             raise InputError(
                 f"{store.path}: expected a complete study for merging seeds, got "
-                f"{len(store.done())} of {store.tiles} tiles"
+                f"{len(store.written())} of {store.tiles} tiles"
             )
     if any(store.path.resolve() == out.resolve() for store in found):
         raise InputError(
@@ -249,9 +251,9 @@ def merge_summaries(found: Sequence[Store], whole: Store, *, apart: bool) -> boo
     if not into.there:
         into.create(anchors, tile)
     # `whole` may be the first store, whose tiles are not copied onto themselves
-    have, begin = into.done(), 0
+    have, begin = into.written(), 0
     for part in parts:
-        for number in sorted(part.done()):
+        for number in sorted(part.written()):
             onto = begin + number
             if onto not in have and onto < into.tiles:
                 _copy_summary(part, number, into, onto)

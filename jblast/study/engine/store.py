@@ -66,10 +66,12 @@ def read_chunk(path: Path, checksums: bool, size: int | None = None) -> bytes:
         raise InputError(
             f"{path}: expected {size + 4 * checksums:,} bytes, got {len(whole):,}"
         )
-    if checksums and sealed(data, True) != whole:
+    value = google_crc32c.value(data) if checksums else 0
+    # Compared as bytes: a file shorter than a checksum would be the number 0.
+    if checksums and check != value.to_bytes(4, "little"):
         raise InputError(
-            f"{path}: expected the checksum {google_crc32c.value(data):08x} of its "
-            f"data, got {int.from_bytes(check, 'little'):08x}"
+            f"{path}: expected the checksum {value:08x} of its data, got "
+            f"{int.from_bytes(check, 'little'):08x}"
         )
     return data
 
@@ -96,23 +98,31 @@ class Tiled(ABC):
             return str(error)
         return ""
 
-    def faults(self) -> dict[int, str]:
-        """Return the message on the first damaged chunk of each tile with one."""
-        found: dict[int, str] = {}
+    def checked(self) -> tuple[set[int], dict[int, str]]:
+        """Return the intact tiles, and the message on each damaged one.
+
+        All chunks are read. A damaged tile has the message on its first damaged chunk;
+        a tile without a chunk may have none.
+        """
+        faults: dict[int, str] = {}
         for folder, read in self.parts():
-            for tile in sorted(self._written(folder)):
+            for tile in self._files(folder):
                 try:
                     read(tile)
                 except InputError as error:
-                    found.setdefault(tile, str(error))
-        return found
+                    faults.setdefault(tile, str(error))
+        return self.written() - set(faults), faults
 
     def done(self) -> set[int]:
         """Return the complete tiles, of which each chunk is intact."""
-        there = [self._written(folder) for folder, _ in self.parts()]
-        return set.intersection(*there) - set(self.faults()) if there else set()
+        return self.checked()[0]
 
-    def _written(self, folder: Path) -> set[int]:
+    def written(self) -> set[int]:
+        """Return the tiles with a file of each chunk, which is not read."""
+        there = (self._files(folder) for folder, _ in self.parts())
+        return set(range(self.tiles)).intersection(*there)
+
+    def _files(self, folder: Path) -> set[int]:
         """Return the tiles that have a file in a folder."""
         numbers = (whole_number(n.partition(".")[0]) for n in os.listdir(folder))
         return {n for n in numbers if n is not None and n < self.tiles}

@@ -26,14 +26,7 @@ import jblast
 from jblast.errors import InputError, shown
 from jblast.progress import Level, Task
 from jblast.progress_line import Progress, reported
-from jblast.study.engine.store import (
-    SCHEMA,
-    Store,
-    Tiled,
-    Variable,
-    locked,
-    open_store,
-)
+from jblast.study.engine.store import SCHEMA, Store, Variable, locked, open_store
 from jblast.study.engine.summary import State, SummaryStore, merged_states, outcomes_of
 from jblast.study.engine.tiles import (
     Columns,
@@ -187,7 +180,7 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
     study, numbering = work.study, work.numbering
     estimates = Estimates(work.variables, numbering)
     order = InOrder(estimates, study.sd_target, progress_reporter(work.numbering))
-    done = store.done()
+    done, faults = store.checked()
     if store.attributes["complete"] and len(done) == store.tiles:
         for tile in range(store.tiles):
             order.take(tile, store.read_tile(tile))
@@ -198,7 +191,7 @@ def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ra
     missing = [tile for tile in range(store.tiles) if tile not in done]
     if limit is not None:
         missing = missing[: -(-limit // numbering.tile)]
-    notes = work.notes + damage_notes(store, missing)
+    notes = work.notes + damage_notes(faults, missing)
     for tile in sorted(done):
         order.take(tile, store.read_tile(tile))
     begun, new = time.monotonic(), 0
@@ -241,9 +234,8 @@ def rows_of(keep: Keep, samples: int) -> int:
     return 0 if keep == "summary" else min(keep, samples)
 
 
-def damage_notes(tiled: Tiled, missing: Sequence[int]) -> tuple[str, ...]:
+def damage_notes(faults: Mapping[int, str], missing: Sequence[int]) -> tuple[str, ...]:
     """Return a note on each damaged tile among those to compute."""
-    faults = tiled.faults()
     return tuple(
         f"Damaged tile {tile}, computed again: {faults[tile]}"
         for tile in missing
@@ -284,7 +276,7 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
     run = _Run(work, summary, reduced)
     if store.attributes["complete"]:
         summary.tiles = summary.stored_tiles()
-    done, rows = summary.done(), store.done()
+    (done, faults), (rows, row_faults) = summary.checked(), store.checked()
     whole = len(done) == summary.tiles and len(rows) == store.tiles
     if store.attributes["complete"] and whole:
         run.take(done)
@@ -292,14 +284,14 @@ def summarised(work: Work, store: Store, limit: int | None, tiles: Tiles | None)
         return Ran(store, run.estimates, run.samples, 0, 0.0, True, reached, work.notes)
     begun = time.monotonic()
     rows = [tile for tile in range(store.tiles) if tile not in rows]
-    notes = work.notes + damage_notes(store, rows)
+    notes = work.notes + damage_notes(row_faults, rows)
     left = _rows(work, store, rows, limit, tiles)
     run.take(done)
     missing = [tile for tile in range(summary.tiles) if tile not in done]
     if left is not None:
         # rounded up: a limit below one tile still computes one
         missing = missing[: -(-left // reduced.tile)]
-    notes += damage_notes(summary, missing)
+    notes += damage_notes(faults, missing)
     new, reached = 0, run.reached
     if not reached:
 

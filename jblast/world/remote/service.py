@@ -154,7 +154,8 @@ class Table:
         Args:
             world: The served world.
             patience_s: Maximum time that a client may keep the server waiting [s].
-            report_line: Receives a line for each client that is disconnected.
+            report_line: Receives a line for each client that is disconnected, and for
+                each blast that an entity does not receive.
         """
         self.world = world
         self.registry = Registry()
@@ -200,15 +201,16 @@ class Table:
     def drop(self, name: str, peer: str, why: str) -> None:
         """Disconnect a client, with a message; without a name up to `MAX_INVALID`."""
         self._joined.pop(name, None)
-        host = host_of(peer)
-        # Hosts can be many, too: beyond a thousand no new one is reported.
-        if not name and (host in self._invalid or len(self._invalid) < MAX_DROPPED):
-            self._invalid[host] += 1
-        if not name and not 1 <= self._invalid[host] <= MAX_INVALID:
-            self.registry.dropped_count += 1
-            return
-        if not name and self._invalid[host] == MAX_INVALID:
-            why += f" (more invalid messages of {host} are only counted)"
+        if not name:
+            host = host_of(peer)
+            # Hosts can be many, too: beyond a thousand no new one is reported.
+            if host in self._invalid or len(self._invalid) < MAX_DROPPED:
+                self._invalid[host] += 1
+            if not 1 <= self._invalid[host] <= MAX_INVALID:
+                self.registry.dropped_count += 1
+                return
+            if self._invalid[host] == MAX_INVALID:
+                why += f" (more invalid messages of {host} are only counted)"
         self.registry.drop(name, peer, why)
         who = f"{name!r} ({peer})" if name else peer
         self.report(f"dropped {who}: {why}")

@@ -19,6 +19,13 @@ c,60,peak_overpressure_pa,12000,600
 INTERVAL = "print(np.quantile"
 
 
+@pytest.fixture(autouse=True, scope="module")
+def default_promotion():
+    """Settings of JAX as users of the page have them; those of the tests are strict."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+
+
 @pytest.fixture(scope="module")
 def names(tmp_path_factory):
     """Names that the first two blocks of the page define."""

@@ -152,7 +152,7 @@ def test_a_damaged_tile_of_a_complete_study_is_named_and_computed_again(
     before = chunks(tmp_path / "store")
     for harm, message in DAMAGE.values():
         harm(tmp_path / "store" / "air_arrival_s" / "1.0")
-        with pytest.raises(InputError, match=rf"{message}.*\(tile 1\).*--resume"):
+        with pytest.raises(InputError, match=rf"{message}.*\(tile 1\); a resumed"):
             read_columns(str(tmp_path / "store"))
         with pytest.raises(InputError, match=rf"{message}.*\(tile 1\)"):
             merged([tmp_path / "store"], tmp_path / "out")
