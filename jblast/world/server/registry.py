@@ -183,10 +183,10 @@ def check_outside(charge: Charge, entities: Iterable["Entity"]) -> None:
     for entity in entities:
         knots = entity.position_m[None] if entity.path is None else entity.path[1]
         # The nearest point of each segment of the path.
-        ways = np.diff(knots, axis=0, append=knots[-1:])
-        square = np.maximum((ways**2).sum(1), np.finfo(float).tiny)
-        share = np.clip(((center - knots) * ways).sum(1) / square, 0.0, 1.0)
-        nearest_m = np.linalg.norm(knots + share[:, None] * ways - center, axis=1).min()
+        legs = np.diff(knots, axis=0, append=knots[-1:])
+        square = np.maximum((legs**2).sum(1), np.finfo(float).tiny)
+        share = np.clip(((center - knots) * legs).sum(1) / square, 0.0, 1.0)
+        nearest_m = np.linalg.norm(knots + share[:, None] * legs - center, axis=1).min()
         if not nearest_m > radius:
             raise InputError(
                 f"blast {shown(charge.name)} position_m: expected a position more than "

@@ -163,6 +163,10 @@ def test_a_damaged_tile_of_a_complete_study_is_named_and_computed_again(
         assert lost or ran.notes[-1].startswith("Damaged tile 1, computed again: ")
         assert chunks(tmp_path / "store") == before
     assert read_columns(str(tmp_path / "store")).samples == 2500
+    for tile in (0, 2):
+        flipped(tmp_path / "store" / "air_arrival_s" / f"{tile}.0")
+    with pytest.raises(InputError, match=r"\(tile 0, the first of 2\)"):
+        read_columns(str(tmp_path / "store"))
 
 
 def test_a_damaged_tile_of_statistics_is_named_and_computed_again(tmp_path, small):
