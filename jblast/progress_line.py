@@ -185,7 +185,10 @@ def printed_progress(verb: str) -> Iterator[None]:
     # A daemon does not keep the process alive after an error.
     ticking = threading.Thread(target=tick, daemon=True)
     ticking.start()
-    if sys.stderr.isatty():
+    # Replaced once only: calls in two threads may end in any order, and the second
+    # would restore the replacements of the first.
+    replaced = sys.stderr.isatty() and not isinstance(sys.stderr, _ClearingStream)
+    if replaced:
         sys.stdout, sys.stderr = (_ClearingStream(line, stream) for stream in streams)
     try:
         with heard_by(line):
@@ -193,7 +196,8 @@ def printed_progress(verb: str) -> Iterator[None]:
     finally:
         over.set()
         ticking.join()
-        sys.stdout, sys.stderr = streams
+        if replaced:
+            sys.stdout, sys.stderr = streams
         line.clear()
 
 

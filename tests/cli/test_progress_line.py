@@ -4,6 +4,7 @@ import inspect
 import io
 import subprocess
 import sys
+import threading
 from typing import Any, cast
 
 import jax
@@ -20,6 +21,7 @@ from jblast.progress_line import (
     Progress,
     ProgressLine,
     note_compilation,
+    printed_progress,
     reported,
 )
 
@@ -318,6 +320,27 @@ def test_without_the_argument_reports_go_to_the_listener_around_the_call():
         assert outer.reports == ["reading (1 of 2)", "fitting (2 of 2)"]
         work(progress=lambda words, share: None)
         assert len(outer.reports) == 2
+
+
+def test_lines_in_two_threads_leave_the_streams_as_they_were(monkeypatch):
+    terminal = Stream(terminal=True)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    before = sys.stdout
+    begun, may_end = threading.Event(), threading.Event()
+
+    def other():
+        with printed_progress("other"):
+            begun.set()
+            may_end.wait()
+
+    thread = threading.Thread(target=other)
+    with printed_progress("fit"):
+        thread.start()
+        begun.wait()
+    may_end.set()
+    thread.join()
+    assert sys.stderr is terminal
+    assert sys.stdout is before
 
 
 def test_another_progress_is_refused():
