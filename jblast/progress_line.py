@@ -21,7 +21,6 @@ from jblast.progress import Listener, heard_by
 
 P = ParamSpec("P")
 R = TypeVar("R")
-Stream = TextIO | io.TextIOBase
 Progress = bool | Callable[[str, float], object]
 """Argument `progress` of a function: True for lines on stderr, or a function that is
 called at each report with words and the finished share, 0 to 1."""
@@ -49,6 +48,23 @@ _COMPILING: dict[int, bool] = {}
 """Whether each thread compiles, by its identifier."""
 WIDTH = 79
 """Characters of the line: a terminal of 80 columns would wrap a longer one."""
+
+
+class _ClearingStream:
+    """A text stream that removes the progress line before it writes."""
+
+    def __init__(self, line: "ProgressLine", stream: TextIO | io.TextIOBase):
+        self._line, self._stream = line, stream
+
+    def write(self, text: str) -> int:
+        self._line.clear()
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+Stream = TextIO | io.TextIOBase | _ClearingStream
 
 
 def note_compilation(event: str, duration_secs: float, **kwargs: str | int) -> None:
@@ -253,20 +269,6 @@ def serve_line(line: str) -> None:
     """Write a line of `jblast serve` on stderr."""
     sys.stderr.write(f"jblast serve: {line}\n")
     sys.stderr.flush()
-
-
-class _ClearingStream:
-    """A text stream that removes the progress line before it writes."""
-
-    def __init__(self, line: ProgressLine, stream: Stream):
-        self._line, self._stream = line, stream
-
-    def write(self, text: str) -> int:
-        self._line.clear()
-        return self._stream.write(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
 
 
 def _time(seconds: float) -> str:

@@ -331,12 +331,12 @@ def test_lines_in_two_threads_leave_the_streams_as_they_were(monkeypatch):
     def other():
         with printed_progress("other"):
             begun.set()
-            may_end.wait()
+            may_end.wait(60.0)
 
     thread = threading.Thread(target=other)
     with printed_progress("fit"):
         thread.start()
-        begun.wait()
+        assert begun.wait(60.0)
     may_end.set()
     thread.join()
     assert sys.stderr is terminal
