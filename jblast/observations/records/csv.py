@@ -26,7 +26,7 @@ from codecs import getincrementaldecoder
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -365,12 +365,16 @@ def table_at(path: Path) -> Table:
     timed = any(time_factor(word_and_unit(names[c])[1]) for c in head.columns)
     clock = None if timed else _clock(head, names, stated, step)
     if clock is not None and (step or stated.time_unit):
-        if step and np.median(np.diff(head.values(clock))) == 1.0:
+        times = head.values(clock)
+        apart = float(np.median(np.diff(times))) if times.size > 1 else math.nan
+        if step and apart == 1.0:
             numbered = clock
         else:
-            where = f"{path}: line {header}, column {names[clock]}"
-            unit = stated.time_unit or _seconds(head.values(clock), step, where)
-            names[clock], timed = f"{names[clock]} ({unit})", True
+            if step and not stated.time_unit:
+                _check_apart(
+                    apart, step, f"{path}: line {header}, column {names[clock]}"
+                )
+            names[clock], timed = f"{names[clock]} ({stated.time_unit or 's'})", True
     step = None if timed else step
     if step is not None:
         notes += (f"times by the preamble: {step.step_s:.9g} s per sample",)
@@ -724,22 +728,13 @@ def _clock(
     return head.columns[0] if several and stated.time_unit and step is None else None
 
 
-def _seconds(
-    times: Float[np.ndarray, " row"], step: Step | None, where: str
-) -> Literal["s"]:
-    """Return the unit of times by the stated step.
-
-    Raises:
-        InputError: They are not apart by the step.
-    """
-    apart = float(np.median(np.diff(times))) if times.size > 1 else math.nan
-    if step is not None and abs(apart - step.step_s) <= STEP_TOLERANCE * step.step_s:
-        return "s"
-    stated = f"{step.step_s:.6g} s" if step else "a step"
-    raise InputError(
-        f"{where}: expected times {stated} apart, as the preamble states, got "
-        f"{apart:.6g}; add a unit to the name of the column"
-    )
+def _check_apart(apart: float, step: Step, where: str) -> None:
+    """Raise an error for times without a unit that are not apart by the stated step."""
+    if abs(apart - step.step_s) > STEP_TOLERANCE * step.step_s:
+        raise InputError(
+            f"{where}: expected times {step.step_s:.6g} s apart, as the preamble "
+            f"states, got {apart:.6g}; add a unit to the name of the column"
+        )
 
 
 def _decimal(path: Path, head: _Head) -> str:
