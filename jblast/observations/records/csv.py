@@ -597,12 +597,12 @@ def _key(cell: str) -> tuple[str | None, str, str]:
 
 
 def _is_entry(cells: list[str]) -> bool:
-    """Return True for a line of a preamble: a key and its value."""
+    """Return True for a line of a preamble: a key and its values."""
     kind, _, inline = _key(cells[0])
-    value = inline or "".join(cells[1:2])
+    values = [inline] if inline else [cell for cell in cells[1:] if cell]
     if kind in ("unit", "time_unit"):
-        return _is_unit(value)
-    return kind is not None and re.fullmatch(QUANTITY, value) is not None
+        return bool(values) and all(map(_is_unit, values))
+    return bool(kind and values and re.fullmatch(QUANTITY, values[0]))
 
 
 def _names(path: Path, head: _Head, stated: _Stated) -> tuple[list[str], int]:

@@ -86,6 +86,7 @@ def test_columns_of_something_else_are_left_out_and_named(tmp_path):
     [
         ("Sample Time (s),step,unit,P (kPa)", "step, unit"),
         ("time_s,dt,unit,kPa", "dt, unit"),
+        ("unit,time_s,x,kPa", "unit, x"),
         ("time_s,temperature_c,unit,CH2 (V)", "temperature_c, unit"),
         ("Time (s),T,state,P\n,degC,n/a,kPa", "T (degC), state (n/a)"),
     ],
