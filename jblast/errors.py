@@ -49,7 +49,7 @@ def shown(value: Any, width: int = 60) -> str:
 
 def foreign_digits(text: str) -> bool:
     """Return whether a text has digits other than 0 to 9, which `float` reads too."""
-    return re.search("(?![0-9])\\d", text) is not None
+    return not text.isascii() and re.search("(?![0-9])\\d", text) is not None
 
 
 def whole_number(text: str) -> int | None:

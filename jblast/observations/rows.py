@@ -308,7 +308,7 @@ class Rows(Fields):
         understood = [*self.found, *converted_columns(self), *held.understood, *timing]
         if self.skipped:
             understood.append(EmptySkipped(self.skipped))
-        wrapped = sum(_number(text) > 180.0 for text in self.text("lon_deg"))
+        wrapped = sum(_number(text) > 180.0 for text in self.texts.get("lon_deg", ()))
         if wrapped:
             understood.append(LongitudesWrapped(wrapped))
         whole = Observations(

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import FREE_BYTES, MAX_RATIO, InputError, needed, reading
+from jblast.errors import InputError, check_declared, needed, reading
 from jblast.observations.records.recording import Recording, Scaling, channel_names
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
@@ -57,7 +57,6 @@ def read_track(path: Path) -> Track:
             raise InputError(f"{path}: expected a clip with sound, got one without")
         sound = container.streams.audio[0]
         rate = sound.codec_context.sample_rate
-        limit = FREE_BYTES + MAX_RATIO * path.stat().st_size
         parts, length, first = [], 0, None
         for frame in container.decode(sound):
             values = _floats(frame)
@@ -73,8 +72,7 @@ def read_track(path: Path) -> Track:
                 )
             parts.append(values)
             length += values.shape[1]
-            if 4 * length * len(values) > limit:
-                raise InputError(f"{path}: declares more sound than it can contain")
+            check_declared(path, length * len(values) * values.itemsize)
         if first is None:
             raise InputError(f"{path}: expected a clip with sound, got no samples")
         codec = str(sound.codec_context.name)
@@ -125,7 +123,7 @@ def _floats(frame: Any) -> Float[np.ndarray, "channel sample"]:
     if not frame.format.is_planar:
         values = values.reshape(-1, frame.layout.nb_channels).T
     if values.dtype.kind == "u":  # 8 bits, with silence at 128
-        return ((values.astype(np.float32)) - 128.0) / 128.0
+        return (values.astype(np.float32) - 128.0) / 128.0
     if values.dtype.kind == "i":
         return values.astype(np.float32) / -float(np.iinfo(values.dtype).min)
     return values.astype(np.float32)

@@ -26,7 +26,7 @@ from codecs import getincrementaldecoder
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -93,10 +93,12 @@ RATE_UNITS = {
 }  # fmt: skip
 """Samples a second per unit of a sampling rate."""
 NUMBERED = ("sequence", "index", "sample", "number", "n", "no", "nr", "point")
-CLOCKS = (*NUMBERED, "time", "t", "x", "elapsed", "zeit", "second", "seconds")
+TIME_WORDS = ("time", "t", "x", "elapsed", "zeit", "second", "seconds")
 """First words of columns of numbered samples, and of times."""
 QUANTITY = r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?"
 """A number and its unit, if any."""
+THOUSANDS = r"(?<=[:=;\t])\s*[1-9]\d{0,2}(?:,\d{3})+(?![\d,])"
+"""A number of a preamble with commas between thousands: 10,000 Hz."""
 INFINITY = "\N{INFINITY}"
 """Sign of oscilloscopes for a sample beyond the range."""
 
@@ -244,7 +246,8 @@ def _numbers(
         for number, line in lines_of(path, table.encoding):
             if number >= table.first:
                 lines.append(number)
-                line = line.replace(INFINITY, "inf")
+                if not line.isascii():
+                    line = line.replace(INFINITY, "inf")
                 yield line.replace(",", ".") if table.decimal == "," else line
 
     try:
@@ -258,19 +261,21 @@ def _numbers(
             ndmin=2,
         ).T
     except ValueError:
-        raise _bad_cell(path, table, wanted) from None
+        raise _bad_cell(path, table, wanted, timed=timed) from None
     numbers = np.ascontiguousarray(numbers)
     samples = numbers[1:] if timed else numbers
     beyond = np.abs(samples) >= OVER_RANGE
     samples[beyond] = np.copysign(np.inf, samples[beyond])
     bad = np.isnan(numbers).any() or (timed and np.isinf(numbers[0]).any())
     if bad or not np.isfinite(samples).any(axis=1).all():
-        raise _bad_cell(path, table, wanted)
+        raise _bad_cell(path, table, wanted, timed=timed)
     return numbers, lines
 
 
-def _bad_cell(path: Path, table: Table, wanted: tuple[int, ...]) -> InputError:
-    """Return the error that names the first cell without a number."""
+def _bad_cell(
+    path: Path, table: Table, wanted: tuple[int, ...], *, timed: bool
+) -> InputError:
+    """Return the error that names the first cell without a number, or infinite time."""
     # a column without any number is probably not one of samples: a different advice
     filled: set[int] = set()
     for number, line in lines_of(path, table.encoding):
@@ -278,7 +283,9 @@ def _bad_cell(path: Path, table: Table, wanted: tuple[int, ...]) -> InputError:
             cells = cells_of(line, table.separator)
             there = [at for at in wanted if at < len(cells)]
             filled.update(
-                at for at in there if abs(_number(cells[at], table.decimal)) < math.inf
+                at
+                for at in there
+                if abs(_number(cells[at], table.decimal)) < OVER_RANGE
             )
     for at in wanted:
         if at not in filled:
@@ -296,7 +303,9 @@ def _bad_cell(path: Path, table: Table, wanted: tuple[int, ...]) -> InputError:
                 f"header, got {len(cells)}"
             )
         for at in wanted:
-            if math.isnan(_number(cells[at], table.decimal)):
+            number_there = _number(cells[at], table.decimal)
+            is_time = timed and at == wanted[0]
+            if math.isnan(number_there) or (is_time and math.isinf(number_there)):
                 got = shown(cells[at]) if cells[at] else "nothing"
                 return InputError(
                     f"{path}: line {number}, column {table.names[at]}: expected a "
@@ -343,10 +352,12 @@ def table_at(path: Path) -> Table:
     """
     encoding, notes = _encoding(path)
     head = _head(path, encoding)
-    preamble = _preamble(head)
+    decimal = _decimal(path, head)
+    preamble = _preamble(head, decimal)
     stated = _stated(preamble, head)
     for beginning, (of_times, of_values) in CONVENTIONS.items():
-        if any(cells[0].lower().startswith(beginning) for cells in preamble):
+        unstated = not (stated.time_unit or stated.alone or stated.units)
+        if unstated and any(row[0].lower().startswith(beginning) for row in preamble):
             stated = stated._replace(time_unit=of_times, alone=of_values)
             notes += (f"columns without a unit are read in {of_times} and {of_values}",)
     names, header = _names(path, head, stated)
@@ -354,12 +365,16 @@ def table_at(path: Path) -> Table:
     timed = any(time_factor(word_and_unit(names[c])[1]) for c in head.columns)
     clock = None if timed else _clock(head, names, stated, step)
     if clock is not None and (step or stated.time_unit):
-        if step and np.median(np.diff(head.values(clock))) == 1.0:
+        times = head.values(clock)
+        apart = float(np.median(np.diff(times))) if times.size > 1 else math.nan
+        if step and apart == 1.0:
             numbered = clock
         else:
-            where = f"{path}: line {header}, column {names[clock]}"
-            unit = stated.time_unit or _seconds(head.values(clock), step, where)
-            names[clock], timed = f"{names[clock]} ({unit})", True
+            if step and not stated.time_unit:
+                _check_apart(
+                    apart, step, f"{path}: line {header}, column {names[clock]}"
+                )
+            names[clock], timed = f"{names[clock]} ({stated.time_unit or 's'})", True
     step = None if timed else step
     if step is not None:
         notes += (f"times by the preamble: {step.step_s:.9g} s per sample",)
@@ -370,7 +385,7 @@ def table_at(path: Path) -> Table:
     return Table(
         names,
         head.separator,
-        _decimal(path, head),
+        decimal,
         header,
         head.rows[head.at][0],
         encoding,
@@ -411,7 +426,9 @@ def _head(path: Path, encoding: str) -> _Head:
     """
     rows: list[tuple[int, str]] = []
     comments: list[tuple[int, str]] = []
-    for number, line in islice(_filled(path, encoding), MAX_HEAD_LINES + RUN_ROWS):
+    for number, line in islice(
+        lines_of(path, encoding, comments=True), MAX_HEAD_LINES + RUN_ROWS
+    ):
         comment = line.lstrip().startswith("#")
         (comments if comment else rows).append((number, line))
     found = _run(rows, 2) or _run(rows, 1)
@@ -457,8 +474,8 @@ def _run(
                 cells[at - 1], cells[at], numeric, at, columns
             ):
                 at -= 1
-            # the right separator leaves the least text
-            others = sum(len(cell) for cell in cells[at] if _is_text(cell, mark))
+            # the right separator leaves the fewest fields of text
+            others = sum(bool(cell) and _is_text(cell, mark) for cell in cells[at])
             fewest = (at, others, -len(cells[at]), order)
             found.append((fewest, separator, tuple(sorted(columns))))
             break
@@ -483,11 +500,12 @@ def _may_be_samples(
     return bool(some) and len(above) == len(row) and not words
 
 
-def _preamble(head: _Head) -> list[list[str]]:
+def _preamble(head: _Head, decimal: str) -> list[list[str]]:
     """Return the fields of the lines above the samples, and of those left of them."""
-    lines = [line for _, line in [*head.rows[: head.at], *head.comments]]
     fields = []
-    for line in lines:
+    for _, line in [*head.rows[: head.at], *head.comments]:
+        if decimal == ".":
+            line = re.sub(THOUSANDS, lambda found: found[0].replace(",", ""), line)
         separators = [s for s in (head.separator, ";", "\t", ",") if s and s in line]
         fields.append(cells_of(line, separators[0]) if separators else [line.strip()])
     if head.columns[0]:
@@ -529,49 +547,39 @@ class _Stated(NamedTuple):
 def _stated(preamble: list[list[str]], head: _Head) -> _Stated:
     """Return step, start and units of a preamble."""
     stated = _Stated({}, "", {}, "")
-    for row, cells in enumerate(preamble):
+    for cells, below in zip(preamble, [*preamble[1:], []], strict=False):
         for at, cell in enumerate(cells):
             kind, unit, inline = _key(cell)
             right = [inline] if inline else cells[at + 1 :]
             filled = [text for text in right if text]
-            if kind == "time_unit" and filled and time_factor(filled[0]):
-                stated = stated._replace(time_unit=filled[0])
-            elif kind == "unit" and filled:
+            if kind == "time_unit":
+                if filled and time_factor(filled[0]):
+                    stated = stated._replace(time_unit=filled[0])
+            elif kind == "unit":
+                # within a line it is the name of a column
+                if at or not any(map(_is_unit, filled)):
+                    continue
                 # one unit for each column, or units below the names
-                one_each = len(filled) == len(head.columns) > 1
-                places = (
-                    head.columns if one_each else range(at + 1, at + 1 + len(right))
-                )
-                units = {
-                    c: text
-                    for c, text in zip(
-                        places, filled if one_each else right, strict=True
-                    )
-                    if text
-                }
+                columns, units = range(1, 1 + len(right)), right
+                if len(filled) == len(head.columns) > 1:
+                    columns, units = head.columns, filled
+                of = {c: one for c, one in zip(columns, units, strict=True) if one}
                 alone = filled[0] if len(set(filled)) == 1 else ""
-                stated = stated._replace(units=units, alone=alone)
-            elif kind in ("step", "rate", "start") and kind not in stated.numbers:
-                below = (
-                    preamble[row + 1][at : at + 1] if row + 1 < len(preamble) else []
-                )
-                for nth, text in enumerate([*filled[:1], *below]):
-                    number = re.fullmatch(QUANTITY, text)
-                    if number is None:
-                        continue
-                    own = number[2] or unit
-                    # the unit may be a field of its own
-                    if (
-                        not own
-                        and nth == 0
-                        and len(filled) > 1
-                        and time_factor(filled[1])
-                    ):
-                        own = filled[1]
-                    value = float(number[1].replace(",", "."))
-                    stated.numbers[kind] = value, own
-                    break
+                stated = stated._replace(units=of, alone=alone)
+            elif kind and kind not in stated.numbers:
+                # the unit may be a field of its own
+                beside = " ".join([*filled[:1], *filter(_is_clock_unit, filled[1:2])])
+                for text in (beside, *below[at : at + 1]):
+                    if number := re.fullmatch(QUANTITY, text):
+                        value = float(number[1].replace(",", "."))
+                        stated.numbers[kind] = value, number[2] or unit
+                        break
     return stated
+
+
+def _is_clock_unit(text: str) -> bool:
+    """Return True for a unit of time or of a sampling rate."""
+    return bool(time_factor(text) or RATE_UNITS.get(plain_unit(text)))
 
 
 def _key(cell: str) -> tuple[str | None, str, str]:
@@ -588,6 +596,15 @@ def _key(cell: str) -> tuple[str | None, str, str]:
     return KIND_OF.get(spelt(word)), unit, value.rstrip(":").strip()
 
 
+def _is_entry(cells: list[str]) -> bool:
+    """Return True for a line of a preamble: a key and its values."""
+    kind, _, inline = _key(cells[0])
+    values = [inline] if inline else [cell for cell in cells[1:] if cell]
+    if kind in ("unit", "time_unit"):
+        return bool(values) and all(map(_is_unit, values))
+    return bool(kind and values and re.fullmatch(QUANTITY, values[0]))
+
+
 def _names(path: Path, head: _Head, stated: _Stated) -> tuple[list[str], int]:
     """Return the names of all columns, with units of a row of units, and their line.
 
@@ -601,13 +618,20 @@ def _names(path: Path, head: _Head, stated: _Stated) -> tuple[list[str], int]:
     above = [at for at in range(head.at) if re.search(r"[^\W\d_]", head.rows[at][1])]
     near = {}
     for at in above[-2:]:
-        fields = _trimmed([cell for cell in head.cells(at) if not _key(cell)[0]])
+        line = head.cells(at)
+        # keys above no field of a sample are of the preamble, not names
+        fields = _trimmed(
+            [
+                "" if _key(cell)[0] and not any(cells[c : c + 1]) else cell
+                for c, cell in enumerate(line)
+            ]
+        )
         while len(fields) > max(widths) and fields[-1].lower() in IGNORED:
             fields = fields[:-1]
-        if not _key(head.cells(at)[0])[0] and len(fields) in widths:
+        if not _is_entry(line) and len(fields) in widths:
             near[at] = fields
-        elif _is_units_row(head.cells(at)[: widths[1]]):
-            near[at] = head.cells(at)[: widths[1]]
+        elif _is_units_row(line[: widths[1]]):
+            near[at] = line[: widths[1]]
     units = [at for at in near if len(near) > 1 and _is_units_row(near[at])]
     named = [at for at in near if at not in units]
     if named and not units and named[-1] != above[-1]:
@@ -617,7 +641,7 @@ def _names(path: Path, head: _Head, stated: _Stated) -> tuple[list[str], int]:
         if len(named) > 1 and any(not _is_text(name, ",") for name in names[1:]):
             raise InputError(
                 f"{path}: line {header}: expected numbers as in line {first}, got "
-                f"{shown(head.rows[named[-1]][1])}"
+                f"{shown(head.rows[named[-1]][1].strip())}"
             )
     else:
         names, header = [], first
@@ -656,13 +680,9 @@ def _trimmed(cells: Sequence[str]) -> list[str]:
 
 def _is_units_row(cells: Sequence[str]) -> bool:
     """Return True if a row consists of units: a known one, and no names."""
-    known = [_is_unit(cell.strip("()[] ")) for cell in cells]
-    others = [
-        cell
-        for cell, is_unit in zip(cells, known, strict=True)
-        if cell and not is_unit and cell[0] not in "([-" and spelt(cell) not in NUMBERED
-    ]
-    return sum(known) > 1 or (any(known) and not others)
+    bare = [cell.strip("()[] ") for cell in cells]
+    names = (x for x in bare if spelt(x) in TIME_WORDS or word_and_unit(x)[0] != x)
+    return any(map(_is_unit, bare)) and all(map(_is_unit, names))
 
 
 def _is_unit(text: str) -> bool:
@@ -694,7 +714,7 @@ def _clock(
     """Return the column of times or numbers: by its name, or by its values."""
     for at in head.columns:
         word = spelt(word_and_unit(names[at])[0])
-        if word in CLOCKS or word.split("_")[0] in CLOCKS:
+        if {word, word.split("_")[0]} & {*NUMBERED, *TIME_WORDS}:
             return at
     several = len(head.columns) > 1
     if several and step is not None:
@@ -708,22 +728,13 @@ def _clock(
     return head.columns[0] if several and stated.time_unit and step is None else None
 
 
-def _seconds(
-    times: Float[np.ndarray, " row"], step: Step | None, where: str
-) -> Literal["s"]:
-    """Return the unit of times by the stated step.
-
-    Raises:
-        InputError: They are not apart by the step.
-    """
-    apart = float(np.median(np.diff(times))) if times.size > 1 else math.nan
-    if step is not None and abs(apart - step.step_s) <= STEP_TOLERANCE * step.step_s:
-        return "s"
-    stated = f"{step.step_s:.6g} s" if step else "a step"
-    raise InputError(
-        f"{where}: expected times {stated} apart, as the preamble states, got "
-        f"{apart:.6g}; add a unit to the name of the column"
-    )
+def _check_apart(apart: float, step: Step, where: str) -> None:
+    """Raise an error for times without a unit that are not apart by the stated step."""
+    if abs(apart - step.step_s) > STEP_TOLERANCE * step.step_s:
+        raise InputError(
+            f"{where}: expected times {step.step_s:.6g} s apart, as the preamble "
+            f"states, got {apart:.6g}; add a unit to the name of the column"
+        )
 
 
 def _decimal(path: Path, head: _Head) -> str:
@@ -748,21 +759,17 @@ def _decimal(path: Path, head: _Head) -> str:
     return marks.pop() if marks else "."
 
 
-def _filled(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    """Yield the lines that are not empty, numbered from 1."""
+def lines_of(
+    path: Path, encoding: str, *, comments: bool = False
+) -> Iterator[tuple[int, str]]:
+    """Yield the lines that are not empty, numbered from 1, without comments or with."""
     # a faulty byte makes a cell that is no number, and is reported with its line
     with path.open(encoding=encoding, errors="replace", newline=None) as file:
         for number, line in enumerate(file, start=1):
-            if line.strip():
-                # a blank in front may separate columns
-                yield number, line.rstrip("\n")
-
-
-def lines_of(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    """Yield the lines that are neither empty nor comments, numbered from 1."""
-    for number, line in _filled(path, encoding):
-        if not line.lstrip().startswith("#"):
-            yield number, line
+            # a blank in front may separate columns
+            text = line.lstrip()
+            if text and (comments or text[0] != "#"):
+                yield number, line
 
 
 def cells_of(line: str, separator: str | None) -> list[str]:

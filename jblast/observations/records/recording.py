@@ -327,19 +327,15 @@ def recordings_of(
     Raises:
         InputError: One contains volts without a sensitivity, or no pressure.
     """
+    aliases = channel_names(path.stem, sum(piece.channels for piece in pieces))
     # channels of one array have no names of their own
-    alone = len(pieces) == 1
+    named = len(pieces) > 1 and all(piece.name for piece in pieces)
     words = [
-        ""
-        if alone
-        else piece.name
-        if piece.channels == 1 or not piece.name
-        else f"{piece.name}.{n + 1}"
+        f"{piece.name}.{n + 1}" if piece.channels > 1 else piece.name
         for piece in pieces
         for n in range(piece.channels)
     ]
-    names = named_channels(path.stem, words)
-    aliases = channel_names(path.stem, len(words))
+    names = named_channels(path.stem, words) if named else aliases
     recordings, first = [], 0
     for piece in pieces:
         last = first + piece.channels
@@ -714,33 +710,28 @@ def without_unset_clocks(recordings: Iterable[Recording]) -> tuple[Recording, ..
     Their times count from the first of their samples.
     """
     recordings = tuple(recordings)
-    starts = [
-        None
-        if one.epoch is None
-        else one.epoch + timedelta(seconds=math.floor(one.start_s))
+    begins = [
+        one.epoch and one.epoch + timedelta(seconds=math.floor(one.start_s))
         for one in recordings
     ]
     unset = [
-        at is not None
-        and any(0 <= (at - zero).total_seconds() < UNSET_S for zero in ZEROS)
-        for at in starts
+        at
+        for at in begins
+        if at and any(0 <= (at - zero).total_seconds() < UNSET_S for zero in ZEROS)
     ]
-    begin = min(
-        (at for at, flag in zip(starts, unset, strict=True) if flag and at),
-        default=START,
-    )
     return tuple(
         replace(
             one,
             epoch=None,
-            start_s=(one.epoch - begin).total_seconds() + one.start_s,
+            start_s=(one.epoch - min(unset)).total_seconds() + one.start_s,
             clock_is_set=False,
             notes=(
                 *one.notes,
-                f"no time of day, as its clock was not set: it begins in {begin.year}",
+                "no time of day, as its clock was not set: it begins in "
+                f"{min(unset).year}",
             ),
         )
-        if flag and one.epoch is not None
+        if one.epoch and begin in unset
         else one
-        for one, flag in zip(recordings, unset, strict=True)
+        for one, begin in zip(recordings, begins, strict=True)
     )

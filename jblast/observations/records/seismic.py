@@ -52,6 +52,11 @@ GROUND = {
     "N": "ground acceleration", "P": "ground velocity", "S": "strain",
 }  # fmt: skip
 """Quantities by the second letter of a SEED channel code; D is pressure."""
+HEADER = re.compile(rb"[0-9 \0]{6}[DRQM][ \0]")
+"""First bytes of a record of data. Control headers of full SEED, and blank or zero
+records, are skipped."""
+LEAST_BYTES = 128
+"""Smallest size of a record; sizes are powers of 2."""
 LEAST_TIME_S = 1e-4
 """Precision of the start times of records without microseconds [s]."""
 MAX_RATE_OFFSET = 1e-3
@@ -126,6 +131,13 @@ def open_seismic(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
         raise InputError(f"{path}: expected samples, got none")
     stats = {trace.id: trace.stats for trace in headers}
     names, others = _of_pressure(path, list(held))
+    for trace in headers:
+        rate, other = stats[trace.id].sampling_rate, trace.stats.sampling_rate
+        if trace.id in names and abs(other / rate - 1.0) > MAX_RATE_OFFSET:
+            raise InputError(
+                f"{path}: trace {trace.id}: expected one sampling rate, got {other:g} "
+                f"and {rate:g} Hz; cut the record there"
+            )
     notes += [
         f"trace {name}: its header's factor of {stats[name].calib:g} is not applied"
         for name in names
@@ -164,10 +176,11 @@ def _records(
     packed: dict[str, dict[tuple[int, bytes], int]] = defaultdict(dict)
     # ObsPy reads the first record again in a file whose size is not a multiple of 128,
     # or where no record begins
-    stream, at, twice = BytesIO(data + bytes(-len(data) % 128)), 0, 0
+    stream, at, twice = BytesIO(data + bytes(-len(data) % LEAST_BYTES)), 0, 0
     while at < len(data):
-        if data[at + 6 : at + 7] not in (b"D", b"R", b"Q", b"M"):
-            raise ValueError(f"no record of data begins at byte {at:,}")
+        if not HEADER.match(data, at):
+            at += LEAST_BYTES
+            continue
         info = get_record_information(stream, offset=at)
         end = at + info["record_length"]
         if end > len(data):

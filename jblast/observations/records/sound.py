@@ -16,7 +16,7 @@ import mmap
 import os
 import struct
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -261,7 +261,8 @@ def open_sound(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     factor = 1.0 if scaling.full_scale_pa is None else scaling.full_scale_pa
 
     def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
-        with opened_sound(path) as (file, _, _):
+        # without the checks of the whole file, which decode a damaged one
+        with _opened(path) as (file, _):
             file.seek(start)
             samples = file.read(stop - start, dtype="float64", always_2d=True)
         return factor * samples.T
@@ -302,8 +303,7 @@ def opened_sound(
     if not os.access(path, os.R_OK):
         raise InputError(f"{path}: may not be read; {EXPECTED}")
     try:
-        sizes = _sizes(path)
-        with _sized(path, sizes.unset) as source, soundfile.SoundFile(source) as file:
+        with _opened(path) as (file, sizes):
             check_kind(path, file.format, file.subtype, file.channels)
             length, notes = file.frames, ()
             if sizes.unset:
@@ -425,11 +425,11 @@ class _Sizes(NamedTuple):
 
     Attributes:
         missing: Smallest number of bytes missing at the end of the file.
-        unset: Positions of sizes that were never written, and the right bytes.
+        unset: Position of a size that was never written, and the right bytes.
     """
 
     missing: int
-    unset: tuple[tuple[int, bytes], ...]
+    unset: tuple[int, bytes] | None = None
 
 
 def _sizes(path: Path) -> _Sizes:
@@ -443,7 +443,7 @@ def _sizes(path: Path) -> _Sizes:
     with path.open("rb") as file:
         head = file.read(12)
         if not head.startswith((b"RIFF", b"RF64")) or len(head) < 12:
-            return _Sizes(0, ())
+            return _Sizes(0)
         whole = 8 + struct.unpack("<I", head[4:8])[0]
         long_size, long_at = STREAMED, 0
         while len(head := file.read(8)) == 8:
@@ -466,29 +466,31 @@ def _sizes(path: Path) -> _Sizes:
                         fix = long_at + 8, struct.pack("<Q", there - at)
                     else:
                         fix = at - 4, struct.pack("<I", min(there - at, STREAMED))
-                    return _Sizes(0, (fix,))
+                    return _Sizes(0, fix)
                 stated = 0 if size == STREAMED else at + size
-                return _Sizes(max(stated - there, 0), ())
+                return _Sizes(max(stated - there, 0))
             # chunks begin at even positions
             file.seek(size + size % 2, 1)
     # the file ends before the header of its samples
-    return _Sizes(8 - len(head), ())
+    return _Sizes(8 - len(head))
 
 
 @contextmanager
-def _sized(path: Path, unset: tuple[tuple[int, bytes], ...]) -> Iterator[Any]:
-    """Yield a file to open: the path, or its content with other sizes."""
-    if not unset:
-        yield path
-        return
-    with (
-        path.open("rb") as file,
-        # a copy of the pages that are changed, not of the file
-        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY) as content,
-    ):
-        for at, octets in unset:
-            content[at : at + len(octets)] = octets
-        yield content
+def _opened(path: Path) -> Iterator[tuple["soundfile.SoundFile", _Sizes]]:
+    """Open a sound file with the sizes of the file in its header, and yield both."""
+    import soundfile
+
+    sizes = _sizes(path)
+    with ExitStack() as stack:
+        source: Any = path
+        if sizes.unset:
+            file = stack.enter_context(path.open("rb"))
+            # a copy of the pages that are changed, not of the file
+            source = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
+            stack.enter_context(source)
+            at, octets = sizes.unset
+            source[at : at + len(octets)] = octets
+        yield stack.enter_context(soundfile.SoundFile(source)), sizes
 
 
 def _intact(path: Path, frames: int) -> int:

@@ -97,11 +97,10 @@ def read_stations(
             + (f"{shown(sensors[row])} twice" if sensors[row] else "nothing")
         ),
     )
-    on_earth = places_in_degrees(rows) if set(DEGREES) & set(table.header) else None
-    if on_earth is None:
-        axes, frame = [rows.number(name, optional=False) for name in PLACE], None
-    else:
-        axes, frame = on_earth[0].T, on_earth[1]
+    axes, frame = [rows.number(name, optional=False) for name in PLACE], None
+    if set(DEGREES) & set(table.header):
+        if on_earth := places_in_degrees(rows):
+            axes, frame = on_earth[0].T, on_earth[1]
         given = rows.texts["lat_deg"]
         rows.refuse(
             [not x for x in given], "lat_deg", lambda _: "a number, got nothing"

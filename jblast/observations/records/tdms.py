@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, needed, shown
 from jblast.observations.records.recording import (
+    BILLION,
     NO_UNIT_WORDS,
     Piece,
     Recording,
@@ -57,7 +58,7 @@ def open_tdms(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
                 # LabVIEW writes channels without samples, too
                 if len(channel)
             ]
-            # npTDMS returns raw numbers if it does not know a scale, with a warning
+            # npTDMS returns raw numbers if it does not know a scale, and warns once
             faults: dict[str, str] = {}
             for channel in channels:
                 with warned() as warnings:
@@ -165,10 +166,10 @@ def _clock(path: Path, group: Any, channel: Any) -> SampleClock:
         if np.issubdtype(other.dtype, np.datetime64):
             stamps = other[:].astype("datetime64[ns]").astype(np.int64)
             epoch, first = epoch_and_start(int(stamps[0]))
-            start, rate = even_clock((stamps - stamps[0]) / 1e9, place)
+            start, rate = even_clock((stamps - stamps[0]) / BILLION, place)
             return SampleClock(first + start, rate, epoch)
         seconds = time_factor(_unit(other))
-        if seconds is not None and _unit(other):
+        if seconds is not None:
             times = seconds * np.asarray(other[:], np.float64)
             return SampleClock(*even_clock(times, place))
     got = f"{clocks[0].name} without a unit" if clocks else "neither"

@@ -150,7 +150,8 @@ class _Reading:
         self.quieter: dict[str, int] = {}
         self.refused: list[InputError] = []
         self.epoch: datetime | None = None
-        self._first: Recording | None = None
+        # source of the first recording, and whether its clock was set
+        self._first: tuple[str, bool] | None = None
 
     def __iter__(self) -> Iterator[PressureRecord]:
         """Yield intervals with a signal, those of a channel in order of time."""
@@ -200,8 +201,9 @@ class _Reading:
         """
         recording = started(recording, self.stations, later_s)
         if self._first is None:
-            self._first, self.epoch = recording, recording.epoch
-        first = self._first
+            self.epoch = recording.epoch
+            self._first = recording.source, recording.clock_is_set
+        first, first_is_set = self._first
         remedy = (
             "add the time of the first sample of each file without one to column "
             "start_utc of the table of stations, or pick the files separately"
@@ -213,17 +215,17 @@ class _Reading:
             unset = "" if recording.clock_is_set else ", as its clock was not set"
             raise InputError(
                 f"{recording.source}: expected a start at {other}, as in "
-                f"{first.source}, got {one}{unset}; {remedy}"
+                f"{first}, got {one}{unset}; {remedy}"
             )
         own_clock = all(
             name in self.stations and self.stations[name].clock
             for name in recording.names
         )
-        if recording.source != first.source and not (
-            own_clock or (recording.clock_is_set and first.clock_is_set)
+        if recording.source != first and not (
+            own_clock or (recording.clock_is_set and first_is_set)
         ):
             raise InputError(
-                f"{recording.source}: expected a start on the clock of {first.source}, "
+                f"{recording.source}: expected a start on the clock of {first}, "
                 f"got a clock that was not set; {remedy}, or name the clock of each "
                 "recorder in column clock"
             )

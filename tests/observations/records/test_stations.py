@@ -108,6 +108,9 @@ def test_all_faults_of_a_table_are_in_one_message(tmp_path):
         "line 3, column start_utc: expected a day, a time and a zone",
     ):
         assert said in message
+    text = "sensor,lat_deg,lon_deg,alt_m\na,,,\n"
+    with pytest.raises(InputError, match="column lat_deg: expected a number, got no"):
+        read_stations(table(tmp_path, text))
     text = "sensor,east_m,north,up_m,foo\na,1,2,3,4\n"
     with pytest.raises(InputError, match=r"column 'north'.*, 'foo'.*missing column n"):
         read_stations(table(tmp_path, text))

@@ -81,6 +81,29 @@ def test_columns_of_something_else_are_left_out_and_named(tmp_path):
     assert recording.notes == ("columns left out, not pressure: temperature_c",)
 
 
+@pytest.mark.parametrize(
+    ("head", "others"),
+    [
+        ("Sample Time (s),step,unit,P (kPa)", "step, unit"),
+        ("time_s,dt,unit,kPa", "dt, unit"),
+        ("unit,time_s,x,kPa", "unit, x"),
+        ("time_s,temperature_c,unit,CH2 (V)", "temperature_c, unit"),
+        ("Time (s),T,state,P\n,degC,n/a,kPa", "T (degC), state (n/a)"),
+    ],
+)
+def test_columns_named_as_keys_of_a_preamble_are_columns(tmp_path, head, others):
+    body = head + "\n0,20,on,5\n1,20,,6\n"
+    (recording,) = open_record(text(tmp_path, body), Scaling(sensitivity=1e3))
+    np.testing.assert_array_equal(recording.samples(0, 2), [[5e3, 6e3]])
+    assert recording.notes == (f"columns left out, not pressure: {others}",)
+
+
+def test_a_blank_within_a_remark_separates_no_columns(tmp_path):
+    body = "time_s\tnote\tp_pa\n0\ta b\t5\n1\t\t6\n"
+    (recording,) = open_record(text(tmp_path, body))
+    np.testing.assert_array_equal(recording.samples(0, 2), [[5.0, 6.0]])
+
+
 def test_times_of_few_digits_give_the_rate_that_all_of_them_tell(tmp_path):
     rows = "".join(f"{k / 44100:.6f},{k}\n" for k in range(4410))
     (recording,) = open_record(text(tmp_path, "time_s,pressure_pa\n" + rows))
@@ -97,6 +120,7 @@ HEAD = "time_s,pressure_kpa\n"
         (HEAD + "0,1\n0.1,2\n0.05,3\n", "line 4, column time_s: expected a time after"),
         (HEAD + "0,1\n0.1,2\n0.2,3\n0.6,3\n", "line 5.* a gap of 0.4 s after 0.2 s"),
         (HEAD + "0,1\n# cut\n0.1,\n0.2,3\n", "line 4, column pressure_kpa.*nothing"),
+        (HEAD + "0,1\ninf,2\n0.2,3\n", "line 3, column time_s: .*'inf'"),
         (HEAD + "0,1\n0.1,nan\n0.2,3\n", "line 3, column pressure_kpa.*'nan'"),
         (HEAD + "0,nan\n0.1,nan\n", "column pressure_kpa: .* no finite number"),
         (HEAD + "0,\n0.1,\n", "column pressure_kpa: .* no finite number; remove"),

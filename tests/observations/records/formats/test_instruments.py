@@ -173,6 +173,15 @@ def test_samples_beyond_the_range_are_clipped(tmp_path):
     assert "4 samples beyond the range of the recorder" in clipped.notes
 
 
+@pytest.mark.parametrize(
+    "rate", ["Sample Rate,10,kHz", "# Sample rate: 10,000 Hz", "fs (kHz),10,10"]
+)
+def test_the_unit_of_a_rate_and_its_thousands_are_read(tmp_path, rate):
+    path = tmp_path / "gate.csv"
+    path.write_text(f"{rate}\nn,p_pa,q_pa\n0,1,2\n1,2,3\n2,3,4\n")
+    assert open_record(path)[0].rate_hz == 1e4
+
+
 STEPPED = "Sample interval,0.1\n"
 
 

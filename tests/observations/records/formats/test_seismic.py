@@ -103,6 +103,19 @@ def test_a_file_that_ends_within_a_record_is_read_up_to_it(tmp_path):
     assert found.notes == ("cut short: the last 1,000 bytes are no record",)
 
 
+def test_blank_records_and_control_headers_are_skipped(tmp_path):
+    one, two, *_ = parts()
+    control, blank = b"000002A ".ljust(4096), b"000003 ".ljust(512)
+    (found,) = opened(tmp_path, one, control, blank, two, bytes(600))
+    np.testing.assert_array_equal(found.samples(0, 1000)[0], SAMPLES[:1000])
+    assert found.notes == ()
+
+
+def test_a_channel_of_two_rates_is_refused(tmp_path):
+    with pytest.raises(InputError, match="one sampling rate, got 100 and 200 Hz"):
+        opened(tmp_path, parts()[0], packed(SAMPLES[:500], 5.0, rate=2 * RATE))
+
+
 def test_ground_channels_are_left_out_by_their_code(tmp_path):
     ground = packed(SAMPLES[:500] + 7, channel="EHZ")
     (found,) = opened(tmp_path, ground, *parts())
