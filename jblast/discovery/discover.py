@@ -170,10 +170,8 @@ class Discovery:
             could replace it (`exchangeable_terms`).
         start: Smoothed states at the first row.
         judged: Tests of each equation.
-        growth_s: Mean time in which an error of the integrated equations grows tenfold
-            along the record [s]; infinite if it does not.
-        growing: Rows at which an error has grown tenfold since the last of them, by the
-            equations along the record (`restarts`).
+        growing_s: Times since the first row at which an error has grown tenfold since
+            the last of them, by the equations along the record (`restarts`) [s].
         segments: Number of segments, each held out once.
     """
 
@@ -189,9 +187,13 @@ class Discovery:
     exchangeable: tuple[tuple[tuple[str, str], ...], ...]
     start: Float[np.ndarray, " state"]
     judged: tuple[Judgement, ...]
-    growth_s: float = np.inf
-    growing: tuple[int, ...] = ()
+    growing_s: tuple[float, ...] = ()
     segments: int = SEGMENTS
+
+    @property
+    def growth_s(self) -> float:
+        """Mean time in which an error grows tenfold [s]; infinite if it does not."""
+        return self.growing_s[-1] / len(self.growing_s) if self.growing_s else np.inf
 
     def terms(self, state: int) -> tuple[str, ...]:
         """Return the names of the terms of an equation."""
@@ -221,6 +223,8 @@ def replay(
         noise: Whether the states have the estimated noise, which is then subtracted.
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
+    # by times, as these rows need not be those of the search
+    rows = np.unique(np.searchsorted(time_s - time_s[0], discovery.growing_s))
     own, off, nearest = reproducing_trajectory(
         discovery.candidates.evaluate,
         discovery.coefficients,
@@ -229,7 +233,7 @@ def replay(
         states,
         inputs,
         noise * discovery.noise_sd,
-        discovery.growing,
+        rows[rows <= len(time_s) - MIN_ROWS].tolist(),
         held=held,
     )
     return Replay(own, off, tuple((off <= CLOSE).tolist()), nearest)
@@ -368,13 +372,11 @@ def discover_in(
     # The whole record is a trajectory of the equations, yet a fifth of it is not
     # predicted from the remaining rows if these do not constrain a coefficient there,
     # as after a decay. Shorter segments then test the equations.
-    windows = (record.windows.centre[-1] - record.windows.centre[0]) / (
-        record.windows.half
-    )
+    half_widths = np.ptp(record.windows.centre) / record.windows.half
     while (
         sure.reproduced
         and not np.all(skill >= MIN_SKILL)
-        and 2 * segments <= windows / MIN_SEGMENT
+        and 2 * segments * MIN_SEGMENT <= half_widths
     ):
         segments *= 2
         skill = held_out_skill(record, candidates, find, segments)
@@ -405,8 +407,7 @@ def discover_in(
             Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])
             for state in range(len(states))
         ),
-        float(np.mean(np.diff(record.time_s[[0, *growing]]))) if growing else np.inf,
-        tuple(growing),
+        tuple((record.time_s[growing] - record.time_s[0]).tolist()),
         segments,
     )
 

@@ -53,9 +53,9 @@ def understood_words(found: Understood) -> str:
 def _(found: table.Dialect) -> str:
     parts = []
     if found.separator:
-        named_one = found.separator in ("semicolon", "tab")
-        separator = f"{found.separator}s" if named_one else repr(found.separator)
-        parts.append(f"fields separated by {separator}")
+        plural = f"{found.separator}s"
+        by = plural if plural in ("semicolons", "tabs") else repr(found.separator)
+        parts.append(f"fields separated by {by}")
     if found.encoding:
         parts.append(found.encoding)
     if found.sheet:

@@ -248,21 +248,24 @@ def _answers(answers: Sequence[ShotAnswer]) -> Table:
 
 
 def _recovery(flight: dict[str, Any]) -> Table:
-    keys = ("peak_deviation_m", "peak_time_s", "recovery_time_s")
-    keys += ("peak_overpressure_pa",)
+    columns = {
+        "Peak deviation": "peak_deviation_m",
+        "Time of peak": "peak_time_s",
+        "Recovery time": "recovery_time_s",
+        "Peak overpressure": "peak_overpressure_pa",
+    }
     rows = [
         [
             capitalised(name.replace("_", " ")),
             *(
                 "-" if of[key] is None else printed_number(key, of[key], 3)
-                for key in keys
+                for key in columns.values()
             ),
             "yes" if of["flies_on"] else "no",
         ]
         for name, of in flight["holds"].items()
     ]
-    head = ["Controller", "Peak deviation", "Time of peak", "Recovery time"]
-    head += ["Peak overpressure", "Flies on"]
+    head = ["Controller", *columns, "Flies on"]
     tolerance = printed_number("tolerance_m", flight["tolerance_m"])
     lines = [
         "Times are measured from the first arrival at the vehicle. A dash means that "

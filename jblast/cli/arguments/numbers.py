@@ -203,9 +203,9 @@ def _evenly_in_ln(word: str, one: Callable[[str], float]) -> list[float]:
         )
     low, high = (one(part) for part in parts[:2])
     if not low < high:
+        turned = f"; write {parts[1]}:{parts[0]}:{parts[2]}" if high < low else ""
         raise ArgumentTypeError(
-            f"expected FROM:TO:COUNT with FROM below TO, got {shown(word)}; write "
-            f"{parts[1]}:{parts[0]}:{parts[2]}"
+            f"expected FROM:TO:COUNT with FROM below TO, got {shown(word)}{turned}"
         )
     # Peak, impulse and arrival are nearly powers of the range: equal ratios resolve
     # their curves evenly.

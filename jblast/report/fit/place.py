@@ -66,7 +66,7 @@ def earth_lines(fit: Fit) -> list[str]:
     earth = on_earth(fit)
     for shot, charge in enumerate(fit.scene.charges):
         found = earth.charges_on_earth[shot]
-        named = f"{charge.name}: it" if charge.name else "It"
+        named = f"{charge.name}: it" if charge.name else "The charge"
         why = "if the clocks agree" if rests_on_clocks(fit, shot) else "as given"
         parts = [f"{named} was at {_place(found.place, why)}"] if found.place else []
         if found.origin_time_utc:
@@ -425,23 +425,26 @@ def _stations(fit: Fit) -> tuple[Station, ...]:
         return ()
     # positions of a sensor that differ by rounding are one mark with one label
     mark = MARK_SHARE * float(np.max(np.ptp(table.position[placed, :2], axis=0)))
-    rows: dict[tuple[str, tuple[float, ...]], list[int]] = {}
-    for row in placed:
-        name, at = table.sensor[row], tuple(float(x) for x in table.position[row])
-        same = (
-            key
-            for key in rows
-            if key[0] == name and math.dist(key[1][:2], at[:2]) <= mark
-        )
-        rows.setdefault(next(same, (name, at)), []).append(int(row))
+    marks: list[list[int]] = []
+    by_sensor: dict[str, list[list[int]]] = {}
+    for row in placed.tolist():
+        own = by_sensor.setdefault(table.sensor[row], [])
+        at = table.position[row, :2]
+        for rows in own:
+            if math.dist(table.position[rows[0], :2], at) <= mark:
+                rows.append(row)
+                break
+        else:
+            own.append([row])
+            marks.append(own[-1])
     return tuple(
         Station(
-            name=name,
-            position=np.array(at),
+            name=table.sensor[of[0]],
+            position=table.position[of[0]],
             residuals=tuple((table.quantity[i], float(fit.residual[i])) for i in of),
             suspected=not suspected.isdisjoint(of),
         )
-        for (name, at), of in rows.items()
+        for of in marks
     )
 
 

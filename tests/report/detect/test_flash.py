@@ -58,6 +58,9 @@ def test_it_is_told_in_words():
     told = flash_text(flash_answer(NOTHING, slow, 2.0, (), [slow_film(30.0)]))
     assert told.startswith("No blast detected")
     assert "30 frames/s: a fireball grows within" in told
+    told = flash_text(flash_answer(NOTHING, FILM, 1.0, bang_s=0.05))
+    assert told.startswith("No flash detected")
+    assert "bang         0.0500 s in the sound track\n" in told
 
 
 def test_pictures_of_one_of_events_and_of_nothing_can_be_drawn():

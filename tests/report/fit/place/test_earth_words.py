@@ -60,7 +60,7 @@ def test_a_time_is_told_by_the_calendar_as_finely_as_it_is_known():
     assert document["origin_time_utc"] == "2020-08-04T15:08:18.310400Z"
     assert document["place"]["ellipse_90_m"] is not None
     (line,) = earth_lines(fit)
-    assert line.startswith("It was at 33.90210° N, 35.51890° E, 90 % ellipse")
+    assert line.startswith("The charge was at 33.90210° N, 35.51890° E, 90 % ellipse")
     assert line.endswith(
         "; it exploded at 2020-08-04 15:08:18.310 UTC ± 0.020 s (90 %)."
     )

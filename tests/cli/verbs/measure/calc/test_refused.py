@@ -20,6 +20,10 @@ BAD = {
         "--mass 5 --range 20:10:5",
         ["--range", "FROM below TO, got '20:10:5'; write 10:20:5"],
     ),
+    "ranges from one end to the same": (
+        "--mass 5 --range 10:10:5",
+        ["--range", "FROM below TO, got '10:10:5'\n"],
+    ),
     "a negative range in a list": ("--mass 5 --range 3,-1", ["--range", "-1"]),
     "an infinite range": ("--mass 5 --range inf", ["--range", "finite"]),
     "a pressure of zero": ("--mass 5 --range 9 --pressure 0", ["--pressure", "got 0"]),
