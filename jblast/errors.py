@@ -150,6 +150,65 @@ def reading(path: str | os.PathLike[str], expected: str) -> Iterator[None]:
         ) from error
 
 
+CHILD_S, CHILD_BYTES = 8.0, 1 << 29
+"""Time and memory of a process that reads a file, beside those by the file's size: the
+imports of a library take one or two seconds and 200 MB."""
+LIMITS = """
+import sys
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+except (ImportError, ValueError, OSError):
+    pass
+"""
+
+
+def child_output(
+    path: str | os.PathLike[str], program: str, library: str, expected: str
+) -> bytes:
+    """Return the output of a program that reads a file by a library.
+
+    For damaged files some libraries end the process or never return. The program is
+    therefore a process of its own, with limits of time and memory.
+
+    Args:
+        path: The file.
+        program: Python source; the file is `sys.argv[1]`.
+        library: Name of the library, for the message.
+        expected: Expected kind of file: "a complete .mat file".
+
+    Raises:
+        InputError: The program fails, or exceeds a limit.
+    """
+    import subprocess
+    import sys
+
+    octets = os.stat(path).st_size
+    # 10 MB/s is a tenth of the speed of the slowest reader
+    limit_s = CHILD_S + octets / 1e7
+    memory = str(CHILD_BYTES + MAX_RATIO * octets)
+    # each thread of OpenBLAS reserves memory, on large machines more than the limit
+    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", LIMITS + program, os.fspath(path), memory],
+            capture_output=True,
+            timeout=limit_s,
+            check=False,
+            env=one_thread,
+        )
+    except subprocess.TimeoutExpired:
+        why = f"no end after {limit_s:.3g} s"
+    else:
+        if not done.returncode:
+            return done.stdout
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        why = lines[-1] if lines else f"exit code {done.returncode}"
+    raise InputError(
+        f"{path}: expected {expected}, which {library} cannot read ({why[:200]})"
+    )
+
+
 def read_text(path: str | os.PathLike[str], expected: str) -> str:
     r"""Return the text of a file with line ends `\n`, without byte order mark.
 

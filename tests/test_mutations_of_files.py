@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 from jblast.errors import InputError
 from jblast.observations.records.formats import open_record
@@ -39,6 +40,8 @@ def made(folder: Path, suffix: str) -> Path:
         of = {"unit_string": "Pa", "wf_increment": 1e-4, "wf_start_offset": 0.0}
         with nptdms.TdmsWriter(path) as writer:
             writer.write_segment([nptdms.ChannelObject("g", "p", samples, of)])
+    elif suffix == ".mat":
+        scipy.io.savemat(path, {"rate_hz": 8000.0, "pressure_pa": samples})
     elif suffix == ".mp4":
         clip(path)
     else:
@@ -76,12 +79,11 @@ def read_all(path: Path) -> None:
         one.samples(0, one.length)
 
 
-# not MATLAB: SciPy's reader ends the process for some damaged files
 READERS = {
     **{s: read_events for s in (".h5", ".npz", ".raw", ".aedat4", ".txt")},
     ".wav": read_sound,
     ".flac": read_sound,
-    **{s: read_all for s in (".nc", ".mseed", ".tdms", ".mp4")},
+    **{s: read_all for s in (".nc", ".mseed", ".tdms", ".mp4", ".mat")},
 }
 
 
@@ -107,8 +109,8 @@ def mutate(folder: Path, suffix: str, count: int) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", READERS)
 def test_mutations_are_read_or_refused(tmp_path, suffix):
-    # AEDAT4 is read by a process of its own; xarray takes 0.3 s a file
-    count = MUTATIONS // 20 if suffix in (".aedat4", ".nc") else MUTATIONS
+    # AEDAT4 and .mat are read by a process of their own; xarray takes 0.3 s a file
+    count = MUTATIONS // 20 if suffix in (".aedat4", ".mat", ".nc") else MUTATIONS
     # in a process of its own: libraries may end it, and its memory is measured
     script = (
         "import sys, resource; from pathlib import Path\n"
