@@ -51,22 +51,32 @@ def made(folder: Path, suffix: str) -> Path:
     return path
 
 
-def clip(path: Path, bang_s: float = 0.5, seconds: float = 1.0) -> Path:
-    """Write a black clip with a click, by FFmpeg."""
+def clip(path: Path, light=None, samples=None) -> Path:
+    """Write a clip of 30 frames a second by FFmpeg; without arguments black, a click.
+
+    Args:
+        path: Its file.
+        light: Values of grey from 0 to 1, shape (frame, height, width).
+        samples: Sound at 48 kHz, shares of full scale.
+    """
     import av
 
+    if light is None:
+        light = np.zeros((30, 32, 32))
+    if samples is None:
+        samples = np.zeros(48000)
+        samples[24000:24200] = 0.9
+    values = np.rint(255 * light).astype(np.uint8)
     with av.open(str(path), "w") as file:
         video, sound = file.add_stream("mpeg4", 30), file.add_stream("aac", 48000)
-        video.width = video.height = 32
+        video.height, video.width = values.shape[1:]
         video.pix_fmt, sound.layout = "yuv420p", "mono"
-        for _ in range(int(30 * seconds)):
-            black = np.zeros((32, 32, 3), np.uint8)
-            file.mux(video.encode(av.VideoFrame.from_ndarray(black, format="rgb24")))
+        for image in values:
+            grey = np.repeat(image[..., None], 3, axis=2)
+            file.mux(video.encode(av.VideoFrame.from_ndarray(grey, format="rgb24")))
         file.mux(video.encode())
-        samples = np.zeros((1, int(48000 * seconds)), np.float32)
-        samples[0, int(48000 * bang_s) :][:200] = 0.9
-        for at in range(0, samples.shape[1] - 1023, 1024):
-            part = samples[:, at : at + 1024].copy()
+        for at in range(0, len(samples) - 1023, 1024):
+            part = samples[None, at : at + 1024].astype(np.float32)
             frame = av.AudioFrame.from_ndarray(part, format="fltp", layout="mono")
             frame.sample_rate, frame.pts = 48000, at
             file.mux(sound.encode(frame))

@@ -171,7 +171,8 @@ class ClipsAnswer(Document):
 def flash_text(answer: FlashAnswer) -> str:
     """Return the flashes, for the terminal."""
     count = len(answer.flashes)
-    head = f"{count} {'blast' if count == 1 else 'blasts'}" if count else "No blast"
+    none = "No blast" if answer.bang_s is None else "No flash"
+    head = f"{count} {'blast' if count == 1 else 'blasts'}" if count else none
     rate = answer.method.false_alarms_per_hour
     lines = [f"{head} detected in {_film_words(answer.recording)}"]
     for number, flash in enumerate(answer.flashes, 1):

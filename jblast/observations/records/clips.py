@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import FREE_BYTES, MAX_RATIO, InputError, needed, reading
+from jblast.errors import InputError, check_declared, needed, reading
 from jblast.observations.records.recording import Recording, Scaling, channel_names
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
@@ -39,9 +39,9 @@ def has_sound(path: Path) -> bool:
     """Return True if a clip has a sound track.
 
     Raises:
-        InputError: PyAV is not installed or cannot read the file.
+        InputError: As for `open_container`.
     """
-    with _opened(path) as container:
+    with open_container(path) as container:
         return bool(container.streams.audio)
 
 
@@ -49,15 +49,14 @@ def read_track(path: Path) -> Track:
     """Read the first sound track of a clip whole.
 
     Raises:
-        InputError: PyAV is not installed or cannot read the file; it has no sound; or
-            sound is missing between two packets.
+        InputError: As for `open_container`; or it has no sound, sound is missing
+            between two packets, or there is more than the file can contain.
     """
-    with reading(path, "a complete video"), _opened(path) as container:
+    with reading(path, "a complete video"), open_container(path) as container:
         if not container.streams.audio:
             raise InputError(f"{path}: expected a clip with sound, got one without")
         sound = container.streams.audio[0]
         rate = sound.codec_context.sample_rate
-        limit = FREE_BYTES + MAX_RATIO * path.stat().st_size
         parts, length, first = [], 0, None
         for frame in container.decode(sound):
             values = _floats(frame)
@@ -73,8 +72,7 @@ def read_track(path: Path) -> Track:
                 )
             parts.append(values)
             length += values.shape[1]
-            if 4 * length * len(values) > limit:
-                raise InputError(f"{path}: declares more sound than it can contain")
+            check_declared(path, 4 * length * len(values))
         if first is None:
             raise InputError(f"{path}: expected a clip with sound, got no samples")
         codec = str(sound.codec_context.name)
@@ -112,8 +110,17 @@ def open_clip(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     )
 
 
-def _opened(path: Path) -> Any:
-    av = needed("av", "video", path, "a clip is read")
+def open_container(path: Path) -> Any:
+    """Return an opened video, a context that closes it.
+
+    Raises:
+        InputError: There is no such file, PyAV is not installed, or it cannot read the
+            file.
+    """
+    if not path.is_file():
+        what = "is a directory" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}; expected a video")
+    av = needed("av", "video", path, "a video is read")
     with reading(path, "a complete video"):
         # only local files: a playlist must not open connections to other machines
         return av.open(str(path), options={"protocol_whitelist": "file"})
@@ -125,7 +132,7 @@ def _floats(frame: Any) -> Float[np.ndarray, "channel sample"]:
     if not frame.format.is_planar:
         values = values.reshape(-1, frame.layout.nb_channels).T
     if values.dtype.kind == "u":  # 8 bits, with silence at 128
-        return ((values.astype(np.float32)) - 128.0) / 128.0
+        return (values.astype(np.float32) - 128.0) / 128.0
     if values.dtype.kind == "i":
         return values.astype(np.float32) / -float(np.iinfo(values.dtype).min)
     return values.astype(np.float32)

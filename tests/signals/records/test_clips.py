@@ -30,7 +30,9 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
     paths = [clip(tmp_path / f"{name}.mp4") for name in ("one", "two")]
     table = tmp_path / "stations.csv"
     table.write_text(STATIONS.replace("two", "three"))
-    with pytest.raises(InputError, match="expected a station for two, got one, three"):
+    with pytest.raises(
+        InputError, match=r"station for two of .*two\.mp4, got one, three"
+    ):
         detect(paths, positions=table)
     with pytest.raises(InputError, match="scene: expected it with one video only"):
         detect(paths, scene="scene.toml")
