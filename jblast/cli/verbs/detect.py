@@ -6,6 +6,7 @@ are searched for a growing flash. Exit code 3: nothing is found.
 """
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -195,14 +196,24 @@ def run(options: argparse.Namespace) -> int:
             sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
         if "observations.csv" in written:
             log = Path(options.out) / "observations.csv"
-            # The default scene has its charge at the origin at time 0.
-            free = " --free origin_time_s,charge_east_m,charge_north_m"
-            # of clips, whose clocks are free, the fit frees position and time itself
-            scene = free if kind == "sound" else ""
-            if options.scene:
-                scene = f" --scene {options.scene}"
-            sys.stdout.write(f"Fit it with: jblast fit {log}{scene}\n")
+            scene = f"--scene {options.scene}" if options.scene else _free(found)
+            sys.stdout.write(f"Fit it with: jblast fit {log} {scene}".rstrip() + "\n")
     return 0 if found.detected else NOT_FOUND
+
+
+def _free(found: "SoundDetections | FilmDetections | ClipDetections") -> str:
+    """Return the options of a fit without a scene."""
+    from jblast.observations import Observations
+    from jblast.observations.scenes import clocks_to_free
+
+    # the default scene has its charge at the origin at time 0, and one clock
+    names = ["origin_time_s", "charge_east_m", "charge_north_m"]
+    rows = found.log
+    if isinstance(rows, Observations):
+        if rows.frame is not None:  # of clips in degrees these are free already
+            return ""
+        names += [f"clock_offset_s.{name}" for name in clocks_to_free(rows)]
+    return f"--free {shlex.quote(','.join(names))}"
 
 
 def _of_sound(found: "SoundDetections") -> Answer:

@@ -9,6 +9,7 @@ from jblast.observations.records.formats import open_record
 from jblast.signals.detect_files import detect, recording_kind
 from tests.test_mutations_of_files import clip
 
+START = "2024-05-17T11:53:00Z"
 STATIONS = "sensor,east_m,north_m,up_m\none,500,0,0\ntwo,0,500,0\n"
 
 
@@ -34,6 +35,13 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
         InputError, match=r"station for two of .*two\.mp4, got one, three"
     ):
         detect(paths, positions=table)
+    table.write_text(f"{STATIONS.splitlines()[0]},start_utc\none,0,0,0,{START}\n")
+    with pytest.raises(InputError, match="column start_utc: expected no values"):
+        detect(paths[0], positions=table)
+    again = tmp_path / "again"
+    again.mkdir()
+    with pytest.raises(InputError, match="different names, got one twice"):
+        detect([paths[0], clip(again / "one.mp4")])
     with pytest.raises(InputError, match="scene: expected it with one video only"):
         detect(paths, scene="scene.toml")
     with pytest.raises(InputError, match="size: expected it with events only"):
