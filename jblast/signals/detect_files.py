@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from jblast.errors import InputError, argument
+from jblast.errors import InputError, argument, check_declared
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, observed
 from jblast.observations.records.clips import VIDEOS, has_sound, read_track
@@ -233,7 +233,8 @@ def detect(
     ]
     if len(clips) == 1:
         return clips[0]
-    return ClipDetections(tuple(clips), table and _clip_log(clips, table))
+    log = None if table is None else _clip_log(clips, table)
+    return ClipDetections(tuple(clips), log)
 
 
 def _clip(
@@ -490,6 +491,13 @@ def _sound(file: str) -> SoundRecord:
     track = read_track(Path(file))
     # silence before a late track keeps one time zero for sound and picture
     late = round(track.start_s * track.rate_hz)
+    # a damaged file can state any start
+    check_declared(file, 4 * max(late, 0) * len(track.samples))
+    if -late >= track.samples.shape[1]:
+        raise InputError(
+            f"{file}: expected sound with the picture, got sound that ends before the "
+            "first frame"
+        )
     samples = np.pad(track.samples[:, max(-late, 0) :], ((0, 0), (max(late, 0), 0)))
     return SoundRecord(samples, int(track.rate_hz), track.codec, ())
 

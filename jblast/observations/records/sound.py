@@ -261,7 +261,13 @@ def open_sound(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     factor = 1.0 if scaling.full_scale_pa is None else scaling.full_scale_pa
 
     def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
-        with opened_sound(path) as (file, _, _):
+        import soundfile
+
+        # checked above: `opened_sound` may decode a damaged file to its end
+        with (
+            _sized(path, _sizes(path).unset) as source,
+            soundfile.SoundFile(source) as file,
+        ):
             file.seek(start)
             samples = file.read(stop - start, dtype="float64", always_2d=True)
         return factor * samples.T

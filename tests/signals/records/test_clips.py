@@ -50,3 +50,17 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
     cut.write_bytes(paths[0].read_bytes()[:900])
     with pytest.raises(InputError, match=r"cut\.mp4: expected a complete video"):
         read_track(cut)
+
+
+@pytest.mark.parametrize(
+    ("start_s", "said"),
+    [(-2.0, "sound that ends before the first frame"), (1e9, "bytes of numbers")],
+)
+def test_sound_far_from_the_picture_is_not_searched(
+    tmp_path, monkeypatch, start_s, said
+):
+    path = clip(tmp_path / "one.mp4")
+    track = read_track(path)._replace(start_s=start_s)
+    monkeypatch.setattr("jblast.signals.detect_files.read_track", lambda _: track)
+    (note,) = detect(path).notes
+    assert said in note
