@@ -3,6 +3,7 @@
 import difflib
 import os
 import re
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -150,14 +151,15 @@ def reading(path: str | os.PathLike[str], expected: str) -> Iterator[None]:
         ) from error
 
 
-CHILD_S, CHILD_BYTES = 8.0, 1 << 29
-"""Time and memory of a process that reads a file, beside those by the file's size: the
-imports of a library take one or two seconds and 200 MB."""
+CHILD_S, CHILD_BYTES = 8, 1 << 29
+"""Processor time and memory of a process that reads a file, beside those by the file's
+size. The import of SciPy's reader takes 0.7 s."""
 LIMITS = """
 import sys
 try:
     import resource
     resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[3]),) * 2)
 except (ImportError, ValueError, OSError):
     pass
 """
@@ -180,25 +182,25 @@ def child_output(
     Raises:
         InputError: The program fails, or exceeds a limit.
     """
+    # imported here: it would delay every command
     import subprocess
-    import sys
 
     octets = os.stat(path).st_size
-    # 10 MB/s is a tenth of the speed of the slowest reader
-    limit_s = CHILD_S + octets / 1e7
-    memory = str(CHILD_BYTES + MAX_RATIO * octets)
+    # a reader of less than 10 MB/s is taken for one that never ends
+    limit_s = CHILD_S + octets // 10**7
+    limits = str(CHILD_BYTES + MAX_RATIO * octets), str(limit_s)
     # each thread of OpenBLAS reserves memory, on large machines more than the limit
     one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     try:
         done = subprocess.run(
-            [sys.executable, "-c", LIMITS + program, os.fspath(path), memory],
+            [sys.executable, "-c", LIMITS + program, os.fspath(path), *limits],
             capture_output=True,
-            timeout=limit_s,
+            timeout=4 * limit_s,  # it may wait for other processes
             check=False,
             env=one_thread,
         )
     except subprocess.TimeoutExpired:
-        why = f"no end after {limit_s:.3g} s"
+        why = f"no end after {4 * limit_s} s"
     else:
         if not done.returncode:
             return done.stdout

@@ -6,7 +6,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.observations.records.clips import read_track
 from jblast.observations.records.formats import open_record
-from jblast.signals.detect_files import detect, recording_kind
+from jblast.signals.detect_files import FilmDetections, detect, recording_kind
 from tests.test_mutations_of_files import clip
 
 START = "2024-05-17T11:53:00Z"
@@ -62,5 +62,6 @@ def test_sound_far_from_the_picture_is_not_searched(
     path = clip(tmp_path / "one.mp4")
     track = read_track(path)._replace(start_s=start_s)
     monkeypatch.setattr("jblast.signals.detect_files.read_track", lambda _: track)
-    (note,) = detect(path).notes
-    assert said in note
+    found = detect(path)
+    assert isinstance(found, FilmDetections)
+    assert said in found.notes[0]
