@@ -3,6 +3,7 @@
 import difflib
 import os
 import re
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -148,6 +149,66 @@ def reading(path: str | os.PathLike[str], expected: str) -> Iterator[None]:
             f"{path}: expected {expected}, which cannot be read "
             f"({type(error).__name__}: {why})"
         ) from error
+
+
+CHILD_S, CHILD_BYTES = 8, 1 << 29
+"""Processor time and memory of a process that reads a file, beside those by the file's
+size. The import of SciPy's reader takes 0.7 s."""
+LIMITS = """
+import sys
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[3]),) * 2)
+except (ImportError, ValueError, OSError):
+    pass
+"""
+
+
+def child_output(
+    path: str | os.PathLike[str], program: str, library: str, expected: str
+) -> bytes:
+    """Return the output of a program that reads a file by a library.
+
+    For damaged files some libraries end the process or never return. The program is
+    therefore a process of its own, with limits of time and memory.
+
+    Args:
+        path: The file.
+        program: Python source; the file is `sys.argv[1]`.
+        library: Name of the library, for the message.
+        expected: Expected kind of file: "a complete .mat file".
+
+    Raises:
+        InputError: The program fails, or exceeds a limit.
+    """
+    # imported here: it would delay every command
+    import subprocess
+
+    octets = os.stat(path).st_size
+    # a reader of less than 10 MB/s is taken for one that never ends
+    limit_s = CHILD_S + octets // 10**7
+    limits = str(CHILD_BYTES + MAX_RATIO * octets), str(limit_s)
+    # each thread of OpenBLAS reserves memory, on large machines more than the limit
+    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", LIMITS + program, os.fspath(path), *limits],
+            capture_output=True,
+            timeout=4 * limit_s,  # it may wait for other processes
+            check=False,
+            env=one_thread,
+        )
+    except subprocess.TimeoutExpired:
+        why = f"no end after {4 * limit_s} s"
+    else:
+        if not done.returncode:
+            return done.stdout
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        why = lines[-1] if lines else f"exit code {done.returncode}"
+    raise InputError(
+        f"{path}: expected {expected}, which {library} cannot read ({why[:200]})"
+    )
 
 
 def read_text(path: str | os.PathLike[str], expected: str) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 from jblast.errors import InputError
 from jblast.observations.records.formats import open_record
@@ -39,6 +40,8 @@ def made(folder: Path, suffix: str) -> Path:
         of = {"unit_string": "Pa", "wf_increment": 1e-4, "wf_start_offset": 0.0}
         with nptdms.TdmsWriter(path) as writer:
             writer.write_segment([nptdms.ChannelObject("g", "p", samples, of)])
+    elif suffix == ".mat":
+        scipy.io.savemat(path, {"rate_hz": 8000.0, "pressure_pa": samples})
     elif suffix == ".mp4":
         clip(path)
     else:
@@ -48,22 +51,32 @@ def made(folder: Path, suffix: str) -> Path:
     return path
 
 
-def clip(path: Path, bang_s: float = 0.5, seconds: float = 1.0) -> Path:
-    """Write a black clip with a click, by FFmpeg."""
+def clip(path: Path, light=None, samples=None) -> Path:
+    """Write a clip of 30 frames a second by FFmpeg; without arguments black, a click.
+
+    Args:
+        path: Its file.
+        light: Values of grey from 0 to 1, shape (frame, height, width).
+        samples: Sound at 48 kHz, shares of full scale.
+    """
     import av
 
+    if light is None:
+        light = np.zeros((30, 32, 32))
+    if samples is None:
+        samples = np.zeros(48000)
+        samples[24000:24200] = 0.9
+    values = np.rint(255 * light).astype(np.uint8)
     with av.open(str(path), "w") as file:
         video, sound = file.add_stream("mpeg4", 30), file.add_stream("aac", 48000)
-        video.width = video.height = 32
+        video.height, video.width = values.shape[1:]
         video.pix_fmt, sound.layout = "yuv420p", "mono"
-        for _ in range(int(30 * seconds)):
-            black = np.zeros((32, 32, 3), np.uint8)
-            file.mux(video.encode(av.VideoFrame.from_ndarray(black, format="rgb24")))
+        for image in values:
+            grey = np.repeat(image[..., None], 3, axis=2)
+            file.mux(video.encode(av.VideoFrame.from_ndarray(grey, format="rgb24")))
         file.mux(video.encode())
-        samples = np.zeros((1, int(48000 * seconds)), np.float32)
-        samples[0, int(48000 * bang_s) :][:200] = 0.9
-        for at in range(0, samples.shape[1] - 1023, 1024):
-            part = samples[:, at : at + 1024].copy()
+        for at in range(0, len(samples) - 1023, 1024):
+            part = samples[None, at : at + 1024].astype(np.float32)
             frame = av.AudioFrame.from_ndarray(part, format="fltp", layout="mono")
             frame.sample_rate, frame.pts = 48000, at
             file.mux(sound.encode(frame))
@@ -76,12 +89,11 @@ def read_all(path: Path) -> None:
         one.samples(0, one.length)
 
 
-# not MATLAB: SciPy's reader ends the process for some damaged files
 READERS = {
     **{s: read_events for s in (".h5", ".npz", ".raw", ".aedat4", ".txt")},
     ".wav": read_sound,
     ".flac": read_sound,
-    **{s: read_all for s in (".nc", ".mseed", ".tdms", ".mp4")},
+    **{s: read_all for s in (".nc", ".mseed", ".tdms", ".mp4", ".mat")},
 }
 
 
@@ -107,8 +119,8 @@ def mutate(folder: Path, suffix: str, count: int) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", READERS)
 def test_mutations_are_read_or_refused(tmp_path, suffix):
-    # AEDAT4 is read by a process of its own; xarray takes 0.3 s a file
-    count = MUTATIONS // 20 if suffix in (".aedat4", ".nc") else MUTATIONS
+    # AEDAT4 and .mat are read by a process of their own; xarray takes 0.3 s a file
+    count = MUTATIONS // 20 if suffix in (".aedat4", ".mat", ".nc") else MUTATIONS
     # in a process of its own: libraries may end it, and its memory is measured
     script = (
         "import sys, resource; from pathlib import Path\n"

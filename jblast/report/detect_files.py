@@ -1,8 +1,7 @@
 """Files of `jblast detect --out`: the log, and figures of the detections."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -26,9 +25,6 @@ from jblast.report.figure_style import (
 from jblast.signals.flash.search import Flash, FlashDetections
 from jblast.signals.search import Searched
 
-if TYPE_CHECKING:
-    from jblast.signals.detect_files import FilmDetections
-
 MAX_DRAWN = 4
 """Largest number of flashes in a figure."""
 JSON, PICTURE, LOG, FILTERED = (
@@ -45,16 +41,16 @@ MAX_LABELS = 5
 def write_detection(
     directory: Path,
     text: str,
-    draw: Callable[[], Figure],
+    figures: Mapping[str, Callable[[], Figure]],
     log: Observations | None,
     searched: Sequence[Searched] = (),
 ) -> list[str]:
-    """Write document, filter output, figure and log; return the names of the files.
+    """Write document, filter output, figures and log; return the names of the files.
 
     Args:
         directory: Output directory; created if missing.
         text: The document.
-        draw: Function that draws the figure.
+        figures: Function that draws each figure, by the name of its file.
         log: Rows of the arrivals; without rows an older log is removed.
         searched: Channels of sound, whose filter output is written, one file a
             recording.
@@ -75,29 +71,9 @@ def write_detection(
         outputs = np.array([member.statistic[:length] for member in members])
         write_sound(directory / name, outputs, members[0].channel.rate_hz)
         names.append(name)
-    write_figure(draw(), directory / PICTURE)
-    names.append(PICTURE)
-    (directory / LOG).unlink(missing_ok=True)
-    if log is not None and len(log):
-        write(directory / LOG, log)
-        names.append(LOG)
-    return names
-
-
-def write_clips(
-    directory: Path,
-    text: str,
-    clips: "Sequence[FilmDetections]",
-    log: Observations | None,
-) -> list[str]:
-    """Write document, log and a figure per clip; return the names of the files."""
-    directory.mkdir(parents=True, exist_ok=True)
-    write_text(directory / JSON, text)
-    names = [JSON]
-    for clip in clips:
-        names.append(f"{Path(clip.path).stem}.{PICTURE}")
-        figure = flash_figure(clip.flashes, (clip.height, clip.width))
-        write_figure(figure, directory / names[-1])
+    for name, draw in figures.items():
+        write_figure(draw(), directory / name)
+        names.append(name)
     (directory / LOG).unlink(missing_ok=True)
     if log is not None and len(log):
         write(directory / LOG, log)

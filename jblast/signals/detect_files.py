@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from jblast.errors import InputError, argument
+from jblast.errors import InputError, argument, check_declared
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, observed
 from jblast.observations.records.clips import VIDEOS, has_sound, read_track
@@ -222,19 +222,19 @@ def detect(
         raise InputError(
             f"{argument('scene')}: expected it or {argument('positions')}, got both"
         )
-    table = None if positions is None else read_stations(os.fspath(positions))
-    for file in files:
-        if table is not None and Path(file).stem not in table:
-            raise InputError(
-                f"{positions}: expected a station for {Path(file).stem}, got "
-                f"{', '.join(table)}"
-            )
+    _check_stems(files)
+    table = None
+    if positions is not None:
+        table = _stations(os.fspath(positions), [(Path(f).stem, f) for f in files])
     of_sound["positions"] = None
     clips = [
         _clip(file, table, of_sound | rate, of_film | rate)
         for file in each(files, "clips")
     ]
-    return clips[0] if len(clips) == 1 else ClipDetections(tuple(clips), _joined(clips))
+    if len(clips) == 1:
+        return clips[0]
+    log = None if table is None else _clip_log(clips, table)
+    return ClipDetections(tuple(clips), log)
 
 
 def _clip(
@@ -247,14 +247,17 @@ def _clip(
     film = detect_film(file, **of_film)
     notes, sound = list(film.notes), None
     if has_sound(Path(file)):
-        try:
-            sound = detect_sound([file], **of_sound)
-        except InputError as error:
-            notes.append(f"the sound track was not searched: {error}")
+        unused = "the sound track was not searched"
+        # frames of slow motion are not on the clock of the sound
+        if of_film["fps"] is not None:
+            notes.append(f"{unused}: its clock is not that of the given frame rate")
+        else:
+            try:
+                sound = detect_sound([file], **of_sound)
+            except InputError as error:
+                notes.append(f"{unused}: {error}")
     film = film._replace(sound=sound, notes=tuple(notes))
-    if stations is None:
-        return film
-    return film._replace(log=_clip_log(film, stations[Path(file).stem]))
+    return film if stations is None else film._replace(log=_clip_log([film], stations))
 
 
 def bang_of(film: FilmDetections) -> Detection | None:
@@ -267,44 +270,37 @@ def bang_of(film: FilmDetections) -> Detection | None:
     return max(later, key=lambda found: found.statistic, default=None)
 
 
-def _clip_log(film: FilmDetections, station: Station) -> Observations:
-    """Return the rows of the first flash and of the bang of a clip."""
-    name = Path(film.path).stem
-    rows: list[tuple[str, float, float]] = []
-    for flash in film.flashes.flashes[:1]:
-        # sound and picture of a phone are offset by about a frame
-        sigma = math.hypot(flash.growth.sigma_s, 1.0 / film.frames_hz / math.sqrt(12))
-        rows.append(("flash_time_s", flash.growth.time_s, sigma))
-    bang = bang_of(film)
-    if bang is not None:
-        sigma = math.hypot(bang.sigma_s, LOSSY_SD_S)
-        rows.append(("air_arrival_s", bang.time_s, sigma))
+def _clip_log(
+    clips: Sequence[FilmDetections], stations: Mapping[str, Station]
+) -> Observations:
+    """Return the rows of the first flash and of the bang of each clip."""
+    rows: list[tuple[str, str, float, float]] = []
+    for film in clips:
+        name = Path(film.path).stem
+        for flash in film.flashes.flashes[:1]:
+            # sound and picture of a phone are offset by about a frame
+            sigma = math.hypot(
+                flash.growth.sigma_s, 1.0 / film.frames_hz / math.sqrt(12)
+            )
+            rows.append((name, "flash_time_s", flash.growth.time_s, sigma))
+        bang = bang_of(film)
+        if bang is not None:
+            sigma = math.hypot(bang.sigma_s, LOSSY_SD_S)
+            rows.append((name, "air_arrival_s", bang.time_s, sigma))
+    names = [name for name, *_ in rows]
     log = observed(
-        [name] * len(rows),
-        [quantity for quantity, *_ in rows],
-        [value for _, value, _ in rows],
+        names,
+        [quantity for _, quantity, *_ in rows],
+        [value for *_, value, _ in rows],
         [sigma for *_, sigma in rows],
-        position=np.tile(np.array(station.position, float), (len(rows), 1)),
-        clock=(station.clock or name,) * len(rows),
-        comments=(f"jblast detect of {Path(film.path).name}: flash and bang",),
+        position=np.reshape([stations[name].position for name in names], (-1, 3)),
+        clock=tuple(stations[name].clock or name for name in names),
+        comments=tuple(
+            f"jblast detect of {Path(film.path).name}: flash and bang" for film in clips
+        ),
     )
-    return replace(log, frame=station.frame)
-
-
-def _joined(clips: Sequence[FilmDetections]) -> Observations | None:
-    """Return the rows of all clips."""
-    logs = [clip.log for clip in clips if clip.log is not None]
-    if not logs:
-        return None
-    names = ("sensor", "quantity", "value", "sigma")
-    columns = [[x for log in logs for x in getattr(log, n)] for n in names]
-    log = observed(
-        *columns,
-        position=np.concatenate([log.position for log in logs]),
-        clock=tuple(name for log in logs for name in log.clock),
-        comments=tuple(line for log in logs for line in log.comments),
-    )
-    return replace(log, frame=logs[0].frame)
+    # one table has one frame
+    return replace(log, frame=next(iter(stations.values())).frame)
 
 
 def recording_kind(
@@ -330,21 +326,23 @@ def recording_kind(
             f"{seen[0]}: expected one folder of frames, file of events, or videos, "
             f"without sound; got {len(kinds)} recordings"
         )
-    first = recordings[0]
-    only = "sound" if seen else "frames, a video or events"
-    others = dict(of_sound if seen else of_film)
-    if kinds[0] == "video":  # sound tracks are searched as sound
-        only, others = "events", {"size": of_film.get("size")}
-        if len(kinds) > 1 and of_film.get("scene"):
-            only, others = "one video", {"scene": of_film["scene"]}
-    for name, value in others.items():
+    first, kind = recordings[0], kinds[0]
+    if kind == "sound":
+        others = [("frames, a video or events", *item) for item in of_film.items()]
+    elif kind == "video":  # sound tracks are searched as sound
+        others = [("one video", "scene", of_film.get("scene"))] * (len(kinds) > 1)
+    else:
+        others = [("sound", *item) for item in of_sound.items()]
+    if kind in ("frames", "video"):
+        others.append(("events", "size", of_film.get("size")))
+    for only, name, value in others:
         if value and not Path(first).exists():
             raise InputError(f"{first}: no such file or directory")
         if value:
             raise InputError(
                 f"{argument(name)}: expected it with {only} only, got {first}"
             )
-    return kinds[0]
+    return kind
 
 
 def _kind(path: Path) -> Kind:
@@ -388,7 +386,10 @@ def detect_sound(
     begin("reading")
     files = [os.fspath(file) for file in recordings]
     channels, dead = _channels(files)
-    stations = None if positions is None else _stations(os.fspath(positions), channels)
+    stations = None
+    if positions is not None:
+        named = [(channel.sensor, channel.record) for channel in channels]
+        stations = _stations(os.fspath(positions), named)
     begin("searching")
     shapes, method = _target(template, mass_kg, range_m)
     look = partial(
@@ -454,13 +455,9 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
     """
     alive: list[Channel] = []
     dead: list[str] = []
-    stems = [Path(file).stem for file in files]
-    for file, stem in zip(each(files, "recordings"), stems, strict=True):
-        if stems.count(stem) > 1:
-            raise InputError(
-                f"{file}: expected recordings with different names, got {stem} twice"
-            )
-        sound = _sound(file)
+    _check_stems(files)
+    for file in each(files, "recordings"):
+        stem, sound = Path(file).stem, _sound(file)
         for note in sound.notes:
             warnings.warn(f"{file}: {note}", stacklevel=2)
         for number, samples in enumerate(sound.samples, start=1):
@@ -477,6 +474,16 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
     return alive, dead
 
 
+def _check_stems(files: Sequence[str]) -> None:
+    """Raise an error for recordings of one name, by which sensors are identified."""
+    stems = [Path(file).stem for file in files]
+    for file, stem in zip(files, stems, strict=True):
+        if stems.count(stem) > 1:
+            raise InputError(
+                f"{file}: expected recordings with different names, got {stem} twice"
+            )
+
+
 def _sound(file: str) -> SoundRecord:
     """Read a sound file, or the sound track of a clip from its first frame on."""
     if Path(file).suffix.lower() not in VIDEOS:
@@ -484,26 +491,37 @@ def _sound(file: str) -> SoundRecord:
     track = read_track(Path(file))
     # silence before a late track keeps one time zero for sound and picture
     late = round(track.start_s * track.rate_hz)
+    # a damaged file can state any start
+    check_declared(file, 4 * max(late, 0) * len(track.samples))
+    if -late >= track.samples.shape[1]:
+        raise InputError(
+            f"{file}: expected sound with the picture, got sound that ends before the "
+            "first frame"
+        )
     samples = np.pad(track.samples[:, max(-late, 0) :], ((0, 0), (max(late, 0), 0)))
     return SoundRecord(samples, int(track.rate_hz), track.codec, ())
 
 
-def _stations(file: str, channels: Sequence[Channel]) -> dict[str, Station]:
-    """Read the positions of the microphones.
+def _stations(file: str, sensors: Sequence[tuple[str, str]]) -> dict[str, Station]:
+    """Read the positions of microphones or clips.
+
+    Args:
+        file: Table of stations.
+        sensors: Name and recording of each.
 
     Raises:
-        InputError: The table cannot be read, lacks a channel, or has start times.
+        InputError: The table cannot be read, lacks a sensor, or has start times.
     """
     stations = read_stations(file)
     if any(station.start is not None for station in stations.values()):
         raise InputError(
             f"{file}: column {START}: expected no values, as times of detect count "
-            "from the first sample of each file; use jblast pick for start times"
+            "from the start of each file; use jblast pick for start times"
         )
-    for channel in channels:
-        if channel.sensor not in stations:
+    for sensor, recording in sensors:
+        if sensor not in stations:
             raise InputError(
-                f"{file}: expected a station for {channel.sensor} of {channel.record}, "
+                f"{file}: expected a station for {sensor} of {recording}, "
                 f"got {', '.join(stations)}"
             )
     return stations
@@ -590,7 +608,7 @@ def detect_film(
     from jblast.signals.flash.search import detect_flashes, flash_threshold, log_of
 
     path = os.fspath(recording)
-    kind = recording_kind([path])
+    kind = recording_kind([path], of_film={"size": size})
     assert kind != "sound"
     camera = None if scene is None else _camera(scene)
     opened = (
@@ -598,8 +616,6 @@ def detect_film(
         if kind == "events"
         else _frames(path, fps, 0.0 if camera is None else float(camera.exposure_s))
     )
-    if size is not None and kind != "events":
-        raise InputError(f"{argument('size')}: expected it with events only")
     width, height = opened.width, opened.height
     if camera is not None and (width, height) != (camera.width, camera.height):
         raise InputError(

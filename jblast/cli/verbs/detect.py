@@ -6,6 +6,7 @@ are searched for a growing flash. Exit code 3: nothing is found.
 """
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -179,7 +180,6 @@ def run(options: argparse.Namespace) -> int:
     )
     from jblast.results import to_json
 
-    is_sound = isinstance(found, SoundDetections)
     if isinstance(found, SoundDetections):
         document, words, write = _of_sound(found)
     elif isinstance(found, ClipDetections):
@@ -196,13 +196,24 @@ def run(options: argparse.Namespace) -> int:
             sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
         if "observations.csv" in written:
             log = Path(options.out) / "observations.csv"
-            # The default scene has its charge at the origin at time 0.
-            free = "--free origin_time_s,charge_east_m,charge_north_m"
-            scene = free if is_sound else f"--scene {options.scene}"
-            if kind == "video" and not options.scene:
-                scene = ""  # clocks, position and time are free without a scene
+            scene = f"--scene {options.scene}" if options.scene else _free(found)
             sys.stdout.write(f"Fit it with: jblast fit {log} {scene}".rstrip() + "\n")
     return 0 if found.detected else NOT_FOUND
+
+
+def _free(found: "SoundDetections | FilmDetections | ClipDetections") -> str:
+    """Return the options of a fit without a scene."""
+    from jblast.observations import Observations
+    from jblast.observations.scenes import clocks_to_free
+
+    # the default scene has its charge at the origin at time 0, and one clock
+    names = ["origin_time_s", "charge_east_m", "charge_north_m"]
+    rows = found.log
+    if isinstance(rows, Observations):
+        if rows.frame is not None:  # of clips in degrees these are free already
+            return ""
+        names += [f"clock_offset_s.{name}" for name in clocks_to_free(rows)]
+    return f"--free {shlex.quote(','.join(names))}"
 
 
 def _of_sound(found: "SoundDetections") -> Answer:
@@ -214,36 +225,52 @@ def _of_sound(found: "SoundDetections") -> Answer:
     answer = detection_answer(searched, dead, method.keys, arrays)
 
     def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import detection_figure, write_detection
+        from jblast.report.detect_files import (
+            PICTURE,
+            detection_figure,
+            write_detection,
+        )
 
-        draw, rows = partial(detection_figure, searched), log and log.observations
-        return write_detection(folder, text, draw, rows, searched)
+        figures = {PICTURE: partial(detection_figure, searched)}
+        return write_detection(
+            folder, text, figures, log and log.observations, searched
+        )
 
     return answer.to_dict(), detection_text(searched, dead, method.words, log), write
 
 
 def _has_sound(kind: str, recordings: list[str]) -> bool:
+    """Return True if a recording is sound, or a video with a sound track."""
     from jblast.observations.records.clips import has_sound
 
     if kind != "video":
         return kind == "sound"
-    return any(Path(file).is_file() and has_sound(Path(file)) for file in recordings)
+    return any(has_sound(Path(file)) for file in recordings)
 
 
 def _of_clips(found: "ClipDetections") -> Answer:
     """Return the document, the text, and the function that writes files."""
-    from jblast.report.flash import ClipsAnswer
+    from jblast.report.flash import ClipsAnswer, flash_text
 
-    parts = [(Path(clip.path), *_of_film(clip)) for clip in found.clips]
-    answer = ClipsAnswer(found.detected, tuple(film_answer(c) for c in found.clips))
-    words = "\n".join(f"{path.name}: {text}" for path, _, text, _ in parts)
+    names = [Path(clip.path) for clip in found.clips]
+    answers = tuple(map(film_answer, found.clips))
+    words = "\n".join(
+        f"{path.name}: {flash_text(answer)}"
+        for path, answer in zip(names, answers, strict=True)
+    )
 
     def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import write_clips
+        from jblast.report.detect_files import PICTURE, flash_figure, write_detection
 
-        return write_clips(folder, text, found.clips, found.log)
+        figures = {
+            f"{path.stem}.{PICTURE}": partial(
+                flash_figure, clip.flashes, (clip.height, clip.width)
+            )
+            for path, clip in zip(names, found.clips, strict=True)
+        }
+        return write_detection(folder, text, figures, found.log)
 
-    return answer.to_dict(), words, write
+    return ClipsAnswer(found.detected, answers).to_dict(), words, write
 
 
 def film_answer(found: "FilmDetections") -> "FlashAnswer":
@@ -274,9 +301,9 @@ def _of_film(found: "FilmDetections") -> Answer:
     answer, seen = film_answer(found), found.flashes
 
     def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import flash_figure, write_detection
+        from jblast.report.detect_files import PICTURE, flash_figure, write_detection
 
         draw = partial(flash_figure, seen, (found.height, found.width))
-        return write_detection(folder, text, draw, found.log)
+        return write_detection(folder, text, {PICTURE: draw}, found.log)
 
     return answer.to_dict(), flash_text(answer), write

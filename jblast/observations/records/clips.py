@@ -39,9 +39,9 @@ def has_sound(path: Path) -> bool:
     """Return True if a clip has a sound track.
 
     Raises:
-        InputError: PyAV is not installed or cannot read the file.
+        InputError: As for `open_container`.
     """
-    with _opened(path) as container:
+    with open_container(path) as container:
         return bool(container.streams.audio)
 
 
@@ -49,10 +49,10 @@ def read_track(path: Path) -> Track:
     """Read the first sound track of a clip whole.
 
     Raises:
-        InputError: PyAV is not installed or cannot read the file; it has no sound; or
-            sound is missing between two packets.
+        InputError: As for `open_container`; or it has no sound, sound is missing
+            between two packets, or there is more than the file can contain.
     """
-    with reading(path, "a complete video"), _opened(path) as container:
+    with reading(path, "a complete video"), open_container(path) as container:
         if not container.streams.audio:
             raise InputError(f"{path}: expected a clip with sound, got one without")
         sound = container.streams.audio[0]
@@ -110,8 +110,17 @@ def open_clip(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
     )
 
 
-def _opened(path: Path) -> Any:
-    av = needed("av", "video", path, "a clip is read")
+def open_container(path: Path) -> Any:
+    """Return an opened video, a context that closes it.
+
+    Raises:
+        InputError: There is no such file, PyAV is not installed, or it cannot read the
+            file.
+    """
+    if not path.is_file():
+        what = "is a directory" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}; expected a video")
+    av = needed("av", "video", path, "a video is read")
     with reading(path, "a complete video"):
         # only local files: a playlist must not open connections to other machines
         return av.open(str(path), options={"protocol_whitelist": "file"})

@@ -4,13 +4,15 @@ A file, or each struct in it, has `time_ms` and `pressure_kpa`, or a number `rat
 (`fs`) in place of the times.
 """
 
+import io
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError, check_declared, shown
+from jblast.errors import InputError, check_declared, child_output, shown
 from jblast.observations.records.recording import (
     RATES,
     Piece,
@@ -28,6 +30,35 @@ from jblast.observations.records.recording import (
 )
 
 Arrays = Mapping[str, np.ndarray]
+READER = """
+import sys, warnings
+import numpy as np
+from scipy.io import loadmat
+arrays, names = [], []
+def add(struct, name, array):
+    if np.issubdtype(array.dtype, np.number):
+        arrays.append(array)
+        names.append((struct, name))
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    held = loadmat(sys.argv[1])
+for name, array in held.items():
+    if not isinstance(array, np.ndarray):
+        continue
+    add("", name, array)
+    for row, struct in enumerate(array.ravel() if array.dtype.names else ()):
+        one = f"{name}." if array.size == 1 else f"{name}({row + 1})."
+        for field in array.dtype.names:
+            add(one, field, struct[field])
+np.savez(
+    sys.stdout.buffer,
+    *arrays,
+    names=np.array(names, str).reshape(-1, 2),
+    warnings=np.array([str(one.message) for one in caught], str),
+)
+"""
+"""Program of `child_output` that reads a file before version 7.3: SciPy ends with a
+segmentation fault, or never, for some damaged files."""
 
 
 def open_matlab(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
@@ -67,35 +98,18 @@ def open_matlab(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
 
 def _arrays(path: Path) -> dict[str, dict[str, np.ndarray]]:
     """Return numbers by name: those of the file under "", of a struct under `name.`."""
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
+    import h5py
 
-    try:
-        held = loadmat(path)
-    except NotImplementedError:  # version 7.3 is HDF5
+    # version 7.3, also without the first lines that MATLAB writes
+    if h5py.is_hdf5(path):
         return _arrays_of_hdf5(path)
-    except (MatReadError, ValueError, OSError) as error:
-        import h5py
-
-        # without the first lines that MATLAB writes
-        if h5py.is_hdf5(path):
-            return _arrays_of_hdf5(path)
-        raise InputError(
-            f"{path}: expected a .mat file, got one that SciPy cannot read ({error})"
-        ) from None
+    output = child_output(path, READER, "SciPy", "a .mat file")
     found: dict[str, dict[str, np.ndarray]] = {"": {}}
-    for name, array in held.items():
-        if not isinstance(array, np.ndarray):
-            continue
-        if np.issubdtype(array.dtype, np.number):
-            found[""][name] = array
-        for row, struct in enumerate(array.ravel() if array.dtype.names else ()):
-            one = name if array.size == 1 else f"{name}({row + 1})"
-            found[f"{one}."] = {
-                field: struct[field]
-                for field in array.dtype.names or ()
-                if np.issubdtype(struct[field].dtype, np.number)
-            }
+    with np.load(io.BytesIO(output), allow_pickle=False) as held:
+        for text in held["warnings"]:
+            warnings.warn(str(text), stacklevel=2)
+        for number, (struct, name) in enumerate(held["names"].tolist()):
+            found.setdefault(struct, {})[name] = held[f"arr_{number}"]
     return found
 
 

@@ -6,9 +6,10 @@ import pytest
 from jblast.errors import InputError
 from jblast.observations.records.clips import read_track
 from jblast.observations.records.formats import open_record
-from jblast.signals.detect_files import detect, recording_kind
+from jblast.signals.detect_files import FilmDetections, detect, recording_kind
 from tests.test_mutations_of_files import clip
 
+START = "2024-05-17T11:53:00Z"
 STATIONS = "sensor,east_m,north_m,up_m\none,500,0,0\ntwo,0,500,0\n"
 
 
@@ -30,8 +31,17 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
     paths = [clip(tmp_path / f"{name}.mp4") for name in ("one", "two")]
     table = tmp_path / "stations.csv"
     table.write_text(STATIONS.replace("two", "three"))
-    with pytest.raises(InputError, match="expected a station for two, got one, three"):
+    with pytest.raises(
+        InputError, match=r"station for two of .*two\.mp4, got one, three"
+    ):
         detect(paths, positions=table)
+    table.write_text(f"{STATIONS.splitlines()[0]},start_utc\none,0,0,0,{START}\n")
+    with pytest.raises(InputError, match="column start_utc: expected no values"):
+        detect(paths[0], positions=table)
+    again = tmp_path / "again"
+    again.mkdir()
+    with pytest.raises(InputError, match="different names, got one twice"):
+        detect([paths[0], clip(again / "one.mp4")])
     with pytest.raises(InputError, match="scene: expected it with one video only"):
         detect(paths, scene="scene.toml")
     with pytest.raises(InputError, match="size: expected it with events only"):
@@ -40,3 +50,18 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
     cut.write_bytes(paths[0].read_bytes()[:900])
     with pytest.raises(InputError, match=r"cut\.mp4: expected a complete video"):
         read_track(cut)
+
+
+@pytest.mark.parametrize(
+    ("start_s", "said"),
+    [(-2.0, "sound that ends before the first frame"), (1e9, "bytes of numbers")],
+)
+def test_sound_far_from_the_picture_is_not_searched(
+    tmp_path, monkeypatch, start_s, said
+):
+    path = clip(tmp_path / "one.mp4")
+    track = read_track(path)._replace(start_s=start_s)
+    monkeypatch.setattr("jblast.signals.detect_files.read_track", lambda _: track)
+    found = detect(path)
+    assert isinstance(found, FilmDetections)
+    assert said in found.notes[0]

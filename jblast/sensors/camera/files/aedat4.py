@@ -11,15 +11,13 @@ References:
 """
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from jblast.errors import MAX_RATIO, InputError, needed
+from jblast.errors import InputError, child_output, needed
 from jblast.sensors.camera.files.recorded_events import (
     TYPES,
     Columns,
@@ -37,15 +35,8 @@ EVENT = np.dtype(
     }
 )
 """An event as the schema's struct: the time first, three empty bytes at the end."""
-LIMIT_S, CHILD_BYTES = 8.0, 1 << 29
-"""Time and memory of the process that reads a file, beside those by its size."""
-CHILD = """
+READER = """
 import json, sys
-try:
-    import resource
-    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
-except ImportError:
-    pass
 import dv_processing as dv
 import numpy as np
 kind = np.dtype({"names": ["t", "x", "y", "p"], "formats": ["<i8", "<i2", "<i2", "u1"],
@@ -68,17 +59,17 @@ try:
                     part[ours] = some[theirs]
                 parts.append(part)
 except IndexError:
-    answer["error"] = "IndexError"
+    answer["no_packets"] = True
 except (RuntimeError, MemoryError) as error:
     # the first line of a message is a position in the source of the library
     lines = str(error).splitlines() or ["MemoryError"]
-    answer["error"] = lines[min(1, len(lines) - 1)].partition(" - Error info")[0]
+    sys.exit(lines[min(1, len(lines) - 1)].partition(" - Error info")[0])
 sys.stdout.buffer.write(json.dumps(answer).encode() + b"\\n")
 for part in parts:  # concatenated, they would lose the empty bytes of the type
     sys.stdout.buffer.write(part.tobytes())
 """
-"""Program that reads a file. It is a process of its own, with limits of time and
-memory: dv-processing ends with a segmentation fault, or never, for damaged files."""
+"""Program of `child_output` that reads a file: dv-processing ends with a segmentation
+fault, or never, for damaged files."""
 PACKET = 1 << 16
 """Events of a packet, 1 MB: a reader has one in memory at a time."""
 # Number of the one stream in the header below; a file without a table of packets states
@@ -116,43 +107,22 @@ def read_aedat4(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
         begin = begun.read(12)
     if begin != b"#!AER-DAT4.0":
         raise InputError(f"{path}: expected an AEDAT4 file, got none of that format")
-    octets = path.stat().st_size
-    limit_s = LIMIT_S + octets / 1e7
-    child = [sys.executable, "-c", CHILD, str(path)]
-    try:
-        memory = str(CHILD_BYTES + MAX_RATIO * octets)
-        done = subprocess.run(
-            [*child, memory], capture_output=True, timeout=limit_s, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise _unreadable(path, f"no end after {limit_s:.3g} s") from None
-    head, _, data = done.stdout.partition(b"\n")
-    if done.returncode or not head:
-        lines = done.stderr.decode(errors="replace").strip().splitlines()
-        raise _unreadable(path, lines[-1] if lines else f"exit code {done.returncode}")
+    output = child_output(path, READER, "dv-processing", "a complete AEDAT4 file")
+    head, _, data = output.partition(b"\n")
     answer = json.loads(head)
-    if len(answer.get("streams", "1")) != 1:
+    if "no_packets" in answer:  # from dv-processing's own empty files, too
+        raise InputError(
+            f"{path}: expected an AEDAT4 file with packets of events, got none"
+        )
+    if len(answer["streams"]) != 1:
         names = ", ".join(answer["all"]) or "nothing"
         raise InputError(
             f"{path}: expected one stream of events, got {len(answer['streams'])} of "
             f"{names}"
         )
-    if answer.get("error") == "IndexError":  # from dv-processing's own empty files, too
-        raise InputError(
-            f"{path}: expected an AEDAT4 file with packets of events, got none"
-        )
-    if "error" in answer:
-        raise _unreadable(path, answer["error"])
     events = np.frombuffer(data, EVENT)
     columns = {name: events[name] for name in TYPES}
     return recorded(path, columns, tuple(answer["size"]) if answer["size"] else size)
-
-
-def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: expected a complete AEDAT4 file, which dv-processing cannot read "
-        f"({why[:200]})"
-    )
 
 
 class Packet(NamedTuple):

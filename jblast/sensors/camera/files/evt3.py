@@ -256,9 +256,8 @@ def read_raw(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
             )
         over = octets % width
         notes = (
-            f"{path}: expected words of {width} bytes up to the end of the file; the "
-            f"last {over} byte{'s' if over > 1 else ''}, an incomplete word, "
-            f"{'are' if over > 1 else 'is'} ignored",
+            f"{path}: an incomplete word at the end of the file ({over} of {width} "
+            "bytes) is ignored",
         )
         decoder = encoding.decoder()
         # converted block by block: int64 columns of a whole file would take four times

@@ -26,7 +26,7 @@ from zipfile import ZipFile
 import numpy as np
 from jaxtyping import Int64, UInt8, UInt16
 
-from jblast.errors import InputError, argument, check_declared
+from jblast.errors import InputError, argument, check_declared, whole_number
 
 TYPES = {"x": np.uint16, "y": np.uint16, "t": np.int64, "p": np.uint8}
 """Columns of a file, with their types."""
@@ -272,9 +272,10 @@ def read_hdf5(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
         }:
             rows = _dataset(path, table)
             columns = {name: rows[name] for name in TYPES}
-            stated = str(file.attrs.get("geometry", "")).split("x")
-            if len(stated) == 2 and all(part.isdecimal() for part in stated):
-                size = int(stated[0]), int(stated[1])
+            across, _, down = str(file.attrs.get("geometry", "")).partition("x")
+            stated = whole_number(across), whole_number(down)
+            if stated[0] is not None and stated[1] is not None:
+                size = stated[0], stated[1]
         elif isinstance(group, h5py.Dataset) and group.shape[1:] == (4,):
             rows = _dataset(path, group)
             columns = {name: rows[:, at] for at, name in enumerate("txyp")}

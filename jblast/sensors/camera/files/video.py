@@ -29,6 +29,7 @@ from jaxtyping import Float, UInt8
 
 from jblast.errors import InputError, needed
 from jblast.files import replacing
+from jblast.observations.records.clips import open_container
 from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
 
 if TYPE_CHECKING:
@@ -54,8 +55,6 @@ UNEVEN = 0.5
 vary by less, and a missing frame is a deviation of one."""
 UNSPECIFIED, SRGB = 2, 13
 """Numbers of transfer curves in H.273."""
-LOCAL = {"protocol_whitelist": "file"}
-"""Only local files: a playlist must not open connections to other machines."""
 
 
 @dataclass(frozen=True)
@@ -455,22 +454,12 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     """Open a video, and yield it with its video stream.
 
     Raises:
-        InputError: There is no such file, PyAV is not installed, FFmpeg cannot read it,
-            or it has no video stream.
+        InputError: As in `open_container`, or it has no video stream.
     """
-    if not path.is_file():
-        what = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; expected a video")
-    av = needed("av", "video", path, "a video is read")
-    try:
-        container = av.open(str(path), options=LOCAL)
-    except ffmpeg_error() as error:
-        raise InputError(
-            f"{path}: expected a complete video, which FFmpeg cannot read "
-            f"({error.strerror})"
-        ) from None
-    with container:
-        cover = av.stream.Disposition.attached_pic  # an image that stands for the file
+    with open_container(path) as container:
+        from av.stream import Disposition
+
+        cover = Disposition.attached_pic  # an image that stands for the file
         streams = [s for s in container.streams.video if not s.disposition & cover]
         if not streams:
             raise InputError(f"{path}: expected a video, got a file without one")

@@ -314,3 +314,14 @@ def test_variables_that_are_no_record_are_refused(tmp_path, held, said):
     scipy.io.savemat(path, held)
     with pytest.raises(InputError, match=said):
         open_record(path)
+
+
+def test_a_damaged_mat_file_that_ends_scipys_process_is_refused(tmp_path):
+    path = tmp_path / "daq.mat"
+    scipy.io.savemat(path, {"rate_hz": 8000.0, "p_pa": np.ones(50)})
+    data = bytearray(path.read_bytes())
+    # SciPy uses the type of an element, here that of 50 doubles, as an index
+    data[data.index(np.array([9, 400], "<u4").tobytes())] = 200
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"a \.mat file, which SciPy cannot read \(ex"):
+        open_record(path)

@@ -161,7 +161,7 @@ def test_half_a_word_at_the_end_is_reported(tmp_path):
     whole.write_bytes(whole.read_bytes() + b"\x00")
     found = read_events(whole)
     assert found.x.tolist() == [1]
-    assert "the last 1 byte, an incomplete word, is ignored" in found.notes[0]
+    assert "an incomplete word at the end of the file (1 of 2 bytes)" in found.notes[0]
 
 
 def test_evt2_of_a_camera_is_read_beyond_its_28_bits(tmp_path):
@@ -182,7 +182,7 @@ def test_evt2_of_a_camera_is_read_beyond_its_28_bits(tmp_path):
     assert found.x.tolist() == [100, 639, 1]
     assert found.y.tolist() == [200, 479, 2]
     assert found.p.tolist() == [1, 0, 1]
-    assert "the last 3 bytes" in found.notes[0]
+    assert "(3 of 4 bytes)" in found.notes[0]
 
 
 def test_large_images_and_days_without_an_event_do_not_fit(tmp_path):

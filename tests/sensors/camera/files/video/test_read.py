@@ -182,8 +182,8 @@ def test_a_fast_start_that_breaks_off_is_refused(tmp_path):
 def test_what_is_no_video_is_refused(tmp_path):
     for name, held, said in (
         ("none.mp4", None, "no such file"),
-        ("empty.mp4", b"", "FFmpeg cannot read"),
-        ("text.mp4", b"time_s,p_pa\n0,1\n" * 99, "FFmpeg cannot read"),
+        ("empty.mp4", b"", "a complete video, which cannot be read"),
+        ("text.mp4", b"time_s,p_pa\n0,1\n" * 99, "a complete video, which cannot"),
     ):
         path = tmp_path / name
         if held is not None:
