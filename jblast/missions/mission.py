@@ -30,7 +30,6 @@ from jblast.missions.guidance import (
     Legs,
 )
 from jblast.missions.plan import (
-    COMMANDS,
     DELAY,
     GLOBAL,
     HEADING,
@@ -362,7 +361,7 @@ def stops_of(
     where = plan.where
     if not plan.items:
         raise InputError(f"{where}: items: expected a mission, got an empty list")
-    order = [n for n in _order(plan) if not COMMANDS[plan.items[n].command].ignored]
+    order = [n for n in _order(plan) if not plan.items[n].ignored]
     first = next(
         (n for n in order if plan.items[n].command not in (SPEED, HEADING)), None
     )

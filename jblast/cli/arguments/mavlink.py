@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import NamedTuple
 
-from jblast.autopilot.ground_station import GroundStation, Missions
+from jblast.autopilot.ground_station import GroundStation
 from jblast.autopilot.lockstep import (
     PERIOD_S,
     PLACE,
@@ -26,6 +26,7 @@ from jblast.autopilot.lockstep import (
 )
 from jblast.autopilot.logs import TelemetryLog, flight_ulog
 from jblast.autopilot.mavlink import Link, read_address
+from jblast.autopilot.protocols import Missions
 from jblast.files import refuse_existing, write_bytes
 from jblast.progress_line import serve_line
 from jblast.report.autopilot import (

@@ -4,14 +4,14 @@ import math
 
 import pytest
 
-from jblast.autopilot.ground_station import (
+from jblast.autopilot.mavlink import Message, Receiver, Sender
+from jblast.autopilot.protocols import (
     RETRIES,
     RETRY_S,
     Missions,
     item_fields,
     item_of,
 )
-from jblast.autopilot.mavlink import Message, Receiver, Sender
 from jblast.errors import InputError
 from jblast.missions import Plan
 from jblast.missions.plan import checked_item

@@ -5,8 +5,9 @@ import threading
 import numpy as np
 import pytest
 
-from jblast.autopilot.ground_station import GroundStation, Missions, item_fields
+from jblast.autopilot.ground_station import GroundStation
 from jblast.autopilot.mavlink import Address, Link
+from jblast.autopilot.protocols import Missions, item_fields
 from jblast.errors import InputError
 from jblast.missions.plan import checked_item
 from jblast.scene import Place
