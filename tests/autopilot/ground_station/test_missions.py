@@ -13,7 +13,7 @@ from jblast.autopilot.protocols import (
     item_of,
 )
 from jblast.errors import InputError
-from jblast.missions import Plan
+from jblast.missions import Plan, mission_of
 from jblast.missions.plan import checked_item
 from jblast.scene import Place
 
@@ -124,6 +124,14 @@ def test_ignored_commands_are_reported_and_come_back_with_the_mission():
         "interest) in item 4"
     ]
     assert ground.missions.items[3:] == (servo, region)
+
+
+def test_a_landing_may_be_followed_by_an_ignored_command():
+    ground = Ground(check=lambda plan: mission_of(plan, place=HOME))
+    land = checked_item("", 1, 21, 3, [0, 0, 0, None, 47.0, 8.0, 0.0])
+    pictures = checked_item("", 2, 2001, 2, [0] * 7)
+    (ack,) = ground.upload([ITEMS[0], land, pictures])
+    assert (ack.values["type"], len(ground.missions.items)) == (0, 3)
 
 
 def test_fences_are_none_and_none_are_taken():
