@@ -45,6 +45,7 @@ from jblast.autopilot.telemetry import (
 from jblast.errors import InputError
 from jblast.missions.mission import Limits
 from jblast.missions.plan import (
+    DELAY,
     GLOBAL,
     JUMP,
     LAND,
@@ -95,6 +96,10 @@ class ServiceResult:
     ended: str = ""
 
 
+class NotNow(InputError):
+    """A command that may be accepted later."""
+
+
 class Request(NamedTuple):
     """A command that waits for its answer.
 
@@ -125,7 +130,6 @@ class Job(NamedTuple):
         course: Course of the flight.
         mission: Mission of the vehicle; None: no mission.
         mode: Mode in the flight.
-        plan: Plan of the flight; None: position control at the target.
         record: The flight, once it is computed.
     """
 
@@ -133,7 +137,6 @@ class Job(NamedTuple):
     course: Course
     mission: Plan | None
     mode: int
-    plan: Plan | None
     record: Future[FlightRecord]
 
 
@@ -218,7 +221,7 @@ class GroundStation:
                     if message is not None:
                         frames += self.answer(message, now)
                 except InputError as error:
-                    # A number of the client that does not fit the answer.
+                    # A rejected SET_MODE, or a number that does not fit the answer.
                     self.report_text(str(error))
                 if now - beat >= HEARTBEAT_S:
                     beat = now
@@ -230,10 +233,8 @@ class GroundStation:
                 if frames and self._link.connected:
                     self._link.send(*frames)
             self.watched.ended = "the time is over"
-        except LinkLost as end:
+        except (LinkLost, InputError) as end:
             self.watched.ended = str(end)
-        except InputError as error:
-            self.watched.ended = str(error)
         except KeyboardInterrupt:
             self.watched.ended = "interrupted"
         return self.watched
@@ -269,7 +270,7 @@ class GroundStation:
             now: Time on the wall clock [s].
 
         Raises:
-            InputError: A number of the message does not fit its answer.
+            InputError: SET_MODE is rejected, or a number does not fit its answer.
         """
         name, values = message.name, message.values
         # Messages for other vehicles or components, such as cameras, have no answer.
@@ -311,13 +312,21 @@ class GroundStation:
         running = None if self._job is None else self._job.request
         if running and running.command == request.command != SET_MODE:
             return running.acks(self._sender, IN_PROGRESS)
-        result, frames = self._command(request, params, values.get("frame", GLOBAL))
+        try:
+            result, frames = self._command(request, params, values.get("frame", GLOBAL))
+        except InputError as error:
+            self.report_text(str(error))
+            result, frames = REFUSED if isinstance(error, NotNow) else DENIED, []
         return [*request.acks(self._sender, result), *frames]
 
     def _command(
         self, request: Request, params: list[float], frame: int
     ) -> tuple[int, list[bytes]]:
-        """Return the result of a command, and further frames."""
+        """Return the result of a command, and further frames.
+
+        Raises:
+            InputError: The command is rejected.
+        """
         command = request.command
         first, second, third = (x if math.isfinite(x) else 0.0 for x in params[:3])
         if command in (GET_INTERVAL, SET_INTERVAL, REQUEST):
@@ -421,7 +430,7 @@ class GroundStation:
             return UNSUPPORTED
         if not self.armed:
             if mode not in (MODE_HOLD, MODE_MISSION):
-                return self._deny("expected an armed vehicle, got a disarmed one")
+                raise InputError("expected an armed vehicle, got a disarmed one")
             self._chosen = mode
             return ACCEPTED
         flight, flies = self._flight, self._flies()
@@ -435,8 +444,6 @@ class GroundStation:
         if mode == MODE_HOLD and (not flight or (flight.course.hovers and not flies)):
             self._chosen = mode
             return ACCEPTED
-        if not self._in_air():
-            return self._deny("expected a vehicle in the air, got one on the ground")
         added = {MODE_LAND: [inserted(LAND)], MODE_RETURN: [inserted(RETURN)]}
         return self._divert(request, added.get(mode, []), mode)
 
@@ -444,35 +451,30 @@ class GroundStation:
         """Start or continue the mission; return the result."""
         plan = self.missions.plan
         if plan is None:
-            return self._deny("mission: expected an uploaded one, got none")
+            raise InputError("mission: expected an uploaded one, got none")
         first = self._item if self._item < len(plan.items) else 0
-        try:
-            if self._flight is None:
-                course = course_of(plan, None, first, self._parameters.takeoff_up_m)
-                self._reached = first - 1
-            else:
-                # A vehicle in the air flies past a take-off.
-                first += plan.items[first].command == TAKEOFF
-                course = course_of(plan, self._interrupted(), first)
-        except InputError as error:
-            return self._deny(str(error))
+        if self._flight is None:
+            course = course_of(plan, None, first, self._parameters.takeoff_up_m)
+            self._reached = first - 1
+        else:
+            # A vehicle in the air flies past a take-off.
+            first += plan.items[first].command == TAKEOFF
+            course = course_of(plan, self._interrupted(), first)
         return self._compute(request, course, plan, MODE_MISSION)
 
     def _take_off(self, request: Request, up_m: float | None) -> int:
         """Take off to a height above the sea, or by default; return the result."""
         if self._flight is not None:
-            return self._deny("take-off: expected a vehicle on the ground")
+            raise InputError("take-off: expected a vehicle on the ground")
         home_m, up = self.missions.home.alt_m, self._parameters.takeoff_up_m
         up = up if up_m is None else up_m - home_m
         if up <= 0:
-            return self._deny(f"take-off: expected more than {home_m:g} m")
+            raise InputError(f"take-off: expected more than {home_m:g} m")
         course = Course().then([inserted(TAKEOFF, up_m=up)])
         return self._compute(request, course, self.missions.plan, MODE_TAKEOFF)
 
     def _go(self, request: Request, place: list[float], frame: int) -> int:
         """Fly to a latitude, longitude and height; return the result."""
-        if not self._in_air():
-            return self._deny("expected a vehicle in the air, got one on the ground")
         if self._job is not None:
             return REFUSED
         # NaN is MAVLink's code for the present value, as 0, 0 is in an item.
@@ -483,25 +485,21 @@ class GroundStation:
             frame = GLOBAL
             alt = float(record.geodetic(record.position_m[self._row()])[2])
         params = [0.0, 0.0, 0.0, None, lat, lon, alt]
-        try:
-            goal = checked_item("position", INSERTED, WAYPOINT, frame, params)
-        except InputError as error:
-            return self._deny(str(error))
+        goal = checked_item("position", INSERTED, WAYPOINT, frame, params)
         return self._divert(request, [goal], MODE_HOLD)
 
     def _divert(self, request: Request, items: list[Item], mode: int) -> int:
         """Fly other items from the present position; return the result."""
-        try:
-            course = self._interrupted().then(items)
-        except InputError as error:
-            return self._deny(str(error), REFUSED)
+        if not self._in_air():
+            raise InputError("expected a vehicle in the air, got one on the ground")
+        course = self._interrupted().then(items)
         return self._compute(request, course, self.missions.plan, mode)
 
     def _interrupted(self) -> Course:
         """Return the course flown up to the present position, and a stop there.
 
         Raises:
-            InputError: The vehicle is not on a straight segment in the air.
+            NotNow: The vehicle is not on a straight segment in the air.
         """
         row, record, course = self._row(), self._telemetry.record, self._course
         n = self._telemetry.item(row)
@@ -511,10 +509,10 @@ class GroundStation:
             return course.hovering()
         kind = course.items[n].command if n < len(course.items) else None
         if any(item.command == JUMP for item in course.items):
-            raise InputError("expected a mission without jumps to interrupt")
-        straight = (WAYPOINT, TAKEOFF, LOITER, LOITER_TIME)
+            raise NotNow("expected a mission without jumps to interrupt")
+        straight = (WAYPOINT, TAKEOFF, LOITER, LOITER_TIME, DELAY)
         if kind not in straight or not self._in_air():
-            raise InputError("expected straight flight; repeat the command later")
+            raise NotNow("expected straight flight; repeat the command later")
         aim = record.position_m if record.set_point_m is None else record.set_point_m
         # The set point stops with the acceleration of missions.
         near = slice(max(row - 1, 0), row + 1)
@@ -531,10 +529,6 @@ class GroundStation:
         before = Course(course.items[:n], course.numbers[:n])
         return before.then([Item(INSERTED, command, GLOBAL, params)])
 
-    def _deny(self, text: str, result: int = DENIED) -> int:
-        self.report_text(text)
-        return result
-
     def _compute(
         self, request: Request, course: Course, mission: Plan | None, mode: int
     ) -> int:
@@ -544,7 +538,7 @@ class GroundStation:
         pool = ThreadPoolExecutor(1)
         record = pool.submit(self._fly, plan)
         pool.shutdown(wait=False)  # the thread ends with the flight
-        self._job = Job(request, course, mission, mode, plan, record)
+        self._job = Job(request, course, mission, mode, record)
         return ACCEPTED if request.sets_mode else IN_PROGRESS
 
     def _finish_job(self) -> list[bytes]:
@@ -565,9 +559,9 @@ class GroundStation:
     def _begin(self, job: Job, record: FlightRecord) -> None:
         """Begin a flight, or continue the present one on its new course."""
         last = None
-        if job.plan is not None and job.course.hovers:
+        if job.course.hovers:
             # The flight is shown until the landing that `Course.plan` adds.
-            rows = np.flatnonzero(record.item == len(job.plan.items) - 1)
+            rows = np.flatnonzero(record.item == len(job.course.hovering().items))
             last = int(rows[0]) if rows.size else None
         if self._flight is None:
             self.watched.flights += 1

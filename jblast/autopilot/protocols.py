@@ -26,15 +26,9 @@ RETRY_S, RETRIES = 1.5, 5
 """Timeout and number of retries recommended by the protocol."""
 MAX_ITEMS = 1000
 """Maximum number of items of an uploaded mission; declared, above any autopilot's."""
-MISSION_ACCEPTED, ERROR, MISSION_UNSUPPORTED, NO_SPACE, INVALID, SEQUENCE = (
-    0,
-    1,
-    3,
-    4,
-    5,
-    13,
-)
-"""MAV_MISSION_RESULT."""
+# MAV_MISSION_RESULT
+MISSION_ACCEPTED, ERROR, MISSION_UNSUPPORTED = 0, 1, 3
+NO_SPACE, INVALID, SEQUENCE = 4, 5, 13
 FLIGHT_PLAN = 0
 """MAV_MISSION_TYPE of a mission; geofences and rally points have other numbers."""
 UPLOADED = "uploaded mission"
@@ -209,20 +203,16 @@ class Parameters:
         name, index = values["param_id"], values.get("param_index", -1)
         if 0 <= index < len(names):
             name = names[index]
-        error = NOT_FOUND if name not in self._values else 0
-        if not error and message.name == "PARAM_SET":
-            value = values["param_value"]
-            error = 0 if name == TAKEOFF_PARAMETER and value > 0 else READ_ONLY
-            if not error:
-                self._values[name] = value
-        if not error:
-            return [self._value(sender, name)]
-        fields = {"param_id": name, "param_index": index, "error": error}
-        frames = [sender.pack_to(message.sender, "PARAM_ERROR", **fields)]
-        # Clients without this message expect the unchanged value.
-        if error == READ_ONLY:
-            frames.append(self._value(sender, name))
-        return frames
+        frames, known = [], name in self._values
+        value = values.get("param_value")
+        if name == TAKEOFF_PARAMETER and value is not None and value > 0:
+            self._values[name] = value
+        elif value is not None or not known:
+            error = READ_ONLY if known else NOT_FOUND
+            fields = {"param_id": name, "param_index": index, "error": error}
+            frames.append(sender.pack_to(message.sender, "PARAM_ERROR", **fields))
+        # After an error, too: clients without that message expect the unchanged value.
+        return [*frames, self._value(sender, name)] if known else frames
 
     def _value(self, sender: Sender, name: str) -> bytes:
         value = self._values[name]

@@ -153,16 +153,16 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
     uncertain, spec, place = scene
     link = Link(address, "ground_station")
     with contextlib.closing(link):
-        # Missions and station refer to one another: this list is filled below.
-        stations: list[GroundStation] = []
+
+        def report_text(text: str) -> None:
+            serve_line(text)
+            station.report_text(text)
+
         missions = Missions(
             None if spec.mission is None else check_flown(uncertain),
             home_of(spec, place),
             lambda plan: check_flown(uncertain, plan),
-            lambda text: [
-                serve_line(text),
-                *(one.report_text(text) for one in stations),
-            ],
+            report_text,
         )
         station = GroundStation(
             link,
@@ -172,7 +172,6 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
             1.0 if options.speed is None else options.speed,
             hovers=float(spec.held[2]) > 0,
         )
-        stations.append(station)
         serve_line(watched_line(spec.model, options.scene, str(link.address)))
         with _stopped_by_signal():
             watched = station.serve(options.seconds)

@@ -139,9 +139,7 @@ def document_of(path: str | os.PathLike[str]) -> dict[str, Any]:
     text = read_text(path, "a scene in TOML")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: broken TOML: {error}") from None
-    # A number of thousands of digits; deep nesting, as [[[[[[.
+    # Also a number of thousands of digits; deep nesting, as [[[[[[.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: broken TOML: {error}") from None
 

@@ -134,6 +134,15 @@ def test_a_landing_may_be_followed_by_an_ignored_command():
     assert (ack.values["type"], len(ground.missions.items)) == (0, 3)
 
 
+@pytest.mark.parametrize("goal", [9, -1])
+def test_a_jump_to_no_item_of_the_mission_is_rejected(goal):
+    ground = Ground(check=lambda plan: mission_of(plan, place=HOME))
+    jump = checked_item("", 1, 177, 2, [goal, 1, 0, 0, 0, 0, 0])
+    (ack,) = ground.upload([ITEMS[1], jump])
+    assert ack.values["type"] == 5
+    assert f"the number of an item, 0 to 1, got {goal}" in ground.said[0]
+
+
 def test_fences_are_none_and_none_are_taken():
     ground = Ground(plan=Plan(tuple(ITEMS)))
     (count,) = ground.tell("MISSION_REQUEST_LIST", mission_type=1)

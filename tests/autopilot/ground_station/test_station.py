@@ -239,9 +239,12 @@ def test_the_mode_after_a_take_off_is_hold_also_with_a_new_mission(client):
 
 def test_a_request_out_of_range_does_not_end_the_service(client):
     _, other = client()
-    other.mav.command_long_send(1, 1, 510, 0, 70_000, 0, 0, 0, 0, 0, 0)
+    # the number of a message, which has 16 bits in the answer
+    assert result_of(other, 510, 70_000) == 2
+    # SET_MODE, which has no answer, in a mode that a disarmed vehicle cannot have
+    other.mav.set_mode_send(1, 1, 4 << 16 | 5 << 24)
     text = other.recv_match(type="STATUSTEXT", blocking=True, timeout=10).text
-    assert text.startswith("MESSAGE_INTERVAL: expected numbers")
+    assert text == "expected an armed vehicle, got a disarmed one"
     assert result_of(other, 31_000) == 3
 
 
