@@ -113,8 +113,8 @@ def read_scene_or_world(
 
     Args:
         path: A TOML file.
-        needs_charge: Whether the mass of a charge is free without [charge]; else the
-            scene has one charge that never detonates.
+        needs_charge: True: without [charge] the scene has a charge of free mass;
+            False: a charge that never detonates.
 
     Returns:
         The scene, and the distribution of its random blasts, or None.
