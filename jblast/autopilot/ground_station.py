@@ -520,12 +520,12 @@ class GroundStation:
         speed = np.diff(aim[near], axis=0)[0] / times[0] if times.size else np.zeros(3)
         stop_s = np.linalg.norm(speed) / (2 * Limits().acceleration_m_s2)
         lat, lon, alt = record.geodetic(aim[row] + stop_s * speed).tolist()
-        command, place = WAYPOINT, (lat, lon)
+        command = WAYPOINT
         if kind == TAKEOFF and np.hypot(*speed[:2]) < CLIMB_M_S:
-            command, place = TAKEOFF, (None, None)
+            command, lat, lon = TAKEOFF, None, None
         elif kind == TAKEOFF:
             n += 1
-        params = (0.0, 0.0, 0.0, None, *place, alt)
+        params = (0.0, 0.0, 0.0, None, lat, lon, alt)
         before = Course(course.items[:n], course.numbers[:n])
         return before.then([Item(INSERTED, command, GLOBAL, params)])
 
