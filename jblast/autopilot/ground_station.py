@@ -192,7 +192,8 @@ class GroundStation:
         self._armed = False  # before the take-off
         # Flight time at the wall-clock time `_since_s`; None: the clock is stopped.
         self._time_s, self._since_s = 0.0, None
-        self._item, self._reached = 0, -1
+        # Current item, last reached one, and last row with reported progress.
+        self._item, self._reached, self._followed = 0, -1, -1
         self._job: Job | None = None
         self.watched = ServiceResult()
 
@@ -406,10 +407,11 @@ class GroundStation:
             return REFUSED
         # Disarming in flight would stop the rotors. A position controller has no other
         # end.
-        in_flight = self.armed and self._in_air()
-        if in_flight and (self._flies() or self._course.items):
+        if self.armed and self._in_air() and (self._flies() or self._course.items):
             return DENIED
-        self._stand()
+        # After a landing the vehicle stays where it is until it is armed again.
+        if self.armed:
+            self._stand()
         return ACCEPTED
 
     def _change_mode(
@@ -455,11 +457,11 @@ class GroundStation:
         first = self._item if self._item < len(plan.items) else 0
         if self._flight is None:
             course = course_of(plan, None, first, self._parameters.takeoff_up_m)
-            self._reached = first - 1
         else:
             # A vehicle in the air flies past a take-off.
-            first += plan.items[first].command == TAKEOFF
-            course = course_of(plan, self._interrupted(), first)
+            passed = plan.items[first].command == TAKEOFF
+            course = course_of(plan, self._interrupted(), first + passed)
+        self._reached = first - 1
         return self._compute(request, course, plan, MODE_MISSION)
 
     def _take_off(self, request: Request, up_m: float | None) -> int:
@@ -498,6 +500,8 @@ class GroundStation:
     def _interrupted(self) -> Course:
         """Return the course flown up to the present position, and a stop there.
 
+        Its items are inserted ones, as their progress has been reported.
+
         Raises:
             NotNow: The vehicle is not on a straight segment in the air.
         """
@@ -506,7 +510,7 @@ class GroundStation:
         # After the last item it hovers, although its record goes on.
         complete = not self._flies() or n >= len(course.items)
         if complete and course.hovers:
-            return course.hovering()
+            return Course().then(course.hovering().items)
         kind = course.items[n].command if n < len(course.items) else None
         if any(item.command == JUMP for item in course.items):
             raise NotNow("expected a mission without jumps to interrupt")
@@ -526,8 +530,8 @@ class GroundStation:
         elif kind == TAKEOFF:
             n += 1
         params = (0.0, 0.0, 0.0, None, lat, lon, alt)
-        before = Course(course.items[:n], course.numbers[:n])
-        return before.then([Item(INSERTED, command, GLOBAL, params)])
+        stop = Item(INSERTED, command, GLOBAL, params)
+        return Course().then([*course.items[:n], stop])
 
     def _compute(
         self, request: Request, course: Course, mission: Plan | None, mode: int
@@ -573,6 +577,7 @@ class GroundStation:
             cost = np.where(shift <= REPLAY_S, away + 0.01 * shift, np.inf)
             self._time_s = float(record.time_s[np.argmin(cost)])
         self._flight = Flight(job.course, job.mission, Telemetry(record, last))
+        self._followed = -1
         # Position control without a mission has no command of its own.
         if job.course.items:
             self._chosen = job.mode
@@ -608,10 +613,10 @@ class GroundStation:
 
     def _follow(self) -> list[bytes]:
         """Follow the flight: its end, and messages about reached mission items."""
-        flight = self._flight
-        if flight is None or not flight.course.items:
+        flight, row = self._flight, self._row()
+        if flight is None or not flight.course.items or row == self._followed:
             return []
-        row, ended = self._row(), not self._flies()
+        self._followed, ended = row, row == flight.telemetry.last
         landed = ended and not flight.telemetry.armed(row)
         if (landed and self.mode != MODE_MISSION) or (
             ended and self.mode == MODE_TAKEOFF

@@ -189,6 +189,10 @@ def test_a_long_hover_does_not_count_as_flight_time(client):
     assert reached == [0, 1, 2]
     # 10 s of the flight's clock, beyond the search for the present row.
     time.sleep(0.5)
+    other.mav.mission_set_current_send(1, 1, 1)
+    time.sleep(0.5)
+    other.recv_match(type="COMMAND_ACK")  # reads what has come
+    assert other.messages["MISSION_CURRENT"].seq == 1
     # a local frame, which has no latitude
     other.mav.command_int_send(1, 1, 1, 192, 0, 0, 0, 0, 0, 0, 10, 20, 5)
     ack = other.recv_match(type="COMMAND_ACK", blocking=True, timeout=10)
@@ -211,6 +215,13 @@ def test_a_landed_mission_starts_again_from_its_first_item(client):
         for _ in range(5)
     ]
     assert {(now.seq, now.mission_state) for now in current[-4:]} == {(0, 5)}
+    assert result_of(other, 400, 0) == 0
+    places = [
+        other.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=10).lon
+        for _ in range(3)
+    ]
+    # 2 s at 2 m/s towards east
+    assert places == [pytest.approx(8e7 + 526, abs=1)] * 3
 
 
 def test_a_crash_does_not_complete_the_mission(client):
