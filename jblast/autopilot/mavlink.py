@@ -56,6 +56,11 @@ class Message(NamedTuple):
     values: dict[str, Any]
     frame: bytes
 
+    @property
+    def sender(self) -> tuple[int, int]:
+        """System and component of the sender."""
+        return self.system, self.component
+
 
 class Link:
     """Messages to and from one peer.
@@ -286,6 +291,10 @@ class Sender:
             ) from None
         self._coder.seq = (self._coder.seq + 1) % 256
         return frame
+
+    def pack_to(self, who: tuple[int, int], name: str, **values: Any) -> bytes:
+        """Return a frame for one system and component, as by `pack`."""
+        return self.pack(name, target_system=who[0], target_component=who[1], **values)
 
 
 class Receiver:

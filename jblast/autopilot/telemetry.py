@@ -127,6 +127,11 @@ class Telemetry:
         self._moves = down(state.velocity_m_s)
         self._positions = down(state.position_m)
 
+    @property
+    def end_s(self) -> float:
+        """Time of the last row to send."""
+        return float(self.record.time_s[self.last])
+
     def row_at(self, time_s: float) -> int:
         """Return the last row up to a time."""
         # 1e-9 s for the rounding of a product of speed and clock time.

@@ -30,7 +30,6 @@ from jblast.missions.guidance import (
     Legs,
 )
 from jblast.missions.plan import (
-    COMMANDS,
     DELAY,
     GLOBAL,
     HEADING,
@@ -362,7 +361,7 @@ def stops_of(
     where = plan.where
     if not plan.items:
         raise InputError(f"{where}: items: expected a mission, got an empty list")
-    order = [n for n in _order(plan) if not COMMANDS[plan.items[n].command].ignored]
+    order = [n for n in _order(plan) if not plan.items[n].ignored]
     first = next(
         (n for n in order if plan.items[n].command not in (SPEED, HEADING)), None
     )
@@ -407,8 +406,9 @@ def stops_of(
         yaw_rad = yaw_rad if math.isnan(last.yaw_rad) else last.yaw_rad
         ended = item.command in (LAND, RETURN, LOITER)
     if not ended:
-        hovers: dict[str, Any] = {"hold_s": math.inf, "stops": False, "turns": 0.0}
-        stops.append(replace(stops[-1], goal_m=at, lands=False, **hovers))
+        stops.append(
+            replace(stops[-1], goal_m=at, hold_s=math.inf, stops=False, turns=0.0)
+        )
     if not may_hover_on and not stops[-1].lands:
         raise InputError(
             f"{where}: expected a landing (21) or a return (20) at the end, or a "
@@ -419,7 +419,10 @@ def stops_of(
 
 def _order(plan: Plan) -> list[int]:
     """Return indices of the plan's items in order of execution, with jumps unrolled."""
-    by_number = {item.number: n for n, item in enumerate(plan.items)}
+    # Items inserted into a course have no number for jumps.
+    by_number = {
+        item.number: n for n, item in enumerate(plan.items) if item.number >= 0
+    }
     left: dict[int, int] = {}
     order: list[int] = []
     n = steps = 0
@@ -444,7 +447,7 @@ def _order(plan: Plan) -> list[int]:
         goal, times = item.number_of(1, math.nan), item.number_of(2, math.nan)
         at = f"{plan.where}: {item.words}"
         if goal not in by_number:
-            known = f"{plan.items[0].number} to {plan.items[-1].number}"
+            known = f"{min(by_number)} to {max(by_number)}"
             raise InputError(
                 f"{at}: expected the number of an item, {known}, got {goal:g}"
             )

@@ -146,6 +146,11 @@ class Item:
         return f"item {self.number}, {COMMANDS[self.command].name}"
 
     @property
+    def ignored(self) -> bool:
+        """True for a command without effect on the path."""
+        return COMMANDS[self.command].ignored
+
+    @property
     def place(self) -> tuple[float, float] | None:
         """Latitude and longitude [degree]; None: current position, or no position."""
         lat, lon = self.params[4], self.params[5]
@@ -193,7 +198,7 @@ class Plan:
         """Ignored parts and commands, one line; "" without any."""
         items: dict[int, list[str]] = {}
         for item in self.items:
-            if COMMANDS[item.command].ignored:
+            if item.ignored:
                 items.setdefault(item.command, []).append(str(item.number))
         parts = list(self.not_flown)
         for command, numbers in items.items():

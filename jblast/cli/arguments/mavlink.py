@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import NamedTuple
 
-from jblast.autopilot.ground_station import GroundStation, Missions
+from jblast.autopilot.ground_station import GroundStation
 from jblast.autopilot.lockstep import (
     PERIOD_S,
     PLACE,
@@ -26,6 +26,7 @@ from jblast.autopilot.lockstep import (
 )
 from jblast.autopilot.logs import TelemetryLog, flight_ulog
 from jblast.autopilot.mavlink import Link, read_address
+from jblast.autopilot.protocols import Missions
 from jblast.files import refuse_existing, write_bytes
 from jblast.progress_line import serve_line
 from jblast.report.autopilot import (
@@ -152,16 +153,16 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
     uncertain, spec, place = scene
     link = Link(address, "ground_station")
     with contextlib.closing(link):
-        # Missions and station refer to one another: this list is filled below.
-        stations: list[GroundStation] = []
+
+        def report_text(text: str) -> None:
+            serve_line(text)
+            station.report_text(text)
+
         missions = Missions(
             None if spec.mission is None else check_flown(uncertain),
             home_of(spec, place),
             lambda plan: check_flown(uncertain, plan),
-            lambda text: [
-                serve_line(text),
-                *(one.report_text(text) for one in stations),
-            ],
+            report_text,
         )
         station = GroundStation(
             link,
@@ -171,7 +172,6 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
             1.0 if options.speed is None else options.speed,
             hovers=float(spec.held[2]) > 0,
         )
-        stations.append(station)
         serve_line(watched_line(spec.model, options.scene, str(link.address)))
         with _stopped_by_signal():
             watched = station.serve(options.seconds)

@@ -113,8 +113,8 @@ def read_scene_or_world(
 
     Args:
         path: A TOML file.
-        needs_charge: Whether the mass of a charge is free without [charge]; else the
-            scene has one charge that never detonates.
+        needs_charge: True: without [charge] the scene has a charge of free mass;
+            False: a charge that never detonates.
 
     Returns:
         The scene, and the distribution of its random blasts, or None.
@@ -139,9 +139,7 @@ def document_of(path: str | os.PathLike[str]) -> dict[str, Any]:
     text = read_text(path, "a scene in TOML")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: broken TOML: {error}") from None
-    # A number of thousands of digits; deep nesting, as [[[[[[.
+    # Also a number of thousands of digits; deep nesting, as [[[[[[.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: broken TOML: {error}") from None
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jblast.autopilot.ground_station import GroundStation, Missions
+from jblast.autopilot.ground_station import GroundStation
 from jblast.autopilot.mavlink import Address, Link
+from jblast.autopilot.protocols import Missions
 from jblast.scene import Place
 from tests.autopilot.logs.flights import HOME, eastward
 

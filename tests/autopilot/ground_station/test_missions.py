@@ -4,16 +4,16 @@ import math
 
 import pytest
 
-from jblast.autopilot.ground_station import (
+from jblast.autopilot.mavlink import Message, Receiver, Sender
+from jblast.autopilot.protocols import (
     RETRIES,
     RETRY_S,
     Missions,
     item_fields,
     item_of,
 )
-from jblast.autopilot.mavlink import Message, Receiver, Sender
 from jblast.errors import InputError
-from jblast.missions import Plan
+from jblast.missions import Plan, mission_of
 from jblast.missions.plan import checked_item
 from jblast.scene import Place
 
@@ -124,6 +124,23 @@ def test_ignored_commands_are_reported_and_come_back_with_the_mission():
         "interest) in item 4"
     ]
     assert ground.missions.items[3:] == (servo, region)
+
+
+def test_a_landing_may_be_followed_by_an_ignored_command():
+    ground = Ground(check=lambda plan: mission_of(plan, place=HOME))
+    land = checked_item("", 1, 21, 3, [0, 0, 0, None, 47.0, 8.0, 0.0])
+    pictures = checked_item("", 2, 2001, 2, [0] * 7)
+    (ack,) = ground.upload([ITEMS[0], land, pictures])
+    assert (ack.values["type"], len(ground.missions.items)) == (0, 3)
+
+
+@pytest.mark.parametrize("goal", [9, -1])
+def test_a_jump_to_no_item_of_the_mission_is_rejected(goal):
+    ground = Ground(check=lambda plan: mission_of(plan, place=HOME))
+    jump = checked_item("", 1, 177, 2, [goal, 1, 0, 0, 0, 0, 0])
+    (ack,) = ground.upload([ITEMS[1], jump])
+    assert ack.values["type"] == 5
+    assert f"the number of an item, 0 to 1, got {goal}" in ground.said[0]
 
 
 def test_fences_are_none_and_none_are_taken():
