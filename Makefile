@@ -4,7 +4,7 @@ BIN := .venv/bin
 # compiled Python is kept: without it every start takes seconds longer
 export PYTHONDONTWRITEBYTECODE =
 PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
-.PHONY: help fit test quick test-slow test-all check docs format lock bench-start clean
+.PHONY: help fit test quick test-slow test-all check docs tutorials format lock bench-start clean
 
 help:
 	@echo 'make fit         fit real recordings; figures and reports go to out/'
@@ -14,6 +14,7 @@ help:
 	@echo 'make test-all    both'
 	@echo 'make check       format, lint, spelling, types; notebooks without outputs; figures that pages quote'
 	@echo 'make docs        the manual, into site/'
+	@echo 'make tutorials   run the notebooks; the next make docs shows their outputs'
 	@echo 'make format      format, and mend what the linter can'
 	@echo 'make lock        resolve the dependencies again'
 	@echo 'make bench-start how long all this takes on a fresh clone'
@@ -49,6 +50,10 @@ check: .venv/dev
 docs: .venv/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 	@echo 'Written: site/index.html'
+
+tutorials: .venv/dev
+	@mkdir -p out/tutorials
+	$(BIN)/jupyter-execute --timeout=900 --output='../out/tutorials/{notebook_name}' notebooks/*.ipynb
 
 format: .venv/dev
 	$(BIN)/python -m ruff format .

@@ -5,6 +5,7 @@
 
 import ast
 import builtins
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -16,7 +17,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import jblast
-from docs.generate import blocks, command_line, pages, scene_tables
+from docs.generate import blocks, command_line, notebooks, pages, scene_tables
 from docs.generate.links import in_repository, site_uri, targets, to_site
 from docs.generate.scene_schema import scene_schema
 from jblast.cli.parsers import VERBS
@@ -235,3 +236,24 @@ def test_links_of_the_repository_become_links_of_the_site():
     assert to_site(story, "docs/howto/fit.md", "howto/fit.md") == (
         "[one](../tutorials/01_fit_a_blast.md) [all](https://docs.jax.dev)"
     )
+
+
+def test_a_tutorial_has_the_outputs_of_its_own_code(tmp_path):
+    def write(folder, code, outputs=()):
+        heading = {"cell_type": "markdown", "source": ["# A study"]}
+        cell = {"cell_type": "code", "source": [code], "outputs": list(outputs)}
+        path = tmp_path / folder / "a.ipynb"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({"cells": [heading, cell]}))
+        return path
+
+    notebook = write("notebooks", "print(1 < 2)")
+    assert "without outputs" in notebooks.page(notebook)
+    printed = {"output_type": "stream", "name": "stdout", "text": ["True < 2\n"]}
+    drawn = {"output_type": "display_data", "data": {"image/png": "iVBO\nRw0="}}
+    write(notebooks.EXECUTED, "print(1 < 2)", [printed, drawn])
+    page = notebooks.page(notebook)
+    assert "<pre><code>True &lt; 2</code></pre>" in page
+    assert 'src="data:image/png;base64,iVBORw0="' in page
+    write("notebooks", "print(2)")
+    assert "without outputs" in notebooks.page(notebook)
