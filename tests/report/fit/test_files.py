@@ -14,6 +14,7 @@ from jblast.report.fit import figures
 from jblast.report.fit.document import fit_document
 from jblast.results import plain
 from tests.report import example
+from tests.report.widths import check_legible, needs_browser
 
 FILES = {"fit.json", "recordings.png", "residuals.png", "corner.png", "report.html"}
 FILES |= {"map.png"}
@@ -109,6 +110,13 @@ def test_the_page_needs_nothing_beside_it(pages):
             if tag == "img":
                 assert attributes["src"].startswith("data:image/")
                 assert len(attributes["alt"]) > 20
+
+
+@needs_browser
+def test_the_pages_are_legible_at_every_width(pages, tmp_path):
+    root, written = pages
+    for name in written:
+        check_legible((root / name / "report.html").read_text("utf-8"), tmp_path)
 
 
 def test_the_page_says_what_the_text_says(pages):

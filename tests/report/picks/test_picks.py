@@ -14,6 +14,7 @@ from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
 from jblast.report.picks import NOTES, picks_answer, picks_text
 from jblast.report.provenance import provenance_of
 from jblast.signals.picks import Gathered, NoteKind, log_of
+from tests.report.widths import check_legible, needs_browser
 from tests.signals.records.made import record_pick
 
 RATE, START = 1e4, 5.0
@@ -143,6 +144,14 @@ def test_notes_of_a_pick_are_a_row_of_the_full_width(tmp_path):
     columns = page.partition("<thead>")[2].partition("</thead>")[0].count("<th ")
     notes = re.findall(r'<tr class="note quiet"><td colspan="(\d+)">', body)
     assert notes == [str(columns)]
+
+
+@needs_browser
+def test_the_page_is_legible_at_every_width(tmp_path):
+    some = found({"clipped_at_pa": 800.0, "lower_bound": True}, {"sharp": True})
+    log, made = log_of(some), provenance_of([], command=["jblast", "pick", "g0.wav"])
+    write_picks(tmp_path, some, log, picks_answer(some, log), ["a fault"], made)
+    check_legible((tmp_path / "report.html").read_text(), tmp_path)
 
 
 def test_every_note_of_a_pick_has_words():

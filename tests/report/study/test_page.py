@@ -13,6 +13,7 @@ from jblast.report.study_columns import columns_of
 from jblast.report.study_page import is_geometric, shares_on_grid, study_report
 from jblast.report.study_results import printed_share, summary_of
 from jblast.report.study_stores import read_columns
+from tests.report.widths import check_legible, needs_browser
 
 ATTRIBUTES = {
     "jblast_study_schema": 1,
@@ -87,6 +88,11 @@ def test_numbers_are_those_of_the_samples():
     assert (found["count"], found["lost"]) == (299, 1)
     assert found["mean"] == pytest.approx(known.mean(), rel=1e-12)
     assert found["q50"] == np.quantile(known, 0.5, method="inverted_cdf")
+
+
+@needs_browser
+def test_the_page_is_legible_at_every_width(report, tmp_path):
+    check_legible(report.page(), tmp_path)
 
 
 def test_each_cell_has_its_own_samples(report):
