@@ -19,7 +19,7 @@ from jblast.autopilot.mavlink import Message, Sender
 from jblast.autopilot.telemetry import SYSTEM
 from jblast.errors import InputError
 from jblast.missions.mission import Limits
-from jblast.missions.plan import MISSION, Item, Plan, checked_item
+from jblast.missions.plan import INTEGER_FRAMES, MISSION, Item, Plan, checked_item
 from jblast.scene import Place
 
 RETRY_S, RETRIES = 1.5, 5
@@ -31,6 +31,9 @@ MISSION_ACCEPTED, ERROR, MISSION_UNSUPPORTED = 0, 1, 3
 NO_SPACE, INVALID, SEQUENCE = 4, 5, 13
 FLIGHT_PLAN = 0
 """MAV_MISSION_TYPE of a mission; geofences and rally points have other numbers."""
+FRAME_CODES = {frame: code for code, frame in INTEGER_FRAMES.items()}
+"""Frames of sent items, whose coordinates are integers. PX4 sends the same, and MAVSDK
+3 accepts no others."""
 UPLOADED = "uploaded mission"
 NOT_FOUND, READ_ONLY = 1, 5
 """MAV_PARAM_ERROR."""
@@ -243,7 +246,7 @@ def item_fields(item: Item, sequence: int) -> dict[str, Any]:
     scale = 1 if item.frame == MISSION else 1e7
     return {
         "seq": sequence,
-        "frame": item.frame,
+        "frame": FRAME_CODES.get(item.frame, item.frame),
         "command": item.command,
         "current": int(sequence == 0),
         "autocontinue": int(item.auto_continue),

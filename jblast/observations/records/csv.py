@@ -557,7 +557,7 @@ def _stated(preamble: list[list[str]], head: _Head) -> _Stated:
                     stated = stated._replace(time_unit=filled[0])
             elif kind == "unit":
                 # within a line it is the name of a column
-                if at or not any(map(_is_unit, filled)):
+                if at or not (filled and all(map(_is_unit, filled))):
                     continue
                 # one unit for each column, or units below the names
                 columns, units = range(1, 1 + len(right)), right

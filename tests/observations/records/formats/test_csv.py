@@ -86,7 +86,6 @@ def test_columns_of_something_else_are_left_out_and_named(tmp_path):
     [
         ("Sample Time (s),step,unit,P (kPa)", "step, unit"),
         ("time_s,dt,unit,kPa", "dt, unit"),
-        ("unit,time_s,x,kPa", "unit, x"),
         ("time_s,temperature_c,unit,CH2 (V)", "temperature_c, unit"),
         ("Time (s),T,state,P\n,degC,n/a,kPa", "T (degC), state (n/a)"),
     ],
@@ -96,6 +95,13 @@ def test_columns_named_as_keys_of_a_preamble_are_columns(tmp_path, head, others)
     (recording,) = open_record(text(tmp_path, body), Scaling(sensitivity=1e3))
     np.testing.assert_array_equal(recording.samples(0, 2), [[5e3, 6e3]])
     assert recording.notes == (f"columns left out, not pressure: {others}",)
+
+
+def test_a_first_column_named_as_a_key_is_a_column(tmp_path):
+    body = "unit,time_s,x,kPa\n7,0,on,5\n7,1,,6\n"
+    (recording,) = open_record(text(tmp_path, body))
+    np.testing.assert_array_equal(recording.samples(0, 2), [[5e3, 6e3]])
+    assert recording.notes == ("columns left out, not pressure: unit, x",)
 
 
 def test_a_blank_within_a_remark_separates_no_columns(tmp_path):
