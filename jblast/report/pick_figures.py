@@ -36,8 +36,11 @@ from jblast.report.picks import (
 )
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
-from jblast.signals.picks import NAMES, Gathered, Pick, PickLog, RecordPick
-from jblast.waves.pulse import Pulse, pulse_mean
+from jblast.signals.picks import NAMES, Gathered, PickLog, RecordPick
+from jblast.signals.picks.preparation import Bins
+from jblast.signals.picks.pulse_means import means_over
+from jblast.signals.picks.unknowns import Form
+from jblast.waves.pulse import Pulse
 
 JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
 PICTURE = "records_{}.png"
@@ -202,16 +205,9 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
 def curves(picks: Sequence[RecordPick]) -> list[Curve]:
     """Return the curves of picks that keep their samples."""
     edges = [_edges(one) for one in picks]
-    # one shape for all picks, so that one program is compiled
-    padded = np.array([np.pad(e, (0, BINS + 1 - e.size), mode="edge") for e in edges])
-    start = np.array([one.record.start_s for one in picks])[:, None]
-    rate = np.array([one.record.rate_hz for one in picks])[:, None]
-    arrival = np.array([float(one.pick.air_arrival_s) for one in picks])[:, None]
-    # a sample is the mean over its interval, so edges lie half a sample earlier; times
-    # count from the arrival, as a time of day has too few digits left for the pulse
-    since = (start - arrival) + (padded - 0.5) / rate
-    pulses = _pulses([one.pick for one in picks])
-    fitted = np.asarray(_means(pulses, jax.device_put(since)))
+    pulses = [_pulse(one, edge) for one, edge in zip(picks, edges, strict=True)]
+    made = jax.tree.map(lambda *of: np.array(of, float), *pulses)
+    fitted = np.asarray(_means(*jax.device_put(made)))
     return [
         _curve(one, edge, means)
         for one, edge, means in zip(picks, edges, fitted, strict=True)
@@ -219,29 +215,29 @@ def curves(picks: Sequence[RecordPick]) -> list[Curve]:
 
 
 @kept
-def _means(pulses: Pulse, edges: Float[Array, "pick edge"]) -> Float[Array, "pick bin"]:
-    return jax.vmap(pulse_mean)(pulses, edges[:, :-1], edges[:, 1:])
+def _means(pulses: Pulse, forms: Form) -> Float[Array, "pick bin"]:
+    # the same bins for all picks, so that one program is compiled
+    bins = Bins(np.arange(BINS), np.ones(BINS, int))
+    return jax.vmap(partial(means_over, bins))(pulses, forms)
 
 
-def _pulses(picks: Sequence[Pick]) -> Pulse:
-    """Return pulses that arrive at zero."""
-
-    def of(name: str) -> Float[Array, "pick 1"]:
-        return jax.device_put(
-            np.array([[getattr(pick, name)] for pick in picks], float)
-        )
-
-    zero = jax.device_put(np.zeros((len(picks), 1)))
-    return Pulse(
-        arrival_time=zero,
-        peak=of("peak_overpressure_pa"),
-        rise_time=of("rise_time_s"),
-        duration=of("positive_duration_s"),
-        decay=of("decay"),
-        suction=of("negative_pressure_pa"),
-        suction_duration=of("negative_duration_s"),
-        hold_time=zero,
+def _pulse(one: RecordPick, edges: Int[np.ndarray, " edge"]) -> tuple[Pulse, Form]:
+    """Return a pulse and its formulas, with times in bins from the first bin on."""
+    pick, record = one.pick, one.record
+    rate = record.rate_hz / int(edges[1] - edges[0])
+    # a sample, and a bin, is the mean over an interval about its time
+    start_s = record.start_s + (int(edges[0]) - 0.5) / record.rate_hz + 0.5 / rate
+    pulse = Pulse(
+        arrival_time=(float(pick.air_arrival_s) - start_s) * rate,
+        peak=pick.peak_overpressure_pa,
+        rise_time=pick.rise_time_s * rate,
+        duration=pick.positive_duration_s * rate,
+        decay=pick.decay,
+        suction=pick.negative_pressure_pa,
+        suction_duration=pick.negative_duration_s * rate,
+        hold_time=0.0,
     )
+    return pulse, pick.form
 
 
 def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:

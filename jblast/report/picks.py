@@ -62,6 +62,8 @@ NOTES: dict[NoteKind, str] = {
     "pulse: arrival and peak are from the front only",
     "duration_unsure": "the duration is poorly constrained",
     "faint": "the pulse is faint",
+    "continued_decay": "below zero the pressure follows Friedlander's formula, which "
+    "has no end; the negative duration is that of a phase of equal depth and impulse",
 }
 """Text of each note on a pick."""
 REASONS: dict[Reason, str] = {

@@ -33,7 +33,7 @@ from jblast.signals.picks.preparation import (
 from jblast.signals.picks.searches import LEAST_SHARE, first_optimum, select
 from jblast.signals.picks.unknowns import (
     CENTRE,
-    CONTINUED,
+    Form,
     Natural,
     error_covariance,
     values_of,
@@ -93,7 +93,7 @@ class LanePicks(NamedTuple):
     passed: Bool[Array, " lane"]
     shifted: Bool[Array, " lane"]
     front_alone: Bool[Array, " lane"]
-    continued: Bool[Array, " lane"]
+    form: Form
     frequency: Float[Array, " lane"]
     later: Float[Array, " lane"]
     later_sd: Float[Array, " lane"]
@@ -302,7 +302,7 @@ def _picked(
         passed=case.passed > 0,
         shifted=case.shifted > 0,
         front_alone=jnp.zeros_like(high),
-        continued=case.form.negative == CONTINUED,
+        form=case.form,
         frequency=jnp.exp(best.y[CENTRE.size]),
         later=jnp.where(case.follows > 0, natural.arrival + lag, jnp.nan),
         later_sd=jnp.sqrt(widened * later_variance),

@@ -33,6 +33,7 @@ from jblast.errors import InputError, argument
 from jblast.kept_programs import kept
 from jblast.signals.picks.lanes import LanePicks, pick_lanes
 from jblast.signals.picks.preparation import clipped_samples
+from jblast.signals.picks.unknowns import CONTINUED, Form
 
 LEAST_SAMPLES = 16
 """Smallest number of samples of a record: pulse and drift have 11 unknowns, and the
@@ -123,6 +124,7 @@ class Pick(eqx.Module):
             Above 1, errors are widened by its root.
         noise_pa: Standard deviation of the noise of a sample [Pa].
         baseline_pa: Baseline at the arrival [Pa].
+        form: Formulas of the likeliest pulse.
     """
 
     air_arrival_s: Float[Array, "*batch"]
@@ -155,6 +157,7 @@ class Pick(eqx.Module):
     misfit: Float[Array, "*batch"]
     noise_pa: Float[Array, "*batch"]
     baseline_pa: Float[Array, "*batch"]
+    form: Form
 
     def sd(self, name: str) -> Float[Array, "*batch"]:
         """Return the standard deviation of a value, in its own unit.
@@ -373,6 +376,7 @@ def pick_of(
     # the duration of a negative phase as shallow as the noise has no meaning
     deep = natural.suction * natural.suction_duration > DEEP_SUCTION * natural.impulse
     longer &= deep
+    continued = lanes.form.negative == CONTINUED
     return Pick(
         air_arrival_s=where_found(start + step * (front + natural.arrival)),
         peak_overpressure_pa=where_found(scale * natural.peak),
@@ -392,7 +396,7 @@ def pick_of(
         ),
         under_sampled=natural.duration < FEW_SAMPLES,
         sharp=natural.rise < 1.0,
-        high_passed=lanes.passed | (lanes.found & longer & ~lanes.continued),
+        high_passed=lanes.passed | (lanes.found & longer & ~continued),
         shifted=lanes.shifted,
         front_alone=lanes.front_alone,
         resonating=lanes.rings,
@@ -410,6 +414,7 @@ def pick_of(
         misfit=lanes.misfit,
         noise_pa=scale * lanes.noise,
         baseline_pa=lanes.offset + scale * lanes.level,
+        form=lanes.form,
     )
 
 

@@ -36,6 +36,7 @@ from jblast.signals.picks.pick import (
     filled_length,
     picks_of,
 )
+from jblast.signals.picks.unknowns import CONTINUED
 
 LONGEST_STRETCH = 65536
 """Largest number of samples that are picked; of a longer record, these are about its
@@ -65,10 +66,13 @@ NoteKind = Literal[
     "reversed_polarity",
     "duration_unsure",
     "faint",
+    "continued_decay",
 ]
 """Kinds of notes on a pick."""
 POOR_NOTES = frozenset({"nothing_found", "not_converged"})
-HARMLESS_NOTES = frozenset({"sharp_front", "drifting", "later_arrival"})
+HARMLESS_NOTES = frozenset(
+    {"sharp_front", "drifting", "later_arrival", "continued_decay"}
+)
 """Notes whose effects are within the errors; any other makes a pick doubtful."""
 UNSURE_DURATION = 0.2
 """Standard deviation of ln duration from which on a pick is doubtful. A 90 % interval
@@ -315,6 +319,8 @@ def notes_of(pick: Pick) -> tuple[NoteKind, ...]:
         # "not less than" also holds for NaN
         "duration_unsure": not spread[2] < UNSURE_DURATION,
         "faint": not spread[1] < FAINT_PEAK_SD,
+        "continued_decay": bool(pick.form.negative == CONTINUED)
+        and bool(spread[6] < UNSURE_DURATION),
     }
     return tuple(kind for kind, holds in conditions.items() if holds)
 

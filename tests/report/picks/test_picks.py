@@ -14,6 +14,7 @@ from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
 from jblast.report.picks import NOTES, picks_answer, picks_text
 from jblast.report.provenance import provenance_of
 from jblast.signals.picks import Gathered, NoteKind, log_of
+from jblast.signals.picks.unknowns import CONTINUED, SMOOTH, Form
 from tests.report.widths import check_legible, needs_browser
 from tests.signals.records.made import record_pick
 
@@ -63,6 +64,20 @@ def test_the_fitted_curve_is_the_pulse_that_the_samples_hold():
     assert curve.samples.max() > 900.0
     assert (curve.low <= curve.samples).all()
     assert (curve.samples <= curve.high).all()
+
+
+def test_the_fitted_curve_has_the_form_of_the_fit():
+    # decay 1 behind a rise of one sample, without an end
+    (one,) = found({"form": Form(SMOOTH, CONTINUED)}).picks
+    fine = (np.arange(100 * 2000) + 0.5) / 100 - 0.5
+    since = fine / RATE - 0.05 - 1e-4
+    s = since / (0.01 - 1e-4)
+    x = np.clip(since / 1e-4 + 1.0, 0.0, 1.0)
+    pressure = np.where(since > 0, (1 - s) * np.exp(-s), 3 * x**2 - 2 * x**3)
+    samples = 1000.0 * pressure.reshape(2000, 100).mean(axis=1) + 5.0
+    (curve,) = curves([replace(one, record=replace(one.record, samples=samples))])
+    np.testing.assert_allclose(curve.fitted, curve.samples, atol=2.0)
+    assert "continued_decay" in one.notes
 
 
 def test_words_say_each_thing_once():

@@ -1,11 +1,13 @@
 """Picks that nothing was computed for: what is gathered and logged of them."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks import NAMES, Pick, RecordPick
 from jblast.signals.picks.record_picks import notes_of, quality_of
+from jblast.signals.picks.unknowns import Form
 
 VALUES = (0.0, 1000.0, 0.01, 4.0, 1.0, 1e-4, 300.0, 0.03)
 SD = 0.01
@@ -27,12 +29,13 @@ def pick(**changed) -> Pick:
         "misfit": jnp.asarray(1.0),
         "noise_pa": jnp.asarray(2.0),
         "baseline_pa": jnp.asarray(5.0),
+        "form": Form(jnp.asarray(0.0), jnp.asarray(0.0)),
     }
     flags = ("lower_bound", "under_sampled", "sharp", "high_passed", "resonating")
     flags = (*flags, "drifting", "curving", "cut_short", "shifted", "front_alone")
     for name in flags:
         fields[name] = jnp.asarray(False)
-    return Pick(**(fields | {k: jnp.asarray(v) for k, v in changed.items()}))
+    return Pick(**(fields | jax.tree.map(jnp.asarray, changed)))
 
 
 def record_pick(record: PressureRecord, **changed) -> RecordPick:
