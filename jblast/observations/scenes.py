@@ -120,12 +120,25 @@ def scene_of_records(observations: Observations) -> UncertainScene:
     return freed(default, [name for name in free if name not in default.beliefs])
 
 
+def names_to_free(observations: Observations) -> list[str]:
+    """Return what a fit of a log without a scene must be told to free.
+
+    The default scene has its charge at the origin at time 0, which no recording has.
+    """
+    # of logs in degrees `for_log` frees all
+    if observations.frame is not None or np.isnan(observations.position).any():
+        return []
+    known = default_scene().beliefs
+    return [n for n in scene_of_records(observations).beliefs if n not in known]
+
+
 def clocks_to_free(observations: Observations) -> list[str]:
     """Return the clocks with unknown offsets that a log identifies.
 
     The difference of a flash and an arrival on one clock identifies its offset.
-    Recorders with different names in the column `clock` have different clocks; without
-    that column sensors share one, unless their times of the flash differ.
+    Recorders with different names in the column `clock` have different clocks. Beside
+    such a difference an arrival alone identifies the offset of its clock, too. Without
+    that column sensors share one clock, unless their times of the flash differ.
 
     Args:
         observations: The log. The clock of its first row is the common one, or that of
@@ -140,8 +153,8 @@ def clocks_to_free(observations: Observations) -> list[str]:
     tied = [clock for clock, quantities in read.items() if len(quantities) > 1]
     if not any(observations.clock):
         return tied[1:] if _flashes_disagree(observations) else []
-    apart = clocks_apart(observations)
-    return [clock for clock in tied if clock in apart]
+    apart = clocks_apart(observations) if tied else []
+    return [c for c in apart if read.get(c, set()) - {"flash_time_s"}]
 
 
 def _flashes_disagree(observations: Observations) -> bool:

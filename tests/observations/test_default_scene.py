@@ -5,6 +5,7 @@ import pytest
 
 import jblast
 from jblast.errors import InputError
+from jblast.observations import some_rows
 from jblast.observations.grouping import located
 from jblast.observations.scenes import clocks_to_free, for_log
 from jblast.scene import Place, Scene, UncertainScene, default_scene
@@ -40,6 +41,15 @@ def test_place_time_and_clocks_tied_by_a_flash_are_free(tmp_path):
 
 def test_a_clock_that_heard_alone_is_taken_to_agree(tmp_path):
     assert clocks_to_free(log(tmp_path, ("air_arrival_s",))) == []
+
+
+def test_a_named_clock_that_heard_alone_is_free_beside_a_flash(tmp_path):
+    # its sensor must not shift the charge by a clock that nobody set
+    whole = log(tmp_path, SEEN_AND_HEARD)
+    heard = some_rows(whole, np.array([0, 1, 2, 3, 5]))
+    assert clocks_to_free(heard) == ["b", "c"]
+    seen = some_rows(whole, np.array([0, 1, 2, 3, 4]))
+    assert clocks_to_free(seen) == ["b"]
 
 
 def test_rows_without_a_clock_beside_others_are_on_the_common_one(tmp_path):

@@ -5,6 +5,7 @@ JAX is imported inside functions only, so that `--help` does not load it.
 """
 
 import argparse
+import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -232,6 +233,26 @@ class FromRecords(NamedTuple):
             directory.mkdir(parents=True, exist_ok=True)
             write(directory / "picks.csv", self.picked.observations())
             write_text(directory / "picks.json", self.answer().to_json())
+
+
+def fit_command(
+    file: str | Path, observations: "Observations", scene: str | None = None
+) -> str:
+    """Return the command that fits a log.
+
+    Args:
+        file: File of the log.
+        observations: Its rows.
+        scene: Scene file; None: the command frees what the log determines.
+    """
+    from jblast.observations.scenes import names_to_free
+
+    words = ["jblast", "fit", str(file)]
+    if scene:
+        words += ["--scene", scene]
+    elif names := names_to_free(observations):
+        words += ["--free", ",".join(names)]
+    return shlex.join(words)
 
 
 def from_records(options: argparse.Namespace) -> FromRecords | None:

@@ -6,13 +6,13 @@ are searched for a growing flash. Exit code 3: nothing is found.
 """
 
 import argparse
-import shlex
 import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jblast.cli.arguments.logs import fit_command
 from jblast.cli.arguments.numbers import positive, positive_of_any_size
 from jblast.cli.arguments.options import NOT_FOUND, add_force, add_json, given, path
 from jblast.cli.arguments.verb_parser import VerbParser
@@ -196,24 +196,10 @@ def run(options: argparse.Namespace) -> int:
             sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
         if "observations.csv" in written:
             log = Path(options.out) / "observations.csv"
-            scene = f"--scene {options.scene}" if options.scene else _free(found)
-            sys.stdout.write(f"Fit it with: jblast fit {log} {scene}".rstrip() + "\n")
+            rows = getattr(found.log, "observations", found.log)
+            command = fit_command(log, rows, options.scene)
+            sys.stdout.write(f"Fit it with: {command}\n")
     return 0 if found.detected else NOT_FOUND
-
-
-def _free(found: "SoundDetections | FilmDetections | ClipDetections") -> str:
-    """Return the options of a fit without a scene."""
-    from jblast.observations import Observations
-    from jblast.observations.scenes import clocks_to_free
-
-    # the default scene has its charge at the origin at time 0, and one clock
-    names = ["origin_time_s", "charge_east_m", "charge_north_m"]
-    rows = found.log
-    if isinstance(rows, Observations):
-        if rows.frame is not None:  # of clips in degrees these are free already
-            return ""
-        names += [f"clock_offset_s.{name}" for name in clocks_to_free(rows)]
-    return f"--free {shlex.quote(','.join(names))}"
 
 
 def _of_sound(found: "SoundDetections") -> Answer:

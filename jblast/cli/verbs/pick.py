@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from jblast.cli.arguments.logs import add_records, picked
+from jblast.cli.arguments.logs import add_records, fit_command, picked
 from jblast.cli.arguments.options import NOT_FOUND, add_force, add_json, path
 from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.files import refuse_existing, writing
@@ -91,9 +91,10 @@ def run(options: argparse.Namespace) -> int:
         if written:
             sys.stdout.write(f"\nWritten: {options.report}, {', '.join(written)}\n")
         if options.out:
-            line = f"Written: {options.out}; next: jblast fit {options.out}"
-            if not len(log.observations):
-                line = f"Not written: {options.out}, no pick is accepted as a row"
+            line = f"Not written: {options.out}, no pick is accepted as a row"
+            if len(log.observations):
+                command = fit_command(options.out, log.observations)
+                line = f"Written: {options.out}\nFit it with: {command}"
             sys.stdout.write(f"\n{line}\n")
     if found.refused:
         # Last, so that the picks of the other files are printed and written before.

@@ -268,7 +268,7 @@ def bound(
     found = optima(jax.random.key(seed), posterior)
     # the assumed values are the optimum by construction; the search only looks for
     # another one
-    solution = Solution(posterior, plan.laws, True, found, identified, normal)
+    solution = Solution(posterior, plan.laws, {}, found, identified, normal)
     begin("ranking further data")
     return Bound(
         summary=_summary(plan, solution),

@@ -160,7 +160,13 @@ class LawOutOfRange(Finding):
 
 @dataclass(frozen=True)
 class LawsUnsettled(Finding):
-    """The automatic choice at the answer differs from the laws of the fit."""
+    """The automatic choice at the answer differs from the laws of the fit.
+
+    Attributes:
+        laws: The choices at the answer, as QUANTITY=LAW.
+    """
+
+    laws: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -497,7 +497,7 @@ def solve(
             quantity: TakenLaw(law.name, there.laws[quantity].choice)
             for quantity, law in choices.laws.items()
         },
-        laws_settled=choices.has_laws_of(there),
+        other_laws=choices.other_laws(there),
         optima=found,
         identifiability=identified,
         laplace=laplace(posterior, z, identified.identified_basis),

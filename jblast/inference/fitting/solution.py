@@ -79,7 +79,8 @@ class Solution(NamedTuple):
     Attributes:
         posterior: The posterior.
         laws: The law of each quantity, with the reason for its choice.
-        laws_settled: True if the automatic choice at the answer is that of the fit.
+        other_laws: Automatic choice at the answer, of quantities for which it is not
+            the law of the fit.
         optima: Optima of the searches, the best first.
         identifiability: Identified and null directions.
         laplace: Normal approximation about the best optimum.
@@ -93,7 +94,7 @@ class Solution(NamedTuple):
 
     posterior: Posterior
     laws: Mapping[str, TakenLaw]
-    laws_settled: bool
+    other_laws: Mapping[str, str]
     optima: Optima
     identifiability: Identifiability
     laplace: Laplace
@@ -119,13 +120,14 @@ class Choices(NamedTuple):
         """Return the choices of another scene, with the numbers of this one."""
         return there._replace(scene=with_bursts(self.scene, there.scene))
 
-    def has_laws_of(self, there: "Choices") -> bool:
-        """Return True if the laws are the same."""
-        return law_names(self.laws) == law_names(there.laws)
+    def other_laws(self, there: "Choices") -> dict[str, str]:
+        """Return the laws there of quantities whose law here is another."""
+        mine = law_names(self.laws)
+        return {k: name for k, name in law_names(there.laws).items() if mine[k] != name}
 
     def agrees_with(self, there: "Choices") -> bool:
         """Return True if laws and curve sets are the same."""
-        return self.has_laws_of(there) and self.has_bursts_of(there)
+        return not self.other_laws(there) and self.has_bursts_of(there)
 
     def has_bursts_of(self, there: "Choices") -> bool:
         """Return True if the curve sets are the same."""

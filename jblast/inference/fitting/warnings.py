@@ -95,8 +95,9 @@ def warnings_of(
     # None: no samples
     if (known := solution.samples_known or 0.0) > ROUGH:
         findings.append(SamplesRoughlyCounted(known, ROUGH))
-    if not solution.laws_settled:
-        findings.append(LawsUnsettled())
+    if solution.other_laws:
+        others = tuple(f"{k}={name}" for k, name in solution.other_laws.items())
+        findings.append(LawsUnsettled(others))
     if not solution.bursts_settled:
         findings.append(BurstsUnsettled())
     if blind:

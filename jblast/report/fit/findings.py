@@ -38,8 +38,6 @@ TEMPLATES: dict[type[Finding], str] = {
     SamplesRoughlyCounted: "the log-likelihood of the samples is accurate to "
     "{0.known:.2g} between the points where it was computed, required {0.wanted:g}: "
     "the intervals are rough; fit the picks instead",
-    fitting.LawsUnsettled: "the automatic choice of law at the answer differs from "
-    "the law of the fit; choose one with --law",
     fitting.BurstsUnsettled: "the curve sets for the height of burst at the answer "
     'differ from those of the fit; set burst = "surface" or "free-air" of the charge',
     fitting.FarFromItsLaw: "the whole shot, or a path, departs from its law by "
@@ -187,6 +185,15 @@ def _(finding: fitting.MoreToFree) -> str:
     return (
         f"the recordings fit (p = {finding.p_value:.2g}) with more parameters free: "
         f"--free {','.join(finding.parameters)}"
+    )
+
+
+@words.register
+def _(finding: fitting.LawsUnsettled) -> str:
+    options = " ".join(f"--law {law}" for law in finding.laws)
+    return (
+        "the automatic choice of law at the answer differs from the law of the fit; "
+        f"its choice there: {options}"
     )
 
 

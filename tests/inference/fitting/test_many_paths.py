@@ -58,7 +58,7 @@ def solved(log, free=PLACE, scatter=True):
         (("air_arrival_s", "acoustic"),),
     )
     answer = SimpleNamespace(z=np.zeros(len(free)))
-    return Solution(posterior, {}, True, None, None, answer)  # pyright: ignore[reportArgumentType]  the place of the answer alone is used
+    return Solution(posterior, {}, {}, None, None, answer)  # pyright: ignore[reportArgumentType]  the place of the answer alone is used
 
 
 def test_many_sensors_close_together_are_marked_with_what_follows():

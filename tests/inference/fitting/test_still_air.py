@@ -48,7 +48,7 @@ def solved(scatter=False, wind=0.0, free=FREE):
     optima = None
     laws = {q: (name, "") for q, name in LAWS.items()}
     normal = laplace(posterior, z, identified.identified_basis)
-    return Solution(posterior, laws, True, optima, identified, normal)  # pyright: ignore[reportArgumentType]  nobody asks for the search's ends
+    return Solution(posterior, laws, {}, optima, identified, normal)  # pyright: ignore[reportArgumentType]  nobody asks for the search's ends
 
 
 def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:

@@ -52,7 +52,7 @@ def test_clips_make_one_log_of_their_own_clocks_and_a_fit_finds_the_charge(
     words = (*clips, "--positions", table, "--out", jblast.path("out"))
     code, told, err = jblast("detect", *words)
     assert code == 0, err
-    free = "origin_time_s,charge_east_m,charge_north_m"
+    free = "charge_east_m,charge_north_m,origin_time_s"
     clocks = "clock_offset_s.two,clock_offset_s.three"
     assert told.endswith(f"observations.csv --free {free},{clocks}\n")
     answers = json.loads((jblast.directory / "out/detect.json").read_text())["clips"]
