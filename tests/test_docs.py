@@ -94,7 +94,9 @@ def test_python_that_is_shown_uses_names_it_has(path):
             if isinstance(node, ast.alias)
         }
         known |= {
-            n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.ClassDef)
+            n.name
+            for n in nodes
+            if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
         }
         assert used <= known, used - known
 

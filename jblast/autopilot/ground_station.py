@@ -130,6 +130,7 @@ class Job(NamedTuple):
         course: Course of the flight.
         mission: Mission of the vehicle; None: no mission.
         mode: Mode in the flight.
+        begin_s: Wall-clock time at its begin.
         record: The flight, once it is computed.
     """
 
@@ -137,6 +138,7 @@ class Job(NamedTuple):
     course: Course
     mission: Plan | None
     mode: int
+    begin_s: float
     record: Future[FlightRecord]
 
 
@@ -168,6 +170,7 @@ class GroundStation:
         fly: Simulates a plan; None: position control at the target.
         speed: Flight time per wall-clock time [-].
         hovers: True if arming without a mission starts the position control.
+        report: Called with a line when the computation of a flight begins and ends.
     """
 
     def __init__(
@@ -179,7 +182,9 @@ class GroundStation:
         speed: float = 1.0,
         *,
         hovers: bool = True,
+        report: Callable[[str], object] = lambda line: None,
     ):
+        self._report = report
         self.missions, self._link, self._fly, self._speed = missions, link, fly, speed
         self._sender, self._parameters = Sender(SYSTEM, COMPONENT), Parameters()
         self._standing, self._hovers = Telemetry(standing), hovers
@@ -540,9 +545,11 @@ class GroundStation:
         self._time_s, self._since_s = self._now_s(), None
         plan = course.plan(mission) if course.items else None
         pool = ThreadPoolExecutor(1)
+        self._report("computing the flight")
+        begin_s = time.monotonic()
         record = pool.submit(self._fly, plan)
         pool.shutdown(wait=False)  # the thread ends with the flight
-        self._job = Job(request, course, mission, mode, record)
+        self._job = Job(request, course, mission, mode, begin_s, record)
         return ACCEPTED if request.sets_mode else IN_PROGRESS
 
     def _finish_job(self) -> list[bytes]:
@@ -551,9 +558,12 @@ class GroundStation:
         if job is None or not job.record.done():
             return []
         self._job = None
+        after = f"after {time.monotonic() - job.begin_s:.0f} s"
         try:
             self._begin(job, job.record.result())
+            self._report(f"computing the flight: done {after}")
         except InputError as error:
+            self._report(f"computing the flight: refused {after}: {error}")
             self.report_text(str(error))
             result = DENIED
         if self._flight is not None:

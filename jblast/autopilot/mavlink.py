@@ -62,6 +62,10 @@ class Message(NamedTuple):
         return self.system, self.component
 
 
+PEERS = {"mavlink": "autopilot", "ground_station": "ground station"}
+"""Peer of a link, by the name of the argument with its address."""
+
+
 class Link:
     """Messages to and from one peer.
 
@@ -92,6 +96,7 @@ class Link:
         keep: Callable[[bytes], object] = lambda frame: None,
     ):
         self.receiver, self.keep = Receiver(), keep
+        self._gone = f"the {PEERS.get(name, 'peer')} has disconnected"
         self._waiting: deque[Message] = deque()
         self._peer: socket.socket | None = None
         self._heard_from: object = None
@@ -158,7 +163,7 @@ class Link:
                         self._socket.sendto(frame, self._heard_from)  # type: ignore[arg-type]
         except ConnectionRefusedError:
             if self.receiver.heard:
-                raise LinkLost("the peer no longer listens") from None
+                raise LinkLost(self._gone) from None
         except OSError as error:
             raise LinkLost(error.strerror or str(error)) from None
 
@@ -186,7 +191,7 @@ class Link:
             if self.address.kind == "tcp":
                 data = peer.recv(65536)
                 if not data:
-                    raise LinkLost("the connection was closed")
+                    raise LinkLost(self._gone)
             else:
                 data, who = peer.recvfrom(65536)
                 if self._heard_from is None:
@@ -196,7 +201,7 @@ class Link:
                     return
         except ConnectionRefusedError:
             if self.receiver.heard:
-                raise LinkLost("the peer no longer listens") from None
+                raise LinkLost(self._gone) from None
             return
         except OSError as error:
             raise LinkLost(error.strerror or str(error)) from None

@@ -152,8 +152,16 @@ def lockstep_text(answer: LockstepAnswer) -> str:
 
 def watched_text(answer: WatchedAnswer) -> str:
     """Return the result of serving a ground station, for the terminal."""
+    flights, items, messages = (
+        f"{count} {noun}{'' if count == 1 else 's'}"
+        for count, noun in (
+            (answer.flights, "flight"),
+            (answer.items, "mission item"),
+            (answer.lost, "message"),
+        )
+    )
     return (
         f"{answer.vehicle.capitalize()} for a ground station on {answer.address}: "
-        f"{answer.ended}\n{answer.flights} flights, {answer.items} items in its "
-        f"mission, {answer.lost} messages lost, {answer.damaged} damaged\n"
+        f"{answer.ended}\n{flights}, {items}, {messages} lost, {answer.damaged} "
+        "damaged\n"
     )

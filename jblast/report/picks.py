@@ -101,6 +101,8 @@ def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) ->
     lines = [f"{head} in {channels} {'record' if channels == 1 else 'records'}"]
     if found.epoch is not None and count:
         lines.append(f"times count from {utc(found)}")
+    if any("misfit" not in one.notes for one in found.picks):
+        lines.append("±: one standard deviation")
     if count:
         lines += ["", *_table(found), ""]
     lines += _notes(found)

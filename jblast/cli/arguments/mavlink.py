@@ -171,6 +171,7 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
             lambda plan: flown_record(uncertain, plan, options.seed),
             1.0 if options.speed is None else options.speed,
             hovers=float(spec.held[2]) > 0,
+            report=serve_line,
         )
         serve_line(watched_line(spec.model, options.scene, str(link.address)))
         with _stopped_by_signal():

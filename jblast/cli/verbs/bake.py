@@ -101,6 +101,6 @@ def run(options: argparse.Namespace) -> int:
         # The first file is views.toml, the index of the set.
         f"{len(files) - 1} views of {recipe.frames} frames of {recipe.size} x "
         f"{recipe.size} pixels, {size / 1e6:.1f} MB\n"
-        f"Written: {options.out}, {files[0]} and {files[1]} to {files[-1]}\n"
+        f"Written to {options.out}: {files[0]} and {files[1]} to {files[-1]}\n"
     )
     return 0

@@ -193,7 +193,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         sys.stdout.write(words)
         if written:
-            sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
+            sys.stdout.write(f"\nWritten to {options.out}: {', '.join(written)}\n")
         if "observations.csv" in written:
             log = Path(options.out) / "observations.csv"
             rows = getattr(found.log, "observations", found.log)

@@ -128,5 +128,5 @@ def run(options: argparse.Namespace) -> int:
         save_figure(figure, Path(options.out) / FILES[1])
     sys.stdout.write(text if options.json else discovery_text(found, again, further))
     if options.out and not options.json:
-        sys.stdout.write(f"\nWritten: {options.out}, {', '.join(FILES)}\n")
+        sys.stdout.write(f"\nWritten to {options.out}: {', '.join(FILES)}\n")
     return 0 if search.certain else DOUBTFUL

@@ -193,7 +193,7 @@ def run(options: argparse.Namespace) -> int:
     written = write(text, Path(options.out)) if options.out else []
     sys.stdout.write(text if options.json else words)
     if written and not options.json:
-        sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
+        sys.stdout.write(f"\nWritten to {options.out}: {', '.join(written)}\n")
     return 0
 
 

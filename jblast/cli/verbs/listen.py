@@ -97,6 +97,6 @@ def run(options: argparse.Namespace) -> int:
         sys.stdout.write(text)
     else:
         sys.stdout.write(listening_text(listening, tracks, notes))
-        sys.stdout.write(f"\nWritten: {options.out}, ")
+        sys.stdout.write(f"\nWritten to {options.out}: ")
         sys.stdout.write(f"{', '.join([JSON, TRUTH, *pictures])} and the files above\n")
     return 0

@@ -89,13 +89,13 @@ def run(options: argparse.Namespace) -> int:
     else:
         sys.stdout.write(text)
         if written:
-            sys.stdout.write(f"\nWritten: {options.report}, {', '.join(written)}\n")
+            sys.stdout.write(f"\nWritten to {options.report}: {', '.join(written)}\n")
         if options.out:
             line = f"Not written: {options.out}, no pick is accepted as a row"
             if len(log.observations):
                 command = fit_command(options.out, log.observations)
                 line = f"Written: {options.out}\nFit it with: {command}"
-            sys.stdout.write(f"\n{line}\n")
+            sys.stdout.write(f"{line}\n" if written else f"\n{line}\n")
     if found.refused:
         # Last, so that the picks of the other files are printed and written before.
         raise refusal_of(found.refused)

@@ -71,5 +71,5 @@ def run(options: argparse.Namespace) -> int:
     answer = StabilityAnswer(modes)
     sys.stdout.write(answer.to_json() if options.json else stability_text(modes))
     if options.out and not options.json:
-        sys.stdout.write(f"\nWritten: {options.out}, {', '.join(FILES)}\n")
+        sys.stdout.write(f"\nWritten to {options.out}: {', '.join(FILES)}\n")
     return 0

@@ -199,7 +199,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         sys.stdout.write(tune_text(answer))
         if written:
-            sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
+            sys.stdout.write(f"\nWritten to {options.out}: {', '.join(written)}\n")
     # A fit may converge with large residuals, for example if the physics differs.
     doubtful = (
         not answer.identifiable or not answer.converged or tuned.explained.is_poor
@@ -275,5 +275,5 @@ def tune_gains_of(options: argparse.Namespace) -> bool:
     answer = gains_answer(tuned, options.scene, written)
     sys.stdout.write(answer.to_json() if options.json else gains_text(answer))
     if written and not options.json:
-        sys.stdout.write(f"\nWritten: {options.out}, {', '.join(written)}\n")
+        sys.stdout.write(f"\nWritten to {options.out}: {', '.join(written)}\n")
     return tuned.converged

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
@@ -96,7 +97,10 @@ def _residuals_panel(
     axes.axhline(0.0, color=MUTED, linewidth=1.0)
     for level in (-2, 2):
         axes.axhline(level, color=MUTED, linewidth=1.0, linestyle=(0, (4, 3)))
-    for quantity in panel:
+    # At residuals near 0 marks lie on one another: each shows the ones below it, and
+    # later ones are smaller.
+    sizes = np.linspace(6 + min(1.5 * (len(panel) - 1), 5), 6, len(panel))
+    for quantity, size in zip(panel, sizes, strict=True):
         i = quantities.index(quantity)
         rows = here & np.array([q == quantity for q in table.quantity])
         colour, bounds = COLOURS[i % len(COLOURS)], table.bounds()
@@ -105,10 +109,10 @@ def _residuals_panel(
             fit.residual[rows & ~bounds],
             linestyle="none",
             marker=MARKERS[i % len(MARKERS)],
-            color=colour,
-            markersize=6,
-            markeredgecolor="white",
-            markeredgewidth=0.6,
+            markerfacecolor=to_rgba(colour, 0.25),
+            markersize=size,
+            markeredgecolor=colour,
+            markeredgewidth=1.2,
             label=quantity_words(quantity),
         )
         axes.plot(

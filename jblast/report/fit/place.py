@@ -87,7 +87,7 @@ def _place(place: PlaceOnEarth, without_ellipse: str) -> str:
     major, minor, azimuth = place.ellipse_90_m
     long, wide = (printed_number("_m", 2.0 * half, 2) for half in (major, minor))
     return (
-        f"{at}, 90 % ellipse {long} by {wide}, longer axis towards "
+        f"{at}, 90 % ellipse with axes {long} by {wide}, longer one towards "
         f"{math.degrees(azimuth):.0f} degrees"
     )
 
@@ -267,9 +267,10 @@ def ring_lines(charge: ChargePlace) -> list[str]:
         f"{printed_number('_m', ring.range_m, 3)}" + "*" * (not ring.valid)
         for ring in charge.rings
     ]
-    # no-break spaces keep a number and its unit on one line
+    # no-break spaces keep a number and its unit on one line, and the footnote
     reach = ", ".join(reaches).replace(" kPa", "\u00a0kPa").replace(" m", "\u00a0m")
-    outside = "; * outside the law's range" * any(not r.valid for r in charge.rings)
+    starred = "* outside the law's range".replace(" ", "\u00a0")
+    outside = f"; {starred}" * any(not r.valid for r in charge.rings)
     law = law_words(charge.rings[0].law)
     wide = any(ring.range_q05_m < ring.range_q95_m for ring in charge.rings)
     band = ", with its 90 % band" if wide else ""
@@ -300,8 +301,8 @@ def map_alt(fit: Fit) -> str:
                 for half in (ellipse.major, ellipse.minor)
             )
             parts.append(
-                f"{100 * ellipse.share:.0f} % ellipse{of} {long} by {wide}, longer "
-                f"axis at {ellipse.azimuth_deg:.0f}° from north"
+                f"{100 * ellipse.share:.0f} % ellipse{of} with axes {long} by {wide}, "
+                f"longer one at {ellipse.azimuth_deg:.0f}° from north"
             )
     return "; ".join(["Map of sensors, coloured by residual, and charge", *parts]) + "."
 

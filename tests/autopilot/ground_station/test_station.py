@@ -1,21 +1,26 @@
 """A vehicle and a ground station on loopback: ours, and pymavlink's."""
 
+import re
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from jblast.autopilot.ground_station import GroundStation
+from jblast.autopilot import ground_station
+from jblast.autopilot.ground_station import GroundStation, ServiceResult
 from jblast.autopilot.mavlink import Address, Link
 from jblast.autopilot.protocols import Missions, item_fields
 from jblast.errors import InputError
 from jblast.missions import Plan, mission_of
 from jblast.missions.plan import checked_item
+from jblast.report.autopilot import watched_answer, watched_text
 from jblast.scene import Place
 from tests.autopilot.logs.flights import HOME, eastward
 
+PAGE = Path(__file__).parents[3] / "docs/howto/autopilot.md"
 ITEMS = [
     checked_item("", 0, 22, 3, [0, 0, 0, None, 47.0, 8.0, 10.0]),
     checked_item("", 1, 16, 3, [2, 1, 0, None, 47.001, 8.001, 12.5]),
@@ -51,12 +56,17 @@ def crashed(plan):
     return replace(found, **kept, armed=np.ones(none.size, bool))
 
 
-def station(fly=None, speed=20.0, plan=None) -> GroundStation:
+def station(fly=None, speed=20.0, plan=None, report=None) -> GroundStation:
     """A vehicle that listens by TCP and flies east when it is told to."""
     link = Link(Address("tcp", "127.0.0.1", 0), "ground_station")
     missions = Missions(plan, Place(*HOME), lambda plan: None, lambda text: None)
     return GroundStation(
-        link, eastward(0.02), missions, fly or (lambda plan: eastward()), speed
+        link,
+        eastward(0.02),
+        missions,
+        fly or (lambda plan: eastward()),
+        speed,
+        report=report or (lambda line: None),
     )
 
 
@@ -276,3 +286,36 @@ def test_without_the_scenes_mission_arming_starts_the_position_controller(client
     assert heartbeat(other, (3, False))
     assert result_of(other, 400, 1) == 0
     assert vehicle.watched.flights == 1
+
+
+def test_the_begin_and_the_end_of_a_computation_are_reported(client):
+    lines = []
+    _, other = client(report=lines.append)
+    other.arducopter_arm()
+    for _ in range(2):
+        other.recv_match(type="COMMAND_ACK", blocking=True, timeout=10)
+    assert lines[0] == "computing the flight"
+    assert re.fullmatch(r"computing the flight: done after \d+ s", lines[1])
+
+
+def test_the_page_lists_the_supported_commands():
+    table = PAGE.read_text().partition("### Messages and commands")[2]
+    listed = {int(number) for number in re.findall(r"\b(\d{2,3})\b", table)}
+    known = {*ground_station.MODES, ground_station.ARM, ground_station.SET_MODE}
+    known |= {ground_station.REPOSITION, ground_station.PAUSE_CONTINUE}
+    known |= {ground_station.SET_ITEM, ground_station.GET_HOME, ground_station.REQUEST}
+    known |= {ground_station.GET_INTERVAL, ground_station.SET_INTERVAL}
+    known |= {ground_station.CAPABILITIES_REQUEST}
+    assert known <= listed
+
+
+def test_the_summary_has_singular_and_plural():
+    link = Link(Address("tcp", "127.0.0.1", 0), "ground_station")
+    of = {"scene": "a.toml", "seed": 0, "vehicle": "iris"}
+    once, never = (
+        watched_text(watched_answer(ServiceResult(n, "over"), link, items=items, **of))
+        for n, items in ((1, 1), (0, 6))
+    )
+    link.close()
+    assert once.endswith("\n1 flight, 1 mission item, 0 messages lost, 0 damaged\n")
+    assert never.endswith("\n0 flights, 6 mission items, 0 messages lost, 0 damaged\n")

@@ -74,7 +74,7 @@ def test_a_peer_that_hangs_up_is_lost():
     peer = socket.create_connection((link.address.host, link.address.port))
     link.accept(5.0)
     peer.close()
-    with pytest.raises(LinkLost, match="the connection was closed"):
+    with pytest.raises(LinkLost, match="the autopilot has disconnected"):
         link.receive(5.0)
     link.close()
 

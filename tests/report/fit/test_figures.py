@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
 
 from jblast.report.fit.figures import (
     corner_figure,
@@ -139,3 +140,12 @@ def test_the_residual_table_marks_outliers_and_keeps_to_its_length():
     assert len(rows) == MAX_ROWS
     kept = min(abs(float(row.residual)) for row in rows)
     assert kept == pytest.approx(np.sort(abs(long.residual))[-MAX_ROWS], abs=0.006)
+
+
+def test_marks_of_residuals_show_the_ones_below_them():
+    lines = residuals_figure(example.three_parameters()).axes[0].lines
+    marks = [line for line in lines if line.get_label()[0] != "_"]
+    assert len(marks) == 2
+    assert all(to_rgba(mark.get_markerfacecolor())[3] < 1 for mark in marks)
+    first, second = (mark.get_markersize() for mark in marks)
+    assert first > second

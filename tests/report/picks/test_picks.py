@@ -83,7 +83,10 @@ def test_the_fitted_curve_has_the_form_of_the_fit():
 def test_words_say_each_thing_once():
     two = found({"sharp": True}, {"sharp": True, "calibrated": False})
     text = picks_text(two, log_of(two), ("notes.md",))
-    assert text.splitlines()[0] == "2 picks in 3 records"
+    assert text.splitlines()[:2] == [
+        "2 picks in 3 records",
+        "±: one standard deviation",
+    ]
     row = next(line for line in text.splitlines() if line.startswith("g0 "))
     assert row.split() == [
         *("g0", "5.050", "±", "0.010", "s", "1.000", "±", "0.010", "kPa"),

@@ -66,7 +66,7 @@ def test_the_whole_map_is_measured_and_drawn(jblast):
     assert code == 0, err
     for area in AREAS:
         assert f"{area.capitalize()}\n" in out
-    table, _, written = out.rpartition("\nWritten: ")  # whose path may be long
+    table, _, written = out.rpartition("\nWritten to ")  # whose path may be long
     assert written
     assert max(map(len, table.splitlines())) <= 96
 

@@ -15,6 +15,7 @@ from jblast.report.fit.place import (
     absent_map_note,
     degrees,
     ground_map,
+    map_notes,
     residual_colour,
     round_length,
     whole_view,
@@ -195,3 +196,16 @@ def test_scale_bars_are_of_a_round_length(longest, length):
 
 def test_degrees_name_their_hemisphere():
     assert degrees(-16.5, -179.0) == "16.50000° S, 179.00000° W"
+
+
+def test_the_footnote_on_the_range_of_a_law_is_on_one_line():
+    shown = ground_map(five())
+    assert shown is not None
+    (charge,) = shown.charges
+    outside = tuple(replace(ring, valid=False) for ring in charge.rings)
+    assert outside
+    shown = replace(shown, charges=(replace(charge, rings=outside),))
+    for width in range(60, 130, 7):
+        lines = map_notes(shown, whole_view(shown), width)
+        footnote = "* outside the law's range"
+        assert any(footnote in line.replace("\u00a0", " ") for line in lines)
