@@ -121,7 +121,7 @@ def scene_of_records(observations: Observations) -> UncertainScene:
 
 
 def names_to_free(observations: Observations) -> list[str]:
-    """Return what a fit of a log without a scene must be told to free.
+    """Return the parameters to free in a fit of a log without a scene.
 
     The default scene has its charge at the origin at time 0, which no recording has.
     """
