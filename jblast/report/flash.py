@@ -27,7 +27,7 @@ def rejected_alarms(rejected: Sequence[Rejected]) -> list[str]:
     """Return a note for each reason for which alarms were rejected."""
     notes = []
     for reason in dict.fromkeys(one.reason for one in rejected):
-        times = [f"{one.time_s:.3g} s" for one in rejected if one.reason == reason]
+        times = [f"{one.time_s:.5g} s" for one in rejected if one.reason == reason]
         more = f" and {len(times) - 1} more" if len(times) > 1 else ""
         notes.append(f"no blast at {times[0]}{more}: {reason}")
     return notes

@@ -54,6 +54,12 @@ EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt")
 LOSSY_SD_S = 1e-3
 """Standard error of an arrival by the compression of a phone's sound [s]: transients
 spread within a block of AAC, of 128 samples or 2.7 ms at 48 kHz."""
+CLIP_SIGMAS = (
+    "sigma of flash_time_s: that of first light in the picture, and the frame interval "
+    "over sqrt(12) for the offset of sound and picture; of air_arrival_s: that of the "
+    "arrival, and 1 ms for compression"
+)
+"""Comment of a log of clips, whose sigmas are larger than the printed ones."""
 LATE_US, PAUSE_US = 10**6, 60 * 10**6
 """First time of events [us] up to which they are on the clock of the film; later ones
 are counted from the first event. Longest accepted time without an event [us]."""
@@ -278,7 +284,9 @@ def _clip_log(
     for film in clips:
         name = Path(film.path).stem
         for flash in film.flashes.flashes[:1]:
-            # sound and picture of a phone are offset by about a frame
+            # the sigma of first light is that of its time in the picture, and includes
+            # the frame interval if growth is not identified; sound and picture of a
+            # phone are offset by about a frame, which is another, independent error
             sigma = math.hypot(
                 flash.growth.sigma_s, 1.0 / film.frames_hz / math.sqrt(12)
             )
@@ -295,8 +303,12 @@ def _clip_log(
         [sigma for *_, sigma in rows],
         position=np.reshape([stations[name].position for name in names], (-1, 3)),
         clock=tuple(stations[name].clock or name for name in names),
-        comments=tuple(
-            f"jblast detect of {Path(film.path).name}: flash and bang" for film in clips
+        comments=(
+            *(
+                f"jblast detect of {Path(film.path).name}: flash and bang"
+                for film in clips
+            ),
+            CLIP_SIGMAS,
         ),
     )
     # one table has one frame
@@ -611,10 +623,11 @@ def detect_film(
     kind = recording_kind([path], of_film={"size": size})
     assert kind != "sound"
     camera = None if scene is None else _camera(scene)
+    exposure_s = 0.0 if camera is None or kind == "events" else float(camera.exposure_s)
     opened = (
         _events(path, fps, camera, size)
         if kind == "events"
-        else _frames(path, fps, 0.0 if camera is None else float(camera.exposure_s))
+        else _frames(path, fps, exposure_s)
     )
     width, height = opened.width, opened.height
     if camera is not None and (width, height) != (camera.width, camera.height):
@@ -627,6 +640,7 @@ def detect_film(
         opened.frames_hz,
         flash_threshold(false_alarms_per_hour),
         changes=kind == "events",
+        exposure_s=exposure_s,
     )
     directions: Sequence[Direction] = ()
     log = None

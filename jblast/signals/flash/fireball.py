@@ -18,13 +18,24 @@ The radii are fitted by least squares with
 
 $$R(t) = R_\infty \left(1 - e^{-(t - t_0)/\tau}\right)$$
 
-(`waves.fireball`), $t_0$ between the last frame without the fireball and the first one
-with it. The burst is at the centre of the silhouette extrapolated to $R = 0$. The
-centre of a half disc is $4R/3\pi$ above it, and the camera may move, so the centre is
-taken as linear in $R$ and in time. The scene's camera turns the position into a
-direction.
+(`waves.fireball`). First light lies between the ends of the exposures of the last dark
+frame, without light above noise at the later fireball, and of the next one. Without a
+known exposure it lies between the time stamps of the last dark frame and of the first
+silhouette. Its density there is that of the fit, plus a small uniform share $\epsilon$
+for fireballs that do not follow the law:
+
+$$p(t_0) \propto \frac{1 - \epsilon}{\Delta}\, N(t_0; \hat t_0, s) +
+\frac{\epsilon}{\Delta^2}, \qquad t_0 \in [a, a + \Delta]$$
+
+Its mean and standard deviation are reported. If the fit extrapolates to a time far
+outside, growth is not identified and the density is uniform.
+
+The burst is at the centre of the silhouette extrapolated to $R = 0$. The centre of a
+half disc is $4R/3\pi$ above it, and the camera may move, so the centre is taken as
+linear in $R$ and in time. The scene's camera turns the position into a direction.
 """
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
@@ -44,6 +55,10 @@ one means that another spot has merged with it."""
 LEAST_GROWTH_FRAMES = 0.3
 """Smallest time constant of an identified growth, over the frame interval: a fireball
 has reached 96 % of its radius after one interval then."""
+LAW_FAILS = 0.003
+"""Probability of growth that does not follow the law, epsilon: beyond three standard
+deviations the law is rejected. The standard deviation of first light is then at least
+0.016 of the interval in its middle, and 0.03 at its bounds."""
 POSITION_ERROR_PX = 0.3
 """Smallest error of a position in the image [px]: about 1/sqrt(12), an edge anywhere in
 a pixel."""
@@ -76,6 +91,12 @@ MAX_RELATIVE_ERROR = 0.25
 the fire makes all radii of a film too large, while a fit would take their errors as
 independent."""
 Frames = Float[np.ndarray, "frame height width"]
+FAINT_SHARE = 0.03
+"""Largest share of the fireball's light in 3 x 3 pixels of a dark frame, at the later
+first silhouette: compression and rounding to 8 bits give less."""
+FAINT_NOISES = 2.0
+"""The same over the largest of the frames before. A dark frame that is taken as lit, as
+by a moving camera, widens the interval of first light."""
 BACKGROUND_FRAMES = 8
 """Largest number of frames for the scene without the fireball: their median excludes
 flicker, and the camera moves little in that time."""
@@ -136,35 +157,68 @@ class Silhouette(NamedTuple):
     sigma_px: float = RADIUS_ERROR_PX
 
 
-def growth(seen: Sequence[Silhouette], earliest_s: float) -> Growth:
+def growth(
+    seen: Sequence[Silhouette],
+    earliest_s: float,
+    shown_s: float | None = None,
+    exposure_s: float = 0.0,
+) -> Growth:
     """Return the growth of a fireball.
 
     Args:
         seen: Its silhouettes, in order of time, at least one.
-        earliest_s: Time of the last frame without it [s].
+        earliest_s: Time of the last dark frame, at the middle of its exposure [s].
+        shown_s: The same of the first frame with light; by default, and for an unknown
+            exposure, that of the first silhouette [s].
+        exposure_s: Exposure of a frame, 0 if not known [s].
     """
     whole = growing(seen) or list(seen[:1])
     time, radius, error, x, y = (
         np.array([getattr(one, name) for one in whole])
         for name in ("time_s", "radius_px", "sigma_px", "x_px", "y_px")
     )
-    latest = seen[0].time_s
-    start, even = 0.5 * (earliest_s + latest), (latest - earliest_s) / np.sqrt(12.0)
+    # light after the end of an exposure is not in its frame; without a known exposure
+    # a faint frame may be lit in its last part only, after its time stamp
+    if shown_s is None or exposure_s == 0.0:
+        shown_s = seen[0].time_s
+    low, high = (float(at + 0.5 * exposure_s) for at in (earliest_s, shown_s))
     fit = None
     if len(whole) >= MIN_SILHOUETTES:
-        # a fireball smaller than a pixel may be invisible, so the burst may be another
-        # frame interval earlier
-        fit = _fitted(time, radius, error, 2.0 * earliest_s - latest, latest)
-    if fit is not None:
-        (start, last, tau), (sigma, last_sd, tau_sd), spread = fit
-        # at most that of a uniform density between two frames, which is certain
-        sigma = min(max(sigma, 0.03 * (latest - earliest_s)), even)
+        fit = _fitted(time, radius, error, low, high)
+    start, sigma, by_law = _first_light(low, high, fit)
+    spread, grown = RADIUS_ERROR_PX, (None, None, None, None)
+    if fit is not None and by_law:
+        (_, last, tau), (_, last_sd, tau_sd), spread = fit
         grown = (float(last), float(last_sd), float(tau), float(tau_sd))
-    else:
-        sigma, spread, grown = even, RADIUS_ERROR_PX, (None, None, None, None)
     since = time - start
     (x0, x_sd), (y0, y_sd) = (_at_zero(v, radius, since) for v in (x, y))
-    return Growth(float(start), float(sigma), x0, x_sd, y0, y_sd, *grown, float(spread))
+    return Growth(start, sigma, x0, x_sd, y0, y_sd, *grown, float(spread))
+
+
+def _first_light(
+    low: float, high: float, fit: tuple[np.ndarray, np.ndarray, float] | None
+) -> tuple[float, float, bool]:
+    """Return first light, its sigma, and True if the law of growth holds."""
+    width = high - low
+    middle, variance = 0.5 * (low + high), width**2 / 12.0
+    if fit is None or width <= 0.0:
+        return middle, math.sqrt(variance), False
+    # imported here, as in `_fitted`
+    from scipy.stats import norm, truncnorm
+
+    at, sd = float(fit[0][0]), max(float(fit[1][0]), 1e-6 * width)
+    bounds = (low - at) / sd, (high - at) / sd
+    inside = float(norm.cdf(bounds[1]) - norm.cdf(bounds[0]))
+    law = (1.0 - LAW_FAILS) * inside / ((1.0 - LAW_FAILS) * inside + LAW_FAILS)
+    if law < 0.5:
+        return middle, math.sqrt(variance), False
+    by_law, by_law_variance = (
+        float(v) for v in truncnorm.stats(*bounds, loc=at, scale=sd)
+    )
+    mean = law * by_law + (1.0 - law) * middle
+    between = law * (1.0 - law) * (by_law - middle) ** 2
+    variance = law * by_law_variance + (1.0 - law) * variance + between
+    return mean, math.sqrt(variance), True
 
 
 def growing(seen: Sequence[Silhouette]) -> list[Silhouette]:
@@ -194,7 +248,11 @@ def _fitted(
     earliest: float,
     latest: float,
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Return first light, final radius and time constant, their sigmas, the scatter."""
+    """Return first light, final radius and time constant, their sigmas, the scatter.
+
+    First light may lie outside its bounds: it is extrapolated from the best fit within
+    them, to which the other results belong.
+    """
     # imported here, like scipy.ndimage below: films without a flash need neither
     from scipy.optimize import least_squares
 
@@ -216,11 +274,16 @@ def _fitted(
         return None
     dof = max(len(time) - 3, 1)
     inflation = max(1.0, 2.0 * found.cost / dof)
-    sd = np.sqrt(np.diag(np.linalg.inv(square)) * inflation)
+    inverse = np.linalg.inv(square)
+    sd = np.sqrt(np.diag(inverse) * inflation)
+    # an error common to all radii shifts the time at which they are zero
+    sd[0] = np.hypot(sd[0], sigma.min() * np.exp(found.x[2] - found.x[1]))
+    # a Gauss-Newton step: zero unless a bound is reached
+    free = found.x[0] - float(inverse[0] @ (found.jac.T @ found.fun))
     last, tau = np.exp(found.x[1:])
     spread = float(np.sqrt(np.mean((misfit(found.x) * sigma) ** 2)))
     return (
-        np.array([found.x[0], last, tau]),
+        np.array([free, last, tau]),
         np.array([sd[0], last * sd[1], tau * sd[2]]),
         spread,
     )
@@ -337,8 +400,8 @@ def silhouettes(
     light: Frames,
     begun: int,
     seed: Bool[np.ndarray, "height width"],
-) -> tuple[list[Silhouette], float]:
-    """Return the silhouettes of a fireball, and the last time without it [s].
+) -> tuple[list[Silhouette], float, float]:
+    """Return the silhouettes, the time of the last dark frame, and of the next [s].
 
     Args:
         times: Times of the frames [s].
@@ -346,6 +409,8 @@ def silhouettes(
         begun: Number of the frame that shows it first, or one nearby.
         seed: Pixels that were lit.
     """
+    from scipy import ndimage
+
     # two frames before the evidence, as a faint start lights no pixel
     quiet = max(begun - 2, 1)
     behind = np.median(light[max(quiet - BACKGROUND_FRAMES, 0) : quiet], axis=0)
@@ -356,10 +421,26 @@ def silhouettes(
         else 0.0
     )
     if peak <= 0.0:
-        return [], float(times[quiet - 1])
+        return [], float(times[quiet - 1]), float(times[quiet])
     full = behind + peak
-    shares = np.clip(rise / np.maximum(full - behind, 1e-6), 0.0, 1.0)
-    return joined(times[quiet:], shares, seed, float(times[quiet - 1]))
+    scale = np.maximum(full - behind, 1e-6)
+    shares = np.clip(rise / scale, 0.0, 1.0)
+    seen, before = joined(times[quiet:], shares, seed, float(times[quiet - 1]))
+    if not seen:
+        return seen, before, float(times[-1])
+    # the start of a fireball is too small or too faint for a silhouette
+    first = quiet + int(np.searchsorted(times[quiet:], seen[0].time_s))
+    spot = _spot(shares[first - quiet], PIXEL_SHARE, seed)
+    assert spot is not None
+    earlier = slice(max(quiet - BACKGROUND_FRAMES, 0), first)
+    means = ndimage.uniform_filter((light[earlier] - behind) / scale, (0, 3, 3))
+    faint = means[:, spot].max(axis=1)
+    noise = float(faint[: quiet - earlier.start].max())
+    dark = faint <= max(FAINT_SHARE, FAINT_NOISES * noise)
+    # at the latest the background, which is dark by definition
+    dark[: quiet - earlier.start] = True
+    last_dark = earlier.start + int(np.flatnonzero(dark)[-1])
+    return seen, float(times[last_dark]), float(times[last_dark + 1])
 
 
 def joined(

@@ -52,6 +52,7 @@ from jblast.signals.flash.fireball import (
     silhouettes,
 )
 from jblast.signals.flash.watch import (
+    DRIFT,
     LIGHT_OFFSET,
     LIT_LOG_CHANGE,
     MIN_PIXELS,
@@ -100,6 +101,14 @@ SLOWEST_S = 0.02
 known to a factor of two (`waves.fireball`). The test is tuned for up to 1 t."""
 SPARKLE = "pixels went on lighting up as before it, as on glittering water"
 GROWS_ON = "its growth did not slow down as a fireball's of up to 1 t does"
+LIKE_A_LAMP = (
+    "it lit up within two frames, as a lamp does, and at this frame rate its growth is "
+    "not visible; check it by eye"
+)
+LAMP_STATISTIC = math.log1p(math.pi * 10.0**2 / MIN_PIXELS) - 2 * DRIFT
+"""Statistic of a fireball of 10 px, the smallest that the test is tuned for, of which
+the first frame shows the final radius, and which stays for another frame. It is below
+the threshold, because a lamp has the same: in slow films it is reported as rejected."""
 SAME_AS_REJECTED = "it belongs to what had been rejected there before"
 STEP_S = 1e-3
 """Time over which events are summed to one change [s]: the tuned frame interval."""
@@ -139,7 +148,9 @@ class Rejected(NamedTuple):
 
     Attributes:
         time_s: Time of the alarm [s].
-        reason: Reason of the rejection: `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`.
+        reason: Reason of the rejection: `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`;
+            `LIKE_A_LAMP` for a statistic below the threshold in a slow film, with the
+            time of the first frame that shows it.
     """
 
     time_s: float
@@ -183,15 +194,17 @@ def detect_flashes(
     threshold: float,
     *,
     changes: bool = False,
+    exposure_s: float = 0.0,
 ) -> FlashDetections:
     """Search frames for blasts.
 
     Args:
-        blocks: Times [s] and linear light, full scale 1; or with `changes` the changes
-            of its logarithm by events.
+        blocks: Times at the middle of the exposures [s] and linear light, full scale 1;
+            or with `changes` the changes of its logarithm by events.
         rate_hz: Frame rate [Hz].
         threshold: Threshold of the statistic.
         changes: True for changes by events.
+        exposure_s: Exposure of a frame, 0 if not known [s].
     """
     group = 1 if changes else max(1, round(rate_hz / TUNED_RATE_HZ))
     rate = rate_hz / group
@@ -199,7 +212,10 @@ def detect_flashes(
     kept: deque[_Kept] = deque(maxlen=FRAMES_BEFORE + DECISION_FRAMES)
     alarm: int | None = None
     pending: deque[tuple[int, Seen]] = deque()
-    decided = _Decided(group, changes)
+    # averaged frames are one longer exposure
+    exposure_s += (group - 1) / rate_hz
+    decided = _Decided(group, changes, exposure_s)
+    lamps = _Lamps(stays_for(rate) + 1 if rate < SLOW_HZ and not changes else 0)
     times, statistics, binned = [], [], 1
     number = -1
     for number, (time, image) in enumerate(_grouped(blocks, group)):
@@ -213,6 +229,7 @@ def detect_flashes(
         kept.append(_Kept(number, time, image, watch.last.lit if watch.last else none))
         times.append(time)
         statistics.append(seen.statistic)
+        lamps.add(times, seen, alarmed=alarm is not None or seen.statistic > threshold)
         if alarm is None and seen.statistic > threshold:
             alarm = number
             pending.append((number, seen))
@@ -232,8 +249,44 @@ def detect_flashes(
         threshold,
         wait,
         binned,
-        tuple(decided.rejected),
+        tuple(sorted(decided.rejected + lamps.ended())),
     )
+
+
+class _Lamps:
+    """Lights of one or two frames, with a statistic below the threshold."""
+
+    def __init__(self, frames: int):
+        """Create the empty list.
+
+        Args:
+            frames: Largest number of frames from the first evidence to
+                `LAMP_STATISTIC`; 0 for films that show growth.
+        """
+        self._frames = frames
+        self._lit: list[float] = []
+        self._now: float | None = None
+
+    def add(self, times: list[float], seen: Seen, *, alarmed: bool) -> None:
+        """Process the last frame.
+
+        Args:
+            times: Times of the frames so far [s].
+            seen: Result of the test after the last one.
+            alarmed: True for evidence above the threshold, now or recently.
+        """
+        if alarmed:
+            self._now = None
+        elif seen.statistic <= LAMP_STATISTIC:
+            self._lit += [] if self._now is None else [self._now]
+            self._now = None
+        elif self._now is None and seen.frames <= self._frames:
+            self._now = times[-seen.frames]
+
+    def ended(self) -> list[Rejected]:
+        """Return them at the end of the film."""
+        lit = self._lit if self._now is None else [*self._lit, self._now]
+        return [Rejected(time, LIKE_A_LAMP) for time in lit]
 
 
 class _Decided:
@@ -244,9 +297,9 @@ class _Decided:
         rejected: Rejected alarms in order of time.
     """
 
-    def __init__(self, group: int, changes: bool):
+    def __init__(self, group: int, changes: bool, exposure_s: float):
         """Create the empty lists; arguments as in `detect_flashes`."""
-        self._group, self._changes = group, changes
+        self._group, self._changes, self._exposure_s = group, changes, exposure_s
         self.flashes: list[Flash] = []
         self.rejected: list[Rejected] = []
         self._spurned: tuple[int, tuple[int, int, int, int]] | None = None
@@ -264,7 +317,7 @@ class _Decided:
             return
         frames = [one for one in frames if one.number <= number + FRAMES_AFTER]
         self.flashes += _measured(
-            frames, number, seen, self._group, binned, self._changes
+            frames, number, seen, self._group, binned, self._changes, self._exposure_s
         )
 
     def _objection(
@@ -287,7 +340,7 @@ class _Decided:
             changes = np.diff(logs, axis=0, prepend=logs[:1])
         if sparkles(changes, begun, at):
             return SPARKLE
-        spots, earliest = _spots(frames, images, begun, at, seen, self._changes)
+        spots, earliest, _ = _spots(frames, images, begun, at, seen, self._changes)
         return GROWS_ON if grows_on(spots, earliest) else None
 
 
@@ -329,8 +382,8 @@ def _spots(
     at: int,
     seen: Seen,
     events: bool,
-) -> tuple[list[Silhouette], float]:
-    """Return the silhouettes about an alarm, and the last time without them [s]."""
+) -> tuple[list[Silhouette], float, float]:
+    """Return the silhouettes about an alarm, the last dark time, and the next [s]."""
     times = np.array([one.time for one in frames])
     seed = seed_of([one.lit for one in frames[begun : at + 1]], seen.box)
     if not events:
@@ -339,7 +392,8 @@ def _spots(
     shares = (np.cumsum(images[first:], axis=0) > LIT_SUM).astype(np.float32)
     # a step earlier than the first, as the frame before it is unknown
     before = times[first - 1] if first else times[0] - (times[1] - times[0])
-    return joined(times[first:], shares, seed, float(before))
+    spots, dark = joined(times[first:], shares, seed, float(before))
+    return spots, dark, spots[0].time_s if spots else float(times[-1])
 
 
 def _measured(
@@ -349,6 +403,7 @@ def _measured(
     group: int,
     binned: int,
     events: bool,
+    exposure_s: float,
 ) -> list[Flash]:
     """Return the flash about an alarm; an empty list without a measurable spot."""
     numbers = np.array([one.number for one in frames])
@@ -356,12 +411,13 @@ def _measured(
     at = int(np.searchsorted(numbers, number))
     begun = max(at - seen.frames + 1, 0)
     images = np.stack([one.image for one in frames])
-    spots, earliest = _spots(frames, images, begun, at, seen, events)
+    spots, earliest, shown = _spots(frames, images, begun, at, seen, events)
     if not spots:
         return []
     spots = [_unbinned(one, binned) for one in spots]
-    fitted = growth(spots, earliest)
     # event pixels respond late by an unknown part of their low-pass
+    earliest -= LAG_S if events else 0.0
+    fitted = growth(spots, earliest, shown, exposure_s)
     if events:
         sigma = float(np.hypot(fitted.sigma_s, LAG_S))
         fitted = fitted._replace(sigma_s=sigma)

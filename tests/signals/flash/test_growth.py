@@ -47,3 +47,44 @@ def test_one_frame_tells_no_more_than_that_it_lies_between_two():
     assert told.time_s == pytest.approx(0.0105)
     assert told.sigma_s == pytest.approx(1e-3 / np.sqrt(12))
     assert told.growth_s is None
+
+
+def grown_before(first_px=7.0, rate=30.0, dark=31):
+    """Radii that extrapolate to several frames before the first one that is lit."""
+    time = np.arange(dark + 1, dark + 15) / rate
+    since = time - time[0]
+    radius = first_px + 7.6 * -np.expm1(-since / 0.12)
+    return [
+        Silhouette(t, r, 40.0, 30.0, 9.0, False)
+        for t, r in zip(time, radius, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("rate", [30.0, 120.0])
+def test_first_light_is_not_before_a_dark_frame(rate):
+    seen, dark = grown_before(rate=rate), 31 / rate
+    told = growth(seen, dark)
+    assert told.time_s == pytest.approx(31.5 / rate)
+    assert told.sigma_s == pytest.approx(1 / rate / np.sqrt(12))
+    assert told.growth_s is None  # the law does not hold
+
+
+def test_a_fit_slightly_outside_its_interval_is_truncated_to_it():
+    for start in (0.00995, 0.0110):
+        told = growth(spots(start=start), 0.010)
+        assert 0.010 < told.time_s < 0.011
+        assert abs(told.time_s - start) < 2e-4
+        assert told.sigma_s < 1e-4
+        assert told.growth_s is not None
+
+
+def test_light_begins_within_the_exposures_of_two_frames():
+    one = spots()[:1]
+    told = growth(one, 0.010, exposure_s=8e-4)
+    assert told.time_s == pytest.approx(0.0109)
+    # a faint frame ends the interval earlier, if its exposure is known
+    told = growth(one, 0.009, 0.010, exposure_s=8e-4)
+    assert told.time_s == pytest.approx(0.0099)
+    told = growth(one, 0.009, 0.010)
+    assert told.time_s == pytest.approx(0.010)
+    assert told.sigma_s == pytest.approx(2e-3 / np.sqrt(12))

@@ -72,6 +72,29 @@ def test_of_a_slow_film_only_the_frames_between_which_it_came_are_told():
     assert flash.growth.growth_s is None
 
 
+def test_a_fireball_first_seen_at_several_pixels_begins_after_the_dark_frame():
+    times, light = growing(burst_s=2.0, frames=60, rate=30.0)
+    _, lit = growing(burst_s=20.5 / 30, tau=0.12, frames=60, rate=30.0)
+    _, fire = growing(burst_s=20.5 / 30, tau=1e-4, last=7.0, frames=60, rate=30.0)
+    film = np.maximum(light, np.maximum(lit, fire))
+    (flash,) = detect_flashes(blocks(times, film), 30.0, HEIGHT).flashes
+    assert flash.frame == 21
+    assert 20 / 30 < flash.growth.time_s < 21 / 30
+    assert abs(flash.growth.time_s - 20.5 / 30) < 2 * flash.growth.sigma_s
+
+
+def test_a_faint_frame_before_the_first_silhouette_is_not_dark():
+    # two thirds of the exposure of frame 20 are over when the fire begins
+    times, light = growing(burst_s=20.1 / 30, tau=1e-3, frames=60, rate=30.0)
+    dark = light[10]
+    film = np.concatenate([light[:20], [dark + 0.3 * (light[30] - dark)], light[21:]])
+    seen = detect_flashes(blocks(times, film), 30.0, 2.0, exposure_s=1 / 30)
+    (flash,) = seen.flashes
+    assert flash.frame == 21
+    # dark frame 19, centred on its time stamp
+    assert flash.growth.time_s == pytest.approx(20.0 / 30, abs=1e-6)
+
+
 @pytest.mark.parametrize("value", [0.0, 1.0])
 def test_a_film_that_turns_black_or_white_at_once_shows_nothing(value):
     times, light = growing(burst_s=1.0)

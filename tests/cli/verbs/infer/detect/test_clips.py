@@ -63,6 +63,9 @@ def test_clips_make_one_log_of_their_own_clocks_and_a_fit_finds_the_charge(
     log = read(jblast.path("out/observations.csv"))
     assert log.sensor == log.clock == tuple(name for name in PLACES for _ in range(2))
     assert log.quantity == ("flash_time_s", "air_arrival_s") * 3
+    printed = [one["arrivals"][0]["sigma_s"] for one in answers]
+    np.testing.assert_allclose(log.sigma[::2], np.hypot(printed, 1 / 30 / np.sqrt(12)))
+    assert "offset of sound and picture" in log.comments[-1]
     errors = log.value[::2] - [*FLASHES.values()]
     assert (np.abs(errors) < 4 * log.sigma[::2]).all()
     scene = jblast.file("scene.toml", SCENE)
