@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from matplotlib.axes import Axes
@@ -228,14 +229,14 @@ def _pulse(one: RecordPick, edges: Int[np.ndarray, " edge"]) -> tuple[Pulse, For
     # a sample, and a bin, is the mean over an interval about its time
     start_s = record.start_s + (int(edges[0]) - 0.5) / record.rate_hz + 0.5 / rate
     pulse = Pulse(
-        arrival_time=(float(pick.air_arrival_s) - start_s) * rate,
+        arrival_time=jnp.asarray((float(pick.air_arrival_s) - start_s) * rate),
         peak=pick.peak_overpressure_pa,
         rise_time=pick.rise_time_s * rate,
         duration=pick.positive_duration_s * rate,
         decay=pick.decay,
         suction=pick.negative_pressure_pa,
         suction_duration=pick.negative_duration_s * rate,
-        hold_time=0.0,
+        hold_time=jnp.asarray(0.0),
     )
     return pulse, pick.form
 

@@ -433,7 +433,7 @@ def silhouettes(
     spot = _spot(shares[first - quiet], PIXEL_SHARE, seed)
     assert spot is not None
     earlier = slice(max(quiet - BACKGROUND_FRAMES, 0), first)
-    means = ndimage.uniform_filter((light[earlier] - behind) / scale, (0, 3, 3))
+    means = ndimage.uniform_filter((light[earlier] - behind) / scale, 3, axes=(1, 2))
     faint = means[:, spot].max(axis=1)
     noise = float(faint[: quiet - earlier.start].max())
     dark = faint <= max(FAINT_SHARE, FAINT_NOISES * noise)

@@ -144,7 +144,7 @@ def test_the_residual_table_marks_outliers_and_keeps_to_its_length():
 
 def test_marks_of_residuals_show_the_ones_below_them():
     lines = residuals_figure(example.three_parameters()).axes[0].lines
-    marks = [line for line in lines if line.get_label()[0] != "_"]
+    marks = [line for line in lines if not str(line.get_label()).startswith("_")]
     assert len(marks) == 2
     assert all(to_rgba(mark.get_markerfacecolor())[3] < 1 for mark in marks)
     first, second = (mark.get_markersize() for mark in marks)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import get_args
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -68,7 +69,8 @@ def test_the_fitted_curve_is_the_pulse_that_the_samples_hold():
 
 def test_the_fitted_curve_has_the_form_of_the_fit():
     # decay 1 behind a rise of one sample, without an end
-    (one,) = found({"form": Form(SMOOTH, CONTINUED)}).picks
+    form = Form(jnp.asarray(SMOOTH), jnp.asarray(CONTINUED))
+    (one,) = found({"form": form}).picks
     fine = (np.arange(100 * 2000) + 0.5) / 100 - 0.5
     since = fine / RATE - 0.05 - 1e-4
     s = since / (0.01 - 1e-4)
