@@ -169,7 +169,7 @@ def default(count: int = DEFAULT_LOGS) -> None:
         z = np.asarray(found.z[0])
         identified = identifiability(posterior, z)
         normal = laplace(posterior, z, identified.identified_basis)
-        solution = Solution(posterior, {}, True, found, identified, normal)
+        solution = Solution(posterior, {}, {}, found, identified, normal)
         sure = uncertainty(solution, "weighted")
         weighted += sure.weighted
         for how, intervals in (
@@ -270,7 +270,7 @@ def _answer(posterior: Posterior) -> np.ndarray:
     normal = laplace(posterior, z, identified.identified_basis)
     if len(identified.null) or not normal.converged:
         return np.full((len(CLIPPED_TRUTH), 3), np.nan)
-    solution = Solution(posterior, {}, True, found, identified, normal)
+    solution = Solution(posterior, {}, {}, found, identified, normal)
     sure = uncertainty(solution, "weighted").marginals
     return np.array([[sure[n].q05, sure[n].value, sure[n].q95] for n in CLIPPED_TRUTH])
 
