@@ -1,18 +1,68 @@
 """A run of a world on one clock, in packets: what its senses record as time passes.
 
-A run has the vehicle's motion, samples of sensors, frames and events of the camera. All
-of them are divided into packets of equal duration. A subscriber takes the packets in
-order of time, for example to write files, to show them or to search them for blasts.
+`prepare_run` reads a scene, samples its random blasts, and flies its vehicle through
+them, hovering or on a mission. Blasts do not depend on the vehicle, and the vehicle not
+on its sensors. So the flight is known before the first packet, and with it every
+arrival. Samples, frames and events are computed packet by packet, in constant memory.
+
+A subscriber takes the packets in order of time, for example to write files, to show
+them or to search them for blasts. None of them changes what is recorded.
 """
 
-from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Protocol
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from jblast.scene import Charge
-from jblast.world import Perceived
+from jblast.errors import InputError, argument
+from jblast.scene import Charge, Instrument, UncertainScene
+from jblast.scene.sensor_kinds import sampling_kinds
+from jblast.sensors import Track
+from jblast.sensors.listening import Listening, packets, plan, with_ambient
+from jblast.study.flight_results import (
+    TOLERANCE_M,
+    Encounter,
+    Flights,
+    Options,
+    target_of,
+    trajectory_of,
+)
+from jblast.study.flights import fly
+from jblast.study.missions import (
+    MISSION_STEP_S,
+    TOLERANCE_M as MISSION_TOLERANCE_M,
+    MissionFlight,
+    fly_mission,
+)
+from jblast.vehicle import STEP_S, Trajectory, path_error
+from jblast.world import (
+    Arrivals,
+    DrawnWorld,
+    ImuRecord,
+    Perceived,
+    arrivals_in,
+    draw_world,
+    imu_records,
+    perceived,
+    preset_named,
+    read_world_by,
+    tracks_of,
+    with_nevers,
+)
+from jblast.world.perceived import out_of_view
+
+AFTER_S, AFTER_FLIGHT_S = 0.5, 5.0
+"""Duration after the last wave [s] without and with a vehicle, which needs time to
+recover."""
+PACKET_S = 0.2
+"""Duration of a packet [s]: 20 frames at 100 Hz, which are rendered together; the delay
+of a live view is hardly noticed."""
 
 
 class Motion(NamedTuple):
@@ -156,3 +206,307 @@ class Subscriber(Protocol):
     def finish(self) -> None:
         """Process the end of the run; called once, also after an error."""
         ...
+
+
+@dataclass(frozen=True)
+class Run:
+    """A world and the flight through it, ready to be recorded.
+
+    Attributes:
+        world: The world, with its blasts sampled.
+        seconds: Duration.
+        flown: Flights with the controllers, or the mission; None without a vehicle.
+        flight: True path of the vehicle; None without one.
+        motion: The same as rows of packets.
+        tracks: Paths of the vehicle and of all that it carries, by name.
+        arrivals: Arrivals of all waves.
+        perceived: First perceptions in order of time.
+        late: Number of perceptions after the end.
+        unseen: Blasts outside the camera's view.
+        listening: Plan of the samples; None without a sampling sensor.
+        imus: Records of the inertial units.
+        notes: Remarks on the scene.
+    """
+
+    world: DrawnWorld
+    seconds: float
+    flown: Flights | MissionFlight | None
+    flight: Trajectory | None
+    motion: Motion | None
+    tracks: Mapping[str, Track]
+    arrivals: Arrivals
+    perceived: tuple[Perceived, ...]
+    late: int
+    unseen: tuple[str, ...]
+    listening: Listening | None
+    imus: Sequence[ImuRecord]
+    notes: Sequence[str]
+
+
+def prepare_run(
+    scene: str | os.PathLike[str],
+    *,
+    seconds: float | None = None,
+    seed: int = 0,
+    preset: str | None = None,
+    estimator: str = "",
+    controllers: Sequence[str] | None = None,
+) -> Run:
+    """Sample a world and fly its vehicle; the result is ready to be recorded.
+
+    Args:
+        scene: File of the scene, with [world], [charge] or neither.
+        seconds: Duration; default: until 5 s after the last wave and, on a mission,
+            until the vehicle is disarmed; without a vehicle 0.5 s after the wave.
+        seed: Seed of all samples.
+        preset: Name in `world.PRESETS`; default: the laws.
+        estimator: "ekf" for control by a state estimate; "" for the true state.
+        controllers: Names of controllers; the first one flies the recorded flight.
+
+    Raises:
+        InputError: The scene or an argument cannot be used.
+
+    Example:
+        `run = prepare_run("scene.toml", seed=3)`
+    """
+    by = preset_named(preset)
+    uncertain, spec = read_world_by(scene, by)
+    uncertain, notes = with_ambient(uncertain)
+    until = math.inf if seconds is None else seconds
+    world = draw_world(uncertain, spec, seed, until_s=until, preset=by)
+    on_mission = has_mission(uncertain)
+    arrivals = None
+    if seconds is None and not on_mission:
+        arrivals = arrivals_in(world)
+        seconds = _seconds(world, arrivals)
+    flown = flown_in(
+        world,
+        uncertain,
+        seconds=seconds,
+        estimator=estimator,
+        controllers=controllers,
+    )
+    flight, tracks = None, {}
+    if flown is not None:
+        flight = flight_of(flown)
+        tracks = tracks_of(world.scene, flight)
+    if arrivals is None or tracks:
+        arrivals = arrivals_in(world, tracks)
+    if seconds is None:
+        assert flight is not None
+        lands = math.ceil(float(flight.time_s[-1]))
+        seconds = max(_seconds(world, arrivals), float(lands))
+    if flight is not None and on_mission:
+        flight = _resting(flight, seconds)
+    unseen = out_of_view(world.scene, flight)
+    seen, late = perceived(world.scene, arrivals, seconds, unseen)
+    listening = None
+    if {sensor.kind for sensor in world.scene.sensors} & set(sampling_kinds()):
+        scene_of = None if world.preset is None else world.preset.scene_of
+        sampled = UncertainScene(world.scene, source=world.source)
+        listening = plan(sampled, seed, seconds, tracks, scene_of)
+    return Run(
+        world,
+        seconds,
+        flown,
+        flight,
+        None if flown is None else _motion_of(flown, seconds),
+        tracks,
+        arrivals,
+        seen,
+        late,
+        unseen,
+        listening,
+        imu_records(world, flight, seconds),
+        notes,
+    )
+
+
+def has_mission(uncertain: UncertainScene) -> bool:
+    """Return whether the scene's vehicle has a mission."""
+    vehicle = uncertain.scene.vehicle
+    return vehicle is not None and vehicle.mission is not None
+
+
+def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
+    """Return the duration of a world: until after its last wave, in tenths of seconds.
+
+    With a flight it is whole seconds, as each duration compiles another program.
+    """
+    last = arrivals.last_s()
+    if world.scene.vehicle is None:
+        return math.ceil(10.0 * (last + AFTER_S)) / 10.0
+    return float(math.ceil(last + AFTER_FLIGHT_S))
+
+
+def flown_in(
+    world: DrawnWorld,
+    uncertain: UncertainScene,
+    *,
+    seconds: float | None,
+    estimator: str = "",
+    controllers: Sequence[str] | None = None,
+) -> Flights | MissionFlight | None:
+    """Fly the vehicle of a world through its blasts.
+
+    Args:
+        world: The world.
+        uncertain: The scene before its parameters were sampled.
+        seconds: Duration; None for a mission until it is disarmed.
+        estimator: As for `prepare_run`.
+        controllers: As for `prepare_run`.
+
+    Returns:
+        The flight; None without a vehicle, or without a blast at a hovering one.
+
+    Raises:
+        InputError: The vehicle cannot be flown.
+    """
+    on_mission = has_mission(uncertain)
+    if world.scene.vehicle is None or not (world.shots or on_mission):
+        return None
+    padded = replace(uncertain, scene=with_nevers(world.scene), beliefs={})
+    options = Options(
+        seconds=seconds,
+        step_s=MISSION_STEP_S if on_mission or estimator else STEP_S,
+        tolerance_m=MISSION_TOLERANCE_M if on_mission else TOLERANCE_M,
+        load="laws" if world.preset is None else world.preset.load,
+        estimator=estimator,
+    )
+    if on_mission:
+        if controllers is not None:
+            raise InputError(
+                f"{argument('controllers')}: expected none on a mission, which has its "
+                f"own controller, got {','.join(controllers)}"
+            )
+        return fly_mission(padded, options, seed=world.seed)
+    flights = fly(padded, options, seed=world.seed, controllers=controllers)
+    # `with_nevers` pads the charges, so that one program serves several counts
+    count = len(world.scene.charges)
+    holds = {
+        name: replace(
+            hold, encounter=Encounter(*(x[..., :count] for x in hold.encounter))
+        )
+        for name, hold in flights.holds.items()
+    }
+    blasts, places = flights.blasts[:count], flights.places_m[..., :count, :]
+    return replace(flights, blasts=blasts, places_m=places, holds=holds)
+
+
+def flight_of(flown: Flights | MissionFlight) -> Trajectory:
+    """Return the path of a mission, or of the first controller."""
+    if isinstance(flown, MissionFlight):
+        return flown.trajectory
+    return trajectory_of(flown, next(iter(flown.holds)))
+
+
+def _resting(flight: Trajectory, seconds: float) -> Trajectory:
+    """Return a flight that lasts to the end of the run: the vehicle stays at rest."""
+    if not float(flight.time_s[-1]) < seconds:
+        return flight
+    last = jax.tree.map(lambda x: x[-1:], replace(flight, lost=flight.time_s[-1:]))
+    last = replace(last, time_s=jnp.full_like(last.time_s, seconds))
+    columns = {
+        name: jnp.concatenate([getattr(flight, name), getattr(last, name)])
+        for name in flight.__dataclass_fields__
+        if name != "lost"
+    }
+    return Trajectory(**columns, lost=flight.lost)
+
+
+def _motion_of(flown: Flights | MissionFlight, seconds: float) -> Motion:
+    """Return the rows of a flight, up to its loss."""
+    flight = flight_of(flown)
+    if isinstance(flown, MissionFlight):
+        aim = np.asarray(flown.guided.set_point_m)
+        error, followed = flown.path_error_m, flown.followed
+    else:
+        aim = np.broadcast_to(target_of(flown.vehicle), flight.position_m.shape)
+        error = np.asarray(path_error(flight, target_of(flown.vehicle)))
+        followed = next(iter(flown.holds.values())).followed
+    place = flight.position_m if followed is None else followed.shown.position_m
+    known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
+    known &= np.asarray(flight.time_s) < seconds
+    columns = [getattr(flight, name) for name in Motion._fields[:8]]
+    return Motion(*(np.asarray(x)[known] for x in (*columns, aim, error, place)))
+
+
+def packets_of(run: Run, packet_s: float = PACKET_S) -> Iterator[Packet]:
+    """Yield the packets of a run in order of time.
+
+    Args:
+        run: The run.
+        packet_s: Duration of a packet; a sampling sensor has a sample in it at least.
+
+    Raises:
+        InputError: As in `sensors.listening.packets`.
+    """
+    count = max(math.ceil(run.seconds / packet_s - 1e-9), 1)
+    streams = _streams(run, packet_s)
+    for number in range(count):
+        # products, not sums: rounding does not accumulate
+        start, end = number * packet_s, (number + 1) * packet_s
+        last = number == count - 1
+        stop = math.inf if last else end
+        yield Packet(
+            start,
+            run.seconds if last else end,
+            tuple(c for c in run.world.charges if start <= float(c.time_s) < stop),
+            tuple(one for one in run.perceived if start <= one.time_s < stop),
+            None if run.motion is None else _within(run.motion, start, stop),
+            {
+                name: samples
+                for name, stream in streams.items()
+                if (samples := next(stream, None)) is not None
+            },
+        )
+
+
+def _within(motion: Motion, start: float, stop: float) -> Motion:
+    some = slice(*np.searchsorted(motion.time_s, [start, stop]).tolist())
+    return Motion(*(column[some] for column in motion))
+
+
+def _streams(run: Run, packet_s: float) -> dict[str, Iterator[Samples]]:
+    """Return the samples of each sampling sensor and inertial unit, by packet."""
+    streams: dict[str, Iterator[Samples]] = {}
+    if run.listening is not None:
+        for sensor in run.listening.sensors:
+            parts = packets(run.listening, sensor, 1.0 / packet_s)
+            instrument = sensor.instrument or Instrument()
+            offset = float(sensor.clock_offset_s)
+            streams[sensor.name] = _numbered(parts, instrument.rate, offset)
+    for record in run.imus:
+        rows = np.column_stack([record.samples.force, record.samples.rate])
+        parts = (
+            rows[
+                round(n * packet_s * record.imu.rate) : round(
+                    (n + 1) * packet_s * record.imu.rate
+                )
+            ]
+            for n in range(math.ceil(run.seconds / packet_s))
+        )
+        offset = float(record.sensor.clock_offset_s)
+        streams[record.sensor.name] = _numbered(parts, record.imu.rate, offset)
+    return streams
+
+
+def _numbered(
+    parts: Iterable[Any], rate_hz: float, offset_s: float
+) -> Iterator[Samples]:
+    """Yield parts with their beginning on the common clock."""
+    first = 0
+    for values in parts:
+        yield Samples(first / rate_hz - offset_s, rate_hz, values)
+        first += len(values)
+
+
+def record_run(run: Run, subscribers: Sequence[Subscriber]) -> None:
+    """Compute the packets of a run, and pass each to all subscribers in turn."""
+    try:
+        for packet in packets_of(run):
+            for subscriber in subscribers:
+                subscriber.take(packet)
+    finally:
+        for subscriber in subscribers:
+            subscriber.finish()
