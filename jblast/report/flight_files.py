@@ -110,9 +110,7 @@ def write_mission(flight: MissionFlight, text: str, directory: Path) -> list[str
         directory.mkdir(parents=True, exist_ok=True)
         for name in (JSON, *TABLES, MISSION_KML, *ONE, *MANY, *MISSION_FIGURES):
             (directory / name).unlink(missing_ok=True)
-    comment = f"{flight.vehicle.model}, mission, clock of the scene"
-    table = trajectory_csv(*_thinned(flight), comment)
-    whole = {JSON: text, FLIGHT: table, MISSION_KML: mission_kml(flight)}
+    whole = {JSON: text, FLIGHT: mission_csv(flight), MISSION_KML: mission_kml(flight)}
     for name, content in whole.items():
         save_text(content, directory / name)
     written = list(whole)
@@ -122,8 +120,8 @@ def write_mission(flight: MissionFlight, text: str, directory: Path) -> list[str
     return written
 
 
-def _thinned(flight: MissionFlight) -> tuple[Trajectory, np.ndarray]:
-    """Return rows at least `ROW_S` apart, and their path errors."""
+def mission_csv(flight: MissionFlight) -> str:
+    """Return the rows of a mission at least `ROW_S` apart, as CSV."""
     every = max(1, round(ROW_S / flight.options.step_s))
     whole = flight.trajectory
     parts = {
@@ -131,4 +129,7 @@ def _thinned(flight: MissionFlight) -> tuple[Trajectory, np.ndarray]:
         for name in whole.__dataclass_fields__
         if name != "lost"
     }
-    return Trajectory(**parts, lost=whole.lost), flight.path_error_m[::every]
+    thinned = Trajectory(**parts, lost=whole.lost)
+    comment = f"{flight.vehicle.model}, mission, clock of the scene"
+    aim = np.asarray(flight.guided.set_point_m)[::every]
+    return trajectory_csv(thinned, flight.path_error_m[::every], comment, aim)

@@ -56,6 +56,7 @@ COLUMNS = {
 }
 """Columns of the table, by part of the trajectory."""
 PULL = [f"pull_{axis}" for axis in WORLD]
+SET_POINT = [f"set_point_{axis}_m" for axis in WORLD]
 WORDS = {
     "error_before_m": "path error before",
     "error_at_blast_m": "path error at arrival",
@@ -83,7 +84,10 @@ EastNorthUpM = tuple[float, float, float]
 
 
 def trajectory_csv(
-    trajectory: Trajectory, path_error_m: Float[np.ndarray, " time"], comment: str
+    trajectory: Trajectory,
+    path_error_m: Float[np.ndarray, " time"],
+    comment: str,
+    set_point_m: Float[np.ndarray, "time 3"] | None = None,
 ) -> str:
     """Return the rows of one flight, up to its divergence if it diverged.
 
@@ -91,18 +95,23 @@ def trajectory_csv(
         trajectory: The flight.
         path_error_m: Path error of each row.
         comment: Text of the first line.
+        set_point_m: Set point of each row, of a mission.
     """
     names = [name for part in COLUMNS.values() for name in part]
     parts = [np.asarray(trajectory.time_s)[:, None]]
     parts += [np.asarray(getattr(trajectory, name)) for name in COLUMNS]
     rows = np.hstack([*parts, path_error_m[:, None]])
     # the rows of a flight are not finite after its divergence
-    rows = rows[np.isfinite(rows).all(axis=1)]
+    known = np.isfinite(rows).all(axis=1)
+    rows = rows[known]
     first = 1 + names.index("quaternion_i")
     # SciPy has the scalar last, as the columns have
     attitude = Rotation.from_quat(rows[:, first : first + 4]).as_matrix()
     rows = np.hstack([rows, attitude[:, :, 2]])
     columns = ["time_s", *names, "path_error_m", *PULL]
+    if set_point_m is not None:
+        rows = np.hstack([rows, set_point_m[known]])
+        columns += SET_POINT
     numbers = ([f"{value:.12g}" for value in row] for row in rows)
     return f"# {comment}\n" + comma_separated([columns, *numbers])
 

@@ -1,11 +1,12 @@
 """Files and figures of `jblast listen`."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -120,32 +121,55 @@ FIGURES: dict[str, Callable[[Listening, Sequence[SensorRecord]], Figure]] = {
 }
 
 
+Written = Callable[[Iterable[Float[np.ndarray, "sample component"]]], None]
+"""Function that writes the packets of a sensor's samples as they arrive."""
+
+
 def write_tracks(
     listening: Listening,
     directory: Path,
     comments: Sequence[str],
     packets_hz: float | None = None,
 ) -> list[SensorRecord]:
-    """Write what every sensor records, and the truth behind it, into a directory.
+    """Write the record of every sensor, and the truth behind it, into a directory.
 
     Args:
-        listening: What is to be recorded.
-        directory: Where to; made if it is not there.
-        comments: Where the records come from.
-        packets_hz: Packets a second that records are made of, in constant memory; None:
-            each is made in one go.
+        listening: Plan of the records.
+        directory: Output directory; created if missing.
+        comments: Provenance of the records.
+        packets_hz: Packets per second, for constant memory; None: each record at once.
 
     Raises:
-        InputError: A record cannot be made so. Those made before are kept, and of one
-            that broke what it had.
+        InputError: A record cannot be made. Earlier ones are kept, and of a broken one
+            the part before the error.
         OSError: The directory cannot be written to.
+    """
+    started = started_tracks(listening, directory, comments)
+    for record, write in each(started, "sensors"):
+        write(packets(listening, record.sensor, packets_hz))
+    records = [record for record, _ in started]
+    write_text(directory / TRUTH, truth_csv(listening, records, comments))
+    return records
+
+
+def started_tracks(
+    listening: Listening, directory: Path, comments: Sequence[str]
+) -> list[tuple[SensorRecord, Written]]:
+    """Return the record of every sensor, and the function that writes its file.
+
+    Files of an earlier run are removed.
+
+    Args:
+        listening: Plan of the records.
+        directory: Output directory; created if missing.
+        comments: Provenance of the records.
     """
     directory.mkdir(parents=True, exist_ok=True)
     names = file_names(listening.sensors)
     for name in (JSON, TRUTH, *FIGURES, *names.values()):  # would mislead
         (directory / name).unlink(missing_ok=True)
-    records = []
-    for sensor in each(listening.sensors, "sensors"):
+    started: list[tuple[SensorRecord, Written]] = []
+    for sensor in listening.sensors:
         record = SensorRecord(listening, sensor, names[sensor.name])
         place, directions = sensor.position_m, "east, north, up"
         if sensor.mount:
@@ -153,14 +177,9 @@ def write_tracks(
             directions = f"forward, left, up from the middle of the {sensor.mount}"
         at = ", ".join(f"{x:g}" for x in np.asarray(place).tolist())
         own = f"{sensor.kind} {sensor.name!r} at ({at}) m {directions}"
-        record.write(
-            directory / record.file,
-            packets(listening, sensor, packets_hz),
-            [*comments, own],
-        )
-        records.append(record)
-    write_text(directory / TRUTH, truth_csv(listening, records, comments))
-    return records
+        path = directory / record.file
+        started.append((record, partial(record.write, path, comments=[*comments, own])))
+    return started
 
 
 def write_pictures(

@@ -7,15 +7,19 @@ from typing import Any, Literal
 import numpy as np
 
 from jblast.observations import Observations
-from jblast.report.flights import EastNorthUpM, FlightsAnswer
+from jblast.report.flights import EastNorthUpM, FlightsAnswer, flights_answer
 from jblast.report.listen import Recordings
+from jblast.report.missions import MissionAnswer, mission_answer
 from jblast.report.provenance import Provenance
 from jblast.report.words import aligned, comma_separated, commented
 from jblast.results import AMONG, Document
 from jblast.scene import Charge
 from jblast.sensors.camera.files.event_files import Written
 from jblast.study.flight_results import Flights
+from jblast.study.missions import MissionFlight
+from jblast.study.running import Run, RunDetection
 from jblast.world import DrawnWorld, Perceived, Preset
+from jblast.world.drawn import CAMERA
 from jblast.world.remote.serving import Options, Serving
 
 MAX_BLASTS, MAX_ENTITIES = 12, 12
@@ -23,6 +27,12 @@ MAX_BLASTS, MAX_ENTITIES = 12, 12
 files have all rows."""
 BLASTS = ("shot", "time_s", "east_m", "north_m", "up_m", "mass_kg")
 PERCEIVED = ("shot", "entity", "sense", "time_s")
+DETECTED = (
+    *("sensor", "kind", "shot", "time_s", "sigma_s", "reported_s", "latency_s"),
+    "statistic",
+)
+SEARCHED = {("microphone", "sound"), (CAMERA, "flash")}
+"""Kinds of sensors and senses that the detectors of a run search."""
 MARK = "as computed in the thesis, not as real blasts"
 
 
@@ -173,6 +183,27 @@ class PresetTaken:
 
 
 @dataclass(frozen=True)
+class Detections:
+    """Blasts that the detectors of a run reported while it was recorded.
+
+    Attributes:
+        detected: Number of detected waves and flashes.
+        false_alarms: Number of detections without a wave or flash.
+        missed: Number of perceived flashes and air shocks at searched sensors without a
+            detection.
+        median_latency_s: Median delay after the wave reached the sensor; null without a
+            detection.
+        max_latency_s: Longest such delay.
+    """
+
+    detected: int
+    false_alarms: int
+    missed: int
+    median_latency_s: float | None
+    max_latency_s: float | None
+
+
+@dataclass(frozen=True)
 class WorldAnswer(Document):
     """The answer of `jblast world`: blasts and perceptions.
 
@@ -195,6 +226,8 @@ class WorldAnswer(Document):
         imu: Record of each inertial measurement unit, by name; null without one.
         camera: Film of the camera; null without one.
         warnings: Warnings, as sentences.
+        mission: Answer of `jblast fly` for a mission; null without one.
+        detections: Result of the detectors; null without `--detect`.
     """
 
     scene: str
@@ -215,6 +248,8 @@ class WorldAnswer(Document):
     imu: Mapping[str, ImuWritten] | None
     camera: FilmMade | None
     warnings: tuple[str, ...]
+    mission: MissionAnswer | None = None
+    detections: Detections | None = None
 
 
 @dataclass
@@ -222,49 +257,74 @@ class WorldRun:
     """Results of a world's run.
 
     Attributes:
-        world: The sampled world.
-        seconds: Duration of the world.
-        perceived: Perceptions in order of time.
-        late: Number of arrivals after the end.
+        run: The run.
         readings: Readings of the sensors; None without any.
         late_readings: Number of waves at sensors after the end.
-        flights: Flights of the vehicle; None without one.
         made: Provenance.
-        flight: The answer on the flights; None without a vehicle.
         sound: The records of samples; None without any.
         imu: Record of each inertial measurement unit; None without one.
         film: Film of the camera; None without one.
+        detections: Detections in order of their report; None without detectors.
         warnings: Further warnings.
     """
 
-    world: DrawnWorld
-    seconds: float
-    perceived: tuple[Perceived, ...]
-    late: int
+    run: Run
     readings: Observations | None
     late_readings: int
-    flights: Flights | None
     made: Provenance
-    flight: FlightsAnswer | None = None
     sound: Recordings | None = None
     imu: Mapping[str, ImuWritten] | None = None
     film: FilmMade | None = None
+    detections: tuple[RunDetection, ...] | None = None
     warnings: list[str] = field(default_factory=list)
+
+    @property
+    def world(self) -> DrawnWorld:
+        """The sampled world."""
+        return self.run.world
 
 
 def world_text(run: WorldRun) -> str:
     """Return the blasts, and a table of perception times by sense and blast."""
     charges = run.world.charges
     count = len(charges)
-    lines = [f"{count} blast{'' if count == 1 else 's'} in {run.seconds:g} s", ""]
+    lines = [f"{count} blast{'' if count == 1 else 's'} in {run.run.seconds:g} s", ""]
     if run.world.preset is not None:
         lines[:0] = [preset_words(run.world.preset), ""]
     if charges:
         lines += [*aligned(_blasts(run), right=range(1, 6)), ""]
         lines += aligned(_senses(run), right=range(2, 2 + MAX_BLASTS))
         lines += ["times on the common clock, in s", ""]
+    lines += _detected_lines(run)
     lines += [f"Note: {warning}" for warning in warnings_of(run)]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _detected_lines(run: WorldRun) -> list[str]:
+    """Return the sentence on detections; none without detectors."""
+    if run.detections is None:
+        return []
+    found = _detections(run)
+    words = (
+        f"Detectors: {found.detected} detected, {found.missed} missed, "
+        f"{found.false_alarms} false alarms"
+    )
+    if found.median_latency_s is not None and found.max_latency_s is not None:
+        words += (
+            f"; latency {found.median_latency_s:.2f} s (median), at most "
+            f"{found.max_latency_s:.2f} s"
+        )
+    return [words, ""]
+
+
+def detections_csv(found: Sequence[RunDetection], comments: Sequence[str]) -> str:
+    """Return a row for each detection, in order of report, with 12 digits."""
+    rows = [list(DETECTED)]
+    for one in found:
+        numbers = [one.time_s, one.sigma_s, one.reported_s, one.latency_s]
+        cells = [f"{number:.12g}" for number in (*numbers, one.statistic)]
+        rows.append([one.sensor, one.kind, one.shot, *cells])
+    return commented(comments) + comma_separated(rows)
 
 
 def _blasts(run: WorldRun) -> list[list[str]]:
@@ -279,8 +339,8 @@ def _blasts(run: WorldRun) -> list[list[str]]:
 def _senses(run: WorldRun) -> list[list[str]]:
     """Return a row for each sense of each entity, a column for each blast."""
     shots = run.world.shots[:MAX_BLASTS]
-    began = {(p.entity, p.sense, p.shot): p.time_s for p in run.perceived}
-    senses = list(dict.fromkeys((p.entity, p.sense) for p in run.perceived))
+    began = {(p.entity, p.sense, p.shot): p.time_s for p in run.run.perceived}
+    senses = list(dict.fromkeys((p.entity, p.sense) for p in run.run.perceived))
     senses.sort(key=lambda one: one[0])
     rows = [["entity", "sense", *(f"blast {shot}" for shot in shots)]]
     for who, sense in senses[:MAX_ENTITIES]:
@@ -297,11 +357,12 @@ def _more(count: int, printed: int, columns: int) -> Sequence[list[str]]:
 
 def world_answer(run: WorldRun) -> WorldAnswer:
     """Return the answer on a world; null for what the scene does not contain."""
-    made, preset = run.made, run.world.preset
+    made, preset, flown = run.made, run.world.preset, run.run.flown
+    source, seed = run.world.source, run.world.seed
     return WorldAnswer(
         scene=run.world.source,
         seed=run.world.seed,
-        seconds=run.seconds,
+        seconds=run.run.seconds,
         command=made.command,
         date=made.date,
         versions=made.versions,
@@ -315,14 +376,41 @@ def world_answer(run: WorldRun) -> WorldAnswer:
             for charge in run.world.charges
             for time, east, north, up, mass in [blast_numbers(charge)]
         ),
-        perceived=run.perceived,
-        not_perceived=run.late,
+        perceived=run.run.perceived,
+        not_perceived=run.run.late,
         readings=0 if run.readings is None else len(run.readings),
-        flight=run.flight,
+        flight=flights_answer(flown, scene=source, seed=seed)
+        if isinstance(flown, Flights)
+        else None,
         sound=run.sound,
         imu=run.imu,
         camera=run.film,
         warnings=tuple(warnings_of(run)),
+        mission=mission_answer(flown, scene=source, seed=seed)
+        if isinstance(flown, MissionFlight)
+        else None,
+        detections=None if run.detections is None else _detections(run),
+    )
+
+
+def _detections(run: WorldRun) -> Detections:
+    found = run.detections or ()
+    real = [one for one in found if one.shot]
+    known = {(one.sensor, one.shot) for one in real}
+    # sensors that are searched: those of the microphones, and the camera
+    kinds = {s.name: s.kind for s in run.world.scene.sensors} | {CAMERA: CAMERA}
+    sought = {
+        (one.entity, one.shot)
+        for one in run.run.perceived
+        if (kinds.get(one.entity), one.sense) in SEARCHED
+    }
+    delays = sorted(one.latency_s for one in real)
+    return Detections(
+        detected=len(known),
+        false_alarms=len(found) - len(real),
+        missed=len(sought - known),
+        median_latency_s=float(np.median(delays)) if delays else None,
+        max_latency_s=delays[-1] if delays else None,
     )
 
 
@@ -341,10 +429,14 @@ def warnings_of(run: WorldRun) -> list[str]:
             )
     warnings += run.warnings
     if not run.world.shots:
-        warnings.append("no blast was sampled: no perceptions and no flight")
-    if run.late:
         warnings.append(
-            f"{run.late} perceptions after the end, {run.seconds:g} s, are not included"
+            "no blast was sampled: no perceptions"
+            f"{'' if run.run.flown else ' and no flight'}"
+        )
+    if run.run.late:
+        warnings.append(
+            f"{run.run.late} perceptions after the end, {run.run.seconds:g} s, are not "
+            "included"
         )
     if run.late_readings:
         warnings.append(

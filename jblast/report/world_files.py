@@ -4,25 +4,32 @@
 options have their readings picked from their files (`world.picked_records`).
 """
 
+import contextlib
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+import queue
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from jblast.files import save_text, write_text, writing
-from jblast.observations import write
+from jblast.observations import Observations, write
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.observations.records.recording import Recording
 from jblast.progress import stages
 from jblast.report.film_files import FilmOutputs, FilmWriter, cleared
 from jblast.report.fit.files import check_directory
-from jblast.report.flight_files import flight_csv
-from jblast.report.flights import flights_answer
-from jblast.report.listen import Recordings, recordings_answer
-from jblast.report.listen_files import provenance, write_tracks
+from jblast.report.flight_files import flight_csv, mission_csv
+from jblast.report.listen import (
+    Recordings,
+    SensorRecord,
+    recordings_answer,
+    truth_csv,
+)
+from jblast.report.listen_files import TRUTH, provenance, started_tracks
 from jblast.report.provenance import provenance_of
 from jblast.report.words import comma_separated, commented
 from jblast.report.world import (
@@ -30,45 +37,35 @@ from jblast.report.world import (
     ImuWritten,
     WorldRun,
     blasts_csv,
+    detections_csv,
     perceived_csv,
     preset_words,
     world_answer,
 )
-from jblast.scene import Sensor, UncertainScene
-from jblast.scene.sensor_kinds import sampling_kinds
-from jblast.sensors import Track
+from jblast.scene import Sensor
 from jblast.sensors.camera import landscape
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import BACKGROUND
-from jblast.sensors.listening import plan, with_ambient
-from jblast.study.flight_results import Encounter, Flights, Options, trajectory_of
-from jblast.study.flights import fly
+from jblast.study.missions import MissionFlight
+from jblast.study.run_detectors import RunDetectors
+from jblast.study.running import (
+    Packet,
+    Run,
+    RunDetection,
+    Subscriber,
+    prepare_run,
+    record_run,
+)
 from jblast.vehicle import Trajectory
 from jblast.waves.fireball import fireball_duration
-from jblast.world import (
-    Arrivals,
-    DrawnWorld,
-    ImuRecord,
-    arrivals_in,
-    draw_world,
-    imu_records,
-    perceived,
-    picked_jolts,
-    preset_named,
-    read_world_by,
-    readings_of,
-    tracks_of,
-    with_nevers,
-)
-from jblast.world.perceived import out_of_view
+from jblast.world import DrawnWorld, ImuRecord, picked_jolts, readings_of
 from jblast.world.picked_records import joined, picked_readings, sampled_sensors
 
+Item = TypeVar("Item")
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
 FLIGHT, RUN, SOUND, CAMERA = "flight.csv", "run.json", "sound", "camera"
-AFTER_S, AFTER_FLIGHT_S = 0.5, 5.0
-"""Duration after the last wave [s] without and with a vehicle, which needs time to
-recover."""
+DETECTIONS = "detections.csv"
 BEFORE = 2
 """Frames stored before each flash: the detector takes a difference of two."""
 COLUMNS = (
@@ -89,19 +86,26 @@ def run_world(
     seconds: float | None = None,
     seed: int = 0,
     preset: str | None = None,
+    estimator: str = "",
+    controllers: Sequence[str] | None = None,
+    detect: bool = False,
+    watched: Callable[[Run], Sequence[Subscriber]] = lambda run: (),
     force: bool = False,
     command: Sequence[str] = (),
     begin: Callable[[str], object] | None = None,
 ) -> WorldRun:
-    """Draw a world of random blasts and write what its senses perceive of them.
+    """Run a world of blasts, and write what its senses record of them.
 
     Args:
-        scene: File of the scene, with [world].
+        scene: File of the scene, with [world] or [charge].
         out: Output directory.
-        seconds: Duration; default: until 5 s after the last wave, without a vehicle
-            0.5 s.
+        seconds: Duration; default: as in `study.running.prepare_run`.
         seed: Seed of all draws.
         preset: Name in `world.PRESETS`; default: the laws.
+        estimator: "ekf" for control by a state estimate; "" for the true state.
+        controllers: Names of controllers; the first one flies the recorded flight.
+        detect: Whether detectors search sound and frames while they are recorded.
+        watched: Returns further subscribers of the packets, such as a viewer.
         force: Whether an earlier run in the directory may be overwritten.
         command: Words for the provenance.
         begin: Called with the name of each stage; default: progress is reported.
@@ -117,103 +121,71 @@ def run_world(
     """
     directory, source = Path(out), os.fspath(scene)
     check_directory(directory, force, "the world's run")
-    begin = begin or stages({"flying": 6.0, "listening": 4.0, "filming": 9.0})
+    begin = begin or stages({"flying": 6.0, "recording": 9.0})
     made = provenance_of((), source, tuple(command))
-    by = preset_named(preset)
-    uncertain, spec = read_world_by(source, by)
-    uncertain, notes = with_ambient(uncertain)
-    until = math.inf if seconds is None else seconds
-    world = draw_world(uncertain, spec, seed, until_s=until, preset=by)
-    arrivals = None
-    if seconds is None:
-        arrivals = arrivals_in(world)
-        seconds = _seconds(world, arrivals)
-    head = [f"SIMULATED, not measured: {source}, seed {seed}"]
-    head += [] if by is None else [preset_words(by)]
-    with writing(directory):
-        directory.mkdir(parents=True, exist_ok=True)
-        # tables of an earlier run next to new ones would mislead
-        stale = [directory / n for n in (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN)]
-        for file in (*stale, *directory.glob("imu*.csv")):
-            file.unlink(missing_ok=True)
-    save_text(blasts_csv(world, head), directory / BLASTS)
     begin("flying")
-    flights = flown(world, seconds)
-    tracks, flight, answer = {}, None, None
-    if flights is not None:
-        # the scene's controller, or that with integral action
-        flight = trajectory_of(flights, next(iter(flights.holds)))
-        tracks = tracks_of(world.scene, flight)
-        save_text(flight_csv(flights), directory / FLIGHT)
-        answer = flights_answer(flights, scene=source, seed=seed)
-    if arrivals is None or tracks:
-        arrivals = arrivals_in(world, tracks)
-    unseen = out_of_view(world.scene, flight)
-    seen, late = perceived(world.scene, arrivals, seconds, unseen)
-    clock = "times are on the common clock, of the laws, without errors"
-    save_text(perceived_csv(seen, [*head, clock]), directory / PERCEIVED)
-    begin("listening")
+    run = prepare_run(
+        source,
+        seconds=seconds,
+        seed=seed,
+        preset=preset,
+        estimator=estimator,
+        controllers=controllers,
+    )
+    world = run.world
+    head = [f"SIMULATED, not measured: {source}, seed {seed}"]
+    head += [] if world.preset is None else [preset_words(world.preset)]
+    begin("recording")
     with writing(directory):
-        sound = listened(world, seconds, tracks, directory / SOUND)
-    records = imu_records(world, flight, seconds)
-    with writing(directory):
-        imu, straight = write_imus(records, directory, head)
-    by_samples = () if sound is None else sampled_sensors(world)
-    names = [sensor.name for sensor in by_samples]
-    names += [one.sensor.name for one in records if one.sensor.imu is not None]
-    readings, late_readings = readings_of(world, arrivals, seconds, names)
-    jolts, missed = picked_jolts(world, arrivals, records)
-    readings = joined(readings, jolts)
-    if sound is not None and by_samples:
-        recordings = _recordings(sound, by_samples, directory / SOUND)
-        found = picked_readings(world, arrivals, recordings, sound.seconds)
-        readings = joined(readings, found.readings)
-        missed += found.missed
-    notes += [*straight, *_missed_words(missed)]
+        writer = FolderWriter(run, directory, head)
+        detectors = RunDetectors(world.scene, run.arrivals) if detect else None
+        record_run(run, [writer, *watched(run)], detectors)
+        imu, straight = write_imus(run.imus, directory, head)
+    readings, late_readings, missed = _readings(run, writer)
+    notes = [*run.notes, *straight, *_missed_words(missed)]
     notes += [
         f"{sensor.name}: no kind is specified, so it writes no samples"
         for sensor in world.scene.sensors
         if sensor.instrument is not None and not sensor.kind
     ]
-    if unseen:
+    if run.unseen:
         notes.append(
-            f"{len(unseen)} of {len(world.shots)} blasts are outside the camera's "
+            f"{len(run.unseen)} of {len(world.shots)} blasts are outside the camera's "
             "image: it does not perceive them"
         )
     if readings is not None:
         with writing(directory):
             write(directory / READINGS, readings, comments=head)
-    with writing(directory):
-        begin("filming")
-        film = filmed(world, seconds, flight, directory / CAMERA)
     came = WorldRun(
-        world,
-        seconds,
-        seen,
-        late,
-        readings,
-        late_readings,
-        flights,
-        made,
-        answer,
-        sound,
-        imu,
-        film,
-        notes,
+        run=run,
+        readings=readings,
+        late_readings=late_readings,
+        made=made,
+        sound=writer.sound,
+        imu=imu,
+        film=writer.film,
+        detections=None if detectors is None else tuple(writer.detections),
+        warnings=notes,
     )
     save_text(world_answer(came).to_json(), directory / RUN)
     return came
 
 
-def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
-    """Return the duration of a world: until after its last wave, in tenths of seconds.
-
-    With a flight it is whole seconds, as each duration compiles another program.
-    """
-    last = arrivals.last_s()
-    if world.scene.vehicle is None:
-        return math.ceil(10.0 * (last + AFTER_S)) / 10.0
-    return float(math.ceil(last + AFTER_FLIGHT_S))
+def _readings(run: Run, writer: "FolderWriter") -> tuple[Observations | None, int, int]:
+    """Return the readings, and the numbers of late waves and of missing picks."""
+    world, sound = run.world, writer.sound
+    by_samples = () if sound is None else sampled_sensors(world)
+    names = [sensor.name for sensor in by_samples]
+    names += [one.sensor.name for one in run.imus if one.sensor.imu is not None]
+    readings, late = readings_of(world, run.arrivals, run.seconds, names)
+    jolts, missed = picked_jolts(world, run.arrivals, run.imus)
+    readings = joined(readings, jolts)
+    if sound is not None and by_samples:
+        recordings = _recordings(sound, by_samples, writer.directory / SOUND)
+        found = picked_readings(world, run.arrivals, recordings, sound.seconds)
+        readings = joined(readings, found.readings)
+        missed += found.missed
+    return readings, late, missed
 
 
 def _recordings(
@@ -240,41 +212,110 @@ def _missed_words(missed: int) -> list[str]:
     ]
 
 
-def flown(world: DrawnWorld, seconds: float) -> Flights | None:
-    """Fly the vehicle of a world through its blasts; None without vehicle or blast."""
-    if world.scene.vehicle is None or not world.shots:
-        return None
-    padded = UncertainScene(with_nevers(world.scene), source=world.source)
-    by = "laws" if world.preset is None else world.preset.load
-    flights = fly(padded, Options(seconds=seconds, load=by), seed=world.seed)
-    # `with_nevers` pads the charges, so that one program serves several counts
-    count = len(world.scene.charges)
-    holds = {
-        name: replace(
-            hold, encounter=Encounter(*(x[..., :count] for x in hold.encounter))
-        )
-        for name, hold in flights.holds.items()
-    }
-    blasts, places = flights.blasts[:count], flights.places_m[..., :count, :]
-    return replace(flights, blasts=blasts, places_m=places, holds=holds)
+class Fed(Generic[Item]):
+    """A function of an iterator that runs in a thread of its own, fed item by item.
+
+    The writers of files pull their input; here it is pushed. At most two items wait.
+    """
+
+    def __init__(self, consume: Callable[[Iterator[Item]], Any]):
+        """Start the function."""
+        self._items: queue.Queue[tuple[Item, ...]] = queue.Queue(2)
+        self._pool = ThreadPoolExecutor(1)
+        self._result = self._pool.submit(consume, self._pulled())
+
+    def _pulled(self) -> Iterator[Item]:
+        while one := self._items.get():
+            yield one[0]
+
+    def put(self, item: Item) -> None:
+        """Pass an item; an error of the function is raised here."""
+        self._give((item,))
+
+    def _give(self, one: tuple[Item, ...]) -> None:
+        # a function that has ended takes no more: waiting for it would last for ever
+        while not self._result.done():
+            with contextlib.suppress(queue.Full):
+                return self._items.put(one, timeout=0.1)
+        return self._result.result() if one else None
+
+    def end(self) -> Any:
+        """End the input, and return the result of the function."""
+        self._give(())
+        self._pool.shutdown()
+        return self._result.result()
 
 
-def listened(
-    world: DrawnWorld,
-    seconds: float,
-    tracks: Mapping[str, Track],
-    directory: Path,
-) -> Recordings | None:
-    """Write the record of every sampling sensor; None without such a sensor."""
-    kinds = {sensor.kind for sensor in world.scene.sensors}
-    if not kinds & set(sampling_kinds()):
-        return None
-    uncertain = UncertainScene(world.scene, source=world.source)
-    scene_of = None if world.preset is None else world.preset.scene_of
-    listening = plan(uncertain, world.seed, seconds, tracks, scene_of)
-    comments = provenance(listening, world.source, world.seed)
-    records = write_tracks(listening, directory, comments)
-    return recordings_answer(listening, records)
+class FolderWriter:
+    """Writer of a run's files: a subscriber of its packets.
+
+    Attributes:
+        directory: The folder.
+        sound: The records of samples, after the end; None without any.
+        film: The film, after the end; None without a camera.
+        detections: Detections so far.
+    """
+
+    def __init__(self, run: Run, directory: Path, head: Sequence[str]):
+        """Write all tables that are known before the first packet.
+
+        Args:
+            run: The run.
+            directory: The folder.
+            head: Comments above each table.
+        """
+        self.directory, self._run, self._head = directory, run, head
+        self.sound: Recordings | None = None
+        self.film: FilmMade | None = None
+        self.detections: list[RunDetection] = []
+        directory.mkdir(parents=True, exist_ok=True)
+        # tables of an earlier run next to new ones would mislead
+        names = (BLASTS, PERCEIVED, READINGS, FLIGHT, RUN, DETECTIONS)
+        stale = [directory / name for name in names]
+        for file in (*stale, *directory.glob("imu*.csv")):
+            file.unlink(missing_ok=True)
+        save_text(blasts_csv(run.world, head), directory / BLASTS)
+        if run.flown is not None:
+            text = (
+                mission_csv(run.flown)
+                if isinstance(run.flown, MissionFlight)
+                else flight_csv(run.flown)
+            )
+            save_text(text, directory / FLIGHT)
+        clock = "times are on the common clock, of the laws, without errors"
+        table = perceived_csv(run.perceived, [*head, clock])
+        save_text(table, directory / PERCEIVED)
+        self._records: dict[str, SensorRecord] = {}
+        self._fed: dict[str, Fed[np.ndarray]] = {}
+        if run.listening is not None:
+            listening = run.listening
+            comments = provenance(listening, run.world.source, run.world.seed)
+            for record, write in started_tracks(listening, directory / SOUND, comments):
+                self._records[record.sensor.name] = record
+                self._fed[record.sensor.name] = Fed(write)
+
+    def take(self, packet: Packet) -> None:
+        """Write the samples and images of a packet."""
+        for name, fed in self._fed.items():
+            if name in packet.samples:
+                fed.put(packet.samples[name].values)
+        self.detections += packet.detections
+
+    def finish(self) -> None:
+        """Complete the files."""
+        run = self._run
+        for fed in self._fed.values():
+            fed.end()
+        if run.listening is not None:
+            records, folder = [*self._records.values()], self.directory / SOUND
+            comments = provenance(run.listening, run.world.source, run.world.seed)
+            write_text(folder / TRUTH, truth_csv(run.listening, records, comments))
+            self.sound = recordings_answer(run.listening, records)
+        if self.detections:
+            table = detections_csv(self.detections, self._head)
+            save_text(table, self.directory / DETECTIONS)
+        camera = self.directory / CAMERA
+        self.film = filmed(run.world, run.seconds, run.flight, camera)
 
 
 def filmed(

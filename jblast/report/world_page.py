@@ -7,6 +7,7 @@ events and a strip of frames; dashed lines are the blasts.
 
 import csv
 import json
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +19,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
+from jblast.files import save_text
 from jblast.inference import fit_each
 from jblast.inference.fitting.place import (
     ConfidenceEllipse,
@@ -40,10 +42,17 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.pages import page
-from jblast.report.words import capitalised, parameter_words, printed_number, unit_for
+from jblast.report.provenance import provenance_of
+from jblast.report.words import (
+    aligned,
+    capitalised,
+    parameter_words,
+    printed_number,
+    unit_for,
+)
 from jblast.scene import Scene
 from jblast.scene.sensor_kinds import SENSOR_KINDS
-from jblast.world import scene_to_fit
+from jblast.world import preset_named, read_world_by, scene_to_fit
 
 ALT_MAP = "Map of blasts, sensors and the vehicle's path."
 ALT_TIMELINE = "Flight, samples and events against time on one axis."
@@ -180,6 +189,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
     tables = [_blasts(document), _perceived(document)]
     tables += [_answers(answers)] if answers else []
     tables += [_recovery(document["flight"])] if document["flight"] else []
+    tables += [_mission(document["mission"])] if document.get("mission") else []
     shown = [
         (timeline_figure(run), ALT_TIMELINE, "All recordings on the common clock."),
         (map_figure(run, scene, answers), ALT_MAP, "Seen from above; north is up."),
@@ -275,6 +285,36 @@ def _recovery(flight: dict[str, Any]) -> Table:
     return Table(title, head, rows, (1, 2, 3, 4), lines=lines)
 
 
+def _mission(mission: dict[str, Any]) -> Table:
+    columns = {
+        "Error before": "error_before_m",
+        "Peak deviation": "peak_deviation_m",
+        "Time of peak": "peak_time_s",
+        "Recovery time": "recovery_time_s",
+    }
+    rows = [
+        [
+            of["charge"],
+            "-" if of["waypoint"] is None else str(of["waypoint"]),
+            *(
+                "-" if of[key] is None else printed_number(key, of[key], 3)
+                for key in columns.values()
+            ),
+        ]
+        for of in mission["disturbances"]
+    ]
+    reached = sum(one["reached"] for one in mission["waypoints"])
+    lines = [
+        f"{reached} of {len(mission['waypoints'])} waypoints reached; "
+        + ("mission completed." if mission["completed"] else "mission not completed."),
+        "Times are measured from the arrival of each blast. A dash means that it "
+        "arrives before or after the flight, or that the vehicle does not recover.",
+    ]
+    title = f"The {mission['vehicle'].capitalize()} on its mission"
+    head = ["Blast", "Flies to item", *columns]
+    return Table(title, head, rows, range(1, 6), lines=lines)
+
+
 def _picture(figure: Figure, alt: str, caption: str) -> dict[str, Any]:
     picture = picture_of(figure)
     own = {"source": picture.source, "width": picture.width}
@@ -313,9 +353,14 @@ def _flight_rows(run: RunFolder) -> list[Row]:
     if table is None:
         return []
     time = table["time_s"].to_numpy()
-    target = run.document["flight"]["target_m"]
     world, body = ("east", "north", "up"), "xyz"
-
+    aims = [f"set_point_{axis}_m" for axis in world]
+    # a mission has set points that move
+    target: Any = (
+        run.document["flight"]["target_m"]
+        if run.document["flight"]
+        else table[aims].to_numpy()
+    )
     away = table[[f"{axis}_m" for axis in world]].to_numpy() - target
     error = table["path_error_m"].to_numpy()
     unit = unit_for("path_error_m", float(error.max()))
@@ -343,7 +388,7 @@ def _flight_rows(run: RunFolder) -> list[Row]:
     forces = [f"force_{axis}_n" for axis in world]
     moments = [f"moment_{axis}_n_m" for axis in body]
     return [
-        ("Path relative to the target", f"[{unit.symbol}]", path),
+        ("Path relative to the set point", f"[{unit.symbol}]", path),
         ("Path error", f"[{unit.symbol}]", distance),
         ("All forces; blasts are cut off", "[N]", loads(forces, world)),
         ("All moments, body axes; blasts are cut off", "[N m]", loads(moments, body)),
@@ -464,7 +509,7 @@ def read_run(path: str | Path) -> RunFolder:
     path = Path(path)
     document = _document(path / "run.json")
     flight = None
-    if document["flight"] is not None:
+    if document["flight"] or document.get("mission"):
         flight = _table(path / "flight.csv")
     sensors = (document["sound"] or {"sensors": {}})["sensors"]
     waves = (_waveform(path / "sound", name, of) for name, of in sensors.items())
@@ -568,6 +613,69 @@ def answers_of(
     return tuple(
         _answer(shot, found[shot], blasts[shot]) for shot in logs if shot in blasts
     )
+
+
+def write_page(
+    folder: str | os.PathLike[str],
+    scene: str | os.PathLike[str] | None = None,
+    *,
+    fit: bool = False,
+    out: str | os.PathLike[str] | None = None,
+    begin: Callable[[str], object] = lambda stage: None,
+) -> tuple[Path, tuple[ShotAnswer, ...]]:
+    """Write the page of a world's folder; return its path and the fits on it.
+
+    Args:
+        folder: The folder, of `jblast world`.
+        scene: Scene file of the run; default: the path in run.json.
+        fit: True to fit the readings of each blast.
+        out: The page; default: report.html in the folder.
+        begin: Called with the name of each stage.
+
+    Raises:
+        InputError: The folder is another one, the scene has changed or cannot be read,
+            or a run with a preset is to be fitted.
+    """
+    world = read_run(folder)
+    # The run stores the path only; the file may have been moved since.
+    scene = scene or world.document["scene"]
+    if not Path(scene).is_file():
+        raise InputError(
+            f"{scene}: no such file; expected the scene file of {folder}: give its "
+            f"path by {argument('scene')}"
+        )
+    now = provenance_of((), os.fspath(scene)).scene
+    # Another scene would be drawn and fitted with other priors than those of the run.
+    if now and now.sha256 != world.document["scene_sha256"]:
+        raise InputError(
+            f"{scene}: has changed since {folder} was made; expected SHA-256 "
+            f"{world.document['scene_sha256']}, got {now.sha256}"
+        )
+    preset = preset_named((world.document.get("preset") or {}).get("name"))
+    # The laws of a fit are those of real blasts: the masses would be wrong.
+    if fit and preset is not None:
+        raise InputError(
+            f"{argument('fit')}: expected a run without a preset, got preset "
+            f"{preset.name}, whose readings are not those of real blasts"
+        )
+    uncertain, _ = read_world_by(scene, preset)
+    answers = ()
+    if fit:
+        begin("fitting")
+        answers = answers_of(world.path, world.document, scene)
+    begin("drawing")
+    file = Path(out) if out else world.path / "report.html"
+    save_text(world_page(world, uncertain.scene, answers), file)
+    return file, answers
+
+
+def answers_text(answers: Sequence[ShotAnswer]) -> str:
+    """Return the fits next to the truth, for the terminal; "" without any."""
+    if not answers:
+        return ""
+    table = _answers(answers)
+    rows = [[str(cell) for cell in row] for row in (table.head, *table.rows)]
+    return "\n".join(["", *aligned(rows, right=(2, 3, 4)), *table.lines]) + "\n"
 
 
 def _answer(shot: str, found: Any, blast: dict[str, Any]) -> ShotAnswer:

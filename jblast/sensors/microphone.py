@@ -55,6 +55,7 @@ from jblast.sensors.samples import (
     Packet,
     Ring,
     block_start,
+    blocks,
     coloured_noise,
     first_samples,
     noise_block,
@@ -78,6 +79,8 @@ _peak_at = eqx.filter_jit(peak_at)
 CROSS_FADE_S = 0.05
 """Cross-fade of a loop's end and start [s], at most a quarter of the loop. It is the
 period of 20 Hz, the lowest audible tone; a longer one only shortens the loop."""
+UNDERFLOW = 760.0
+"""Time constants after which a ground pulse is exactly zero in double precision."""
 MOST_LOOPS = 3
 """Capacity of the ring buffer, in loops (thesis, section 3.3.2)."""
 
@@ -213,7 +216,38 @@ def stream(
         scene, microphone, key, start_s, laws, track, rotors, wave_paths
     )
     timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
-    return packets(sound_block, sound, state, rate_of(microphone), **timing)
+    rate = rate_of(microphone)
+    spans = [_span(wave, rate) for wave in sound.waves]
+
+    def block_of(sound: Sound, state: Any, index: Int[Array, " block"]) -> Any:
+        """Return a block of the waves that sound in it: the others add zeros."""
+        start = int(index[0]) * BLOCK / rate
+        stop = start + BLOCK / rate
+        some = [n for n, (begin, end) in enumerate(spans) if begin < stop and end > start]
+        own = sound._replace(waves=tuple(sound.waves[n] for n in some))
+        parts = tuple(state[0][n] for n in some)
+        (parts, *rest), samples = blocks(sound_block, own, (parts, *state[1:]), index)
+        now = dict(enumerate(state[0])) | dict(zip(some, parts, strict=True))
+        return (tuple(now.values()), *rest), samples
+
+    # Of a minute with eight blasts, a wave sounds in a hundredth. With all waves in
+    # each block a microphone takes eight times as long.
+    return packets(sound_block, sound, state, rate, run_blocks=block_of, **timing)
+
+
+def _span(wave: "BlastWave", rate: float) -> tuple[float, float]:
+    """Return the beginning of a wave and the end of its filtered sound [s]."""
+    pulse = wave.pulse
+    if wave.sound is not None:
+        return -math.inf, math.inf
+    if isinstance(pulse, GroundPulse):
+        lasts = UNDERFLOW * float(pulse.time_constant)
+    else:
+        lasts = float(pulse.duration + pulse.suction_duration)
+    begin = float(pulse.arrival_time)
+    # the filter holds its input for its length
+    held = 0 if wave.transfer is None else 2 * (wave.transfer.size - 1)
+    return begin, begin + lasts + held / rate
 
 
 class BlastWave(NamedTuple):

@@ -16,6 +16,7 @@ add up to the square of the level, so that the rms is the level.
 import math
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import partial
 from itertools import count
 from typing import Any, NamedTuple
 
@@ -106,7 +107,7 @@ def first_samples(
         state: Initial state.
         n: Number of samples.
     """
-    _, samples = _blocks(step, setup, state, jnp.arange(-(-n // BLOCK)))
+    _, samples = blocks(step, setup, state, jnp.arange(-(-n // BLOCK)))
     return samples.reshape(-1)[:n]
 
 
@@ -119,6 +120,7 @@ def packets(
     packet_s: float | None = None,
     packets_hz: float | None = None,
     start_s: float = 0.0,
+    run_blocks: Callable[[Any, Any, Int[Array, " block"]], Any] | None = None,
 ) -> Iterator[Packet]:
     """Yield the samples of a signal in packets, without end, in constant memory.
 
@@ -133,22 +135,24 @@ def packets(
         packet_s: Duration of a packet [s]; or
         packets_hz: packets per second [Hz].
         start_s: Start of the first sample [s].
+        run_blocks: Function of setup, state and indices of blocks in place of `blocks`.
 
     Raises:
         ValueError: Both or none of the durations are given, or a packet has no sample.
     """
     size = _packet_size(rate, packet_s, packets_hz)
+    made_by = run_blocks or partial(blocks, step)
 
     # a nested generator, so that the arguments above are checked at the call already
     def run(state: Any) -> Iterator[Packet]:
         """Make blocks when they are needed."""
         ring: Ring | None = None
-        blocks, first = count(), 0
+        numbers, first = count(), 0
         for index in count():
             last = math.ceil((index + 1) * size)
             while ring is None or ring.waiting < last - first:
-                block = jnp.asarray([next(blocks)])
-                state, samples = _blocks(step, setup, state, block)
+                block = np.array([next(numbers)])
+                state, samples = made_by(setup, state, block)
                 made = np.asarray(samples).reshape(-1)
                 # room for a packet and the block that completes it
                 ring = ring or Ring(math.ceil(size) + 1 + BLOCK, made.dtype)
@@ -187,7 +191,7 @@ def _exact(number: float) -> Fraction:
 
 
 @eqx.filter_jit
-def _blocks(
+def blocks(
     step: Step, setup: Any, state: Any, indices: Int[Array, " block"]
 ) -> tuple[Any, Float[Array, "block sample"]]:
     """Run the instrument over some blocks; compiled once for each number of blocks."""

@@ -501,10 +501,28 @@ def _numbered(
         first += len(values)
 
 
-def record_run(run: Run, subscribers: Sequence[Subscriber]) -> None:
-    """Compute the packets of a run, and pass each to all subscribers in turn."""
+class Detectors(Protocol):
+    """Detectors that search the packets of a run."""
+
+    def take(self, packet: Packet) -> Sequence[RunDetection]:
+        """Search the next packet; return what is reported at its end."""
+        ...
+
+
+def record_run(
+    run: Run, subscribers: Sequence[Subscriber], detectors: Detectors | None = None
+) -> None:
+    """Compute the packets of a run, and pass each to all subscribers in turn.
+
+    Args:
+        run: The run.
+        subscribers: Consumers of the packets.
+        detectors: Detectors, whose reports are part of the packets.
+    """
     try:
         for packet in packets_of(run):
+            if detectors is not None:
+                packet.detections = tuple(detectors.take(packet))
             for subscriber in subscribers:
                 subscriber.take(packet)
     finally:

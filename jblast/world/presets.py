@@ -18,8 +18,12 @@ from typing import Any, Literal
 import jax.numpy as jnp
 
 from jblast.errors import InputError, nearest, shown
-from jblast.scene import Scene, UncertainScene, WorldSpec, read_world
-from jblast.scene.reader.scene import document_of, world_from_document
+from jblast.scene import Scene, UncertainScene, WorldSpec
+from jblast.scene.reader.scene import (
+    document_of,
+    scene_or_world,
+    world_from_document,
+)
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 
 SOUND = (
@@ -100,11 +104,12 @@ def preset_named(name: str | None) -> Preset | None:
 
 def read_world_by(
     path: str | os.PathLike[str], preset: Preset | None
-) -> tuple[UncertainScene, WorldSpec]:
-    """Read a scene file of random blasts and apply a preset.
+) -> tuple[UncertainScene, WorldSpec | None]:
+    """Read a scene file of random or given blasts and apply a preset.
 
     Args:
-        path: TOML file; with a preset, [world] is optional.
+        path: TOML file with [world], [charge] or both, or a mission of the vehicle;
+            with a preset, none of them is required.
         preset: Preset to apply; None: the scene's own physics.
 
     Raises:
@@ -113,11 +118,14 @@ def read_world_by(
     Example:
         `read_world_by("world.toml", PRESETS["thesis-as-coded"])`
     """
-    if preset is None:
-        return read_world(path)
-    return world_from_document(
-        with_preset(document_of(path), preset, str(path)), str(path)
-    )
+    document = document_of(path)
+    if preset is not None:
+        document = with_preset(document, preset, str(path))
+    vehicle = document.get("vehicle")
+    flies = isinstance(vehicle, dict) and "mission" in vehicle
+    if "world" not in document and ("charge" in document or flies):
+        return scene_or_world(document, str(path), needs_charge=False)
+    return world_from_document(document, str(path))
 
 
 def _laws(sound: str) -> dict[str, object]:

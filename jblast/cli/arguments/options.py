@@ -1,17 +1,15 @@
 """Options that several verbs share, and the functions that read their values.
 
-Paths and output files, `--free`, `--law`, `--noise`, the options for reading a log, and
-`--live`. `option_for` translates an argument of a Python function to its option in
+Paths and output files, `--free`, `--law`, `--noise`, and the options for reading a log.
+`option_for` translates an argument of a Python function to its option in
 messages. JAX is imported inside functions only, so that `--help` does not load it.
 """
 
 import argparse
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jblast.cli.arguments.numbers import positive
 from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError
 from jblast.files import refuse_existing, writing
@@ -216,41 +214,3 @@ def reading_words(options: argparse.Namespace) -> str:
 def reading_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `add_reading` as arguments of `jblast.read`."""
     return {name: getattr(options, name) for name in ("date", "strict", "wide", "zone")}
-
-
-def add_live(verb: VerbParser) -> None:
-    """Add `--live`."""
-    verb.outputs.add_argument(
-        "--live",
-        type=positive,
-        nargs="?",
-        const=1.0,
-        metavar="SPEED",
-        help="window that plays the run, SPEED times as fast as its clock (default: "
-        "no window; without a number 1)",
-    )
-
-
-def check_live(options: argparse.Namespace) -> None:
-    """Check before the work that `--live` can be shown after it.
-
-    Raises:
-        InputError: There is no display.
-    """
-    # A missing display would otherwise be found after the run, which may take minutes.
-    if options.live:
-        from jblast.report.world_live import check_display
-
-        check_display()
-
-
-def show_live(options: argparse.Namespace, folder: Path) -> None:
-    """Play the run of a folder, if `--live` is given."""
-    if not options.live:
-        return
-    from jblast.report.world_live import play
-    from jblast.report.world_page import read_run
-
-    # the window blocks: print the answer before it opens
-    sys.stdout.flush()
-    play(read_run(folder), options.live)

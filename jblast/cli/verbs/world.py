@@ -1,27 +1,33 @@
-"""Simulate random blasts, and record them with all sensors of a scene.
+"""Simulate a vehicle and all sensors of a scene through random or given blasts.
 
-The scene's [world] gives number, times, positions and masses of the blasts. The vehicle
-flies through them, sensors record them, microphones and gauges write samples, and the
-camera films them; mounted sensors move with the vehicle. Times are on the clock of the
-scene, which begins at 0; only the file and the readings of a sensor are on its own
-clock. Output: blasts.csv (the truth), perceived.csv, observations.csv (for `jblast
-fit`), flight.csv, sound/, camera/ and run.json.
+The scene's [world] gives number, times, positions and masses of random blasts, [charge]
+given ones. The vehicle hovers or flies its mission, sensors record, and the camera
+films; mounted sensors move with the vehicle. Times are on the clock of the scene, which
+begins at 0; only the file and the readings of a sensor are on its own clock. Output:
+blasts.csv (the truth), perceived.csv, observations.csv (for `jblast fit`), flight.csv,
+sound/, camera/ and run.json.
 """
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import positive, seed
 from jblast.cli.arguments.options import (
     add_force,
     add_json,
-    add_live,
-    check_live,
+    names_between_commas,
     path,
-    show_live,
 )
 from jblast.cli.arguments.verb_parser import VerbParser
+from jblast.errors import InputError
+from jblast.files import refuse_existing
+
+if TYPE_CHECKING:
+    from jblast.report.world_viewer import Viewer
+    from jblast.study.running import Run, Subscriber
 
 
 def add_arguments(verb: VerbParser) -> None:
@@ -30,14 +36,37 @@ def add_arguments(verb: VerbParser) -> None:
         "scene",
         metavar="SCENE.toml",
         type=path,
-        help="scene file with a [world]; parameters with a prior are sampled",
+        help="scene file with [world] or [charge]; parameters with a prior are sampled",
     )
     verb.model.add_argument(
         "--seconds",
         type=positive,
         metavar="S",
         help="duration of the world [s] (default: until 5 s after the arrival of the "
-        "last wave, without a vehicle 0.5 s)",
+        "last wave, without a vehicle 0.5 s; a mission also until it is disarmed)",
+    )
+    verb.model.add_argument(
+        "--estimator",
+        choices=("ekf",),
+        help="state estimator of the vehicle, fed by simulated instruments (default: "
+        "true state)",
+    )
+    verb.model.add_argument(
+        "--controllers",
+        metavar="NAME,...",
+        help="controllers of a hovering vehicle, as for `jblast fly`; the first one "
+        "flies the recorded flight (default: with_integral,without_integral)",
+    )
+    verb.model.add_argument(
+        "--detect",
+        action="store_true",
+        help="search of microphones and camera for blasts while they are recorded; "
+        "detections.csv has each detection with its latency",
+    )
+    verb.model.add_argument(
+        "--fit",
+        action="store_true",
+        help="fit of each blast's readings with [world] as the prior, and report.html",
     )
     verb.advanced.add_argument(
         "--seed", type=seed, default=0, help="seed of all random numbers (default: 0)"
@@ -52,40 +81,114 @@ def add_arguments(verb: VerbParser) -> None:
     verb.outputs.add_argument(
         "--out", metavar="RUN", required=True, type=path, help="folder for the run"
     )
-    add_live(verb)
+    verb.outputs.add_argument(
+        "--live",
+        type=positive,
+        nargs="?",
+        const=1.0,
+        metavar="SPEED",
+        help="view in a browser while the run is computed, SPEED times as fast as its "
+        "clock (default: no view; without a number 1)",
+    )
+    verb.outputs.add_argument(
+        "--viewer",
+        choices=("rerun",),
+        help="view in a browser as fast as the run is computed",
+    )
+    verb.outputs.add_argument(
+        "--save", metavar="FILE.rrd", type=path, help="recording for the viewer Rerun"
+    )
+    verb.outputs.add_argument(
+        "--mcap",
+        metavar="FILE.mcap",
+        type=path,
+        help="recording as a bag of ROS 2, for Foxglove too",
+    )
     add_json(verb)
     add_force(verb)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Draw, fly, record, film, write; return the exit code."""
+    """Run the world, write, print; return the exit code."""
     from jblast.cli.jax_start import start_jax
+    from jblast.missions.plan import check_mission
     from jblast.progress import stages
 
-    begin = stages({"starting": 1.0, "flying": 6.0, "listening": 4.0, "filming": 9.0})
+    shares = {"starting": 1.0, "flying": 6.0, "recording": 9.0}
+    begin = stages(shares | ({"fitting": 9.0} if options.fit else {}))
     begin("starting")
+    check(options)  # fails here, before JAX starts
+    check_mission(options.scene)
     start_jax(quick=True)
     from jblast.report.world import world_answer, world_text
     from jblast.report.world_files import run_world
+    from jblast.report.world_page import answers_text, write_page
 
-    # A run may take minutes: without a display it would be in vain.
-    check_live(options)
+    viewers: list[Viewer] = []
+    controllers = options.controllers and names_between_commas(options.controllers)
     came = run_world(
         options.scene,
         options.out,
         seconds=options.seconds,
         seed=options.seed,
         preset=options.preset,
+        estimator=options.estimator or "",
+        controllers=controllers,
+        detect=options.detect,
+        watched=lambda run: watchers(options, run, viewers),
         force=options.force,
         # run.json has the command, so that the run can be repeated.
         command=options.words,
         begin=begin,
     )
+    answers = ()
+    if options.fit:
+        begin("fitting")
+        _, answers = write_page(options.out, options.scene, fit=True)
     if options.json:
         sys.stdout.write(world_answer(came).to_json())
     else:
-        sys.stdout.write(world_text(came))
+        sys.stdout.write(world_text(came) + answers_text(answers))
         sys.stdout.write(f"\nWritten: {options.out}\n")
-    del begin  # the work is done: no progress beside the window
-    show_live(options, Path(options.out))
+    del begin  # the work is done: no progress beside the viewer
+    sys.stdout.flush()
+    for viewer in viewers:
+        viewer.wait()
     return 0
+
+
+def check(options: argparse.Namespace) -> None:
+    """Check before the run what can be refused.
+
+    Raises:
+        InputError: A file exists or has another suffix, an extra is not installed, or
+            a preset is to be fitted.
+    """
+    for option, suffix in (("save", ".rrd"), ("mcap", ".mcap")):
+        file = getattr(options, option)
+        if file and Path(file).suffix != suffix:
+            raise InputError(f"--{option}: expected a name in {suffix}, got {file}")
+        if file:
+            refuse_existing(file, force=options.force)
+    # The laws of a fit are those of real blasts: the masses would be wrong.
+    if options.fit and options.preset:
+        raise InputError(
+            f"--fit: expected a run without a preset, got preset {options.preset}, "
+            "whose readings are not those of real blasts"
+        )
+    if options.live or options.viewer or options.save:
+        from jblast.report.world_viewer import rerun
+
+        rerun()
+    if options.mcap:
+        from jblast.report.ros_bag import mcap
+
+        mcap()
+
+
+def watchers(
+    options: argparse.Namespace, run: "Run", viewers: list["Viewer"]
+) -> Sequence["Subscriber"]:
+    """Return the requested views of a run; those that serve a browser are added."""
+    found: list[Subscriber] = []
+    return found

@@ -122,12 +122,18 @@ def read_scene_or_world(
     Raises:
         InputError: As in `read_scene` and `read_world`.
     """
-    document = document_of(path)
+    return scene_or_world(document_of(path), str(path), needs_charge=needs_charge)
+
+
+def scene_or_world(
+    document: dict[str, Any], source: str, *, needs_charge: bool
+) -> tuple[UncertainScene, WorldSpec | None]:
+    """Return the result of `read_scene_or_world` for the tables of a file."""
     if "world" in document:
-        return world_from_document(document, str(path))
+        return world_from_document(document, source)
     if "charge" in document or needs_charge:
-        return scene_from_document(document, str(path)), None
-    return _without_blast(document, str(path)), None
+        return scene_from_document(document, source), None
+    return _without_blast(document, source), None
 
 
 def document_of(path: str | os.PathLike[str]) -> dict[str, Any]:
