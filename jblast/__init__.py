@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from jblast.signals import detect as detect
     from jblast.signals.picks import pick as pick, pick_files as pick_files
     from jblast.study.flights import fly as fly
-    from jblast.study.scene_flights import fly_scene as fly_scene
+    from jblast.study.running import fly_scene as fly_scene
 
 __version__ = "0.2.0"
 
@@ -77,7 +77,7 @@ _HOMES = {
     "fit_each": "jblast.inference",
     "fit_many": "jblast.inference",
     "fly": "jblast.study.flights",
-    "fly_scene": "jblast.study.scene_flights",
+    "fly_scene": "jblast.study.running",
     "pick": "jblast.signals.picks",
     "pick_files": "jblast.signals.picks",
     "read": "jblast.observations",

@@ -223,7 +223,9 @@ def stream(
         """Return a block of the waves that sound in it: the others add zeros."""
         start = int(index[0]) * BLOCK / rate
         stop = start + BLOCK / rate
-        some = [n for n, (begin, end) in enumerate(spans) if begin < stop and end > start]
+        some = [
+            n for n, (begin, end) in enumerate(spans) if begin < stop and end > start
+        ]
         own = sound._replace(waves=tuple(sound.waves[n] for n in some))
         parts = tuple(state[0][n] for n in some)
         (parts, *rest), samples = blocks(sound_block, own, (parts, *state[1:]), index)

@@ -21,7 +21,9 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from jblast.errors import InputError, argument
-from jblast.scene import Charge, Instrument, UncertainScene
+from jblast.kept_programs import kept_between_runs
+from jblast.progress_line import Progress, reported
+from jblast.scene import Charge, Instrument, UncertainScene, scene_of
 from jblast.scene.sensor_kinds import sampling_kinds
 from jblast.sensors import Track
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
@@ -29,7 +31,9 @@ from jblast.study.flight_results import (
     TOLERANCE_M,
     Encounter,
     Flights,
+    LoadLaw,
     Options,
+    Profile,
     target_of,
     trajectory_of,
 )
@@ -40,7 +44,7 @@ from jblast.study.missions import (
     MissionFlight,
     fly_mission,
 )
-from jblast.vehicle import STEP_S, Trajectory, path_error
+from jblast.vehicle import STEP_S, Trajectory, path_error, read_custom_profile
 from jblast.world import (
     Arrivals,
     DrawnWorld,
@@ -52,6 +56,7 @@ from jblast.world import (
     perceived,
     preset_named,
     read_world_by,
+    scene_to_run,
     tracks_of,
     with_nevers,
 )
@@ -322,6 +327,101 @@ def prepare_run(
     )
 
 
+@kept_between_runs()
+@reported("fly_scene")
+def fly_scene(
+    scene: UncertainScene | str | os.PathLike[str],
+    *,
+    vehicles: int = 1,
+    controllers: Sequence[str] | None = None,
+    seconds: float | None = None,
+    step_s: float | None = None,
+    integrator: str = Options.integrator,
+    backend: str = Options.backend,
+    estimator: str = Options.estimator,
+    load: LoadLaw = Options.load,
+    tolerance_m: float | None = None,
+    profile: str | os.PathLike[str] | None = None,
+    profile_moments_about: tuple[float, float, float] | None = None,
+    seed: int = 0,
+    progress: Progress = False,
+) -> Flights | MissionFlight:
+    """Fly a scene's vehicle through its blasts, on its mission if it has one.
+
+    Args:
+        scene: Scene, or its file; parameters with a prior are sampled.
+        vehicles: Number of sampled scenes.
+        controllers: As for `jblast.fly`.
+        seconds: Duration of the flight; default: until 5 s after the last arrival, of a
+            mission until the vehicle is disarmed.
+        step_s: Time step of the integrator; default: 0.5 ms, with an estimator or on a
+            mission 4 ms.
+        integrator: "rk4" or "euler".
+        backend: "auto", "jax", "warp", "warp:cpu" or "warp:cuda:0".
+        estimator: "ekf" for the state of a Kalman filter; "" for the true state.
+        load: Laws of the load.
+        tolerance_m: Path error within which the vehicle has recovered; default: 0.05 m,
+            of a mission 0.2 m.
+        profile: File of the impulses of blasts, in place of the laws.
+        profile_moments_about: Vector from the reference point of the profile's moments
+            to the centre of mass, body axes [m].
+        seed: Seed of the samples.
+        progress: As for `jblast.fit`.
+
+    Returns:
+        Flights by controller, or the flight of the mission.
+
+    Raises:
+        InputError: The scene cannot be flown, or an argument cannot be used.
+
+    Example:
+        `jblast.fly_scene("scene.toml", vehicles=100, controllers=["cascade"])`
+    """
+    if isinstance(scene, str | os.PathLike):
+        scene = scene_to_run(scene, seconds=seconds, seed=seed)
+    uncertain = scene_of(scene)
+    on_mission = has_mission(uncertain)
+    if on_mission and controllers is not None:
+        raise InputError(
+            f"{argument('controllers')}: expected none on a mission, which has its own "
+            f"controller, got {','.join(controllers)}"
+        )
+    if on_mission and vehicles != 1:
+        raise InputError(
+            f"{argument('vehicles')}: expected 1 on a mission, got {vehicles}; for "
+            "several use jblast.missions.MissionControl in an Each, in Python"
+        )
+    # an estimator samples its instruments at each step: PX4 has 250 Hz
+    default_step = MISSION_STEP_S if on_mission or estimator else STEP_S
+    default_tolerance = MISSION_TOLERANCE_M if on_mission else TOLERANCE_M
+    options = Options(
+        seconds=seconds,
+        step_s=default_step if step_s is None else step_s,
+        integrator=integrator,
+        backend=backend,
+        tolerance_m=default_tolerance if tolerance_m is None else tolerance_m,
+        profile=_profile(profile, profile_moments_about),
+        estimator=estimator,
+        load=load,
+    )
+    if on_mission:
+        return fly_mission(uncertain, options, seed=seed)
+    return fly(
+        uncertain, options, vehicles=vehicles, seed=seed, controllers=controllers
+    )
+
+
+def _profile(
+    path: str | os.PathLike[str] | None, about: tuple[float, float, float] | None
+) -> Profile | None:
+    if path is None and about is not None:
+        raise InputError(
+            f"{argument('profile_moments_about')}: expected it with "
+            f"{argument('profile')} only, got no profile"
+        )
+    return None if path is None else Profile(read_custom_profile(path), about)
+
+
 def has_mission(uncertain: UncertainScene) -> bool:
     """Return whether the scene's vehicle has a mission."""
     vehicle = uncertain.scene.vehicle
@@ -362,35 +462,29 @@ def flown_in(
     Raises:
         InputError: The vehicle cannot be flown.
     """
-    on_mission = has_mission(uncertain)
-    if world.scene.vehicle is None or not (world.shots or on_mission):
+    if world.scene.vehicle is None or not (world.shots or has_mission(uncertain)):
         return None
     padded = replace(uncertain, scene=with_nevers(world.scene), beliefs={})
-    options = Options(
+    flown = fly_scene(
+        padded,
         seconds=seconds,
-        step_s=MISSION_STEP_S if on_mission or estimator else STEP_S,
-        tolerance_m=MISSION_TOLERANCE_M if on_mission else TOLERANCE_M,
-        load="laws" if world.preset is None else world.preset.load,
         estimator=estimator,
+        controllers=controllers,
+        load="laws" if world.preset is None else world.preset.load,
+        seed=world.seed,
     )
-    if on_mission:
-        if controllers is not None:
-            raise InputError(
-                f"{argument('controllers')}: expected none on a mission, which has its "
-                f"own controller, got {','.join(controllers)}"
-            )
-        return fly_mission(padded, options, seed=world.seed)
-    flights = fly(padded, options, seed=world.seed, controllers=controllers)
+    if isinstance(flown, MissionFlight):
+        return flown
     # `with_nevers` pads the charges, so that one program serves several counts
     count = len(world.scene.charges)
     holds = {
         name: replace(
             hold, encounter=Encounter(*(x[..., :count] for x in hold.encounter))
         )
-        for name, hold in flights.holds.items()
+        for name, hold in flown.holds.items()
     }
-    blasts, places = flights.blasts[:count], flights.places_m[..., :count, :]
-    return replace(flights, blasts=blasts, places_m=places, holds=holds)
+    blasts, places = flown.blasts[:count], flown.places_m[..., :count, :]
+    return replace(flown, blasts=blasts, places_m=places, holds=holds)
 
 
 def flight_of(flown: Flights | MissionFlight) -> Trajectory:

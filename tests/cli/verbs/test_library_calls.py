@@ -23,7 +23,7 @@ from jblast.sensors.camera.film import film_to_events
 from jblast.signals.detect_files import EVENT_FILES, SoundDetections, recording_kind
 from jblast.study.filming import FilmOptions, film_of
 from jblast.study.flight_results import Flights
-from jblast.study.scene_flights import has_mission, scene_to_fly
+from jblast.study.running import has_mission, scene_to_run
 from tests.cli.cli_files import HEADER, TWO
 from tests.cli.verbs.infer.detect.sounds import recording, template, write
 from tests.cli.verbs.simulate.render.scenes import CAMERA, CHARGE
@@ -178,7 +178,7 @@ def test_several_vehicles_or_controllers_on_a_mission_are_refused(jblast):
     jblast("plan", plan, "--grid", "6,0,1", "--home", "35.3,-80.7,200")
     mission = '[vehicle]\nmodel = "crazyflie"\nmission = "grid.plan"\n'
     path = jblast.file("scene.toml", FLOWN_CHARGE + mission)
-    assert has_mission(scene_to_fly(path))
+    assert has_mission(scene_to_run(path))
     with pytest.raises(InputError, match=r"^vehicles: expected 1 on a mission, got 2"):
         library.fly_scene(path, vehicles=2)
     with pytest.raises(InputError, match=r"^controllers: expected none on a mission"):
