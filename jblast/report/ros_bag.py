@@ -4,13 +4,12 @@ Axes are those of REP 103: the world `map` is east, north, up; the body `base_li
 forward, left, up; `camera_optical_frame` is right, down, ahead. Stamps, log times and
 publish times are the run's clock, from 0 s. The same packets give the same bytes.
 
-Camera events are `event_camera_msgs` in the encoding evt3: its decoders and renderer
-are maintained for ROS 2, and a message is an array of bytes; `dvs_msgs` is of ROS 1 and
-has a message within a message for each event. Sound is `foxglove_msgs/RawAudio`, which
-Foxglove plays.
+Camera events are `event_camera_msgs` in the encoding evt3, whose decoders and renderer
+are maintained for ROS 2; `dvs_msgs` is of ROS 1, and has a message for each event.
+Sound is `foxglove_msgs/RawAudio`, which Foxglove plays.
 
-`ros_messages.msg` has the definitions, without their comments: of ROS 2 Jazzy, from the
-package rosbags, and of the two packages above. Their first line names the topics.
+`ros_messages.msg` has the type of each topic, by its last name, and the definitions,
+without comments: of ROS 2 Jazzy, from the package rosbags, and of those two packages.
 """
 
 import io
@@ -88,6 +87,7 @@ class RosBag:
                 f"for events in EVT3, got {camera.width} by {camera.height} px"
             )
         parts = re.split(r"^=+\nMSG: (.*)\n", DEFINITIONS.read_text(), flags=re.M)
+        self._kinds = dict(line.split() for line in parts[0].splitlines())
         self._texts = dict(zip(parts[1::2], parts[2::2], strict=True))
         self._camera, self._origin = camera, place and Frame(*place)
         self._ambient_pa = float(ambient(scene.air)[1])
@@ -138,7 +138,7 @@ class RosBag:
             self._writer.finish()
 
     def _first(self, seconds: float) -> None:
-        """Write fixed transforms, the origin, and the scales of audio, at 0 s."""
+        """Write fixed transforms, origin and scales of audio, at 0 s."""
         fixed: list[tuple[str, Any, Any]] = [
             (self._names[s.name], s.offset_m if s.mount else s.position_m, s)
             for s in self._sensors.values()
@@ -152,13 +152,10 @@ class RosBag:
         ]
         self._add(0.0, "/tf_static", transforms=transforms)
         self._fix(0.0, "/jblast/origin", WORLD, np.zeros(3))
-        self._report(0.0, f"run of {seconds:g} s", "run", {"seconds": seconds})
-        for sensor in self._sensors.values():
-            if sensor.kind == "microphone":
-                full = _full_scale(sensor)
-                text = f"{sensor.name}: audio is limited to {full:g} Pa, sample 32767"
-                row = {"sensor": sensor.name, "full_scale_pa": full}
-                self._report(0.0, text, "audio", row)
+        mics = [s for s in self._sensors.values() if s.kind == "microphone"]
+        scales = {sensor.name: _full_scale(sensor) for sensor in mics}
+        row = {"seconds": seconds, "audio_full_scale_pa": scales}
+        self._report(0.0, f"run of {seconds:g} s", "run", row)
 
     def _blast(self, charge: Charge) -> None:
         """Write a blast: a sphere of scaled radius 1 m/kg^(1/3), and a report."""
@@ -167,8 +164,11 @@ class RosBag:
         self._blasts += 1
         marker = {"header": _header(time, WORLD), "ns": "blasts", "id": self._blasts}
         marker |= {"type": SPHERE, "color": {"r": 1.0, "g": 0.4, "b": 0.1, "a": 0.6}}
-        marker |= {"pose": _pose(place), "lifetime": _stamp(MARKER_S)}
-        marker["scale"] = np.full(3, 2.0 * mass ** (1 / 3))
+        marker |= {
+            "scale": np.full(3, 2 * mass ** (1 / 3)),
+            "lifetime": _stamp(MARKER_S),
+        }
+        marker["pose"] = {"position": place, "orientation": LEVEL}
         self._add(time, "/jblast/blasts", markers=[marker])
         row = {"shot": charge.name, "time_s": time, "mass_kg": mass}
         row |= {"explosive": charge.explosive, "position_m": place.tolist()}
@@ -199,7 +199,7 @@ class RosBag:
             self._pose(time, place, rows.quaternion[n])
             twist = {"linear": velocity[n], "angular": rows.body_rate_rad_s[n]}
             self._add(time, "/vehicle/twist", BODY, twist=twist)
-            target = _pose(rows.set_point_m[n])
+            target = {"position": rows.set_point_m[n], "orientation": LEVEL}
             self._add(time, "/vehicle/set_point", WORLD, pose=target)
             self._add(time, "/vehicle/estimate", WORLD, point=rows.estimate_m[n])
             self._add(time, "/vehicle/path_error", data=rows.path_error_m[n])
@@ -209,7 +209,7 @@ class RosBag:
 
     def _pose(self, time: float, place: np.ndarray, turn: np.ndarray) -> None:
         """Write a pose; and the path and the latitude, if a second has passed."""
-        pose = _pose(place, turn)
+        pose = {"position": place, "orientation": turn}
         moved = _transform(time, WORLD, BODY, place, turn)
         self._add(time, "/tf", transforms=[moved])
         self._add(time, "/vehicle/pose", WORLD, pose=pose)
@@ -266,8 +266,8 @@ class RosBag:
         lens = {"distortion_model": "plumb_bob", "d": camera.distortion.tolist()}
         lens |= {"width": camera.width, "height": camera.height}
         lens |= {"k": [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]}
-        lens |= {"r": np.eye(3).ravel().tolist()}
         lens |= {"p": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]}
+        lens |= {"r": np.eye(3).ravel().tolist()}
         for time, pixels in zip(frames.time_s.tolist(), frames.images, strict=True):
             file = io.BytesIO()
             Image.fromarray(pixels).save(file, "PNG", compress_level=COMPRESSION)
@@ -301,15 +301,13 @@ class RosBag:
                 self._channels[topic] = self._channel(topic)
             channel, encode = self._channels[topic]
             # the first samples may begin before 0, but a log time cannot
-            at, data = max(_nanoseconds(time), 0), encode(_plain(message))
+            at, data = max(round(time * 1e9), 0), encode(_plain(message))
             self._writer.add_message(channel, log_time=at, publish_time=at, data=data)
         self._rows.clear()
 
     def _channel(self, topic: str) -> tuple[int, Callable[[Message], bytes]]:
         """Return number and encoder of a new topic."""
-        last = topic.rpartition("/")[2]
-        (kind,) = (k for k, t in self._texts.items() if last in _topics(t))
-        used = [kind]
+        used = [kind := self._kinds[topic.rpartition("/")[2]]]
         for one in used:  # grows on the way
             fields = re.findall(r"^(\w+/\w+)", self._texts[one], flags=re.M)
             used += [field for field in dict.fromkeys(fields) if field not in used]
@@ -318,16 +316,10 @@ class RosBag:
         if name not in self._schemas:
             number = self._writer.register_schema(name, "ros2msg", text.encode())
             self._schemas[name] = number
-        quality = {"offered_qos_profiles": LATCHED} if last == "tf_static" else {}
+        quality = {"offered_qos_profiles": LATCHED} if topic == "/tf_static" else {}
         schema = self._schemas[name]
         number = self._writer.register_channel(topic, "cdr", schema, quality)
         return number, self._encoder.serialize_dynamic(name, text)[name]
-
-
-def _topics(definition: str) -> list[str]:
-    """Return the last names of the topics with messages of a definition."""
-    first = definition.partition("\n")[0]
-    return first.split()[2:] if first.startswith("# topics:") else []
 
 
 def _frame_names(names: Iterable[str]) -> dict[str, str]:
@@ -364,21 +356,13 @@ def _plain(value: Any) -> Any:
     return [_plain(one) for one in value] if isinstance(value, list) else value
 
 
-def _nanoseconds(time: float) -> int:
-    return round(time * 1e9)
-
-
 def _stamp(time: float) -> Message:
-    second, rest = divmod(_nanoseconds(time), 10**9)
+    second, rest = divmod(round(time * 1e9), 10**9)
     return {"sec": second, "nanosec": rest}
 
 
 def _header(time: float, frame: str) -> Message:
     return {"stamp": _stamp(time), "frame_id": frame}
-
-
-def _pose(place: np.ndarray, quaternion: np.ndarray = LEVEL) -> Message:
-    return {"position": place, "orientation": quaternion}
 
 
 def _transform(time: float, parent: str, child: str, place, quaternion) -> Message:
