@@ -102,7 +102,7 @@ class RosBag:
         self._next_pose_s = self._next_path_s = -math.inf
         self._open = ExitStack()
         temporary = self._open.enter_context(replacing(path, durable=False))
-        self._writer = library.Writer(self._open.enter_context(temporary.open("wb")))
+        self._writer = library.Writer(str(temporary))
         self._writer.start(profile="ros2", library=f"jblast {__version__}")
         self._first(seconds)
 
@@ -164,11 +164,9 @@ class RosBag:
         self._blasts += 1
         marker = {"header": _header(time, WORLD), "ns": "blasts", "id": self._blasts}
         marker |= {"type": SPHERE, "color": {"r": 1.0, "g": 0.4, "b": 0.1, "a": 0.6}}
-        marker |= {
-            "scale": np.full(3, 2 * mass ** (1 / 3)),
-            "lifetime": _stamp(MARKER_S),
-        }
-        marker["pose"] = {"position": place, "orientation": LEVEL}
+        marker |= {"pose": {"position": place, "orientation": LEVEL}}
+        marker |= {"scale": np.full(3, 2 * mass ** (1 / 3))}
+        marker |= {"lifetime": _stamp(MARKER_S)}
         self._add(time, "/jblast/blasts", markers=[marker])
         row = {"shot": charge.name, "time_s": time, "mass_kg": mass}
         row |= {"explosive": charge.explosive, "position_m": place.tolist()}
@@ -251,6 +249,7 @@ class RosBag:
             row = {field: column[n] for field, column in columns.items()}
             self._add(time, f"/{name}/{topic}", frame, **row, **fixed)
         if sensor.kind == "microphone":
+            # as a recorder is overloaded; pressure is not limited
             level = np.clip(values[:, 0] / _full_scale(sensor), -1.0, 1.0)
             sound: Message = {"data": np.round(32767 * level).astype("<i2").tobytes()}
             sound |= {"format": "pcm-s16", "sample_rate": round(samples.rate_hz)}
@@ -314,11 +313,12 @@ class RosBag:
         rest = (f"{'=' * 80}\nMSG: {one}\n{self._texts[one]}" for one in used[1:])
         name, text = kind.replace("/", "/msg/"), self._texts[kind] + "".join(rest)
         if name not in self._schemas:
-            number = self._writer.register_schema(name, "ros2msg", text.encode())
-            self._schemas[name] = number
+            schema = self._writer.register_schema(name, "ros2msg", text.encode())
+            self._schemas[name] = schema
         quality = {"offered_qos_profiles": LATCHED} if topic == "/tf_static" else {}
-        schema = self._schemas[name]
-        number = self._writer.register_channel(topic, "cdr", schema, quality)
+        number = self._writer.register_channel(
+            topic, "cdr", self._schemas[name], quality
+        )
         return number, self._encoder.serialize_dynamic(name, text)[name]
 
 
