@@ -88,6 +88,13 @@ def mavlink(folder):
     dialect.__wrapped__()
 
 
+def ros(folder):
+    from jblast.report.ros_bag import RosBag
+    from jblast.scene import Scene
+
+    RosBag(path=folder / "x.mcap", scene=Scene(), seconds=1.0)
+
+
 USES = [
     ("spreadsheet", "openpyxl", log(".xlsx")),
     ("spreadsheet", "odf", log(".ods")),
@@ -103,6 +110,7 @@ USES = [
     ("serve", "grpc", serve),
     ("serve", "google.protobuf", serve),
     ("mavlink", "pymavlink", mavlink),
+    ("ros", "mcap_ros2", ros),
 ]
 
 
