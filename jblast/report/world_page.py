@@ -636,10 +636,10 @@ def write_page(
         InputError: The folder is another one, the scene has changed or cannot be read,
             or a run with a preset is to be fitted.
     """
-    world = read_run(folder)
+    world = read_run(Path(folder))
     # The run stores the path only; the file may have been moved since.
-    scene = scene or world.document["scene"]
-    if not Path(scene).is_file():
+    scene = Path(scene or world.document["scene"])
+    if not scene.is_file():
         raise InputError(
             f"{scene}: no such file; expected the scene file of {folder}: give its "
             f"path by {argument('scene')}"

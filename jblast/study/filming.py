@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from jblast.errors import InputError, argument
-from jblast.scene import Camera, draw_scene, quaternion_matrix, read_scene
+from jblast.scene import Camera, draw_scene, quaternion_matrix
 from jblast.sensors.camera.files.backgrounds import background_named
 from jblast.sensors.camera.files.images import read_colours, read_depth
 from jblast.sensors.camera.files.recordings import (
     MovingBackground,
     read_camera_path,
 )
+from jblast.world import scene_to_run
 
 if TYPE_CHECKING:
     from jblast.scene import Scene, UncertainScene
@@ -109,7 +110,7 @@ def film_of(
     from jblast.sensors.camera.film import Film
 
     source, options = os.fspath(scene_file), options or FilmOptions()
-    uncertain = read_scene(source)
+    uncertain = scene_to_run(source, seed=options.seed)
     if uncertain.scene.camera is None:
         raise InputError(f"{source}: expected a [camera], got none")
     scene = draw_scene(jax.random.key(options.seed), uncertain)
@@ -395,16 +396,20 @@ def camera_path(
 def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     """Return the path of a simulated flight of the scene's vehicle."""
     from jblast.sensors.camera.geometry import CameraPath
-    from jblast.study.flight_results import Options, trajectory_of
-    from jblast.study.flights import checked_scene, drawn_scenes, flight_seconds, fly
+    from jblast.study.flight_results import Options
+    from jblast.study.flights import checked_scene, drawn_scenes, flight_seconds
+    from jblast.study.running import flight_of, fly_scene, has_mission, resting
 
-    vehicle = checked_scene(uncertain, 1, False)
-    scene = drawn_scenes(uncertain, 1, seed)
-    default = flight_seconds(scene, vehicle, uncertain.source, Options())
-    # the film may continue after the default end of the flight
-    seconds = max(default, math.ceil(10 * end) / 10)
-    flights = fly(uncertain, Options(seconds=seconds), seed=seed)
-    trajectory = trajectory_of(flights, next(iter(flights.holds)))
+    seconds = None
+    if not has_mission(uncertain):
+        vehicle = checked_scene(uncertain, 1, False)
+        scene = drawn_scenes(uncertain, 1, seed)
+        default = flight_seconds(scene, vehicle, uncertain.source, Options())
+        # the film may continue after the default end of the flight
+        seconds = max(default, math.ceil(10 * end) / 10)
+    trajectory = flight_of(fly_scene(uncertain, seconds=seconds, seed=seed))
+    if seconds is None:
+        trajectory = resting(trajectory, end)
     # a diverged vehicle has no path from there on
     kept = np.isfinite(np.asarray(trajectory.position_m)).all(axis=-1)
     return CameraPath(

@@ -11,6 +11,7 @@ them or to search them for blasts. None of them changes what is recorded.
 
 import math
 import os
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
@@ -23,7 +24,14 @@ from jaxtyping import Float, Int, UInt8
 from jblast.errors import InputError, argument
 from jblast.kept_programs import kept_between_runs
 from jblast.progress_line import Progress, reported
-from jblast.scene import Charge, Instrument, UncertainScene, scene_of
+from jblast.scene import (
+    Charge,
+    Instrument,
+    Place,
+    UncertainScene,
+    read_scene_or_world,
+    scene_of,
+)
 from jblast.scene.sensor_kinds import sampling_kinds
 from jblast.sensors import Track
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
@@ -231,6 +239,7 @@ class Run:
         listening: Plan of the samples; None without a sampling sensor.
         imus: Records of the inertial units.
         notes: Remarks on the scene.
+        place: Geographic position of the origin; None: unknown.
     """
 
     world: DrawnWorld
@@ -246,6 +255,7 @@ class Run:
     listening: Listening | None
     imus: Sequence[ImuRecord]
     notes: Sequence[str]
+    place: Place | None
 
 
 def prepare_run(
@@ -256,6 +266,7 @@ def prepare_run(
     preset: str | None = None,
     estimator: str = "",
     controllers: Sequence[str] | None = None,
+    ambient: str | None = None,
 ) -> Run:
     """Sample a world and fly its vehicle; the result is ready to be recorded.
 
@@ -267,6 +278,7 @@ def prepare_run(
         preset: Name in `world.PRESETS`; default: the laws.
         estimator: "ekf" for control by a state estimate; "" for the true state.
         controllers: Names of controllers; the first one flies the recorded flight.
+        ambient: Recording of the background sound.
 
     Raises:
         InputError: The scene or an argument cannot be used.
@@ -276,7 +288,7 @@ def prepare_run(
     """
     by = preset_named(preset)
     uncertain, spec = read_world_by(scene, by)
-    uncertain, notes = with_ambient(uncertain)
+    uncertain, notes = with_ambient(uncertain, ambient)
     until = math.inf if seconds is None else seconds
     world = draw_world(uncertain, spec, seed, until_s=until, preset=by)
     on_mission = has_mission(uncertain)
@@ -302,7 +314,7 @@ def prepare_run(
         lands = math.ceil(float(flight.time_s[-1]))
         seconds = max(_seconds(world, arrivals), float(lands))
     if flight is not None and on_mission:
-        flight = _resting(flight, seconds)
+        flight = resting(flight, seconds)
     unseen = out_of_view(world.scene, flight)
     seen, late = perceived(world.scene, arrivals, seconds, unseen)
     listening = None
@@ -324,6 +336,7 @@ def prepare_run(
         listening,
         imu_records(world, flight, seconds),
         notes,
+        uncertain.place,
     )
 
 
@@ -422,6 +435,40 @@ def _profile(
     return None if path is None else Profile(read_custom_profile(path), about)
 
 
+def listening_of(
+    scene: str | os.PathLike[str],
+    seconds: float | None = None,
+    seed: int = 0,
+    ambient: str | None = None,
+) -> tuple[Listening, tuple[str, ...]]:
+    """Return the plan of a scene's records, and remarks; random blasts are sampled.
+
+    A scene with random blasts, or with sampling sensors on its vehicle, is a run: its
+    records are those of `jblast world`.
+
+    Args:
+        scene: File of the scene.
+        seconds: Duration; default: until the last blast has passed every sensor.
+        seed: Seed of all samples.
+        ambient: Recording of the background sound.
+
+    Raises:
+        InputError: As in `prepare_run` and `sensors.listening.plan`.
+    """
+    uncertain, spec = read_scene_or_world(scene)
+    kinds = sampling_kinds()
+    rides = any(x.mount and x.kind in kinds for x in uncertain.scene.sensors)
+    if spec is None and not (rides and uncertain.scene.vehicle is not None):
+        uncertain, notes = with_ambient(uncertain, ambient)
+        return plan(uncertain, seed, seconds), tuple(notes)
+    run = prepare_run(scene, seconds=seconds, seed=seed, ambient=ambient)
+    if run.listening is None:
+        raise InputError(
+            f"{scene}: expected at least one [[sensor]] of kind {', '.join(kinds)}"
+        )
+    return run.listening, tuple(run.notes)
+
+
 def has_mission(uncertain: UncertainScene) -> bool:
     """Return whether the scene's vehicle has a mission."""
     vehicle = uncertain.scene.vehicle
@@ -494,7 +541,7 @@ def flight_of(flown: Flights | MissionFlight) -> Trajectory:
     return trajectory_of(flown, next(iter(flown.holds)))
 
 
-def _resting(flight: Trajectory, seconds: float) -> Trajectory:
+def resting(flight: Trajectory, seconds: float) -> Trajectory:
     """Return a flight that lasts to the end of the run: the vehicle stays at rest."""
     if not float(flight.time_s[-1]) < seconds:
         return flight
@@ -593,6 +640,26 @@ def _numbered(
     for values in parts:
         yield Samples(first / rate_hz - offset_s, rate_hz, values)
         first += len(values)
+
+
+class Paced:
+    """Subscriber that makes a run as slow as a clock."""
+
+    def __init__(self, speed: float):
+        """Start the clock.
+
+        Args:
+            speed: Speed of the run over that of real time.
+        """
+        self._speed, self._began = speed, time.monotonic()
+
+    def take(self, packet: Packet) -> None:
+        """Wait until the end of a packet."""
+        ahead = packet.end_s / self._speed - (time.monotonic() - self._began)
+        time.sleep(max(ahead, 0.0))
+
+    def finish(self) -> None:
+        """Do nothing."""
 
 
 class Detectors(Protocol):

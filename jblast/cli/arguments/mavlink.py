@@ -7,7 +7,6 @@ summary of the flight.
 import argparse
 import contextlib
 import dataclasses
-import math
 import signal
 from collections.abc import Iterator
 from types import FrameType
@@ -37,7 +36,7 @@ from jblast.report.autopilot import (
     watched_answer,
     watched_line,
 )
-from jblast.scene import Place, UncertainScene, VehicleSpec, read_scene_or_world
+from jblast.scene import Place, UncertainScene, VehicleSpec
 from jblast.study.flights import checked_scene
 from jblast.study.missions import (
     check_flown,
@@ -46,7 +45,7 @@ from jblast.study.missions import (
     standing_record,
 )
 from jblast.vehicle import vehicle_of
-from jblast.world import draw_world
+from jblast.world import scene_to_run
 
 AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 14550}
 """Default ports, by convention of PX4's simulators and of ground stations."""
@@ -188,12 +187,9 @@ def served_ground_station(options: argparse.Namespace) -> WatchedAnswer:
 
 def _scene(options: argparse.Namespace) -> ServedScene:
     """Return the scene with its blasts sampled, and its vehicle."""
-    uncertain, world = read_scene_or_world(options.scene, needs_charge=False)
-    until = math.inf if options.seconds is None else options.seconds
-    drawn = draw_world(uncertain, world, options.seed, until_s=until)
-    place = PLACE if uncertain.place is None else uncertain.place
-    # Without beliefs, as they are sampled already: the flight must not sample again.
-    whole = dataclasses.replace(uncertain, scene=drawn.scene, beliefs={}, place=place)
+    drawn = scene_to_run(options.scene, seconds=options.seconds, seed=options.seed)
+    place = PLACE if drawn.place is None else drawn.place
+    whole = dataclasses.replace(drawn, place=place)
     return ServedScene(whole, checked_scene(whole, 1, False), place)
 
 

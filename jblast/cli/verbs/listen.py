@@ -76,12 +76,12 @@ def run(options: argparse.Namespace) -> int:
         write_pictures,
         write_tracks,
     )
-    from jblast.scene import read_scene
-    from jblast.sensors.listening import plan, with_ambient
+    from jblast.study.running import listening_of
 
     check_directory(options.out, options.force, "the recordings")
-    scene, notes = with_ambient(read_scene(options.scene), options.ambient)
-    listening = plan(scene, options.seed, options.seconds)
+    listening, notes = listening_of(
+        options.scene, options.seconds, options.seed, options.ambient
+    )
     comments = [*provenance(listening, options.scene, options.seed), *notes]
     begin("recording")
     with writing(options.out):

@@ -22,7 +22,7 @@ from jblast.cli.arguments.options import (
     path,
 )
 from jblast.cli.arguments.verb_parser import VerbParser
-from jblast.errors import InputError
+from jblast.errors import InputError, needed
 from jblast.files import refuse_existing
 
 if TYPE_CHECKING:
@@ -176,19 +176,40 @@ def check(options: argparse.Namespace) -> None:
             f"--fit: expected a run without a preset, got preset {options.preset}, "
             "whose readings are not those of real blasts"
         )
+    # Extras are imported here: a missing one would otherwise be found after the flight.
     if options.live or options.viewer or options.save:
-        from jblast.report.world_viewer import rerun
-
-        rerun()
+        needed("rerun", "viewer", options.save or "viewer", "a run is shown")
     if options.mcap:
-        from jblast.report.ros_bag import mcap
-
-        mcap()
+        needed("mcap_ros2", "ros", options.mcap, "a ROS 2 bag is written")
 
 
 def watchers(
     options: argparse.Namespace, run: "Run", viewers: list["Viewer"]
 ) -> Sequence["Subscriber"]:
-    """Return the requested views of a run; those that serve a browser are added."""
+    """Return the requested views of a run; one that serves a browser is added."""
+    from jblast.report.ros_bag import RosBag
+    from jblast.report.world_viewer import Viewer
+    from jblast.study.running import Paced
+    from jblast.waves.propagation import sound_speed_of
+
     found: list[Subscriber] = []
+    scene = run.world.scene
+    if options.mcap:
+        bag = Path(options.mcap)
+        found.append(
+            RosBag(path=bag, scene=scene, seconds=run.seconds, place=run.place)
+        )
+    serves = bool(options.live or options.viewer)
+    if serves or options.save:
+        viewer = Viewer(
+            scene=scene,
+            sound_speed_m_s=float(sound_speed_of(scene.air)),
+            recording_id=f"{Path(options.scene).stem}-{options.seed}",
+            save=Path(options.save) if options.save else None,
+            live=serves,
+        )
+        viewers += [viewer] if serves else []
+        found.append(viewer)
+    if options.live:
+        found.append(Paced(options.live))
     return found
