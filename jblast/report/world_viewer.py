@@ -1,0 +1,490 @@
+"""Live view of a run with Rerun: a scene, pictures and plots on the clock of the run.
+
+`Viewer` is a subscriber of a run. It writes a recording (.rrd), serves it to a browser,
+or both. Data are reduced to the resolution of a screen, so that the file of a run of
+minutes is small: a plot has the least and the greatest sample of each column, and
+pictures are compressed. All data depend only on the packets: the recording has no clock
+but that of the run.
+"""
+
+import io
+import math
+import os
+import socket
+import sys
+import threading
+from collections import defaultdict
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from jblast.errors import InputError, needed
+from jblast.scene import SENSOR_KINDS, Charge, Scene
+from jblast.study.running import CameraEvents, Frames, Motion, Packet, RunDetection
+from jblast.waves.fireball import LARGEST_RADIUS
+
+CLOCK = "time"
+"""The only timeline: the clock of the run."""
+WINDOW_S = 10.0
+"""Length of the time axes [s]: a vehicle recovers within it."""
+COLUMNS_HZ = 200.0
+"""Columns of a plot in a second: 2,000 in a window, about one a pixel."""
+SHOWN_HZ, POSES_HZ = 20.0, 50.0
+"""Pictures and shock fronts in a second, which appear continuous; poses of the vehicle,
+which no viewer interpolates."""
+UPDATE_S = 0.2
+"""Interval of transmission [s]. A chunk of rows has 1.2 kB of metadata: one for each
+packet of 20 ms would add 3.6 MB per minute and plot."""
+SPECTRA_S, WINDOWED_S = 5.0, 0.04
+"""Length of a spectrogram, and about that of its windows [s], which resolve 25 Hz."""
+BANDS, LOWEST_HZ = 160, 20.0
+"""Rows of a spectrogram: equal steps of log frequency up to half the sample rate."""
+REFERENCE_PA, LEVELS_DB = 20e-6, (20.0, 120.0)
+"""Reference of sound levels [Pa], and those of the darkest and brightest colours: from
+quiet air to a blast's shock."""
+QUALITY = 80
+"""Quality of JPEG pictures: about half the size of 90."""
+NEAR_M = 50.0
+"""Radius to which all shock fronts are drawn [m]; beyond, to the farthest entity."""
+BLUE, ORANGE, GREEN = (86, 180, 233), (230, 159, 0), (0, 158, 115)
+RED, GREY = (213, 94, 0), (150, 150, 150)
+FLIGHT = {
+    "force/east": RED,
+    "force/north": GREEN,
+    "force/up": BLUE,
+    "torque/x": RED,
+    "torque/y": GREEN,
+    "torque/z": BLUE,
+    "path_error": ORANGE,
+}
+"""Plots of the vehicle, and their colours."""
+EVENT_COLOURS = (*GREY, *BLUE, *RED)
+"""Palette of pictures of camera events: none, darker, brighter."""
+
+
+class Viewer:
+    """Subscriber of a run that shows it in a browser, in a file, or in both.
+
+    Attributes:
+        address: Address for browsers on this computer; "" if the run is not served.
+    """
+
+    def __init__(
+        self,
+        *,
+        scene: Scene,
+        sound_speed_m_s: float,
+        recording_id: str,
+        save: Path | None = None,
+        live: bool = False,
+    ):
+        """Open the file and the server, and show all that does not move.
+
+        Args:
+            scene: The scene, with all charges.
+            sound_speed_m_s: Speed of the shock fronts in the scene.
+            recording_id: Name of the run in viewers; equal for equal runs.
+            save: File to write (.rrd).
+            live: Serve the run to browsers on this computer, and open one if there is
+                a display.
+
+        Raises:
+            InputError: Rerun is not installed, or the file cannot be created.
+        """
+        self._rr = needed("rerun", "viewer", "viewer", "a run is shown")
+        self._scene, self._sound_speed = scene, sound_speed_m_s
+        self._places = _places(scene)
+        low, high = self._places.min(axis=0), self._places.max(axis=0)
+        self._centre = 0.5 * (low + high)
+        self._size = max(20.0, float(np.linalg.norm(high - low)))
+        self._kinds = {s.name: SENSOR_KINDS[s.kind] for s in scene.sensors if s.kind}
+        mounted = scene.camera is not None and scene.camera.mount
+        self._camera = "world/vehicle/camera" if mounted else "world/camera"
+        if scene.camera is not None:
+            size = (scene.camera.height, scene.camera.width)
+            self._changes = np.zeros(size, np.uint8)
+        # the last seconds of the first two microphones
+        sounds = [name for name, kind in self._kinds.items() if kind.file == ".wav"]
+        self._sounds = {name: np.zeros(0) for name in sounds[:2]}
+        self._fronts: list[tuple[float, np.ndarray, float]] = []
+        self._waiting: dict[tuple[str, Any], list] = defaultdict(list)
+        self._trail: list[np.ndarray] = []
+        self._slots: dict[str, int] = {}
+        self._sent_s, self._tick, self.address = 0.0, 0, ""
+        self._stream = self._rr.RecordingStream(
+            "jblast", recording_id=recording_id, send_properties=False
+        )
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
+        self._open(save, live)
+        self._show_scene()
+
+    def take(self, packet: Packet) -> None:
+        """Show the next packet."""
+        columns = max(1, round((packet.end_s - packet.start_s) * COLUMNS_HZ))
+        for charge in packet.blasts:
+            self._blast(charge)
+        for one in packet.perceived:
+            text = f"blast {one.shot} at {one.entity}: {one.sense}"
+            self._text("perceptions", one.time_s, text, "DEBUG")
+        if packet.motion is not None:
+            self._motion(packet.motion, columns)
+        for name, (start, rate, values) in packet.samples.items():
+            time = start + np.arange(len(values)) / rate
+            # an IMU has no columns: its motion is that of the vehicle
+            for column, part in zip(self._kinds[name].columns, values.T, strict=False):
+                path = f"waveforms/{self._part(name)}/{column}"
+                self._plot(path, time, part, columns)
+            if name in self._sounds:
+                sound = np.append(self._sounds[name], values[:, 0])
+                self._sounds[name] = sound[-round(SPECTRA_S * rate) :]
+        if packet.frames is not None:
+            self._frames(packet.frames)
+        end = math.floor(packet.end_s * SHOWN_HZ + 1e-6) + 1
+        ticks, self._tick = np.arange(self._tick, end) / SHOWN_HZ, end
+        self._shocks(ticks)
+        if packet.events is not None:
+            self._events(packet.events, ticks)
+        for detection in packet.detections:
+            self._detection(detection)
+        if packet.end_s > self._sent_s + UPDATE_S - 1e-6:
+            self._send()
+            self._spectrograms(packet)
+            self._sent_s = packet.end_s
+
+    def finish(self) -> None:
+        """Send the remaining rows and close the file. A server continues."""
+        self._send()
+        with self._stream:  # its exit closes files, but not servers
+            pass
+
+    def wait(self) -> None:
+        """Serve the run until an interrupt (Ctrl-C); return if it is not served."""
+        if self.address:
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
+        self._stream.disconnect()
+
+    def _open(self, save: Path | None, live: bool) -> None:
+        """Connect the stream to the file and to the server."""
+        rr, sinks, uri = self._rr, [], ""
+        try:
+            if save is not None:
+                sinks.append(rr.FileSink(save))
+            if live:
+                # for this computer only; a free port, as several runs may be shown
+                server = rr.GrpcServerSink(bind_ip="127.0.0.1", port=_free_port())
+                sinks.append(server)
+                uri = server.uri
+            self._stream.set_sinks(*sinks, default_blueprint=self._blueprint(live))
+        except RuntimeError as error:
+            raise InputError(f"{save}: expected a file to write: {error}") from None
+        if live:
+            port = _free_port()
+            display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+            browser = bool(display) or sys.platform in ("darwin", "win32")
+            rr.serve_web_viewer(web_port=port, open_browser=browser, connect_to=uri)
+            self.address = f"http://127.0.0.1:{port}?url={uri.replace('+', '%2B')}"
+            sys.stderr.write(f"live view: {self.address}\n")
+
+    def _part(self, name: str) -> str:
+        return self._rr.escape_entity_path_part(name)
+
+    def _log(self, path: str, time: float | None, *values: Any) -> None:
+        """Add one row, or without a time a value for all times."""
+        if time is not None:
+            self._stream.set_time(CLOCK, duration=float(time))
+        self._stream.log(path, *values, static=time is None)
+
+    def _text(self, path: str, time: float, text: str, level: str) -> None:
+        self._log(f"log/{path}", time, self._rr.TextLog(text, level=level))
+
+    def _plot(self, path: str, time: np.ndarray, values: np.ndarray, columns: int):
+        """Add the least and the greatest value of each column to a plot."""
+        rows = extremes(values, columns)
+        self._put(path, self._rr.Scalars, time[rows], scalars=values[rows])
+
+    def _put(self, path: str, kind: Any, time: np.ndarray, **values: np.ndarray):
+        """Add rows to the next transmission."""
+        if time.size:
+            self._waiting[path, kind].append({"": time, **values})
+
+    def _send(self) -> None:
+        """Send the rows that wait."""
+        for (path, kind), parts in self._waiting.items():
+            rows = {
+                key: np.concatenate([part[key] for part in parts]) for key in parts[0]
+            }
+            time = rows.pop("")
+            index = self._rr.TimeColumn(CLOCK, duration=time)
+            self._stream.send_columns(path, [index], kind.columns(**rows))
+            if path == "world/vehicle":
+                strip = np.concatenate([*self._trail, rows["translation"]])
+                self._log("world/path", time[-1], self._rr.LineStrips3D([strip]))
+                self._trail = [strip[-1:]]  # the next one begins at its end
+        self._waiting.clear()
+
+    def _thinned(self, path: str, time: np.ndarray, rate_hz: float) -> np.ndarray:
+        """Return the first row of each interval, also across packets."""
+        slots = np.floor(time * rate_hz + 1e-6).astype(int)
+        new = np.diff(slots, prepend=self._slots.get(path, -1)) > 0
+        if slots.size:
+            self._slots[path] = int(slots[-1])
+        return np.flatnonzero(new)
+
+    def _motion(self, motion: Motion, columns: int) -> None:
+        """Show rows of the vehicle's motion."""
+        rr, time = self._rr, motion.time_s
+        kept = self._thinned("pose", time, POSES_HZ)
+        pose = {"translation": motion.position_m, "quaternion": motion.quaternion}
+        pose = {name: values[kept] for name, values in pose.items()}
+        self._put("world/vehicle", rr.Transform3D, time[kept], **pose)
+        points = motion.set_point_m[kept]
+        self._put("world/set_point", rr.Points3D, time[kept], positions=points)
+        values = (*motion.force_n.T, *motion.moment_n_m.T, motion.path_error_m)
+        for path, component in zip(FLIGHT, values, strict=True):
+            self._plot(f"flight/{path}", time, component, columns)
+
+    def _frames(self, frames: Frames) -> None:
+        """Show frames of the camera."""
+        for row in self._thinned("frames", frames.time_s, SHOWN_HZ):
+            picture = self._rr.Image(frames.images[row]).compress(jpeg_quality=QUALITY)
+            self._log(f"{self._camera}/image", frames.time_s[row], picture)
+
+    def _events(self, events: CameraEvents, ticks: Float[np.ndarray, " tick"]) -> None:
+        """Show the events up to each tick since the one before."""
+        from PIL import Image  # installed with Matplotlib
+
+        cuts = np.searchsorted(events.time_s, ticks)
+        for part, tick in zip(
+            np.split(np.arange(events.x.size), cuts), [*ticks, None], strict=True
+        ):
+            codes = np.where(events.polarity[part] > 0, 2, 1)
+            self._changes[events.y[part], events.x[part]] = codes
+            if tick is not None:
+                # JPEG would blur single pixels
+                image, file = Image.fromarray(self._changes), io.BytesIO()
+                image.putpalette(EVENT_COLOURS)
+                image.save(file, format="PNG")
+                shown = {"contents": file.getvalue(), "media_type": "image/png"}
+                self._log("events", tick, self._rr.EncodedImage(**shown))
+                self._changes[:] = 0
+
+    def _blast(self, charge: Charge) -> None:
+        """Show a charge by the largest extent of its fireball, and begin its front."""
+        name, time = charge.name or "charge", float(charge.time_s)
+        centre = np.array([float(number) for number in charge.position_m])
+        radius = LARGEST_RADIUS * np.cbrt(charge.mass_kg)
+        ball = self._rr.Points3D([centre], radii=radius, colors=ORANGE, labels=name)
+        self._log(f"world/charges/{self._part(name)}", time, ball)
+        self._text("blasts", time, f"blast {name}: {charge.mass_kg:.3g} kg", "INFO")
+        farthest = np.linalg.norm(self._places - centre, axis=1).max()
+        self._fronts.append((time, centre, max(NEAR_M, farthest)))
+
+    def _shocks(self, ticks: Float[np.ndarray, " tick"]) -> None:
+        """Show the shock fronts until they have passed all entities."""
+        for tick in ticks:
+            self._fronts = [
+                (time, centre, reach)
+                for time, centre, reach in self._fronts
+                if self._sound_speed * (tick - time) < reach
+            ]
+            drawn = [
+                (c, self._sound_speed * (tick - t))
+                for t, c, _ in self._fronts
+                if t < tick
+            ]
+            spheres = self._rr.Ellipsoids3D(
+                centers=[centre for centre, _ in drawn],
+                radii=[radius for _, radius in drawn],
+                colors=BLUE,
+            )
+            self._log("world/shocks", tick, spheres)
+
+    def _detection(self, found: RunDetection) -> None:
+        """Report a detection, and mark it in the plot of its sensor."""
+        mark, level, what = "false_alarms", "WARN", "false alarm"
+        if found.shot:
+            what = f"blast {found.shot}, {found.latency_s:.2f} s after its wave"
+            mark, level = "detections", "INFO"
+        text = f"{found.sensor}: {found.kind} at {found.time_s:.4f} s, {what}"
+        self._text("detections", found.reported_s, text, level)
+        if found.sensor in self._kinds:
+            path = f"waveforms/{self._part(found.sensor)}/{mark}"
+            self._log(path, found.time_s, self._rr.Scalars(0.0))
+
+    def _spectrograms(self, packet: Packet) -> None:
+        """Show the spectrograms at the end of a packet."""
+        for name in [name for name in self._sounds if name in packet.samples]:
+            levels = spectrogram(self._sounds[name], packet.samples[name].rate_hz)
+            picture = self._rr.Image(levels).compress(jpeg_quality=QUALITY)
+            self._log(f"spectrograms/{self._part(name)}", packet.end_s, picture)
+
+    def _show_scene(self) -> None:
+        """Show all that does not move, and the styles of the rest."""
+        rr, scene, points = self._rr, self._scene, self._rr.Radius.ui_points
+        styles: dict[str, Any] = {"world": rr.ViewCoordinates.RIGHT_HAND_Z_UP}
+        for sensor in scene.sensors:
+            place = sensor.offset_m if sensor.mount else sensor.position_m
+            path = "world/vehicle" if sensor.mount else "world/sensors"
+            if np.isfinite(place).all():
+                styles[f"{path}/{self._part(sensor.name)}"] = rr.Points3D(
+                    [np.asarray(place)],
+                    labels=sensor.name,
+                    colors=GREEN,
+                    radii=points(4),
+                )
+        for name, kind in self._kinds.items():
+            path = f"waveforms/{self._part(name)}"
+            for column, colour in zip(
+                kind.columns, (BLUE, ORANGE, GREEN), strict=False
+            ):
+                styles[f"{path}/{column}"] = rr.SeriesLines(colors=colour, names=column)
+            for mark, colour in (("detections", GREEN), ("false_alarms", RED)):
+                styles[f"{path}/{mark}"] = rr.SeriesPoints(colors=colour, names=mark)
+        if scene.vehicle is not None:
+            styles["world/vehicle"] = rr.TransformAxes3D(0.04 * self._size)
+            styles["world/path"] = rr.LineStrips3D.from_fields(colors=GREY)
+            styles["world/set_point"] = rr.Points3D.from_fields(
+                colors=RED, radii=points(3)
+            )
+            for path, colour in FLIGHT.items():
+                name = path.rpartition("/")[2]
+                styles[f"flight/{path}"] = rr.SeriesLines(colors=colour, names=name)
+        if (camera := scene.camera) is not None:
+            styles[self._camera] = rr.Pinhole(
+                focal_length=np.asarray(camera.focal),
+                principal_point=np.asarray(camera.center),
+                width=camera.width,
+                height=camera.height,
+                camera_xyz=rr.ViewCoordinates.RDF,
+                image_plane_distance=0.1 * self._size,
+            )
+            place, turned = np.asarray(camera.position), np.asarray(camera.quaternion)
+            pose = rr.Transform3D(translation=place, quaternion=turned)
+            self._log(self._camera, None, pose)
+        for path, style in styles.items():
+            self._log(path, None, style)
+
+    def _blueprint(self, live: bool) -> Any:
+        """Return the arrangement of the views."""
+        rr, b, bound = self._rr, self._rr.blueprint, self._rr.TimeRangeBoundary
+        now, begin = (
+            bound.cursor_relative(seconds=0),
+            bound.cursor_relative(seconds=-WINDOW_S),
+        )
+        window = rr.VisibleTimeRange(CLOCK, start=begin, end=now)
+        past = rr.VisibleTimeRange(CLOCK, start=bound.infinite(), end=now)
+
+        def plot(path: str, name: str) -> Any:
+            legend = b.PlotLegend(b.Corner2D.LeftTop)
+            return b.TimeSeriesView(
+                origin=path, name=name, time_ranges=window, plot_legend=legend
+            )
+
+        space = b.Spatial3DView(
+            origin="world",
+            name="scene",
+            eye_controls=b.EyeControls3D(
+                position=self._centre + self._size * np.array([-0.35, -0.7, 0.45]),
+                look_target=self._centre,
+                eye_up=(0.0, 0.0, 1.0),
+            ),
+            overrides={"world/path": b.VisibleTimeRanges([past])},
+        )
+        log = b.TextLogView(origin="log", name="log")
+        pictures, plots, flight = [], [], []
+        if self._scene.camera is not None:
+            image = f"{self._camera}/image"
+            pictures = [
+                b.Spatial2DView(origin=self._camera, contents=image, name="camera"),
+                b.Spatial2DView(origin="events", name="events (red: brighter)"),
+            ]
+        for name, kind in self._kinds.items():
+            if kind.columns:
+                plots.append(plot(f"waveforms/{self._part(name)}", name))
+        for name in self._sounds:
+            path = f"spectrograms/{self._part(name)}"
+            title = f"{name}: last {SPECTRA_S:g} s, {LOWEST_HZ:g} Hz and up"
+            plots.append(b.Spatial2DView(origin=path, name=title))
+        if self._scene.vehicle is not None:
+            titles = {"force": "force [N]", "torque": "torque [N m]"}
+            titles["path_error"] = "path error [m]"
+            flight = [plot(f"flight/{path}", name) for path, name in titles.items()]
+        top = b.Horizontal(space, b.Vertical(*pictures, log), column_shares=[2, 1])
+        rows = [b.Horizontal(*views) for views in (plots, flight) if views]
+        return b.Blueprint(
+            b.Vertical(top, *rows, row_shares=[3, *(1.5 for _ in rows)]),
+            b.TimePanel(
+                state="collapsed",
+                timeline=CLOCK,
+                play_state="following" if live else "playing",
+            ),
+        )
+
+
+def spectrogram(
+    samples: Float[np.ndarray, " sample"], rate_hz: float
+) -> UInt8[np.ndarray, "band window 3"]:
+    """Return the sound levels of bands of frequency over time, as a picture.
+
+    Args:
+        samples: The last samples [Pa]; silence before them, up to `SPECTRA_S`.
+        rate_hz: Samples per second.
+
+    Returns:
+        Colours; low frequencies at the bottom, the latest window at the right.
+    """
+    from matplotlib import colormaps
+    from scipy.signal import spectrogram as power_over_time
+
+    samples = np.pad(samples, (round(SPECTRA_S * rate_hz) - samples.size, 0))
+    size = 2 ** max(4, round(math.log2(WINDOWED_S * rate_hz)))
+    frequency, _, power = power_over_time(
+        samples, rate_hz, "hann", size, size // 2, detrend=False, scaling="spectrum"
+    )
+    bands = np.geomspace(min(LOWEST_HZ, 0.1 * rate_hz), 0.5 * rate_hz, BANDS)
+    rows = np.searchsorted(frequency, bands[::-1] * (1.0 - 1e-9))
+    levels = 10.0 * np.log10(np.maximum(power[rows], 1e-30) / REFERENCE_PA**2)
+    shares = (levels - LEVELS_DB[0]) / (LEVELS_DB[1] - LEVELS_DB[0])
+    return colormaps["magma"](shares, bytes=True)[..., :3]
+
+
+def extremes(
+    values: Float[np.ndarray, " row"], columns: int
+) -> Int[np.ndarray, " kept"]:
+    """Return the rows of the least and the greatest value of each column, in order.
+
+    Args:
+        values: Values in order of time.
+        columns: Number of columns; at most twice as many rows are returned.
+    """
+    if not values.size:
+        return np.zeros(0, int)
+    size = -(-values.size // columns)
+    # padding repeats the last value, which therefore comes first
+    table = np.pad(values, (0, -values.size % size), mode="edge").reshape(-1, size)
+    first = size * np.arange(len(table))
+    return np.unique([first + table.argmin(axis=1), first + table.argmax(axis=1)])
+
+
+def _places(scene: Scene) -> Float[np.ndarray, "place 3"]:
+    """Return the known positions of sensors, camera, vehicle and charges [m]."""
+    found: list[Any] = [sensor.position_m for sensor in scene.sensors]
+    if scene.camera is not None and not scene.camera.mount:
+        found.append(scene.camera.position)
+    if scene.vehicle is not None:
+        found += [scene.vehicle.position, scene.vehicle.held]
+    found += [charge.position_m for charge in scene.charges]
+    places = np.array([[float(number) for number in place] for place in found])
+    return places[np.isfinite(places).all(axis=1)]
+
+
+def _free_port() -> int:
+    """Return a port that no program of this computer uses."""
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        return server.getsockname()[1]
