@@ -13,7 +13,6 @@ import os
 import socket
 import sys
 import threading
-from collections import defaultdict
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,12 @@ from jaxtyping import Float, Int, UInt8
 
 from jblast.errors import InputError, needed
 from jblast.scene import SENSOR_KINDS, Charge, Scene
-from jblast.study.running import CameraEvents, Frames, Motion, Packet, RunDetection
+from jblast.study.running import (
+    CameraEvents,
+    Motion,
+    Packet,
+    RunDetection,
+)
 from jblast.waves.fireball import LARGEST_RADIUS
 
 CLOCK = "time"
@@ -35,9 +39,6 @@ COLUMNS_HZ = 200.0
 SHOWN_HZ, POSES_HZ = 20.0, 50.0
 """Pictures and shock fronts in a second, which appear continuous; poses of the vehicle,
 which no viewer interpolates."""
-UPDATE_S = 0.2
-"""Interval of transmission [s]. A chunk of rows has 1.2 kB of metadata: one for each
-packet of 20 ms would add 3.6 MB per minute and plot."""
 SPECTRA_S, WINDOWED_S = 5.0, 0.04
 """Length of a spectrogram, and about that of its windows [s], which resolve 25 Hz."""
 BANDS, LOWEST_HZ = 160, 20.0
@@ -51,16 +52,12 @@ NEAR_M = 50.0
 """Radius to which all shock fronts are drawn [m]; beyond, to the farthest entity."""
 BLUE, ORANGE, GREEN = (86, 180, 233), (230, 159, 0), (0, 158, 115)
 RED, GREY = (213, 94, 0), (150, 150, 150)
-FLIGHT = {
-    "force/east": RED,
-    "force/north": GREEN,
-    "force/up": BLUE,
-    "torque/x": RED,
-    "torque/y": GREEN,
-    "torque/z": BLUE,
-    "path_error": ORANGE,
-}
-"""Plots of the vehicle, and their colours."""
+FLIGHT = ("force/east", "force/north", "force/up", "torque/x", "torque/y", "torque/z")
+"""Plots of the vehicle with three components."""
+COLOURS = (ORANGE, GREEN, BLUE)
+"""Colours of components."""
+EVENT_COLUMNS = 320
+"""Largest width of pictures of camera events [px]."""
 EVENT_COLOURS = (*GREY, *BLUE, *RED)
 """Palette of pictures of camera events: none, darker, brighter."""
 
@@ -103,19 +100,17 @@ class Viewer:
         self._kinds = {s.name: SENSOR_KINDS[s.kind] for s in scene.sensors if s.kind}
         mounted = scene.camera is not None and scene.camera.mount
         self._camera = "world/vehicle/camera" if mounted else "world/camera"
-        if scene.camera is not None:
-            size = (scene.camera.height, scene.camera.width)
-            self._changes = np.zeros(size, np.uint8)
         # the last seconds of the first two microphones
         sounds = [name for name, kind in self._kinds.items() if kind.file == ".wav"]
         self._sounds = {name: np.zeros(0) for name in sounds[:2]}
         self._fronts: list[tuple[float, np.ndarray, float]] = []
-        self._waiting: dict[tuple[str, Any], list] = defaultdict(list)
-        self._trail: list[np.ndarray] = []
-        self._slots: dict[str, int] = {}
-        self._sent_s, self._tick, self.address = 0.0, 0, ""
+        self._trail, self.address = np.zeros((0, 3)), ""
         self._stream = self._rr.RecordingStream(
-            "jblast", recording_id=recording_id, send_properties=False
+            "jblast",
+            recording_id=recording_id,
+            send_properties=False,
+            # by default rows are divided by the time of the computer
+            batcher_config=self._rr.ChunkBatcherConfig.NEVER(),
         )
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
@@ -124,9 +119,13 @@ class Viewer:
 
     def take(self, packet: Packet) -> None:
         """Show the next packet."""
-        columns = max(1, round((packet.end_s - packet.start_s) * COLUMNS_HZ))
+        duration = packet.end_s - packet.start_s
+        columns = max(1, round(duration * COLUMNS_HZ))
+        count = max(1, round(duration * SHOWN_HZ))
+        ticks = np.linspace(packet.start_s, packet.end_s, count + 1)[1:]
         for charge in packet.blasts:
             self._blast(charge)
+        self._shocks(ticks)
         for one in packet.perceived:
             text = f"blast {one.shot} at {one.entity}: {one.sense}"
             self._text("perceptions", one.time_s, text, "DEBUG")
@@ -140,24 +139,21 @@ class Viewer:
                 self._plot(path, time, part, columns)
             if name in self._sounds:
                 sound = np.append(self._sounds[name], values[:, 0])
-                self._sounds[name] = sound[-round(SPECTRA_S * rate) :]
-        if packet.frames is not None:
-            self._frames(packet.frames)
-        end = math.floor(packet.end_s * SHOWN_HZ + 1e-6) + 1
-        ticks, self._tick = np.arange(self._tick, end) / SHOWN_HZ, end
-        self._shocks(ticks)
+                self._sounds[name] = sound = sound[-round(SPECTRA_S * rate) :]
+                picture = self._jpeg(spectrogram(sound, rate))
+                self._log(f"spectrograms/{self._part(name)}", packet.end_s, picture)
+        if (frames := packet.frames) is not None:
+            for row in thinned(frames.time_s, SHOWN_HZ):
+                picture = self._jpeg(frames.images[row])
+                self._log(f"{self._camera}/image", frames.time_s[row], picture)
         if packet.events is not None:
             self._events(packet.events, ticks)
         for detection in packet.detections:
             self._detection(detection)
-        if packet.end_s > self._sent_s + UPDATE_S - 1e-6:
-            self._send()
-            self._spectrograms(packet)
-            self._sent_s = packet.end_s
+        self._stream.flush()
 
     def finish(self) -> None:
-        """Send the remaining rows and close the file. A server continues."""
-        self._send()
+        """Complete and close the file. A server continues."""
         with self._stream:  # its exit closes files, but not servers
             pass
 
@@ -202,76 +198,58 @@ class Viewer:
     def _text(self, path: str, time: float, text: str, level: str) -> None:
         self._log(f"log/{path}", time, self._rr.TextLog(text, level=level))
 
+    def _rows(self, path: str, time: np.ndarray, columns: Any) -> None:
+        """Add rows of an entity."""
+        if time.size:
+            index = self._rr.TimeColumn(CLOCK, duration=time)
+            self._stream.send_columns(path, [index], columns)
+
     def _plot(self, path: str, time: np.ndarray, values: np.ndarray, columns: int):
         """Add the least and the greatest value of each column to a plot."""
         rows = extremes(values, columns)
-        self._put(path, self._rr.Scalars, time[rows], scalars=values[rows])
+        self._rows(path, time[rows], self._rr.Scalars.columns(scalars=values[rows]))
 
-    def _put(self, path: str, kind: Any, time: np.ndarray, **values: np.ndarray):
-        """Add rows to the next transmission."""
-        if time.size:
-            self._waiting[path, kind].append({"": time, **values})
-
-    def _send(self) -> None:
-        """Send the rows that wait."""
-        for (path, kind), parts in self._waiting.items():
-            rows = {
-                key: np.concatenate([part[key] for part in parts]) for key in parts[0]
-            }
-            time = rows.pop("")
-            index = self._rr.TimeColumn(CLOCK, duration=time)
-            self._stream.send_columns(path, [index], kind.columns(**rows))
-            if path == "world/vehicle":
-                strip = np.concatenate([*self._trail, rows["translation"]])
-                self._log("world/path", time[-1], self._rr.LineStrips3D([strip]))
-                self._trail = [strip[-1:]]  # the next one begins at its end
-        self._waiting.clear()
-
-    def _thinned(self, path: str, time: np.ndarray, rate_hz: float) -> np.ndarray:
-        """Return the first row of each interval, also across packets."""
-        slots = np.floor(time * rate_hz + 1e-6).astype(int)
-        new = np.diff(slots, prepend=self._slots.get(path, -1)) > 0
-        if slots.size:
-            self._slots[path] = int(slots[-1])
-        return np.flatnonzero(new)
+    def _jpeg(self, image: UInt8[np.ndarray, "height width 3"]) -> Any:
+        return self._rr.Image(image).compress(jpeg_quality=QUALITY)
 
     def _motion(self, motion: Motion, columns: int) -> None:
         """Show rows of the vehicle's motion."""
-        rr, time = self._rr, motion.time_s
-        kept = self._thinned("pose", time, POSES_HZ)
-        pose = {"translation": motion.position_m, "quaternion": motion.quaternion}
-        pose = {name: values[kept] for name, values in pose.items()}
-        self._put("world/vehicle", rr.Transform3D, time[kept], **pose)
-        points = motion.set_point_m[kept]
-        self._put("world/set_point", rr.Points3D, time[kept], positions=points)
+        rr, kept = self._rr, thinned(motion.time_s, POSES_HZ)
+        time, position = motion.time_s[kept], motion.position_m[kept]
+        pose = rr.Transform3D.columns(
+            translation=position, quaternion=motion.quaternion[kept]
+        )
+        self._rows("world/vehicle", time, pose)
+        points = rr.Points3D.columns(positions=motion.set_point_m[kept])
+        self._rows("world/set_point", time, points)
+        # each part of the path begins at the end of the one before
+        strip = np.concatenate([self._trail, position])
+        self._log("world/path", motion.time_s[-1], rr.LineStrips3D([strip]))
+        self._trail = strip[-1:]
         values = (*motion.force_n.T, *motion.moment_n_m.T, motion.path_error_m)
-        for path, component in zip(FLIGHT, values, strict=True):
-            self._plot(f"flight/{path}", time, component, columns)
-
-    def _frames(self, frames: Frames) -> None:
-        """Show frames of the camera."""
-        for row in self._thinned("frames", frames.time_s, SHOWN_HZ):
-            picture = self._rr.Image(frames.images[row]).compress(jpeg_quality=QUALITY)
-            self._log(f"{self._camera}/image", frames.time_s[row], picture)
+        for path, part in zip((*FLIGHT, "path_error"), values, strict=True):
+            self._plot(f"flight/{path}", motion.time_s, part, columns)
 
     def _events(self, events: CameraEvents, ticks: Float[np.ndarray, " tick"]) -> None:
-        """Show the events up to each tick since the one before."""
+        """Show the events before each tick and after the one before."""
         from PIL import Image  # installed with Matplotlib
 
-        cuts = np.searchsorted(events.time_s, ticks)
+        camera = self._scene.camera
+        # coarse pixels: single ones would be invisible in a small view
+        step = -(-camera.width // EVENT_COLUMNS)
+        size = (-(-camera.height // step), -(-camera.width // step))
+        codes = np.where(events.polarity > 0, 2, 1)
+        cuts = np.searchsorted(events.time_s, ticks[:-1])
         for part, tick in zip(
-            np.split(np.arange(events.x.size), cuts), [*ticks, None], strict=True
+            np.split(np.arange(codes.size), cuts), ticks, strict=True
         ):
-            codes = np.where(events.polarity[part] > 0, 2, 1)
-            self._changes[events.y[part], events.x[part]] = codes
-            if tick is not None:
-                # JPEG would blur single pixels
-                image, file = Image.fromarray(self._changes), io.BytesIO()
-                image.putpalette(EVENT_COLOURS)
-                image.save(file, format="PNG")
-                shown = {"contents": file.getvalue(), "media_type": "image/png"}
-                self._log("events", tick, self._rr.EncodedImage(**shown))
-                self._changes[:] = 0
+            changes = np.zeros(size, np.uint8)
+            changes[events.y[part] // step, events.x[part] // step] = codes[part]
+            image, file = Image.fromarray(changes), io.BytesIO()
+            image.putpalette(EVENT_COLOURS)
+            image.save(file, format="PNG")  # JPEG would blur single pixels
+            data = {"contents": file.getvalue(), "media_type": "image/png"}
+            self._log("events", tick, self._rr.EncodedImage(**data))
 
     def _blast(self, charge: Charge) -> None:
         """Show a charge by the largest extent of its fireball, and begin its front."""
@@ -316,13 +294,6 @@ class Viewer:
             path = f"waveforms/{self._part(found.sensor)}/{mark}"
             self._log(path, found.time_s, self._rr.Scalars(0.0))
 
-    def _spectrograms(self, packet: Packet) -> None:
-        """Show the spectrograms at the end of a packet."""
-        for name in [name for name in self._sounds if name in packet.samples]:
-            levels = spectrogram(self._sounds[name], packet.samples[name].rate_hz)
-            picture = self._rr.Image(levels).compress(jpeg_quality=QUALITY)
-            self._log(f"spectrograms/{self._part(name)}", packet.end_s, picture)
-
     def _show_scene(self) -> None:
         """Show all that does not move, and the styles of the rest."""
         rr, scene, points = self._rr, self._scene, self._rr.Radius.ui_points
@@ -339,43 +310,35 @@ class Viewer:
                 )
         for name, kind in self._kinds.items():
             path = f"waveforms/{self._part(name)}"
-            for column, colour in zip(
-                kind.columns, (BLUE, ORANGE, GREEN), strict=False
-            ):
-                styles[f"{path}/{column}"] = rr.SeriesLines(colors=colour, names=column)
+            for column, colour in zip(kind.columns, COLOURS, strict=False):
+                styles[f"{path}/{column}"] = rr.SeriesLines(colors=colour)
             for mark, colour in (("detections", GREEN), ("false_alarms", RED)):
-                styles[f"{path}/{mark}"] = rr.SeriesPoints(colors=colour, names=mark)
+                styles[f"{path}/{mark}"] = rr.SeriesPoints(colors=colour)
         if scene.vehicle is not None:
             styles["world/vehicle"] = rr.TransformAxes3D(0.04 * self._size)
-            styles["world/path"] = rr.LineStrips3D.from_fields(colors=GREY)
-            styles["world/set_point"] = rr.Points3D.from_fields(
-                colors=RED, radii=points(3)
-            )
-            for path, colour in FLIGHT.items():
-                name = path.rpartition("/")[2]
-                styles[f"flight/{path}"] = rr.SeriesLines(colors=colour, names=name)
+            for path, colour in zip(FLIGHT, COLOURS * 2, strict=True):
+                styles[f"flight/{path}"] = rr.SeriesLines(colors=colour)
+            dot = rr.Points3D.from_fields(colors=RED, radii=points(3))
+            styles["world/set_point"] = dot
         if (camera := scene.camera) is not None:
-            styles[self._camera] = rr.Pinhole(
+            place, turned = np.asarray(camera.position), np.asarray(camera.quaternion)
+            pose = rr.Transform3D(translation=place, quaternion=turned)
+            lens = rr.Pinhole(
                 focal_length=np.asarray(camera.focal),
                 principal_point=np.asarray(camera.center),
-                width=camera.width,
-                height=camera.height,
+                resolution=(camera.width, camera.height),
                 camera_xyz=rr.ViewCoordinates.RDF,
                 image_plane_distance=0.1 * self._size,
             )
-            place, turned = np.asarray(camera.position), np.asarray(camera.quaternion)
-            pose = rr.Transform3D(translation=place, quaternion=turned)
-            self._log(self._camera, None, pose)
+            styles[self._camera] = (pose, lens)
         for path, style in styles.items():
-            self._log(path, None, style)
+            self._log(path, None, *(style if isinstance(style, tuple) else (style,)))
 
     def _blueprint(self, live: bool) -> Any:
         """Return the arrangement of the views."""
         rr, b, bound = self._rr, self._rr.blueprint, self._rr.TimeRangeBoundary
-        now, begin = (
-            bound.cursor_relative(seconds=0),
-            bound.cursor_relative(seconds=-WINDOW_S),
-        )
+        now = bound.cursor_relative(seconds=0.0)
+        begin = bound.cursor_relative(seconds=-WINDOW_S)
         window = rr.VisibleTimeRange(CLOCK, start=begin, end=now)
         past = rr.VisibleTimeRange(CLOCK, start=bound.infinite(), end=now)
 
@@ -395,7 +358,8 @@ class Viewer:
             ),
             overrides={"world/path": b.VisibleTimeRanges([past])},
         )
-        log = b.TextLogView(origin="log", name="log")
+        words = b.TextLogColumns(text_log_columns=["LogLevel", "Body"])
+        log = b.TextLogView(origin="log", name="log", columns=words)
         pictures, plots, flight = [], [], []
         if self._scene.camera is not None:
             image = f"{self._camera}/image"
@@ -408,7 +372,7 @@ class Viewer:
                 plots.append(plot(f"waveforms/{self._part(name)}", name))
         for name in self._sounds:
             path = f"spectrograms/{self._part(name)}"
-            title = f"{name}: last {SPECTRA_S:g} s, {LOWEST_HZ:g} Hz and up"
+            title = f"{name}, spectrogram"
             plots.append(b.Spatial2DView(origin=path, name=title))
         if self._scene.vehicle is not None:
             titles = {"force": "force [N]", "torque": "torque [N m]"}
@@ -423,6 +387,7 @@ class Viewer:
                 timeline=CLOCK,
                 play_state="following" if live else "playing",
             ),
+            collapse_panels=True,
         )
 
 
@@ -439,18 +404,28 @@ def spectrogram(
         Colours; low frequencies at the bottom, the latest window at the right.
     """
     from matplotlib import colormaps
-    from scipy.signal import spectrogram as power_over_time
 
     samples = np.pad(samples, (round(SPECTRA_S * rate_hz) - samples.size, 0))
     size = 2 ** max(4, round(math.log2(WINDOWED_S * rate_hz)))
-    frequency, _, power = power_over_time(
-        samples, rate_hz, "hann", size, size // 2, detrend=False, scaling="spectrum"
-    )
-    bands = np.geomspace(min(LOWEST_HZ, 0.1 * rate_hz), 0.5 * rate_hz, BANDS)
-    rows = np.searchsorted(frequency, bands[::-1] * (1.0 - 1e-9))
-    levels = 10.0 * np.log10(np.maximum(power[rows], 1e-30) / REFERENCE_PA**2)
+    window = np.hanning(size + 1)[:-1]
+    bands = np.geomspace(min(LOWEST_HZ, 0.1 * rate_hz), 0.5 * rate_hz, BANDS)[::-1]
+    parts = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
+    spectra = np.fft.rfft(parts * window)[
+        :, np.rint(bands * size / rate_hz).astype(int)
+    ]
+    rms = math.sqrt(2.0) * np.abs(spectra).T / window.sum()  # exact for a sine
+    levels = 20.0 * np.log10(np.maximum(rms / REFERENCE_PA, 1e-9))
     shares = (levels - LEVELS_DB[0]) / (LEVELS_DB[1] - LEVELS_DB[0])
     return colormaps["magma"](shares, bytes=True)[..., :3]
+
+
+def thinned(
+    time: Float[np.ndarray, " row"], rate_hz: float
+) -> Int[np.ndarray, " kept"]:
+    """Return the first row of each interval of a rate."""
+    # 1 us, so that a time is in the interval that it begins
+    slots = np.floor((time + 1e-6) * rate_hz)
+    return np.flatnonzero(np.diff(slots, prepend=-np.inf) > 0)
 
 
 def extremes(
