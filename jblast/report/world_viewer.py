@@ -3,8 +3,9 @@
 `Viewer` is a subscriber of a run. It writes a recording (.rrd), serves it to a browser,
 or both. Data are reduced to the resolution of a screen, so that the file of a run of
 minutes is small: a plot has the least and the greatest sample of each column, and
-pictures are compressed. All data depend only on the packets: the recording has no clock
-but that of the run.
+pictures are compressed. Each packet adds 1.2 kB of metadata per plot, so that packets
+should not be much shorter than 0.2 s. All data depend only on the packets: the
+recording has no clock but that of the run.
 """
 
 import io
@@ -14,6 +15,7 @@ import socket
 import sys
 import threading
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +24,7 @@ from jaxtyping import Float, Int, UInt8
 
 from jblast.errors import InputError, needed
 from jblast.scene import SENSOR_KINDS, Charge, Scene
-from jblast.study.running import (
-    CameraEvents,
-    Motion,
-    Packet,
-    RunDetection,
-)
+from jblast.study.running import CameraEvents, Motion, Packet, RunDetection
 from jblast.waves.fireball import LARGEST_RADIUS
 
 CLOCK = "time"
@@ -129,7 +126,7 @@ class Viewer:
         for one in packet.perceived:
             text = f"blast {one.shot} at {one.entity}: {one.sense}"
             self._text("perceptions", one.time_s, text, "DEBUG")
-        if packet.motion is not None:
+        if packet.motion is not None and packet.motion.time_s.size:
             self._motion(packet.motion, columns)
         for name, (start, rate, values) in packet.samples.items():
             time = start + np.arange(len(values)) / rate
@@ -259,22 +256,16 @@ class Viewer:
         ball = self._rr.Points3D([centre], radii=radius, colors=ORANGE, labels=name)
         self._log(f"world/charges/{self._part(name)}", time, ball)
         self._text("blasts", time, f"blast {name}: {charge.mass_kg:.3g} kg", "INFO")
-        farthest = np.linalg.norm(self._places - centre, axis=1).max()
+        # the trail is the present position of the vehicle
+        places = np.concatenate([self._places, self._trail])
+        farthest = np.linalg.norm(places - centre, axis=1).max()
         self._fronts.append((time, centre, max(NEAR_M, farthest)))
 
     def _shocks(self, ticks: Float[np.ndarray, " tick"]) -> None:
         """Show the shock fronts until they have passed all entities."""
         for tick in ticks:
-            self._fronts = [
-                (time, centre, reach)
-                for time, centre, reach in self._fronts
-                if self._sound_speed * (tick - time) < reach
-            ]
-            drawn = [
-                (c, self._sound_speed * (tick - t))
-                for t, c, _ in self._fronts
-                if t < tick
-            ]
+            grown = [(self._sound_speed * (tick - t), c, m) for t, c, m in self._fronts]
+            drawn = [(centre, r) for r, centre, most in grown if 0.0 < r < most]
             spheres = self._rr.Ellipsoids3D(
                 centers=[centre for centre, _ in drawn],
                 radii=[radius for _, radius in drawn],
@@ -302,12 +293,9 @@ class Viewer:
             place = sensor.offset_m if sensor.mount else sensor.position_m
             path = "world/vehicle" if sensor.mount else "world/sensors"
             if np.isfinite(place).all():
-                styles[f"{path}/{self._part(sensor.name)}"] = rr.Points3D(
-                    [np.asarray(place)],
-                    labels=sensor.name,
-                    colors=GREEN,
-                    radii=points(4),
-                )
+                shown = {"labels": sensor.name, "colors": GREEN, "radii": points(4)}
+                dot = rr.Points3D([np.asarray(place)], **shown)
+                styles[f"{path}/{self._part(sensor.name)}"] = dot
         for name, kind in self._kinds.items():
             path = f"waveforms/{self._part(name)}"
             for column, colour in zip(kind.columns, COLOURS, strict=False):
@@ -339,23 +327,16 @@ class Viewer:
         rr, b, bound = self._rr, self._rr.blueprint, self._rr.TimeRangeBoundary
         now = bound.cursor_relative(seconds=0.0)
         begin = bound.cursor_relative(seconds=-WINDOW_S)
-        window = rr.VisibleTimeRange(CLOCK, start=begin, end=now)
+        last = rr.VisibleTimeRange(CLOCK, start=begin, end=now)
         past = rr.VisibleTimeRange(CLOCK, start=bound.infinite(), end=now)
 
-        def plot(path: str, name: str) -> Any:
-            legend = b.PlotLegend(b.Corner2D.LeftTop)
-            return b.TimeSeriesView(
-                origin=path, name=name, time_ranges=window, plot_legend=legend
-            )
-
+        legend = b.PlotLegend(b.Corner2D.LeftTop)
+        plot = partial(b.TimeSeriesView, time_ranges=last, plot_legend=legend)
+        eye = self._centre + self._size * np.array([-0.35, -0.7, 0.45])
         space = b.Spatial3DView(
             origin="world",
             name="scene",
-            eye_controls=b.EyeControls3D(
-                position=self._centre + self._size * np.array([-0.35, -0.7, 0.45]),
-                look_target=self._centre,
-                eye_up=(0.0, 0.0, 1.0),
-            ),
+            eye_controls=b.EyeControls3D(position=eye, look_target=self._centre),
             overrides={"world/path": b.VisibleTimeRanges([past])},
         )
         words = b.TextLogColumns(text_log_columns=["LogLevel", "Body"])
@@ -369,24 +350,22 @@ class Viewer:
             ]
         for name, kind in self._kinds.items():
             if kind.columns:
-                plots.append(plot(f"waveforms/{self._part(name)}", name))
+                plots.append(plot(origin=f"waveforms/{self._part(name)}", name=name))
         for name in self._sounds:
             path = f"spectrograms/{self._part(name)}"
-            title = f"{name}, spectrogram"
-            plots.append(b.Spatial2DView(origin=path, name=title))
+            plots.append(b.Spatial2DView(origin=path, name=f"{name}, spectrogram"))
         if self._scene.vehicle is not None:
-            titles = {"force": "force [N]", "torque": "torque [N m]"}
-            titles["path_error"] = "path error [m]"
-            flight = [plot(f"flight/{path}", name) for path, name in titles.items()]
+            flight = [
+                plot(origin="flight/force", name="force [N]"),
+                plot(origin="flight/torque", name="torque [N m]"),
+                plot(origin="flight/path_error", name="path error [m]"),
+            ]
         top = b.Horizontal(space, b.Vertical(*pictures, log), column_shares=[2, 1])
         rows = [b.Horizontal(*views) for views in (plots, flight) if views]
+        play = "following" if live else "playing"
         return b.Blueprint(
             b.Vertical(top, *rows, row_shares=[3, *(1.5 for _ in rows)]),
-            b.TimePanel(
-                state="collapsed",
-                timeline=CLOCK,
-                play_state="following" if live else "playing",
-            ),
+            b.TimePanel(state="collapsed", timeline=CLOCK, play_state=play),
             collapse_panels=True,
         )
 
