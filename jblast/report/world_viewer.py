@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from jblast.errors import InputError, needed
-from jblast.scene import SENSOR_KINDS, Charge, Scene
+from jblast.scene import SENSOR_KINDS, Camera, Charge, Scene
 from jblast.study.running import CameraEvents, Motion, Packet, RunDetection
 from jblast.waves.fireball import LARGEST_RADIUS
 
@@ -142,9 +142,9 @@ class Viewer:
         if (frames := packet.frames) is not None:
             for row in thinned(frames.time_s, SHOWN_HZ):
                 picture = self._jpeg(frames.images[row])
-                self._log(f"{self._camera}/image", frames.time_s[row], picture)
-        if packet.events is not None:
-            self._events(packet.events, ticks)
+                self._log(f"{self._camera}/image", float(frames.time_s[row]), picture)
+        if packet.events is not None and self._scene.camera is not None:
+            self._events(packet.events, self._scene.camera, ticks)
         for detection in packet.detections:
             self._detection(detection)
         self._stream.flush()
@@ -227,11 +227,12 @@ class Viewer:
         for path, part in zip((*FLIGHT, "path_error"), values, strict=True):
             self._plot(f"flight/{path}", motion.time_s, part, columns)
 
-    def _events(self, events: CameraEvents, ticks: Float[np.ndarray, " tick"]) -> None:
+    def _events(
+        self, events: CameraEvents, camera: Camera, ticks: Float[np.ndarray, " tick"]
+    ) -> None:
         """Show the events before each tick and after the one before."""
         from PIL import Image  # installed with Matplotlib
 
-        camera = self._scene.camera
         # coarse pixels: single ones would be invisible in a small view
         step = -(-camera.width // EVENT_COLUMNS)
         size = (-(-camera.height // step), -(-camera.width // step))
