@@ -204,9 +204,6 @@ SENSOR_KINDS = Registry[SensorKind](
         recorder="jblast.sensors.anemometer",
         magnitude="wind_speed_m_s",
         site="above",
-        # The wind at a moving sensor includes its own velocity and the rotors'
-        # downwash.
-        unmounted="an anemometer, whose motion is not supported yet",
         senses=(("air_arrival_s", "wind"),),
         by_pressure=True,
     ),

@@ -10,6 +10,13 @@ the record's peak overpressure. The second is the afterflow of a spherical wave.
 pressure is that of the record at the position, except for its suction. That lasts here
 until the impulse of the whole wave is zero, as for spherical sound, so that the wind
 ends. Winds of several waves add.
+
+A moving anemometer measures the velocity of the air relative to itself, towards east,
+north and up as a fixed one: its own velocity is subtracted. A sample has the mean
+velocity over its duration, the difference of two positions. The wind of a wave has the
+direction and the strength at the position where the sensor meets it; there the phase
+advances at another pace (`Heard.pace`), by which the integral over the sensor's clock
+is multiplied. The downwash of a vehicle's rotors is not included.
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,7 +30,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, Key
 
 from jblast.errors import InputError, shown
 from jblast.scene import Scene, Sensor
-from jblast.sensors.arrivals import heard
+from jblast.sensors.arrivals import Track, heard
 from jblast.sensors.gauge import (
     Mounted,
     check_kind,
@@ -33,8 +40,16 @@ from jblast.sensors.gauge import (
     seen_in_block,
 )
 from jblast.sensors.instrument import chain_block
-from jblast.sensors.samples import BLOCK, Packet, first_samples, packets, sample_count
+from jblast.sensors.samples import (
+    BLOCK,
+    Packet,
+    block_start,
+    first_samples,
+    packets,
+    sample_count,
+)
 from jblast.sensors.wave_paths import Heard
+from jblast.types import as_float_array
 from jblast.waves.propagation import air_density, ambient, sound_speed_of
 from jblast.waves.pulse import Pulse, pulse_mean
 from jblast.waves.shock import plane_wave_wind
@@ -45,7 +60,7 @@ class Gust(NamedTuple):
 
     Attributes:
         pulse: Its pressure, on the common clock; its whole impulse is zero.
-        afterflow: Direction cosine over density and distance [m2/kg].
+        afterflow: Direction cosine times pace over density and distance [m2/kg].
         sound_speed: Direction cosine times $c_0$ [m/s].
         ambient_pressure: $P_0$ [Pa].
     """
@@ -63,11 +78,14 @@ class Axis(NamedTuple):
         gauge: Instrument and clock.
         gusts: Wind of every wave.
         wind: Wind of the scene [m/s].
+        moved: Times on the common clock [s] and coordinates [m] of the knots of a
+            moving sensor; None for a fixed one.
     """
 
     gauge: Mounted
     gusts: tuple[Gust, ...]
     wind: Float[Array, ""]
+    moved: tuple[Float[Array, " knot"], Float[Array, " knot"]] | None
 
 
 def record(
@@ -78,6 +96,7 @@ def record(
     *,
     start_s: Float[ArrayLike, ""] = 0.0,
     laws: Mapping[str, str] | None = None,
+    track: Track | None = None,
 ) -> Float[Array, "sample 3"]:
     """Return the wind recorded by an anemometer towards east, north and up [m/s].
 
@@ -91,6 +110,7 @@ def record(
         key: Random key of its noise.
         start_s: Start of the first sample on its clock [s].
         laws: By quantity; absent ones as for `arrivals.heard`.
+        track: Positions over time on the common clock, instead of its position.
 
     Raises:
         InputError: The sensor is no anemometer, is underground, or is at a charge, or a
@@ -100,7 +120,7 @@ def record(
         `anemometer.record(scene, scene.sensors[0], 0.1, jax.random.key(0))`
     """
     n = sample_count(duration_s, rate_of(anemometer))
-    axes, states = _start(scene, anemometer, key, start_s, laws)
+    axes, states = _start(scene, anemometer, key, start_s, laws, track)
     columns = [
         first_samples(_block, axis, state, n)
         for axis, state in zip(axes, states, strict=True)
@@ -117,9 +137,10 @@ def stream(
     packets_hz: float | None = None,
     start_s: float = 0.0,
     laws: Mapping[str, str] | None = None,
+    track: Track | None = None,
 ) -> Iterator[Packet]:
     """Yield an anemometer's record in packets, without end; otherwise as `record`."""
-    axes, states = _start(scene, anemometer, key, start_s, laws)
+    axes, states = _start(scene, anemometer, key, start_s, laws, track)
     timing = {"packet_s": packet_s, "packets_hz": packets_hz, "start_s": start_s}
     streams = [
         packets(_block, axis, state, rate_of(anemometer), **timing)
@@ -137,29 +158,38 @@ def _start(
     key: Key[Array, ""],
     start_s: Float[ArrayLike, ""],
     laws: Mapping[str, str] | None,
+    track: Track | None,
 ) -> tuple[list[Axis], list[Any]]:
-    check_kind(anemometer, "anemometer")
+    check_kind(anemometer, "anemometer", track=track)
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"sensor {shown(anemometer.name)}: expected charges with a position, which "
             "defines the direction of the wind, got one with a range only"
         )
-    waves = heard(scene, anemometer.position_m, laws)
-    gusts = _gusts(scene, anemometer.position_m, waves)
+    place = as_float_array(anemometer.position_m) if track is None else track
+    waves = heard(scene, place, laws)
+    gusts = _gusts(scene, place, waves)
+    moved = (
+        [None] * 3
+        if track is None
+        else [(track.time, track.position[:, axis]) for axis in range(3)]
+    )
     air = scene.air
     # the scene's wind is horizontal
     winds = (air.wind_east, air.wind_north, jnp.zeros_like(air.wind_east))
     gauges = [mounted(anemometer, one, start_s) for one in jax.random.split(key, 3)]
     axes = [
-        Axis(gauge, of_axis, wind)
-        for (gauge, _), of_axis, wind in zip(gauges, gusts, winds, strict=True)
+        Axis(gauge, of_axis, wind, knots)
+        for (gauge, _), of_axis, wind, knots in zip(
+            gauges, gusts, winds, moved, strict=True
+        )
     ]
     return axes, [state for _, state in gauges]
 
 
 @eqx.filter_jit
 def _gusts(
-    scene: Scene, position: Float[Array, "3"], waves: tuple[Heard, ...]
+    scene: Scene, place: Float[Array, "3"] | Track, waves: tuple[Heard, ...]
 ) -> tuple[tuple[Gust, ...], ...]:
     """Return the wind of every wave, by axis.
 
@@ -174,8 +204,9 @@ def _gusts(
         # the reflected wave comes from the image below the ground
         up = charge.up if wave.kind == "air" else -charge.up
         source = jnp.stack([charge.east, charge.north, up])
-        away = (position - source) / wave.distance
         pulse = wave.pulse
+        position = place.at(pulse.arrival_time) if isinstance(place, Track) else place
+        away = (position - source) / wave.distance
         still = pulse._replace(arrival_time=jnp.zeros_like(pulse.arrival_time))
         impulse = pulse.duration * pulse_mean(still, 0.0, pulse.duration)
         silent = pulse.suction == 0.0  # an absent wave has no suction to divide by
@@ -187,7 +218,7 @@ def _gusts(
             share = away[axis]
             gust = Gust(
                 pulse,
-                share / (density * wave.distance),
+                share * wave.pace / (density * wave.distance),
                 share * sound_speed_of(scene.air),
                 pressure,
             )
@@ -199,8 +230,15 @@ def _block(
     axis: Axis, state: Any, index: Int[Array, ""]
 ) -> tuple[Any, Float[Array, " sample"]]:
     gauge = axis.gauge
-    edges = edges_of(gauge.chain.instrument.rate)
+    rate = gauge.chain.instrument.rate
+    edges = edges_of(rate)
     wind = jnp.broadcast_to(axis.wind, (BLOCK,))
+    if axis.moved is not None:
+        knots, places = axis.moved
+        # subtracted one by one, so that float32 resolves times within the block
+        for shift in (gauge.begin, *block_start(index, rate)):
+            knots = knots - shift
+        wind = wind - rate * jnp.diff(jnp.interp(edges, knots, places))
     for gust in axis.gusts:
         pulse = seen_in_block(gust.pulse, gauge, index)
         x = pulse_mean(pulse, edges[:-1], edges[1:]) / gust.ambient_pressure

@@ -322,7 +322,7 @@ def meeting_waves(
 
 
 def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) -> Heard:
-    """Return a wave with its durations as a moving sensor measures them.
+    """Return a wave with pace and durations as a moving sensor measures them.
 
     Args:
         scene: Charges, air, ground and sensors.
@@ -349,7 +349,7 @@ def passing(scene: Scene, track: Track, laws: Mapping[str, str], wave: Heard) ->
             "suction_duration": pulse.suction_duration,
         }
     slower = {name: length / speed for name, length in slower.items()}
-    return wave._replace(pulse=pulse._replace(**slower))
+    return wave._replace(pulse=pulse._replace(**slower), pace=speed)
 
 
 class PlacesMet(NamedTuple):

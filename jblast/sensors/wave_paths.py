@@ -70,6 +70,8 @@ class Heard(NamedTuple):
         absorbed: True if the air's absorption acts on it, because its law does not
             include it: if the law of the peak does not hold, or the scene requests it.
             Never for the ground wave.
+        pace: Rate of its phase by the clock of the sensor [-]: 1 for a fixed sensor,
+            the Doppler factor for a moving one.
     """
 
     pulse: Any  # Pulse or GroundPulse: a union would need a check at every use
@@ -77,6 +79,7 @@ class Heard(NamedTuple):
     shot: int
     distance: Float[Array, ""]
     absorbed: Bool[Array, ""]
+    pace: Float[Array, ""]
 
 
 def waves_at(
@@ -139,7 +142,7 @@ def wave_at(
     distance = slant_range(source, place)
     if charge.range_m is not None:
         distance = charge.range_m
-    return Heard(pulse, way, shot, distance, jnp.zeros((), bool))
+    return Heard(pulse, way, shot, distance, jnp.zeros((), bool), jnp.ones(()))
 
 
 def air_wave(
@@ -184,7 +187,7 @@ def air_wave(
     law = law_for("peak_overpressure_pa", laws["peak_overpressure_pa"])
     holds = jnp.broadcast_to(call(law.valid, path), (1,))[0]
     absorbed = ~holds | scene.air.absorption
-    return Heard(pulse, way, shot, path.slant_range[0], absorbed)
+    return Heard(pulse, way, shot, path.slant_range[0], absorbed, jnp.ones(()))
 
 
 def peak_at(

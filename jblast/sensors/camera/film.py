@@ -251,6 +251,20 @@ class Film:
         )
 
 
+def growth_instants(scene: Scene) -> Float[np.ndarray, " time"]:
+    """Return the instants that resolve the growth of all fireballs, unsorted [s].
+
+    The detonation and ten instants after it, each twice as late as the one before.
+    """
+    found = []
+    for charge in scene.charges:
+        mass = charge.tnt_mass("fireball_radius_m")
+        growth = float(fireball_growth_time(mass))
+        late = growth * 0.25 * np.append(0.0, 2.0 ** np.arange(10))
+        found.append(float(charge.time_s) + late)
+    return np.concatenate(found)
+
+
 def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     """Return the first instants to evaluate, from the first frame to the last [s].
 
@@ -265,9 +279,7 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     step = min(float(fireball_duration(mass)) for mass in masses) / PER_LIFE
     found = [bursts]
     if film.views is None:
-        for burst, mass in zip(bursts, masses, strict=True):
-            growth = float(fireball_growth_time(mass))
-            found.append(burst + growth * 0.25 * 2.0 ** np.arange(10))
+        found.append(growth_instants(film.scene))
     else:
         for burst, charge in zip(bursts, charges, strict=True):
             found.append(burst + film.views.instants(charge))

@@ -316,17 +316,36 @@ def _fireball_seen(
 ) -> tuple[Float[Array, "4 row column"], Float[Array, ""]]:
     """Return the premultiplied light of one charge's fireball, and its distance."""
     ball = cloud(scene, charge, time)
+    if shining is None:
+        ends = glow(ball.temperature, ball.air, appearance)
+    else:
+        ends = shining(ball)
     offset = ball.centre - rays.origin
+    layer = cloud_seen(ball, ends, offset, rays, appearance)
+    return layer, jnp.sqrt(jnp.sum(jnp.square(offset)))
+
+
+def cloud_seen(
+    ball: Cloud,
+    ends: Glow,
+    offset: Float[Array, "3"],
+    rays: Rays,
+    appearance: Appearance,
+) -> Float[Array, "4 row column"]:
+    """Return the premultiplied light of one fireball along rays, and alpha.
+
+    Args:
+        ball: The fireball.
+        ends: Light of its limb and of its middle [cd/m2].
+        offset: Its centre relative to the camera: east, north, up [m].
+        rays: Camera rays.
+        appearance: Exposure, and distribution of the smoke.
+    """
     met = passage(offset, ball.radius, rays)
     alpha = -jnp.expm1(-lumpy_depth(ball, appearance) * met.column)
-    if shining is None:
-        limb, middle = glow(ball.temperature, ball.air, appearance)
-    else:
-        limb, middle = shining(ball)
     day = appearance.smoke * (0.6 + 0.4 * met.height) * appearance.daylight
-    light = (between(limb, middle, met.chord) + day[None]) / appearance.white
-    layer = jnp.concatenate([alpha[None] * light, alpha[None]])
-    return layer, jnp.sqrt(jnp.sum(jnp.square(offset)))
+    light = (between(*ends, met.chord) + day[None]) / appearance.white
+    return jnp.concatenate([alpha[None] * light, alpha[None]])
 
 
 def lumpy_depth(ball: Cloud, appearance: Appearance) -> Float[Array, ""]:

@@ -60,7 +60,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jblast.errors import InputError
 from jblast.scene import Camera, Scene
@@ -162,9 +162,11 @@ class Landscape(eqx.Module):
             rays: Rays that end at the ground, or nowhere.
             pixel: Angle of a pixel [rad].
         """
-        up = rays.direction[2]
         solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
         distance = jnp.where(solid, rays.farthest, 0.0)
+        if len(self.texels) == 1:
+            # even ground: 14 times as fast as looking up one texel eight times
+            return self._with_sky(rays, self.texels[0][:, None, None], solid, pixel)
         east, north = (
             (rays.origin[axis] + distance * rays.direction[axis])
             / self.metres_per_pixel
@@ -172,7 +174,7 @@ class Landscape(eqx.Module):
         )
         covered = distance * pixel / self.metres_per_pixel
         # at a slant the footprint is longer along the ray than across: geometric mean
-        slant = jnp.sqrt(jnp.maximum(-up, 1e-3))
+        slant = jnp.sqrt(jnp.maximum(-rays.direction[2], 1e-3))
         size = jnp.log2(jnp.maximum(covered / slant, 1.0))
         size = jnp.clip(size, 0.0, len(self.rows) - 1.0)
         lower = jnp.floor(size).astype(int)
@@ -180,6 +182,17 @@ class Landscape(eqx.Module):
         upper = jnp.minimum(lower + 1, len(self.rows) - 1)
         fine, coarse = (self._texture(east, north, s) for s in (lower, upper))
         ground = (1.0 - part) * fine + part * coarse
+        return self._with_sky(rays, ground, solid, pixel)
+
+    def _with_sky(
+        self,
+        rays: Rays,
+        ground: Float[Array, "3 _ _"],
+        solid: Bool[Array, "row column"],
+        pixel: Float[Array, ""],
+    ) -> Float[Array, "3 row column"]:
+        """Return the light of the ground where there is ground, else of the sky."""
+        up = rays.direction[2]
         sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
         if self.sun is not None:
             sky = sky + self.sun.light(rays.direction, pixel)[None]

@@ -41,10 +41,6 @@ REFUSED = {
     ),
     "two numbers": ({"mount": "vehicle", "offset_m": [0, 0]}, "offset_m: .*forward, l"),
     "a geophone": ({"mount": "vehicle", "kind": "geophone"}, "mount: .*on the ground"),
-    "an anemometer": (
-        {"mount": "vehicle", "kind": "anemometer"},
-        "mount: .*not supported yet",
-    ),
     "a difference": (
         {"mount": "vehicle", "records": {"arrival_difference_s": 1e-3}},
         "records arrival_difference_s: .*not supported yet",
