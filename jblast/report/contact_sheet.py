@@ -46,10 +46,10 @@ def sheet_frames(
 
 def write_contact_sheet(
     path: str | Path,
-    frames: Sequence[Float[np.ndarray, "height width 3"]],
+    frames: Sequence[np.ndarray],
     labels: Sequence[str],
 ) -> None:
-    """Write frames of linear light in rows, each above its label.
+    """Write frames of linear light, or of sRGB bytes, in rows, each above its label.
 
     Args:
         path: Output file; an existing one is replaced.
@@ -68,7 +68,8 @@ def write_contact_sheet(
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(FONT_SIZE)
     for k, (frame, label) in enumerate(zip(frames, labels, strict=True)):
         x, y = GAP + k % columns * cell[0], GAP + k // columns * cell[1]
-        picture = Image.fromarray(srgb_bytes(frame))
+        bytes_ = frame if frame.dtype == np.uint8 else srgb_bytes(frame)
+        picture = Image.fromarray(bytes_)
         sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), (x, y))
         draw.text((x, y + size[1] + 3), label, fill=INK, font=font)
     with replacing(path) as temporary:

@@ -9,7 +9,7 @@ import math
 import os
 import queue
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -20,7 +20,12 @@ from jblast.observations import Observations, write
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.observations.records.recording import Recording
 from jblast.progress import stages
-from jblast.report.film_files import FilmOutputs, FilmWriter, cleared
+from jblast.report.contact_sheet import (
+    sheet_frames,
+    time_label,
+    write_contact_sheet,
+)
+from jblast.report.film_files import FilmOutputs, cleared
 from jblast.report.fit.files import check_directory
 from jblast.report.flight_files import flight_csv, mission_csv
 from jblast.report.listen import (
@@ -43,13 +48,15 @@ from jblast.report.world import (
     world_answer,
 )
 from jblast.scene import Sensor
-from jblast.sensors.camera import landscape
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.files.event_files import write_events
+from jblast.sensors.camera.files.images import write_values
 from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.geometry import CameraPath
-from jblast.sensors.camera.image import BACKGROUND
 from jblast.study.missions import MissionFlight
 from jblast.study.run_detectors import RunDetectors
 from jblast.study.running import (
+    CameraEvents,
+    Frames,
     Packet,
     Run,
     RunDetection,
@@ -57,7 +64,6 @@ from jblast.study.running import (
     prepare_run,
     record_run,
 )
-from jblast.vehicle import Trajectory
 from jblast.waves.fireball import fireball_duration
 from jblast.world import DrawnWorld, ImuRecord, picked_jolts, readings_of
 from jblast.world.picked_records import joined, picked_readings, sampled_sensors
@@ -294,11 +300,17 @@ class FolderWriter:
                 self._records[record.sensor.name] = record
                 self._fed[record.sensor.name] = Fed(write)
 
+        self._film = None
+        if run.film is not None:
+            self._film = FilmFiles(run, run.film, directory / CAMERA)
+
     def take(self, packet: Packet) -> None:
         """Write the samples and images of a packet."""
         for name, fed in self._fed.items():
             if name in packet.samples:
                 fed.put(packet.samples[name].values)
+        if self._film is not None and packet.frames and packet.events:
+            self._film.take(packet.frames, packet.events)
         self.detections += packet.detections
 
     def finish(self) -> None:
@@ -314,57 +326,92 @@ class FolderWriter:
         if self.detections:
             table = detections_csv(self.detections, self._head)
             save_text(table, self.directory / DETECTIONS)
-        camera = self.directory / CAMERA
-        self.film = filmed(run.world, run.seconds, run.flight, camera)
+        if self._film is not None:
+            self.film = self._film.finish()
 
 
-def filmed(
-    world: DrawnWorld, seconds: float, flight: Trajectory | None, directory: Path
-) -> FilmMade | None:
-    """Write frames and events of the camera of a world.
+class FilmFiles:
+    """Writer of the frames and camera events of a run.
 
-    Frame 0 and the events begin at 0 on the common clock. Of the other frames only
-    those with a fireball, and the two before, are stored.
+    Of the frames only those with a fireball, and the two before, are stored.
     """
-    scene, camera = world.scene, world.scene.camera
-    if camera is None or not world.shots:
-        return None
-    path, background = None, BACKGROUND
-    if camera.mount and flight is not None:
-        known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
-        rows = (flight.time_s, flight.position_m, flight.quaternion)
-        path = CameraPath(*(row[known] for row in rows))
-        background = landscape()
-        seconds = min(seconds, float(path.time[-1]))
-    hz = float(camera.frames_hz)
-    numbers = _frames(world, seconds - float(camera.exposure_s), hz)
-    film = Film(scene, camera, numbers / hz, background, path=path)
-    outputs = FilmOutputs(directory, "both", ".h5", None, hz)
-    cleared(outputs, force=True)
-    writer = FilmWriter(film, outputs)
-    writer.write_frames()
-    if world.preset is not None and world.preset.frame_differences:
-        written, stamps = writer.write_frame_differences()
-    else:
-        written, stamps = writer.write_events(False, world.seed)
-    writer.write_sheet()
-    digits = max(4, len(str(len(numbers) - 1)))
-    rows = [["file", "time_s"]]
-    rows += [[f"{n:0{digits}}.png", f"{t:.12g}"] for n, t in enumerate(film.times)]
-    write_text(directory / "frames.csv", comma_separated(rows))
-    size = camera.width, camera.height
-    return FilmMade(len(numbers), *size, written, stamps.how, stamps.error_s)
+
+    def __init__(self, run: Run, film: Film, directory: Path):
+        """Create the folder, and remove files of an earlier run."""
+        self._film, self._directory = film, directory
+        self._hz = float(film.camera.frames_hz)
+        self._outputs = FilmOutputs(directory, "both", ".h5", None, self._hz)
+        cleared(self._outputs, force=True)
+        numbers = _frames(run.world, len(film.times), self._hz).tolist()
+        self._places = {number: place for place, number in enumerate(numbers)}
+        self._times = film.times[numbers]
+        bursts = [float(charge.time_s) for charge in film.scene.charges]
+        self._wanted = {*sheet_frames(self._times, bursts)}
+        self._shown: dict[int, np.ndarray] = {}
+        self._pool = ThreadPoolExecutor(os.cpu_count())
+        self._written: list[Future[None]] = []
+        size = film.camera.width, film.camera.height
+        lasts = float(film.times[-1])
+        self._events: Fed[Events] = Fed(
+            lambda blocks: write_events(
+                self._outputs.events, blocks, *size, duration_s=lasts
+            )
+        )
+        preset = run.world.preset
+        self._of_frames = preset is not None and preset.frame_differences
+
+    def take(self, frames: Frames, events: CameraEvents) -> None:
+        """Write the frames and events of a packet."""
+        for future in self._written:
+            future.result()
+        self._written = []
+        for time, image in zip(frames.time_s, frames.images, strict=True):
+            place = self._places.get(round(float(time) * self._hz))
+            if place is None:
+                continue
+            path = self._outputs.frames / self._name(place)
+            self._written.append(self._pool.submit(write_values, path, image))
+            if place in self._wanted:
+                self._shown[place] = image
+        count, lost = np.asarray(events.time_s.size), np.asarray(0)
+        columns = events.x, events.y, events.time_s, events.polarity
+        self._events.put(Events(*columns, count, lost))
+
+    def _name(self, place: int) -> str:
+        return f"{place:0{max(4, len(str(len(self._times) - 1)))}}.png"
+
+    def finish(self) -> FilmMade:
+        """Complete the files."""
+        self._pool.shutdown()
+        written = self._events.end()
+        film, camera = self._film, self._film.camera
+        first = min(float(charge.time_s) for charge in film.scene.charges)
+        places = sorted(self._shown)
+        labels = [time_label(float(self._times[n]) - first) for n in places]
+        shown = [self._shown[n] for n in places]
+        write_contact_sheet(self._outputs.sheet, shown, labels)
+        rows = [["file", "time_s"]]
+        rows += [[self._name(n), f"{t:.12g}"] for n, t in enumerate(self._times)]
+        write_text(self._directory / "frames.csv", comma_separated(rows))
+        return FilmMade(
+            frames=len(self._times),
+            width=camera.width,
+            height=camera.height,
+            written=written,
+            stamps="of the frame" if self._of_frames else "interpolated",
+            stamp_error_s=1.0 / self._hz,
+        )
 
 
-def _frames(world: DrawnWorld, seconds: float, hz: float) -> np.ndarray:
+def _frames(world: DrawnWorld, count: int, hz: float) -> np.ndarray:
     """Return the numbers of the stored frames, counted from 0 at 0 s."""
     kept = {0, 1}
-    for charge in world.scene.charges:
+    for charge in world.charges:
         begin = float(charge.time_s)
         life = float(fireball_duration(charge.tnt_mass("fireball_radius_m")))
         first = max(math.floor(begin * hz) - BEFORE, 0)
         kept |= set(range(first, math.ceil((begin + life) * hz) + 1))
-    return np.array(sorted(number for number in kept if number / hz <= seconds))
+    return np.array(sorted(number for number in kept if number < count))
 
 
 def write_imus(

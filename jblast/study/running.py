@@ -34,6 +34,12 @@ from jblast.scene import (
 )
 from jblast.scene.sensor_kinds import sampling_kinds
 from jblast.sensors import Track
+from jblast.sensors.camera import landscape
+from jblast.sensors.camera.events.ideal import WEIGHTS, frame_differences
+from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.geometry import CameraPath
+from jblast.sensors.camera.image import BACKGROUND
+from jblast.sensors.camera.run_film import filmed_packets
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
 from jblast.study.flight_results import (
     TOLERANCE_M,
@@ -238,6 +244,7 @@ class Run:
         unseen: Blasts outside the camera's view.
         listening: Plan of the samples; None without a sampling sensor.
         imus: Records of the inertial units.
+        film: Camera and times of all its frames; None without camera or blast.
         notes: Remarks on the scene.
         place: Geographic position of the origin; None: unknown.
     """
@@ -254,6 +261,7 @@ class Run:
     unseen: tuple[str, ...]
     listening: Listening | None
     imus: Sequence[ImuRecord]
+    film: Film | None
     notes: Sequence[str]
     place: Place | None
 
@@ -335,6 +343,7 @@ def prepare_run(
         unseen,
         listening,
         imu_records(world, flight, seconds),
+        _film_of(world, seconds, flight),
         notes,
         uncertain.place,
     )
@@ -433,6 +442,26 @@ def _profile(
             f"{argument('profile')} only, got no profile"
         )
     return None if path is None else Profile(read_custom_profile(path), about)
+
+
+def _film_of(
+    world: DrawnWorld, seconds: float, flight: Trajectory | None
+) -> Film | None:
+    """Return the film of a world's camera; frame 0 is at 0 on the common clock."""
+    scene, camera = world.scene, world.scene.camera
+    if camera is None or not world.shots:
+        return None
+    path, background = None, BACKGROUND
+    if camera.mount and flight is not None:
+        known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
+        rows = (flight.time_s, flight.position_m, flight.quaternion)
+        path = CameraPath(*(row[known] for row in rows))
+        background = landscape()
+        seconds = min(seconds, float(path.time[-1]))
+    hz = float(camera.frames_hz)
+    # 1e-6 of a frame: the product of a duration and a rate may round below an integer
+    count = max(0, math.floor((seconds - float(camera.exposure_s)) * hz + 1e-6))
+    return Film(scene, camera, np.arange(count + 1) / hz, background, path=path)
 
 
 def listening_of(
@@ -584,6 +613,7 @@ def packets_of(run: Run, packet_s: float = PACKET_S) -> Iterator[Packet]:
     """
     count = max(math.ceil(run.seconds / packet_s - 1e-9), 1)
     streams = _streams(run, packet_s)
+    film = _filmed(run, packet_s * np.arange(count + 1))
     for number in range(count):
         # products, not sums: rounding does not accumulate
         start, end = number * packet_s, (number + 1) * packet_s
@@ -600,6 +630,33 @@ def packets_of(run: Run, packet_s: float = PACKET_S) -> Iterator[Packet]:
                 for name, stream in streams.items()
                 if (samples := next(stream, None)) is not None
             },
+            *next(film, (None, None)),
+        )
+
+
+def _filmed(
+    run: Run, bounds: Float[np.ndarray, " bound"]
+) -> Iterator[tuple[Frames, CameraEvents]]:
+    """Yield frames and camera events by packet; nothing without a camera."""
+    if run.film is None:
+        return
+    preset, last = run.world.preset, None
+    bounds = np.append(bounds[:-1], math.inf)  # the last frame may be at the very end
+    for part in filmed_packets(run.film, bounds):
+        events = [part.events]
+        if preset is not None and preset.frame_differences:
+            greys = [
+                np.rint(x @ np.asarray(WEIGHTS)).astype(np.uint8) for x in part.frames
+            ]
+            shown = [*zip(part.time_s, greys, strict=True)]
+            events = [*frame_differences([*([last] if last else []), *shown])]
+            last = shown[-1] if shown else last
+        columns = ("time", "x", "y", "polarity")
+        parts = ([np.asarray(getattr(x, name)) for x in events] for name in columns)
+        none = np.zeros(0, int)
+        yield (
+            Frames(part.time_s, part.frames),
+            CameraEvents(*(np.concatenate(some) if some else none for some in parts)),
         )
 
 
