@@ -1,0 +1,81 @@
+"""Do fits of runs contain the true masses, and how much do they learn of them?
+
+python -m calibration.run_fits
+
+50 worlds of four random blasts (`scenes/random_blasts.toml`, seeds 0 to 49) are recorded
+by `jblast world`; readings are picked from the records, and each blast is fitted as by
+`--fit`, with [world] as the prior. The answers are compared with the truth.
+"""
+
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
+from jblast.inference import fit_each
+from jblast.observations import read
+from jblast.observations.grouping import by_shot
+from jblast.report.world_files import run_world
+from jblast.study.statistics import wilson_interval
+from jblast.world import scene_to_fit
+
+SCENE = Path(__file__).parent / "scenes" / "random_blasts.toml"
+OUT = Path(__file__).parent / "results" / "run_fits.txt"
+WORLDS = 50
+PRIOR_SD = float(np.log(2.0))
+"""Standard deviation of ln(mass) in the scene."""
+
+
+def fits_of(seed: int, folder: Path) -> list[tuple[float, float, bool]]:
+    """Return z and sd of ln(mass), and coverage, of every blast of a world.
+
+    Args:
+        seed: Seed of the world.
+        folder: Folder of its run.
+    """
+    run_world(SCENE, folder, seed=seed)
+    document = json.loads((folder / "run.json").read_text())
+    truth = {one["shot"]: one["mass_kg"] for one in document["blasts"]}
+    found = fit_each(by_shot(read(folder / "observations.csv")), scene_to_fit(SCENE))
+    rows = []
+    for shot, mass in truth.items():
+        one = found[shot].summary.estimates["charge_mass_kg"]
+        # the sd of ln(mass) from the interval, which is 2 x 1.645 sd wide
+        sd = np.log(one.q95 / one.q05) / 3.29
+        rows.append((np.log(one.value / mass) / sd, sd, one.q05 <= mass <= one.q95))
+    return rows
+
+
+def main(worlds: int = WORLDS) -> str:
+    """Record and fit all worlds; return the table."""
+    rows: list[tuple[float, float, bool]] = []
+    for seed in range(worlds):
+        with tempfile.TemporaryDirectory() as folder:
+            rows += fits_of(seed, Path(folder) / "run")
+    z, sd, inside = (np.array(column, float) for column in zip(*rows, strict=True))
+    low, high = wilson_interval(inside.mean(), len(inside))
+    return "\n".join(
+        [
+            f"{len(rows)} blasts of {worlds} worlds, scene scenes/random_blasts.toml",
+            "",
+            f"90 % intervals of the mass that contain the truth: {inside.mean():.3f} "
+            f"(Wilson's 95 % interval {low:.3f} to {high:.3f})",
+            f"sd of ln(mass): prior {PRIOR_SD:.3f}, posterior {np.median(sd):.3f} "
+            f"(median), {sd.max():.3f} (largest)",
+            f"error of ln(mass) over its sd: rms {np.sqrt(np.mean(z**2)):.3f}",
+            "",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    import sys
+
+    start_jax()
+    text = main(int(sys.argv[1]) if len(sys.argv) > 1 else WORLDS)
+    print(text)
+    if len(sys.argv) < 2:
+        write_text(OUT, text)
