@@ -60,7 +60,7 @@ from jblast.signals.noise import (
     window_size,
 )
 from jblast.signals.pulse_fit import AFTER_S, BEFORE_S, LEVEL_S, PulseFit, PulseTest
-from jblast.signals.samples import checked_positive, checked_samples
+from jblast.signals.samples import checked_samples
 from jblast.signals.search import (
     CHAIN_S,
     MASKED_LENGTHS,
@@ -164,7 +164,7 @@ class SoundWatch:
         # the latest samples, and numbers of filtered samples, of outputs, of samples in
         # the estimate of the noise, and of all
         self._ring, self._taken, self._filtered, self._fed = np.zeros(0), 0, 0, 0
-        self._loud_at, self._count = -math.inf, 0
+        self._loud_at, self._count, self._known_s = -math.inf, 0, 0.0
         self._filter: OverlapSave | None = None
         self._pickers: list[PeakPicker] = []
         self._tests: dict[int, PulseTest] = {}
@@ -229,7 +229,7 @@ class SoundWatch:
             half = self._rate_hz / 2
             noise = NoiseSpectrum(np.array([0.0, half]), np.zeros(2), offset)
         self._follower = NoiseFollower(self._rate_hz, noise.offset)
-        self._tune(noise, MEDIAN_SHARE * samples.size / self._rate_hz)
+        self._tune(noise, MEDIAN_SHARE * max(samples.size, self._block) / self._rate_hz)
 
     def _tune(self, noise: NoiseSpectrum, seconds: float) -> None:
         """Compute filters and thresholds for noise that was measured over a time."""
@@ -255,7 +255,11 @@ class SoundWatch:
         raised = (
             single if math.isinf(seconds) else np.sqrt(dof * np.expm1(single**2 / dof))
         )
-        self.thresholds = raised
+        # and filters prefer lines whose noise is underestimated: with n windows the
+        # variance of their output is n / (n - 2) times the estimate (Reed, Mallett and
+        # Brennan 1974, for the mean of inverse densities)
+        windows = max(4 * seconds * rate / self._block, 4.0)
+        self.thresholds = raised * math.sqrt(1 / (1 - 2 / windows))
         if self._filter is None:
             self._filter = OverlapSave(taps, self._before, self._block)
             # arrivals of all filters within the longest pulse compete anyway
