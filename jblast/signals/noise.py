@@ -239,7 +239,7 @@ class NoiseFollower:
 
     def relearnt(self) -> NoiseSpectrum | None:
         """Return the spectrum of louder noise; None while there are quiet windows."""
-        if self._unquiet < self._recent.maxlen:
+        if self._unquiet < self._count(RELEARN_S):
             return None
         self._forget()
         return self._spectrum(median_density(np.stack(self._recent)))
