@@ -25,7 +25,6 @@ from jblast.study.running import Frames, Packet, RunDetection, Samples
 from jblast.world import Arrivals
 from jblast.world.drawn import CAMERA
 
-MICROPHONE = "microphone"
 SOUND_TOLERANCE_S = 0.02
 """Largest difference from the true arrival of sound [s], declared: fronts are detected
 to a millisecond; a gentle front or a reflection from the ground may be louder."""
@@ -37,8 +36,6 @@ LEAST_RATE_HZ = 100.0
 samples within their positive phase."""
 LIGHT = np.outer(LUMINANCE, srgb_to_linear(np.arange(256) / 255.0)).astype(np.float32)
 """Luminance of red, green and blue, each of 8 bits."""
-SOUND_WAVES = ("air_arrival_s", "ground_arrival_s")
-LIGHT_WAVES = ("flash_time_s",)
 
 
 class RunDetectors:
@@ -71,7 +68,9 @@ class RunDetectors:
         self.arrivals, self._shots, self._rate = arrivals, shots, false_alarms_per_hour
         self.rejected = 0
         self._instruments = {
-            one.name: one.instrument for one in scene.sensors if one.kind == MICROPHONE
+            one.name: one.instrument
+            for one in scene.sensors
+            if one.kind == "microphone"
         }
         self._camera = scene.camera
         self._bank = cache(bank_of_pulses)
@@ -144,7 +143,7 @@ class RunDetectors:
         """Search frames, as soon as two give their rate."""
         self._early.append(frames)
         times = np.concatenate([part.time_s for part in self._early])
-        if self._camera is None or times.size < 2:
+        if self._camera is None or (self._eye is None and times.size < 2):
             return ()
         images = [_light(image) for part in self._early for image in part.images]
         exposure_s = float(self._camera.exposure_s)
@@ -173,9 +172,9 @@ class RunDetectors:
         self, sensor: str, kind: str, time_s: float, sigma_s: float, statistic: float
     ) -> RunDetection:
         """Return a detection with the blast of the nearest true arrival."""
-        waves, tolerance_s = SOUND_WAVES, SOUND_TOLERANCE_S
+        waves, tolerance_s = ("air_arrival_s", "ground_arrival_s"), SOUND_TOLERANCE_S
         if kind == "flash":
-            waves, tolerance_s = LIGHT_WAVES, FLASH_TOLERANCE_S
+            waves, tolerance_s = ("flash_time_s",), FLASH_TOLERANCE_S
         row = self.arrivals.entities.index(sensor)
         times = np.stack([self.arrivals.times_s[wave][row] for wave in waves])
         away = np.nan_to_num(np.abs(times - time_s), nan=math.inf)
