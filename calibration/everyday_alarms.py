@@ -30,7 +30,7 @@ from jblast.observations.records.formats import open_record
 from jblast.observations.records.sound import resampled
 from jblast.progress import each
 from jblast.signals import recorded_template
-from jblast.signals.search import Channel, Searched, bank_of_pulses, search, search_bank
+from jblast.signals.search import Channel, Searched, bank_of_pulses, search_bank
 
 HERE = Path(__file__).parent
 SOUND, RESULT = HERE / "data" / "sound", HERE / "results" / "everyday_alarms.txt"
@@ -73,7 +73,7 @@ class Count(NamedTuple):
 def searched(samples: np.ndarray, bank: list[np.ndarray]) -> Searched:
     """Search samples as `jblast detect` does without a template."""
     channel = Channel("sound", "sound.wav", 1, samples, RATE_HZ)
-    return search_bank(channel, bank, 1.0, search)
+    return search_bank(channel, bank, 1.0)
 
 
 def counted(found: Searched, seconds: float, events: int) -> Count:
@@ -188,7 +188,7 @@ def phones() -> list[str]:
         (record,) = open_record(file)
         (samples,) = record.samples(0, record.length)
         channel = Channel(file.stem, str(file), 1, samples, record.rate_hz)
-        found = search_bank(channel, bank_of_pulses(record.rate_hz), 1.0, search)
+        found = search_bank(channel, bank_of_pulses(record.rate_hz), 1.0)
         seconds = samples.size / record.rate_hz
         lines.append(counted(found, seconds, 1).line(file.stem))
     return lines

@@ -27,6 +27,7 @@ from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
 from jblast.progress_line import Progress, reported
 from jblast.signals.arrival_log import Log, log_of
+from jblast.signals.live import search_bank_as_stream
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
 from jblast.signals.search import (
     DURATIONS,
@@ -418,10 +419,16 @@ def detect_sound(
         if len(templates) == 1:
             searched.append(look(channel, templates[0], false_alarms_per_hour))
             continue
-        found = search_bank(
-            channel, templates, false_alarms_per_hour, look, any_form=not blast_form
+        whole = search_bank_as_stream if stream else search_bank
+        searched.append(
+            whole(
+                channel,
+                templates,
+                false_alarms_per_hour,
+                front_samples=OTHER_FRONT,
+                any_form=not blast_form,
+            )
         )
-        searched.append(found)
     log = None
     if stations is not None:
         names = ", ".join(Path(file).name for file in files)

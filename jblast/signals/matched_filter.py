@@ -523,6 +523,15 @@ class PeakPicker:
         # peaks before this output are accepted or rejected
         self._decided = 0
 
+    @property
+    def decided(self) -> int:
+        """Number of the output before which all peaks are accepted or rejected."""
+        return self._decided
+
+    def retune(self, kernel: MatchedKernel, threshold: float) -> None:
+        """Continue with the outputs of another filter of the same length."""
+        self.kernel, self.threshold = kernel, threshold
+
     def skip(self, outputs: int) -> None:
         """Skip outputs that are not searched, before any other."""
         self._first += outputs
@@ -745,38 +754,45 @@ def fast_length(least: int) -> int:
 
 
 class OverlapSave:
-    """Correlation of a stream of samples with taps.
+    """Correlation of a stream of samples with the taps of one filter or several.
 
     Output k is the sum of `taps[j]` times sample `k - before + j`; samples outside the
-    sound count as 0.
+    sound count as 0. Several filters of equal length share the transforms of the
+    samples, and their outputs are rows.
 
     Attributes:
         out: Number of outputs returned so far.
     """
 
     def __init__(
-        self, taps: Float[np.ndarray, " tap"], before: int, block: int | None = None
+        self, taps: Float[np.ndarray, "*row tap"], before: int, block: int | None = None
     ):
         """Create the filter.
 
         Args:
-            taps: The filter.
+            taps: The filter, or filters.
             before: Number of taps before the sample of an output.
             block: Outputs of one transform; None for a number of low cost.
         """
         # a transform yields its length minus the overlap: with four times the taps,
         # three quarters of its outputs are used
         if block is None:
-            block = max(3 * taps.size, 2**15)
-        self._overlap = taps.size - 1
+            block = max(3 * taps.shape[-1], 2**15)
+        self._overlap = taps.shape[-1] - 1
         self._size = fast_length(self._overlap + block)
         self._block = self._size - self._overlap
-        self._gain = np.conj(np.fft.rfft(taps, self._size)) / self._size
         self._buffer = np.zeros(before)
-        self._reach = taps.size - 1 - before
+        self._reach = self._overlap - before
         self.out = 0
+        self.retune(taps)
 
-    def push(self, samples: Float[np.ndarray, " new"]) -> Float[np.ndarray, " output"]:
+    def retune(self, taps: Float[np.ndarray, "*row tap"]) -> None:
+        """Use other taps of the same shape from the next output on."""
+        self._gain = np.conj(np.fft.rfft(taps, self._size)) / self._size
+
+    def push(
+        self, samples: Float[np.ndarray, " new"]
+    ) -> Float[np.ndarray, "*row output"]:
         """Add samples; return the outputs that they complete, in order."""
         buffer = np.concatenate([self._buffer, samples])
         ready = max(buffer.size - self._overlap, 0)
@@ -784,14 +800,16 @@ class OverlapSave:
         for start in range(0, ready, self._block):
             stop = min(start + self._block, ready)
             spectrum = np.fft.rfft(buffer[start : stop + self._overlap], self._size)
-            # the gain contains 1 / size: one product in place, not two passes
-            spectrum *= self._gain
-            around = np.fft.irfft(spectrum, self._size, norm="forward")
-            parts.append(around[: stop - start])
+            # the gain contains 1 / size: one product, not two passes
+            around = np.fft.irfft(spectrum * self._gain, self._size, norm="forward")
+            parts.append(around[..., : stop - start])
         self._buffer = buffer[ready:].copy()
         self.out += ready
-        return parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0), *parts])
+        if len(parts) == 1:
+            return parts[0]
+        none = np.zeros((*self._gain.shape[:-1], 0))
+        return np.concatenate([none, *parts], axis=-1)
 
-    def finish(self) -> Float[np.ndarray, " output"]:
+    def finish(self) -> Float[np.ndarray, "*row output"]:
         """Return the last outputs, so that there are as many as samples."""
         return self.push(np.zeros(self._reach))

@@ -24,6 +24,7 @@ for it. Windows of constant samples are digital silence of the recorder. They ar
 out, and counted.
 """
 
+from collections import deque
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -42,6 +43,14 @@ LEAST_SEGMENTS = 7
 (2 dB), and fewer would not exclude a blast in one or two of them."""
 DENSITY_FLOOR = 1e-10
 """Smallest density, over the mean: no recorder resolves a signal 100 dB below it."""
+
+
+MEMORY_S = 32.0
+"""Length of noise at which the older half of its mean counts half [s]: the standard
+deviation of an output is then known to 3 %, and the wind may change in minutes."""
+RELEARN_S = 5.0
+"""Time without any quiet window after which noise is learnt again [s]: longer than the
+reverberation of a blast."""
 
 
 class NoiseSpectrum(NamedTuple):
@@ -104,9 +113,7 @@ def noise_spectrum(
                 f"{argument('segment_s')}: expected windows of at least 8 samples, "
                 f"seven of them half overlapping in {samples.size} samples, got {size}"
             )
-    windows = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
-    # digital silence, as of a recorder that was off, would lower the density
-    alive = np.ptp(windows, axis=1) > 0
+    windows, alive = _windows(samples, size)
     if alive.sum() < LEAST_SEGMENTS:
         raise InputError(
             f"{argument('recording')}: expected sound, got digital silence in "
@@ -114,25 +121,137 @@ def noise_spectrum(
             f"of {size / rate_hz:.3g} s"
         )
     offset = float(np.median(windows[alive].mean(axis=1)))
-    taper = np.hanning(size + 1)[:size]
     # window by window, as one transform of all would need several times the memory
     power = np.stack(
-        [
-            np.abs(np.fft.rfft((window - offset) * taper)) ** 2
-            for window in windows[alive]
-        ]
+        [periodograms(window - offset, rate_hz) for window in windows[alive]]
     )
-    if average == "median":
-        # the formula of the bias holds for odd numbers, where one value is the median
-        odd = power[: power.shape[0] - 1 + power.shape[0] % 2]
-        density = np.median(odd, axis=0) / median_bias(odd.shape[0])
-    else:
-        density = np.mean(power, axis=0)
+    density = median_density(power) if average == "median" else np.mean(power, axis=0)
+    return NoiseSpectrum(np.fft.rfftfreq(size, 1 / rate_hz), density, offset)
+
+
+def _windows(
+    samples: np.ndarray, size: int
+) -> tuple[Float[np.ndarray, "window sample"], np.ndarray]:
+    """Return windows that overlap by half, and which of them have sound."""
+    windows = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
+    # digital silence, as of a recorder that was off, would lower the density
+    return windows, np.ptp(windows, axis=1) > 0
+
+
+def periodograms(
+    windows: Float[np.ndarray, "*window sample"], rate_hz: float
+) -> Float[np.ndarray, "*window bin"]:
+    """Return the one-sided power density of each window, tapered [1/Hz].
+
+    Args:
+        windows: Samples without their mean.
+        rate_hz: Sampling rate [Hz].
+    """
+    size = windows.shape[-1]
+    taper = np.hanning(size + 1)[:size]
+    density = np.abs(np.fft.rfft(windows * taper)) ** 2
     density *= 2 / (rate_hz * np.sum(taper**2))
     # the lines at zero and at half the rate are real: their squares have one degree of
     # freedom, not two, and the removed mean leaks out of the first
-    density[0], density[-1] = density[1], density[-2]
-    return NoiseSpectrum(np.fft.rfftfreq(size, 1 / rate_hz), density, offset)
+    density[..., 0], density[..., -1] = density[..., 1], density[..., -2]
+    return density
+
+
+def median_density(
+    power: Float[np.ndarray, "window bin"],
+) -> Float[np.ndarray, " bin"]:
+    """Return the median of densities of noise, scaled to their mean."""
+    # the formula of the bias holds for odd numbers, where one value is the median
+    odd = power[: power.shape[0] - 1 + power.shape[0] % 2]
+    return np.median(odd, axis=0) / median_bias(odd.shape[0])
+
+
+class NoiseFollower:
+    """Estimate of the spectrum of a stream's noise, in bounded memory.
+
+    It is the mean over the windows that contain no arrivals, with a memory of
+    `MEMORY_S`. If no such window has come for `RELEARN_S`, the noise itself has become
+    louder: the estimate is then the median over these seconds, and the mean begins
+    again.
+
+    Attributes:
+        offset: Mean of the samples.
+        quiet_s: Length of the noise in the mean [s].
+        unquiet_s: Length of sound since the last window without arrivals [s].
+        block: Number of samples of a block.
+    """
+
+    def __init__(self, rate_hz: float, offset: float):
+        """Create the estimate without noise.
+
+        Args:
+            rate_hz: Sampling rate [Hz].
+            offset: Mean of the samples.
+        """
+        self._rate_hz, self._size = rate_hz, window_size(rate_hz)
+        self.offset, self.block = offset, 2 * self._size
+        self._last = np.zeros(0)
+        self._recent: deque[np.ndarray] = deque(maxlen=self._count(RELEARN_S))
+        self._sum = np.zeros(self._size // 2 + 1)
+        self._forget()
+
+    def _count(self, seconds: float) -> int:
+        return max(round(seconds * self._rate_hz / (self._size // 2)), 1)
+
+    def _forget(self) -> None:
+        self._sum[:], self._windows, self._unquiet = 0.0, 0.0, 0
+
+    @property
+    def quiet_s(self) -> float:
+        """Length of the noise in the mean [s]."""
+        return self._windows * (self._size // 2) / self._rate_hz
+
+    def add(self, block: Float[np.ndarray, " sample"], *, quiet: bool) -> None:
+        """Add the next block.
+
+        Args:
+            block: Samples.
+            quiet: True for a block without arrivals.
+        """
+        samples = np.concatenate([self._last, block])
+        self._last = samples[-(self._size // 2) :].copy()
+        windows, alive = _windows(samples, self._size)
+        if not alive.any():
+            return
+        rows = periodograms(windows[alive] - self.offset, self._rate_hz)
+        self._recent.extend(rows)
+        if not quiet:
+            self._unquiet += len(rows)
+            return
+        self._unquiet = 0
+        self._sum += rows.sum(axis=0)
+        self._windows += len(rows)
+        # the offset has the memory of the mean
+        step = (float(windows[alive].mean()) - self.offset) * len(rows)
+        self.offset += step / self._windows
+        if self._windows >= self._count(MEMORY_S):
+            self._sum *= 0.5
+            self._windows *= 0.5
+
+    def mean(self) -> NoiseSpectrum:
+        """Return the mean spectrum of the noise."""
+        return self._spectrum(self._sum / self._windows)
+
+    def relearnt(self) -> NoiseSpectrum | None:
+        """Return the spectrum of louder noise; None while there are quiet windows."""
+        if self._unquiet < self._count(RELEARN_S):
+            return None
+        self._forget()
+        return self._spectrum(median_density(np.stack(self._recent)))
+
+    def _spectrum(self, density: np.ndarray) -> NoiseSpectrum:
+        frequency = np.fft.rfftfreq(self._size, 1 / self._rate_hz)
+        return NoiseSpectrum(frequency, density, self.offset)
+
+
+def window_size(rate_hz: float) -> int:
+    """Return the number of samples of a window of `SEGMENT_S` at most."""
+    return 2 ** int(np.log2(max(SEGMENT_S * rate_hz, 8)))
 
 
 def median_bias(count: int) -> float:

@@ -110,6 +110,15 @@ class PulseFit(NamedTuple):
     level: float
     loud: bool = True
 
+    def over(self, statistic: float, threshold: float) -> "PulseFit":
+        """Return the fit of an arrival compared with the noise just before it.
+
+        Args:
+            statistic: Its statistic [standard deviations of the noise].
+            threshold: Threshold in the noise of the whole recording.
+        """
+        return self._replace(loud=bool(statistic > threshold * self.level))
+
     @property
     def blast_form(self) -> bool:
         """True if the arrival is a blast by form and by level over the noise."""

@@ -19,6 +19,7 @@ have a known error.
 """
 
 from collections.abc import Callable, Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +64,9 @@ DURATION_RATIO = 2**0.5
 of the signal remains, a loss of 0.6 dB."""
 DURATIONS = tuple(0.001 * DURATION_RATIO**nth for nth in range(14))
 """Positive phases of the bank, 1 to 91 ms [s]: from 2 g to 2 t at Z = 50."""
+CHAIN_S = 1.0
+"""Longest time for which an arrival waits for the decision on a chain of ever louder
+ones [s]; it is then dropped, as a forerunner of them."""
 BANK_SCALED_DISTANCE = 50.0
 """Scaled distance of the bank's pulses [m/kg^(1/3)]: there the form hardly depends on
 it, as all pulses of one duration beyond Z = 5 (`templates`)."""
@@ -123,6 +127,7 @@ def search(
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
     *,
     front_samples: float = SAME_FRONT,
+    noise: NoiseSpectrum | None = None,
 ) -> Searched:
     """Search a whole recording.
 
@@ -132,13 +137,16 @@ def search(
         false_alarms_per_hour: Mean rate of false alarms [1/h].
         front_samples: Error of an arrival by its front, in samples: `SAME_FRONT`, or
             `OTHER_FRONT`.
+        noise: Spectrum of the noise; None to measure it.
 
     Raises:
         InputError: Template or recording cannot be used.
     """
-    noise, filtered = _quieted(
-        channel.samples, template, channel.rate_hz, false_alarms_per_hour
-    )
+    filtered = None
+    if noise is None:
+        noise, filtered = _quieted(
+            channel.samples, template, channel.rate_hz, false_alarms_per_hour
+        )
     if filtered is None:
         filtered = matched_filter(
             channel.samples, template, channel.rate_hz, noise_spectrum=noise
@@ -152,7 +160,7 @@ def search(
         kernel=kernel,
         threshold=threshold,
         statistic=filtered.statistic,
-        detections=_with_front(
+        detections=with_front(
             detections(filtered, threshold), front_samples / channel.rate_hz
         ),
         latency_s=(kernel.reach + settles) / channel.rate_hz,
@@ -228,12 +236,12 @@ def search_as_stream(
         kernel=listening.kernel,
         threshold=listening.threshold,
         statistic=statistic,
-        detections=_with_front(found, front_samples / channel.rate_hz),
+        detections=with_front(found, front_samples / channel.rate_hz),
         latency_s=listening.latency_s,
     )
 
 
-def _with_front(found: tuple[Detection, ...], front_s: float) -> tuple[Detection, ...]:
+def with_front(found: tuple[Detection, ...], front_s: float) -> tuple[Detection, ...]:
     """Return arrivals with the errors by their fronts added to the bound."""
     return tuple(
         one._replace(sigma_s=float(np.hypot(one.sigma_s, front_s))) for one in found
@@ -257,15 +265,19 @@ def _listened(
 
 
 def bank_of_pulses(rate_hz: float) -> list[np.ndarray]:
-    """Return templates of all `DURATIONS`.
+    """Return templates of the `DURATIONS` of at least one sample.
 
     Args:
         rate_hz: Sampling rate [Hz].
+
+    Raises:
+        InputError: The rate is too low for all of them.
     """
     air = (STANDARD_PRESSURE, STANDARD_SOUND_SPEED)
     unit = float(blast_pulse(BANK_SCALED_DISTANCE, 1.0, *air, "surface").duration)
     # at one scaled distance, durations and distances scale as W^(1/3)
-    sizes = [duration / unit for duration in DURATIONS]
+    sampled = [one for one in DURATIONS if one * rate_hz >= 1.0] or DURATIONS[-1:]
+    sizes = [duration / unit for duration in sampled]
     masses, ranges = (
         [size**3 for size in sizes],
         [BANK_SCALED_DISTANCE * size for size in sizes],
@@ -277,64 +289,115 @@ def search_bank(
     channel: Channel,
     templates: Sequence[np.ndarray],
     false_alarms_per_hour: float,
-    look: Callable[[Channel, np.ndarray, float], Searched],
     *,
+    front_samples: float = SAME_FRONT,
     any_form: bool = False,
+    noise: NoiseSpectrum | None = None,
 ) -> Searched:
-    """Search a channel for several templates.
+    """Search a whole channel for several templates.
 
     The output is the largest of all at each sample, the threshold the highest. Of
     arrivals closer to each other than the longest pulse the loudest is tested. It is
     rejected if its form is not that of a blast (`pulse_fit`), or if it is below the
-    threshold in the noise just before it.
+    threshold in the noise just before it. `live.search_bank_as_stream` is the same
+    search block by block.
 
     Args:
         channel: The channel.
         templates: Templates at the channel's rate.
         false_alarms_per_hour: Mean rate of false alarms of all together [1/h].
-        look: `search`, or `search_as_stream`.
+        front_samples: Error of an arrival by its front [samples].
         any_form: True to accept arrivals of any form.
+        noise: Spectrum of the noise; None to measure it.
 
     Raises:
         InputError: Templates or recording cannot be used.
     """
     # by Bonferroni: alarms of the bank are at most the sum of the members'
     share = false_alarms_per_hour / len(templates)
-    every = [look(channel, template, share) for template in templates]
+    every = [
+        search(channel, template, share, front_samples=front_samples, noise=noise)
+        for template in templates
+    ]
     # one blast is above the threshold of several members within its duration
     longest = max(template.size for template in templates) / channel.rate_hz
     found = [(one, nth) for nth, of in enumerate(every) for one in of.detections]
-    # the loudest first, so that its neighbours are skipped
-    found.sort(key=lambda arrival: -arrival[0].statistic)
+    quiet = noise
+    if quiet is None:
+        quiet = _noise_beside(channel, [one.time_s for one, _ in found], longest)
     tested: list[tuple[Detection, PulseFit]] = []
-    accepted: set[Detection] = set()
-    quiet = _noise_beside(channel, [one.time_s for one, _ in found], longest)
     tests: dict[int, PulseTest] = {}
-    for one, nth in found:
-        if any(abs(one.time_s - other.time_s) <= longest for other, _ in tested):
-            continue
+    for one, nth in Loudest(longest).push(found, np.inf):
         if nth not in tests:
-            noise = every[nth].noise if quiet is None else quiet
-            tests[nth] = PulseTest(templates, channel.rate_hz, noise)
+            beside = every[nth].noise if quiet is None else quiet
+            tests[nth] = PulseTest(templates, channel.rate_hz, beside)
         fit = tests[nth](channel.samples, one.time_s, nth)
-        # the threshold is proportional to the noise just before the arrival
-        loud = one.statistic > every[nth].threshold * fit.level
-        fit = fit._replace(loud=bool(loud))
-        tested.append((one, fit))
-        if any_form or fit.blast_form:
-            accepted.add(one)
+        tested.append((one, fit.over(one.statistic, every[nth].threshold)))
     tested.sort(key=lambda pair: pair[0].time_s)
-    loudest = every[found[0][1]] if found else every[0]
+    accepted = [any_form or fit.blast_form for _, fit in tested]
+    loudest = max(found, key=lambda arrival: arrival[0].statistic, default=(None, 0))
     length = min(one.statistic.size for one in every)
     outputs = np.max([one.statistic[:length] for one in every], axis=0)
-    return loudest._replace(
+    return every[loudest[1]]._replace(
         threshold=max(one.threshold for one in every),
         statistic=outputs,
-        detections=tuple(one for one, _ in tested if one in accepted),
-        fits=tuple(fit for one, fit in tested if one in accepted),
-        rejected=tuple(pair for pair in tested if pair[0] not in accepted),
+        detections=tuple(pair[0] for pair in compress(tested, accepted)),
+        fits=tuple(pair[1] for pair in compress(tested, accepted)),
+        rejected=tuple(
+            pair for pair in tested if not any_form and not pair[1].blast_form
+        ),
         latency_s=max(one.latency_s for one in every) + longest,
     )
+
+
+class Loudest:
+    """Choice of the loudest of arrivals that are close to each other.
+
+    The loudest arrival is chosen, and those within a given time of it are dropped; then
+    the loudest of the rest, and so on. In a stream an arrival is decided as soon as no
+    louder one can follow within that time.
+
+    Args:
+        apart_s: Smallest time between chosen arrivals [s].
+    """
+
+    def __init__(self, apart_s: float):
+        self._apart_s = apart_s
+        self._open: list[tuple[Detection, int]] = []
+        self._chosen: list[float] = []
+
+    def push(
+        self, found: Sequence[tuple[Detection, int]], until_s: float
+    ) -> list[tuple[Detection, int]]:
+        """Add arrivals; return the newly chosen ones, the loudest first.
+
+        Args:
+            found: Arrivals, each with the number of its template.
+            until_s: Time before which all arrivals are known [s].
+        """
+        chosen: list[tuple[Detection, int]] = []
+        undecided: list[tuple[Detection, int]] = []
+        for one in sorted([*self._open, *found], key=lambda one: -one[0].statistic):
+            time = one[0].time_s
+
+            def close(other_s: float, time: float = time) -> bool:
+                return abs(time - other_s) <= self._apart_s
+
+            if any(map(close, self._chosen)):
+                continue
+            if any(close(louder.time_s) for louder, _ in undecided):
+                # a chain of ever louder arrivals would need unlimited memory
+                if time > until_s - CHAIN_S:
+                    undecided.append(one)
+            elif time + self._apart_s > until_s:
+                undecided.append(one)
+            else:
+                chosen.append(one)
+                self._chosen.append(time)
+        self._open = undecided
+        oldest = until_s - CHAIN_S - 2 * self._apart_s
+        self._chosen = [time for time in self._chosen if time >= oldest]
+        return chosen
 
 
 def _noise_beside(

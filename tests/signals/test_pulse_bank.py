@@ -46,7 +46,7 @@ def test_a_bank_finds_what_one_pulse_finds_and_a_little_less_loud():
     samples[20_000 : 20_000 + template.size] += 4 * template / template.max()
     channel = Channel("gate", "gate.wav", 1, samples, RATE)
     (one,) = search(channel, template).detections
-    bank = search_bank(channel, bank_of_pulses(RATE), 1.0, search)
+    bank = search_bank(channel, bank_of_pulses(RATE), 1.0)
     (found,) = bank.detections
     assert found.time_s == pytest.approx(20_000 / RATE, abs=1e-3)
     assert one.snr_db - 2.0 < found.snr_db < one.snr_db + 0.5
@@ -61,7 +61,7 @@ def test_a_bank_gives_no_more_false_alarms_than_are_borne_with():
     for _ in range(12):
         noise = rng.standard_normal(int(seconds * RATE))
         channel = Channel("gate", "gate.wav", 1, noise, RATE)
-        alarms += len(search_bank(channel, shapes, per_hour, search).detections)
+        alarms += len(search_bank(channel, shapes, per_hour).detections)
     # a Poisson count of 12 at most, fewer since pulses are alike
     assert 1 <= alarms <= 22
 

@@ -8,8 +8,6 @@ from jblast.signals.pulse_fit import MAX_MISFIT, PulseTest
 from jblast.signals.search import (
     Channel,
     bank_of_pulses,
-    search,
-    search_as_stream,
     search_bank,
 )
 
@@ -81,7 +79,7 @@ def channel(sound, at_s=3.0, level=40.0, seed=0):
 
 @pytest.mark.parametrize("name", BLASTS)
 def test_pulses_of_other_forms_are_accepted(bank, name):
-    found = search_bank(channel(BLASTS[name]), bank, 1.0, search)
+    found = search_bank(channel(BLASTS[name]), bank, 1.0)
     assert [round(one.time_s, 2) for one in found.detections] == [3.0]
     (fit,) = found.fits
     assert fit.misfit < MAX_MISFIT
@@ -90,11 +88,11 @@ def test_pulses_of_other_forms_are_accepted(bank, name):
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_impulsive_sounds_are_rejected(bank, name):
-    found = search_bank(channel(OTHERS[name]), bank, 1.0, search)
+    found = search_bank(channel(OTHERS[name]), bank, 1.0)
     assert found.detections == ()
     assert found.rejected  # reported, not dropped
     assert all(not fit.accepted for _, fit in found.rejected)
-    accepted = search_bank(channel(OTHERS[name]), bank, 1.0, search, any_form=True)
+    accepted = search_bank(channel(OTHERS[name]), bank, 1.0, any_form=True)
     assert len(accepted.detections) == len(found.rejected) == len(accepted.fits)
 
 
@@ -105,21 +103,9 @@ def test_doors_are_rejected(bank):
     for nth in range(count):
         slam, start = door(rng), round(4 * (nth + 0.5) * RATE)
         samples[start : start + slam.size] += 40 * slam / np.abs(slam).max()
-    found = search_bank(
-        Channel("gate", "gate.wav", 1, samples, RATE), bank, 1.0, search
-    )
+    found = search_bank(Channel("gate", "gate.wav", 1, samples, RATE), bank, 1.0)
     assert len(found.rejected) >= count - 3  # 18, 18 and 20 of three seeds
     assert len(found.rejected) + len(found.detections) == count
-
-
-@pytest.mark.parametrize("sound", [BLASTS["12 ms"], OTHERS["drum"]])
-def test_a_stream_accepts_what_a_whole_recording_does(bank, sound):
-    whole = search_bank(channel(sound), bank, 1.0, search)
-    streamed = search_bank(channel(sound), bank, 1.0, search_as_stream)
-    # shorter than ten seconds: the noise is that of all of it, in both
-    np.testing.assert_allclose(streamed.detections, whole.detections, rtol=1e-9)
-    np.testing.assert_allclose(streamed.fits, whole.fits, rtol=1e-9)
-    assert len(streamed.rejected) == len(whole.rejected)
 
 
 def test_chi_squared_of_a_true_pulse_has_its_degrees_of_freedom(bank):
@@ -153,9 +139,7 @@ def test_a_louder_interval_raises_the_threshold(bank):
     rng = np.random.default_rng(3)
     samples = rng.standard_normal(round(20 * RATE))
     samples[round(8 * RATE) : round(10 * RATE)] *= 4.0
-    found = search_bank(
-        Channel("gate", "gate.wav", 1, samples, RATE), bank, 1.0, search
-    )
+    found = search_bank(Channel("gate", "gate.wav", 1, samples, RATE), bank, 1.0)
     assert len(found.rejected) > 0
     assert found.detections == ()
 
@@ -164,7 +148,7 @@ def test_a_blast_in_quiet_after_loud_sound_is_accepted(bank):
     """Half of the recording is ten times as loud: the level is that before it."""
     one = channel(friedlander(0.008), at_s=5.0, level=8.0)
     one.samples[: round(3 * RATE)] *= 3.0
-    found = search_bank(one, bank, 1.0, search)
+    found = search_bank(one, bank, 1.0)
     assert [round(arrival.time_s, 2) for arrival in found.detections] == [5.0]
     assert found.fits[0].level < 0.7
 

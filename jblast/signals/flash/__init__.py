@@ -7,8 +7,10 @@ from jblast.signals.flash.fireball import (
     direction_of as direction_of,
 )
 from jblast.signals.flash.search import (
+    EventSteps as EventSteps,
     Flash as Flash,
     FlashDetections as FlashDetections,
+    FlashWatch as FlashWatch,
     Rejected as Rejected,
     detect_flashes as detect_flashes,
     event_changes as event_changes,

@@ -31,10 +31,11 @@ The larger of both thresholds is used.
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Integer
 
 from jblast.observations import Observations, observed
 from jblast.scene import Camera
@@ -112,6 +113,8 @@ the threshold, because a lamp has the same: in slow films it is reported as reje
 SAME_AS_REJECTED = "it belongs to what had been rejected there before"
 STEP_S = 1e-3
 """Time over which events are summed to one change [s]: the tuned frame interval."""
+STEP_US = round(1e6 * STEP_S)
+"""The same [us]."""
 BLOCK_STEPS = 32
 """Steps whose images are in memory together: 80 MB at 640 x 480 pixels."""
 Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
@@ -206,118 +209,182 @@ def detect_flashes(
         changes: True for changes by events.
         exposure_s: Exposure of a frame, 0 if not known [s].
     """
-    group = 1 if changes else max(1, round(rate_hz / TUNED_RATE_HZ))
-    rate = rate_hz / group
-    watch: Watch | None = None
-    kept: deque[_Kept] = deque(maxlen=FRAMES_BEFORE + DECISION_FRAMES)
-    alarm: int | None = None
-    pending: deque[tuple[int, Seen]] = deque()
-    # averaged frames are one longer exposure
-    exposure_s += (group - 1) / rate_hz
-    decided = _Decided(group, changes, exposure_s)
-    lamps = _Lamps(stays_for(rate) + 1 if rate < SLOW_HZ and not changes else 0)
-    times, statistics, binned = [], [], 1
-    number = -1
-    for number, (time, image) in enumerate(_grouped(blocks, group)):
-        if watch is None:
-            binned = max(1, math.ceil(max(image.shape) / MAX_WIDTH))
-            watch = Watch(_binned(image, binned).shape, stays=stays_for(rate))
-        # averaging before the logarithm: light adds up, its logarithm does not
-        image = _binned(image, binned)
-        seen = watch.change(image) if changes else watch.frame(image)
-        none = np.zeros(image.shape, bool)
-        kept.append(_Kept(number, time, image, watch.last.lit if watch.last else none))
-        times.append(time)
-        statistics.append(seen.statistic)
-        lamps.add(times, seen, alarmed=alarm is not None or seen.statistic > threshold)
-        if alarm is None and seen.statistic > threshold:
-            alarm = number
-            pending.append((number, seen))
-        # one alarm for each blast: its remaining evidence is dropped
-        if alarm is not None and number - alarm >= FRAMES_AFTER:
-            alarm = None
-            watch.forget()
-        if pending and number - pending[0][0] >= DECISION_FRAMES:
-            decided.add(kept, *pending.popleft(), binned)
-    for one in pending:
-        decided.add(kept, *one, binned)
-    wait = (stays_for(rate) - 1) / rate
+    watch = FlashWatch(rate_hz, threshold, changes=changes, exposure_s=exposure_s)
+    flashes: list[Flash] = []
+    rejected: list[Rejected] = []
+    times, statistics = [np.zeros(0)], [np.zeros(0)]
+    for block in chain(blocks, [None]):
+        flashes += watch.finish() if block is None else watch.push(*block)
+        rejected += watch.rejected
+        times.append(watch.times)
+        statistics.append(watch.statistic)
     return FlashDetections(
-        tuple(decided.flashes),
-        np.array(times),
-        np.array(statistics),
+        tuple(flashes),
+        np.concatenate(times),
+        np.concatenate(statistics),
         threshold,
-        wait,
-        binned,
-        tuple(sorted(decided.rejected + lamps.ended())),
+        watch.latency_s,
+        watch.binned,
+        tuple(sorted(rejected)),
     )
 
 
-class _Lamps:
-    """Lights of one or two frames, with a statistic below the threshold."""
+class FlashWatch:
+    """Search of an unlimited stream of frames, or of changes, in bounded memory.
 
-    def __init__(self, frames: int):
-        """Create the empty list.
-
-        Args:
-            frames: Largest number of frames from the first evidence to
-                `LAMP_STATISTIC`; 0 for films that show growth.
-        """
-        self._frames = frames
-        self._lit: list[float] = []
-        self._now: float | None = None
-
-    def add(self, times: list[float], seen: Seen, *, alarmed: bool) -> None:
-        """Process the last frame.
-
-        Args:
-            times: Times of the frames so far [s].
-            seen: Result of the test after the last one.
-            alarmed: True for evidence above the threshold, now or recently.
-        """
-        if alarmed:
-            self._now = None
-        elif seen.statistic <= LAMP_STATISTIC:
-            self._lit += [] if self._now is None else [self._now]
-            self._now = None
-        elif self._now is None and seen.frames <= self._frames:
-            self._now = times[-seen.frames]
-
-    def ended(self) -> list[Rejected]:
-        """Return them at the end of the film."""
-        lit = self._lit if self._now is None else [*self._lit, self._now]
-        return [Rejected(time, LIKE_A_LAMP) for time in lit]
-
-
-class _Decided:
-    """Checked alarms: flashes and rejected ones.
+    An alarm is raised within milliseconds of a fireball, and decided `DECISION_FRAMES`
+    later, for example 0.6 s at 100 frames a second.
 
     Attributes:
-        flashes: Flashes in order of time.
-        rejected: Rejected alarms in order of time.
+        rejected: Alarms that the last push rejected.
+        times: Times of the frames that the last push tested [s].
+        statistic: Statistic of the test after each.
+        latency_s: Smallest delay from first light to the alarm [s].
+        binned: Side of the squares of pixels that are averaged [px].
     """
 
-    def __init__(self, group: int, changes: bool, exposure_s: float):
-        """Create the empty lists; arguments as in `detect_flashes`."""
-        self._group, self._changes, self._exposure_s = group, changes, exposure_s
-        self.flashes: list[Flash] = []
-        self.rejected: list[Rejected] = []
-        self._spurned: tuple[int, tuple[int, int, int, int]] | None = None
+    def __init__(
+        self,
+        rate_hz: float,
+        threshold: float,
+        *,
+        changes: bool = False,
+        exposure_s: float = 0.0,
+        shape: tuple[int, int] | None = None,
+    ):
+        """Create the search.
 
-    def add(self, kept: "deque[_Kept]", number: int, seen: Seen, binned: int) -> None:
+        Args:
+            rate_hz: Frame rate [Hz].
+            threshold: Threshold of the statistic.
+            changes: True for changes by events.
+            exposure_s: Exposure of a frame, 0 if not known [s].
+            shape: Height and width [px]; None for those of the first image.
+        """
+        self._group = 1 if changes else max(1, round(rate_hz / TUNED_RATE_HZ))
+        rate = rate_hz / self._group
+        self._threshold, self._changes = threshold, changes
+        # averaged frames are one longer exposure
+        self._exposure_s = exposure_s + (self._group - 1) / rate_hz
+        self._stays = stays_for(rate)
+        self._watch: Watch | None = None
+        self._shape = shape
+        self._kept: deque[_Kept] = deque(maxlen=FRAMES_BEFORE + DECISION_FRAMES)
+        self._alarm: int | None = None
+        self._pending: deque[tuple[int, Seen]] = deque()
+        self._lamps = _Lamps(self._stays + 1 if rate < SLOW_HZ and not changes else 0)
+        self._spurned: tuple[int, tuple[int, int, int, int]] | None = None
+        self._number = -1
+        self._parts: np.ndarray | float = 0.0
+        self._part_times: list[float] = []
+        self.latency_s, self.binned = (self._stays - 1) / rate, 1
+        self._start()
+
+    def _start(self) -> None:
+        self._flashes: list[Flash] = []
+        self._rejected: list[Rejected] = []
+        self._times: list[float] = []
+        self._statistics: list[float] = []
+
+    def push(
+        self, times: Sequence[float] | np.ndarray, images: Iterable[Image | None]
+    ) -> tuple[Flash, ...]:
+        """Process frames; return the blasts that are decided by now.
+
+        Args:
+            times: Times, as in `detect_flashes` [s].
+            images: Light, or changes; None is a change of zero.
+        """
+        self._start()
+        for time, image in zip(times, images, strict=True):
+            if self._group == 1:
+                # a copy, since callers reuse their buffers
+                self._add(float(time), None if image is None else np.array(image))
+                continue
+            self._parts = self._parts + np.asarray(image, np.float32)
+            self._part_times.append(float(time))
+            if len(self._part_times) == self._group:
+                mean = self._parts / np.float32(self._group)
+                self._add(float(np.mean(self._part_times)), mean)
+                self._parts, self._part_times = 0.0, []
+        return self._reported()
+
+    def finish(self) -> tuple[Flash, ...]:
+        """Return the remaining blasts at the end of the frames."""
+        self._start()
+        while self._pending:
+            self._decide(*self._pending.popleft())
+        self._rejected += self._lamps.ended()
+        return self._reported()
+
+    def _reported(self) -> tuple[Flash, ...]:
+        self.rejected = tuple(sorted(self._rejected))
+        self.times = np.array(self._times)
+        self.statistic = np.array(self._statistics)
+        return tuple(self._flashes)
+
+    def _begin(self, image: Image | None) -> Watch:
+        """Create the test for the shape of the first frame, or the given one."""
+        shape = self._shape if image is None else image.shape
+        if shape is None:
+            raise ValueError("shape: expected it for a first step without events")
+        self.binned = max(1, math.ceil(max(shape) / MAX_WIDTH))
+        self._still = _binned(np.zeros(shape, np.float32), self.binned)
+        self._none = np.zeros(self._still.shape, bool)
+        self._watch = Watch(self._still.shape, stays=self._stays)
+        return self._watch
+
+    def _add(self, time: float, image: Image | None) -> None:
+        """Test a frame."""
+        self._number += 1
+        number = self._number
+        watch = self._watch or self._begin(image)
+        # averaging before the logarithm: light adds up, its logarithm does not
+        image = self._still if image is None else _binned(image, self.binned)
+        if not self._changes:
+            seen = watch.frame(image)
+        elif image is self._still or not image.any():
+            # one image for all steps without events
+            seen, image = watch.rest(), self._still
+        else:
+            seen = watch.change(image)
+        lit = self._none if watch.last is None else watch.last.lit
+        self._kept.append(_Kept(number, time, image, lit))
+        self._times.append(time)
+        self._statistics.append(seen.statistic)
+        loud = seen.statistic > self._threshold
+        alarmed = self._alarm is not None or loud
+        self._rejected += self._lamps.add(time, seen, alarmed=alarmed)
+        if self._alarm is None and loud:
+            self._alarm = number
+            self._pending.append((number, seen))
+        # one alarm for each blast: its remaining evidence is dropped
+        if self._alarm is not None and number - self._alarm >= FRAMES_AFTER:
+            self._alarm = None
+            watch.forget()
+        if self._pending and number - self._pending[0][0] >= DECISION_FRAMES:
+            self._decide(*self._pending.popleft())
+
+    def _decide(self, number: int, seen: Seen) -> None:
         """Check an alarm by all stored frames; measure it if it is a blast."""
-        frames = [one for one in kept if one.number > number - FRAMES_BEFORE]
+        frames = [one for one in self._kept if one.number > number - FRAMES_BEFORE]
         numbers = np.array([one.number for one in frames])
         at = int(np.searchsorted(numbers, number))
         begun = max(at - seen.frames + 1, 0)
         reason = self._objection(frames, begun, at, seen)
         if reason is not None:
-            self.rejected.append(Rejected(frames[at].time, reason))
+            self._rejected.append(Rejected(frames[at].time, reason))
             self._spurned = number, seen.box
             return
         frames = [one for one in frames if one.number <= number + FRAMES_AFTER]
-        self.flashes += _measured(
-            frames, number, seen, self._group, binned, self._changes, self._exposure_s
+        self._flashes += _measured(
+            frames,
+            number,
+            seen,
+            self._group,
+            self.binned,
+            self._changes,
+            self._exposure_s,
         )
 
     def _objection(
@@ -344,26 +411,46 @@ class _Decided:
         return GROWS_ON if grows_on(spots, earliest) else None
 
 
+class _Lamps:
+    """Lights of one or two frames, with a statistic below the threshold."""
+
+    def __init__(self, frames: int):
+        """Create the empty state.
+
+        Args:
+            frames: Largest number of frames from the first evidence to
+                `LAMP_STATISTIC`; 0 for films that show growth.
+        """
+        self._frames = frames
+        self._times: deque[float] = deque(maxlen=max(frames, 1))
+        self._now: float | None = None
+
+    def add(self, time: float, seen: Seen, *, alarmed: bool) -> list[Rejected]:
+        """Process a frame; return a light that has ended.
+
+        Args:
+            time: Its time [s].
+            seen: Result of the test after it.
+            alarmed: True for evidence above the threshold, now or recently.
+        """
+        self._times.append(time)
+        if alarmed:
+            self._now = None
+        elif seen.statistic <= LAMP_STATISTIC:
+            return self.ended()
+        elif self._now is None and seen.frames <= self._frames:
+            self._now = self._times[-seen.frames]
+        return []
+
+    def ended(self) -> list[Rejected]:
+        """Return the present light, which has ended."""
+        lit, self._now = self._now, None
+        return [] if lit is None else [Rejected(lit, LIKE_A_LAMP)]
+
+
 def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
     across = min(one[2], other[2]) > max(one[0], other[0])
     return across and min(one[3], other[3]) > max(one[1], other[1])
-
-
-def _grouped(blocks, group: int) -> Iterator[tuple[float, Image]]:
-    """Yield frames one by one, or the means of groups."""
-    times: list[float] = []
-    total: np.ndarray | None = None
-    for block_times, images in blocks:
-        for time, image in zip(block_times, images, strict=True):
-            if group == 1:
-                yield float(time), image
-                continue
-            total = image.astype(np.float32) if total is None else total + image
-            times.append(float(time))
-            if len(times) == group:
-                assert total is not None
-                yield float(np.mean(times)), total / np.float32(group)
-                times, total = [], None
 
 
 def _binned(image: Image, side: int) -> Float[np.ndarray, "row column"]:
@@ -637,23 +724,85 @@ def event_changes(
         events: Events in order of time.
         threshold: Change of the logarithm per event, brighter and darker.
     """
-    step_us = round(1e6 * STEP_S)
-    steps = int(events.t[-1]) // step_us + 1 if len(events.t) else 0
-    size = events.height * events.width
-    pixel = events.y.astype(np.int64) * events.width + events.x
-    amount = np.where(events.p > 0, threshold[0], -threshold[1])
-    for first in range(0, steps, BLOCK_STEPS):
-        last = min(first + BLOCK_STEPS, steps)
-        bounds = [step_us * first, step_us * last]
-        which = slice(*np.searchsorted(events.t, bounds).tolist())
-        step = events.t[which] // step_us - first
-        changes = np.bincount(
-            step * size + pixel[which],
-            weights=amount[which],
-            minlength=(last - first) * size,
-        )
-        image = changes.reshape(last - first, events.height, events.width)
-        yield STEP_S * np.arange(first + 1, last + 1), image.astype(np.float32)
+    steps = EventSteps((events.height, events.width), threshold)
+    if not len(events.t):
+        return
+    last = int(events.t[-1]) // STEP_US + 1
+    still = np.zeros(steps.shape, np.float32)
+    for first in range(0, last, BLOCK_STEPS):
+        until = STEP_US * min(first + BLOCK_STEPS, last)
+        bounds = np.searchsorted(events.t, [STEP_US * first, until]).tolist()
+        part = (column[slice(*bounds)] for column in events[:4])
+        x, y, t, p = part
+        times, images = steps.push(t, x, y, p > 0, until)
+        yield times, np.stack([still if one is None else one for one in images])
+
+
+class EventSteps:
+    """Changes of light by events in each step of `STEP_S`, as the events come.
+
+    Attributes:
+        shape: Height and width of the images [px].
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        threshold: tuple[float, float] = (0.2, 0.2),
+        first_us: int = 0,
+    ):
+        """Begin without events.
+
+        Args:
+            shape: Height and width [px].
+            threshold: Change of the logarithm per event, brighter and darker.
+            first_us: Start of the first step, a multiple of `STEP_S` [us].
+        """
+        self.shape = shape
+        self._brighter, self._darker = threshold
+        self._step = first_us // STEP_US
+        self._waiting = np.zeros((3, 0))
+
+    def push(
+        self,
+        t_us: Integer[np.ndarray, " event"],
+        x: Integer[np.ndarray, " event"],
+        y: Integer[np.ndarray, " event"],
+        brighter: Bool[np.ndarray, " event"],
+        until_us: int,
+    ) -> tuple[Float[np.ndarray, " step"], list[Image | None]]:
+        """Add events; return the ends of the completed steps [s], and their changes.
+
+        Args:
+            t_us: Times, in order [us].
+            x: Columns.
+            y: Rows.
+            brighter: True for brighter, False for darker.
+            until_us: Time before which all events are known [us].
+
+        Returns:
+            None in place of an image for a step without events.
+        """
+        pixel = y.astype(np.int64) * self.shape[1] + x
+        amount = np.where(brighter, self._brighter, -self._darker)
+        new = np.stack([t_us, pixel, amount])
+        events = np.concatenate([self._waiting, new], axis=1)
+        steps = np.arange(self._step, max(until_us // STEP_US, self._step))
+        bounds = np.searchsorted(events[0], STEP_US * np.append(steps, steps[-1:] + 1))
+        images: list[Image | None] = []
+        for low, high in pairwise(bounds.tolist()):
+            if low == high:
+                images.append(None)
+                continue
+            changes = np.bincount(
+                events[1, low:high].astype(np.int64),
+                weights=events[2, low:high],
+                minlength=self.shape[0] * self.shape[1],
+            )
+            images.append(changes.reshape(self.shape).astype(np.float32))
+        self._waiting = events[:, bounds[-1] :].copy() if steps.size else events
+        self._step += steps.size
+        return STEP_S * (steps + 1), images
 
 
 def log_of(

@@ -40,6 +40,7 @@ having been bright are ignored, because soot around an explosion is darker than 
 background. The statistic is the smallest sum of the last frames: lit pixels must stay.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -142,7 +143,8 @@ class Watch:
 
     Attributes:
         shape: Height and width of its images [px].
-        last: Pixels that the last frame changed; None before the second.
+        last: Pixels that the last frame changed; None before the second, and after a
+            step without change or evidence.
     """
 
     last: Brightened | None = None
@@ -161,6 +163,7 @@ class Watch:
         self._counts = [len(t.tops) * len(t.lefts) for t in self._tiles]
         self._cusum = Cusum(sum(self._counts), stays)
         self._before: np.ndarray | None = None
+        self._rested = 0
         self._nothing = Seen(0.0, 0, (0, 0, shape[1], shape[0]))
 
     def frame(self, light: Float[np.ndarray, "height width"]) -> Seen:
@@ -170,10 +173,28 @@ class Watch:
         before, self._before = self._before, log
         if before is None:
             return self._nothing
+        # repeated frames have no change, whatever the fit of the motion
+        if np.array_equal(before, log):
+            return self.change(np.zeros_like(log))
         return self.change(self._ego.rest(before, log))
+
+    def rest(self) -> Seen:
+        """Process a step without any change, as between events.
+
+        The work of consecutive steps without evidence is done once, at the next change.
+        """
+        if not (self._cusum.idle and self._pixels.idle):
+            return self.change(np.zeros(self.shape, np.float32))
+        self._rested += 1
+        self.last = None
+        return self._nothing
 
     def change(self, change: Float[np.ndarray, "height width"]) -> Seen:
         """Process a change of the logarithm of light, as from events."""
+        if self._rested:
+            self._pixels.rest(self._rested)
+            self._cusum.rest(self._rested)
+            self._rested = 0
         self.last = self._pixels.push(own_change(change))
         # most frames light no pixel: without evidence all tiles are skipped
         if self._cusum.idle and not self.last.lit.any():
@@ -282,7 +303,13 @@ class Tiles:
 
 
 class Brightening:
-    """State of each pixel between frames."""
+    """State of each pixel between frames.
+
+    Attributes:
+        idle: True if no pixel is lit or darkened, nor would be without a change.
+    """
+
+    idle = False
 
     def __init__(self, shape: tuple[int, int]):
         """Create the state for images of a shape."""
@@ -311,6 +338,8 @@ class Brightening:
             np.float32(PIXEL_NOISES) * self._noise, np.float32(LIT_LOG_CHANGE)
         )
         up, down = total > least, total < -least
+        # sums fall faster than thresholds
+        self.idle = not (up.any() or down.any())
         lit = up & (self._left == 0)
         fallen = down & self._bright
         self._left -= self._left > 0
@@ -327,6 +356,22 @@ class Brightening:
         )
         self._noise += learnt * np.where(self._left > 0, 0.0, size - self._noise)
         return Brightened(lit, fallen, self._bright)
+
+    def rest(self, frames: int) -> None:
+        """Process frames without any change while the pixels are idle."""
+        self._sum *= np.float32(SUM_MEMORY**frames)
+        numbers = self._frames + 1 + np.arange(frames) + INITIAL_FRAMES
+        kept = 1.0 - 1.0 / np.minimum(numbers, PIXEL_MEMORY_FRAMES)
+        # the share of its noise that a pixel keeps, by the first frame that counts:
+        # not before it is forgotten that the pixel was lit
+        shares = np.append(np.cumprod(kept[::-1])[::-1], 1.0).astype(np.float32)
+        first = np.clip(self._left - 1, 0, frames) if self._left.any() else 0
+        self._noise *= shares[first]
+        self._left = np.maximum(self._left - min(frames, REMEMBERED), 0).astype(
+            np.int16
+        )
+        self._bright &= self._left > 0
+        self._frames += frames
 
 
 def tiles_of(shape: tuple[int, int]) -> list[Tiles]:
@@ -383,10 +428,10 @@ class Cusum:
         self._kept[:] = 0.0
         self.begun[:] = 0
 
-    def rest(self) -> None:
-        """Process a frame that lights no pixel while there is no evidence."""
-        self._mean *= 1.0 - 1.0 / TILE_MEMORY_FRAMES
-        self._frame += 1
+    def rest(self, frames: int = 1) -> None:
+        """Process frames that light no pixel while there is no evidence."""
+        self._mean *= (1.0 - 1.0 / TILE_MEMORY_FRAMES) ** frames
+        self._frame += frames
         self.statistic = np.zeros_like(self._sum)
 
     def push(
@@ -440,7 +485,13 @@ def _mean(image: Image, axis: int) -> Image:
     """Return the mean of `MEAN_SIDE` neighbours along an axis, fewer at the edges."""
     size = image.shape[axis]
     # running sums in double precision: single would lose the digits of small changes
-    sums = np.insert(np.cumsum(image, axis=axis, dtype=np.float64), 0, 0.0, axis=axis)
+    sums = np.zeros([n + (i == axis) for i, n in enumerate(image.shape)])
+    if axis:
+        np.cumsum(image, axis=1, out=sums[:, 1:])
+    else:
+        # row by row, four times faster than a cumulative sum down the columns
+        for row, (before, after) in enumerate(pairwise(sums)):
+            np.add(before, image[row], out=after)
     at = np.arange(size)
     first, last = (
         np.maximum(at - MEAN_SIDE // 2, 0),

@@ -1,0 +1,203 @@
+"""Detectors of a run: each microphone and the camera searched as packets come.
+
+A microphone is searched with the bank of pulses and the test of form
+(`signals.live.SoundWatch`), the frames of the camera for flashes
+(`signals.flash.FlashWatch`). A detection is attributed to the blast
+whose true arrival at the sensor is nearest, by air or through the ground, within a
+tolerance. Otherwise it is a false alarm.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from jblast.scene import Instrument, Scene
+from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
+from jblast.signals.flash import Flash, FlashWatch, flash_threshold
+from jblast.signals.flash.search import LAMP_STATISTIC, SLOW_HZ
+from jblast.signals.live import LEAST_NOISE, LiveDetection, SoundWatch
+from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
+from jblast.signals.search import bank_of_pulses
+from jblast.study.running import Frames, Packet, RunDetection, Samples
+from jblast.world import Arrivals
+from jblast.world.drawn import CAMERA
+
+SOUND_TOLERANCE_S = 0.02
+"""Largest difference from the true arrival of sound [s], declared: fronts are detected
+to a millisecond; a gentle front or a reflection from the ground may be louder."""
+FLASH_TOLERANCE_S = 0.05
+"""The same for first light [s], declared: the fireball may be hidden or too small for a
+few frames at 100 frames a second."""
+LEAST_RATE_HZ = 100.0
+"""Smallest sampling rate of a searched microphone [Hz]: the longest pulses have nine
+samples within their positive phase."""
+LIGHT = np.outer(LUMINANCE, srgb_to_linear(np.arange(256) / 255.0)).astype(np.float32)
+"""Luminance of red, green and blue, each of 8 bits."""
+
+
+class RunDetectors:
+    """All detectors of a run.
+
+    The vehicle's path decides the arrivals at mounted sensors: `arrivals` may be
+    replaced as the run advances.
+
+    Attributes:
+        arrivals: True arrivals.
+        rejected: Number of arrivals of sound, and of flashes, that were rejected.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        arrivals: Arrivals,
+        shots: Sequence[str],
+        *,
+        false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    ):
+        """Create the detectors.
+
+        Args:
+            scene: Sensors and camera.
+            arrivals: True arrivals.
+            shots: Names of the blasts, in order of the arrivals.
+            false_alarms_per_hour: Mean rate of false alarms of each sensor [1/h].
+        """
+        self.arrivals, self._shots, self._rate = arrivals, shots, false_alarms_per_hour
+        self.rejected = 0
+        self._instruments = {
+            one.name: one.instrument
+            for one in scene.sensors
+            if one.kind == "microphone"
+        }
+        self._camera = scene.camera
+        self._bank = cache(bank_of_pulses)
+        # searches with the times of their first samples
+        self._ears: dict[str, tuple[SoundWatch, float]] = {}
+        # a broken microphone has no more samples
+        self._ended: set[str] = set()
+        self._eye: FlashWatch | None = None
+        self._early: list[Frames] = []
+        self._now_s = 0.0
+
+    def take(self, packet: Packet) -> tuple[RunDetection, ...]:
+        """Process the next packet; return the detections that it completes."""
+        self._now_s = packet.end_s
+        found: list[RunDetection] = []
+        for name, samples in packet.samples.items():
+            if name in self._instruments and samples.rate_hz >= LEAST_RATE_HZ:
+                found += self._heard(name, samples)
+        if packet.frames is not None:
+            found += self._seen(self._looked(packet.frames))
+        return tuple(sorted(found, key=lambda one: one.time_s))
+
+    def finish(self) -> tuple[RunDetection, ...]:
+        """Return the remaining detections at the end of the run."""
+        found: list[RunDetection] = []
+        for name, (watch, _) in self._ears.items():
+            if name not in self._ended:
+                found += self._sounds(name, watch.finish())
+        if self._eye is not None:
+            found += self._seen(self._eye.finish())
+        return tuple(sorted(found, key=lambda one: one.time_s))
+
+    def _heard(self, name: str, samples: Samples) -> list[RunDetection]:
+        if name in self._ended:
+            return []
+        if name not in self._ears:
+            watch = SoundWatch(
+                self._bank(samples.rate_hz),
+                samples.rate_hz,
+                self._rate,
+                least_noise=_least_noise(self._instruments[name]),
+            )
+            self._ears[name] = watch, samples.start_s
+        watch, _ = self._ears[name]
+        values = np.asarray(samples.values[:, 0], float)
+        broken = np.flatnonzero(~np.isfinite(values))
+        whole = values[: broken[0]] if broken.size else values
+        found = self._sounds(name, watch.push(whole))
+        if broken.size:
+            self._ended.add(name)
+            found += self._sounds(name, watch.finish())
+        return found
+
+    def _sounds(self, name: str, found: Iterable[LiveDetection]) -> list[RunDetection]:
+        """Return the detections of the last push to a microphone's search."""
+        watch, start_s = self._ears[name]
+        self.rejected += len(watch.rejected)
+        return [
+            self._detection(
+                name,
+                "sound",
+                start_s + one.arrival.time_s,
+                one.arrival.sigma_s,
+                one.arrival.statistic,
+            )
+            for one in found
+        ]
+
+    def _looked(self, frames: Frames) -> tuple[Flash, ...]:
+        """Search frames, as soon as two give their rate."""
+        self._early.append(frames)
+        times = np.concatenate([part.time_s for part in self._early])
+        if self._camera is None or (self._eye is None and times.size < 2):
+            return ()
+        images = [_light(image) for part in self._early for image in part.images]
+        exposure_s = float(self._camera.exposure_s)
+        if self._eye is None:
+            hz = (times.size - 1) / float(times[-1] - times[0])
+            threshold = flash_threshold(self._rate)
+            if hz < SLOW_HZ:
+                # a fireball is fully grown in its first frames, as the light of a lamp
+                # is: of `MEASURED` scenes of lamps, 22 in an hour exceed it
+                threshold = min(threshold, LAMP_STATISTIC)
+            self._eye = FlashWatch(hz, threshold, exposure_s=exposure_s)
+        self._early = []
+        return self._eye.push(times + 0.5 * exposure_s, images)
+
+    def _seen(self, flashes: Iterable[Flash]) -> list[RunDetection]:
+        if self._eye is not None:
+            self.rejected += len(self._eye.rejected)
+        return [
+            self._detection(
+                CAMERA, "flash", one.growth.time_s, one.growth.sigma_s, one.statistic
+            )
+            for one in flashes
+        ]
+
+    def _detection(
+        self, sensor: str, kind: str, time_s: float, sigma_s: float, statistic: float
+    ) -> RunDetection:
+        """Return a detection with the blast of the nearest true arrival."""
+        waves, tolerance_s = ("air_arrival_s", "ground_arrival_s"), SOUND_TOLERANCE_S
+        if kind == "flash":
+            waves, tolerance_s = ("flash_time_s",), FLASH_TOLERANCE_S
+        row = self.arrivals.entities.index(sensor)
+        times = np.stack([self.arrivals.times_s[wave][row] for wave in waves])
+        away = np.nan_to_num(np.abs(times - time_s), nan=math.inf)
+        shot, true_s = "", math.nan
+        if away.size and away.min() <= tolerance_s:
+            wave, nth = divmod(int(np.argmin(away)), away.shape[1])
+            shot, true_s = self._shots[nth], float(times[wave, nth])
+        return RunDetection(
+            sensor, kind, time_s, sigma_s, self._now_s, statistic, shot, true_s
+        )
+
+
+def _least_noise(instrument: Instrument | None) -> float:
+    """Return the smallest noise of a microphone: of rounding, or of hearing [Pa]."""
+    if instrument is None or instrument.bits is None or instrument.full_scale is None:
+        return LEAST_NOISE
+    step = 2 * float(instrument.full_scale) / 2**instrument.bits
+    return max(LEAST_NOISE, step / math.sqrt(12))
+
+
+def _light(
+    image: UInt8[np.ndarray, "height width 3"],
+) -> Float[np.ndarray, "height width"]:
+    """Return the luminance of an sRGB image, full scale 1."""
+    red, green, blue = (LIGHT[i].take(image[..., i]) for i in range(3))
+    return red + green + blue

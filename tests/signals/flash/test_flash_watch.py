@@ -1,0 +1,140 @@
+"""Flashes in frames and events as they come: the same as in a whole film."""
+
+import numpy as np
+import pytest
+
+from jblast.sensors.camera.files.recorded_events import RecordedEvents
+from jblast.signals.flash import (
+    EventSteps,
+    FlashWatch,
+    detect_flashes,
+    event_changes,
+)
+from jblast.signals.flash.search import DECISION_FRAMES, LIGHT_OFFSET
+from jblast.signals.flash.watch import Watch
+from tests.signals.flash.films import RATE, SHAPE, growing
+
+HEIGHT = 4.5
+
+
+@pytest.fixture(scope="module")
+def film():
+    times, first = growing(at=(20.0, 30.0), last=10.0, frames=300)
+    _, second = growing(burst_s=0.1504, at=(60.0, 30.0), last=10.0, frames=300)
+    light = np.maximum(first, second)
+    light[230:, 20:35, 30:45] = 1.0  # a lamp
+    return times, light
+
+
+def watched(watch, packets):
+    """All flashes, rejected alarms and statistics, and the number of frames then."""
+    found, rejected, statistic, count = [], [], [], 0
+    for packet in [*packets, None]:
+        flashes = watch.finish() if packet is None else watch.push(*packet)
+        count += 0 if packet is None else len(packet[0])
+        found += [(flash, count) for flash in flashes]
+        rejected += watch.rejected
+        statistic += list(watch.statistic)
+    return found, rejected, np.array(statistic)
+
+
+@pytest.mark.parametrize("size", [1, 7])
+def test_frames_as_they_come_have_the_flashes_of_the_film(film, size):
+    times, light = film
+    whole = detect_flashes([film], RATE, HEIGHT)
+    packets = [
+        (times[i : i + size], light[i : i + size]) for i in range(0, len(times), size)
+    ]
+    found, rejected, statistic = watched(FlashWatch(RATE, HEIGHT), packets)
+    np.testing.assert_array_equal(statistic, whole.statistic)
+    assert [one.growth for one, _ in found] == [one.growth for one in whole.flashes]
+    assert tuple(rejected) == whole.rejected
+    assert len(found) == 2
+    for one, count in found:
+        alarm = round(one.told_s * RATE)
+        assert alarm + DECISION_FRAMES < count <= alarm + DECISION_FRAMES + size
+
+
+def test_a_caller_may_reuse_its_buffer(film):
+    times, light = film
+    buffer, watch, found = np.empty_like(light[:1]), FlashWatch(RATE, HEIGHT), []
+    for time, image in zip(times, light, strict=True):
+        buffer[0] = image
+        found += watch.push([time], buffer)
+    whole = detect_flashes([film], RATE, HEIGHT)
+    assert [one.growth for one in found] == [one.growth for one in whole.flashes]
+
+
+def test_only_a_limited_number_of_frames_is_stored(film):
+    times, light = film
+    watch = FlashWatch(RATE, HEIGHT)
+    for nth in range(3):
+        watch.push(times + nth * 0.3, light)
+        kept = vars(watch)["_kept"]
+        assert len(kept) == 120
+        assert len(watch.times) == len(times)
+
+
+@pytest.fixture(scope="module")
+def events(film):
+    """Events of a film, with 0.4 s of rest in front of each blast."""
+    _, light = film
+    level = np.log(light[:210] + LIGHT_OFFSET)
+    reference, rows = level[0].copy(), []
+    for frame, log in enumerate(level):
+        steps = np.trunc((log - reference) / 0.2).astype(int)
+        reference += 0.2 * steps
+        for y, x in zip(*np.nonzero(steps), strict=True):
+            sign, count = np.sign(steps[y, x]), abs(steps[y, x])
+            late = 400_000 * (1 + (frame > 120))
+            t = 1000 * frame + late + np.arange(count) * 900 // count
+            rows += [(time, x, y, int(sign > 0)) for time in t]
+    t, x, y, p = np.array(sorted(rows)).T
+    small = x.astype(np.uint16), y.astype(np.uint16)
+    return RecordedEvents(*small, t.astype(np.int64), p.astype(np.uint8), *SHAPE[::-1])
+
+
+def test_events_as_they_come_have_the_flashes_of_the_file(events):
+    whole = detect_flashes(event_changes(events), 1000.0, HEIGHT, changes=True)
+    steps, packets = EventSteps(SHAPE), []
+    for until in range(7300, int(events.t[-1]) + 9000, 7300):
+        low, high = np.searchsorted(events.t, [until - 7300, until])
+        x, y, t, p = (column[low:high] for column in events[:4])
+        packets.append(steps.push(t, x, y, p > 0, until))
+    assert sum(image is None for _, images in packets for image in images) > 800
+    watch = FlashWatch(1000.0, HEIGHT, changes=True, shape=SHAPE)
+    found, rejected, statistic = watched(watch, packets)
+    count = len(whole.statistic)
+    np.testing.assert_array_equal(statistic[:count], whole.statistic)
+    assert [one.growth for one, _ in found] == [one.growth for one in whole.flashes]
+    assert tuple(rejected) == whole.rejected
+    assert len(found) == 2
+    shift = found[1][0].growth.time_s - found[0][0].growth.time_s
+    assert shift == pytest.approx(0.12 + 0.4, abs=2e-3)
+
+
+def test_a_step_without_a_change_is_as_one_with_a_change_of_zero():
+    rng = np.random.default_rng(0)
+    changes = [0.02 * rng.standard_normal(SHAPE).astype(np.float32) for _ in range(30)]
+    changes[5][20:30, 20:30] = 1.0
+    zero = np.zeros(SHAPE, np.float32)
+    rested, pushed = Watch(SHAPE), Watch(SHAPE)
+    for nth, change in enumerate(changes):
+        seen = rested.change(change), pushed.change(change)
+        assert seen[0].statistic == pytest.approx(seen[1].statistic, rel=1e-5)
+        for _ in range(int(rng.integers(0, 90)) if nth < len(changes) - 1 else 0):
+            rest, zeros = rested.rest(), pushed.change(zero)
+            assert rest.statistic == pytest.approx(zeros.statistic, rel=1e-5)
+            assert rest[1:] == zeros[1:]
+    pixels = [vars(one)["_pixels"] for one in (rested, pushed)]
+    for name in ("_sum", "_noise", "_left", "_bright"):
+        first, second = (vars(one)[name].astype(float) for one in pixels)
+        np.testing.assert_allclose(first, second, rtol=1e-5, atol=1e-9)
+
+
+def test_repeated_frames_are_as_frames_without_a_change(film):
+    _, light = film
+    still = np.repeat(light[:1], 20, axis=0)
+    watch = Watch(SHAPE)
+    assert [watch.frame(image).statistic for image in still] == [0.0] * 20
+    assert not vars(watch)["_pixels"]._sum.any()

@@ -1,0 +1,113 @@
+"""Detectors of a run: sound and flashes, attributed to blasts."""
+
+import numpy as np
+import pytest
+
+from jblast.scene import Camera, Charge, Instrument, Scene, Sensor
+from jblast.sensors.camera.image import linear_to_srgb
+from jblast.signals.search import bank_of_pulses
+from jblast.study.run_detectors import RunDetectors
+from jblast.study.running import Frames, Packet, Samples
+from jblast.world import Arrivals
+from tests.signals.flash.films import growing
+
+RATE, FRAMES_HZ, PACKET_S, SECONDS, START_S = 8000.0, 100.0, 0.05, 6.0, 3.0
+SHOTS = ("shot 1", "shot 2")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    place, turn = np.array([0.0, 0.0, 2.0]), np.array([0.0, 0.0, 0.0, 1.0])
+    camera = Camera(place, turn, np.full(2, 80.0), np.array([40.0, 30.0]), 80, 60)
+    gate = np.array([0.0, 0.0, 1.0])
+    ear = Sensor("gate", gate, kind="microphone", instrument=Instrument(RATE))
+    geophone = Sensor("ground", (0.0, 0.0, 0.0), kind="geophone")
+    return Scene(Charge(1.0, (50.0, 0.0, 0.0)), sensors=(ear, geophone), camera=camera)
+
+
+def arrivals(air=(5.0, 7.5), ground=(np.inf, np.inf), flash=(4.9, 7.1)):
+    """Of two blasts at the microphone and the camera."""
+    times = {
+        "air_arrival_s": np.array([air, (np.inf, np.inf)]),
+        "ground_arrival_s": np.array([ground, (np.inf, np.inf)]),
+        "flash_time_s": np.array([flash, flash]),
+    }
+    places = {wave: np.zeros((2, 2, 3)) for wave in times}
+    return Arrivals(("gate", "camera"), times, places)
+
+
+def run(detectors, sound, images=None):
+    """All detections of a run in packets; the file's clock begins at `START_S`."""
+    found, size, frames = [], round(PACKET_S * RATE), round(PACKET_S * FRAMES_HZ)
+    for nth in range(round(SECONDS / PACKET_S)):
+        start_s = START_S + nth * PACKET_S
+        part = sound[nth * size :][:size, None]
+        packet = Packet(start_s, start_s + PACKET_S)
+        packet.samples = {
+            "gate": Samples(start_s, RATE, part),
+            "ground": Samples(start_s, RATE, 1e3 * part),
+        }
+        if images is not None:
+            at = start_s + np.arange(frames) / FRAMES_HZ
+            packet.frames = Frames(at, images[nth * frames :][:frames])
+        found += detectors.take(packet)
+    return [*found, *detectors.finish()]
+
+
+def sound_of(times, noise=0.02):
+    sound = noise * np.random.default_rng(0).standard_normal(round(SECONDS * RATE))
+    pulse = bank_of_pulses(RATE)[6]
+    for time in times:
+        at = round((time - START_S) * RATE)
+        sound[at : at + pulse.size] += pulse / pulse.max()
+    return sound
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_sounds_are_attributed_to_blasts_or_are_false_alarms(scene, noise):
+    found = run(RunDetectors(scene, arrivals(), SHOTS), sound_of([5, 6.2, 7.5], noise))
+    assert [(one.sensor, one.kind, one.shot) for one in found] == [
+        ("gate", "sound", "shot 1"),
+        ("gate", "sound", ""),
+        ("gate", "sound", "shot 2"),
+    ]
+    for one, true_s in zip(found, (5.0, np.nan, 7.5), strict=True):
+        np.testing.assert_equal(one.true_s, true_s)
+    first = found[0]
+    assert first.time_s == pytest.approx(5.0, abs=1e-3)
+    assert 0 < first.sigma_s < 1e-3
+    # twice the longest pulse, and a block
+    assert 0.5 < first.latency_s < 0.8
+    packets = (first.reported_s - START_S) / PACKET_S
+    assert packets == pytest.approx(round(packets))
+
+
+def test_a_wave_through_the_ground_is_no_false_alarm(scene):
+    truth = arrivals(ground=(np.inf, 6.2))
+    found = run(RunDetectors(scene, truth, SHOTS), sound_of([6.2]))
+    assert [(one.kind, one.shot, one.true_s) for one in found] == [
+        ("sound", "shot 2", 6.2)
+    ]
+
+
+def test_a_broken_microphone_ends_its_search(scene):
+    sound = sound_of([5.0, 7.5])
+    sound[round(3.5 * RATE) :] = np.nan
+    found = run(RunDetectors(scene, arrivals(), SHOTS), sound)
+    assert [one.shot for one in found] == ["shot 1"]
+
+
+def test_a_flash_is_seen_in_frames_of_8_bits(scene):
+    frames = round(SECONDS * FRAMES_HZ)
+    _, light = growing(burst_s=1.9004, frames=frames, rate=FRAMES_HZ, noise=0.002)
+    values = np.round(255 * linear_to_srgb(light)).astype(np.uint8)
+    images = np.repeat(values[..., None], 3, axis=3)
+    detectors = RunDetectors(scene, arrivals(), SHOTS)
+    found = run(detectors, sound_of([]), images)
+    assert [(one.sensor, one.kind, one.shot) for one in found] == [
+        ("camera", "flash", "shot 1")
+    ]
+    assert abs(found[0].time_s - 4.9004) < 3 * found[0].sigma_s < 0.02
+    # 60 frames after the alarm
+    assert 0.6 < found[0].latency_s < 0.75
+    assert detectors.rejected == 0
