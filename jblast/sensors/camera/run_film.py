@@ -34,9 +34,10 @@ from jblast.scene import Camera, Charge, Scene
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.files.recordings import MovingBackground
 from jblast.sensors.camera.film import MAX_BLOCK, PIXELS, Film, growth_instants
 from jblast.sensors.camera.fireball import (
-    FIREBALL_SIZES,
+    WINDOW_SIZES,
     Appearance,
     Cloud,
     Glow,
@@ -67,6 +68,8 @@ FAINTEST_FLASH = 1e-5
 logarithm of light changes by less, far below thresholds of events."""
 EXPOSURES = 8
 """Instants averaged over an exposure, as in `rendering.render`."""
+SIZES = ((0.0, 0.0), *WINDOW_SIZES)
+"""Windows of fireballs; finer than for `render`, because smoke stays for minutes."""
 ROUNDING_S = 1e-9
 """Times that are closer together are equal [s]."""
 T = TypeVar("T")
@@ -168,18 +171,20 @@ class _View(eqx.Module):
 
 def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
     """Yield times, mask of frames, grey light and pictures of each block."""
-    camera, behind = film.camera, film.background
+    camera, moves = film.camera, film.path is not None
+    behind: Any = film.background
     plain = film.views is None and film.depth is None and film.supersample == 1
     plain &= film.bloom == 0.0 and film.gain == 1.0
-    if not plain or isinstance(behind, Landscape) is (film.path is None):
+    plain &= not isinstance(behind, MovingBackground)
+    if not plain or isinstance(behind, Landscape) is not moves:
         raise InputError(
             "film of a run: expected ground and sky of a moving camera or an image of "
             "a fixed one, without depth, gain, bloom, pictures of an explosion and "
             "several rays per pixel"
         )
-    if film.path is None:
+    if not moves:
         check_camera(camera, ground=True)
-        behind = jnp.moveaxis(images(camera, jnp.asarray(behind), 0), -1, 0)
+        behind = jnp.moveaxis(images(camera, behind, 0), -1, 0)
     look = film.appearance or Appearance()
     table = glow_table(ambient(film.scene.air)[0], look)
     scene, charges = alone(film.scene, 0), _stacked(film.scene.charges)
@@ -203,11 +208,9 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
         for begin in range(0, len(order), length):
             some = order[begin : begin + length]
             now, is_frame = times[some], some < len(frames)
-            if film.path is None and now[-1] + float(camera.exposure_s) <= begins:
+            if not moves and now[-1] + float(camera.exposure_s) <= begins:
                 # a fixed camera sees its background only: nothing is rendered
-                still = still or [
-                    np.asarray(x) for x in _developed(behind, behind, srgb)
-                ]
+                still = still or _developed(drawn[1], drawn[1], srgb)
                 every = [np.broadcast_to(x, (len(some), *x.shape)) for x in still]
             else:
                 # padded to the size of a block, so that one program serves all
@@ -219,7 +222,8 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
                 every = [
                     np.concatenate(x)[: len(some)] for x in zip(*done, strict=True)
                 ]
-            yield now, is_frame, *every
+            grey, pictures = every
+            yield now, is_frame, grey, pictures
 
 
 def _stacked(charges: Sequence[Charge]) -> list[Charge]:
@@ -294,7 +298,7 @@ def _filmed(view: _View, times: Float[Array | np.ndarray, " instant"]) -> Any:
                     return over[..., :3] + (1.0 - over[..., 3:]) * beneath
 
                 cells = cells_touched([ball], corners)[None]
-                return laid_in_windows(cells, rays, lay, images, None, FIREBALL_SIZES)
+                return laid_in_windows(cells, rays, lay, images, None, SIZES)
 
             images = jnp.moveaxis(light, 0, -1)[None]
             images = jax.lax.fori_loop(0, jnp.sum(begun), turn, images)
