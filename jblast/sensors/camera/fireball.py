@@ -321,14 +321,13 @@ def _fireball_seen(
     else:
         ends = shining(ball)
     offset = ball.centre - rays.origin
-    layer = cloud_seen(ball, ends, offset, rays, appearance)
+    layer = cloud_seen(ball, ends, rays, appearance)
     return layer, jnp.sqrt(jnp.sum(jnp.square(offset)))
 
 
 def cloud_seen(
     ball: Cloud,
     ends: Glow,
-    offset: Float[Array, "3"],
     rays: Rays,
     appearance: Appearance,
 ) -> Float[Array, "4 row column"]:
@@ -337,11 +336,10 @@ def cloud_seen(
     Args:
         ball: The fireball.
         ends: Light of its limb and of its middle [cd/m2].
-        offset: Its centre relative to the camera: east, north, up [m].
         rays: Camera rays.
         appearance: Exposure, and distribution of the smoke.
     """
-    met = passage(offset, ball.radius, rays)
+    met = passage(ball.centre - rays.origin, ball.radius, rays)
     alpha = -jnp.expm1(-lumpy_depth(ball, appearance) * met.column)
     day = appearance.smoke * (0.6 + 0.4 * met.height) * appearance.daylight
     light = (between(*ends, met.chord) + day[None]) / appearance.white
@@ -429,7 +427,8 @@ def fireballs_in_window(
         time: Time on the common clock [s].
         appearance: Exposure.
     """
-    cells = cells_touched(scene, corner_rays(rays), time)
+    balls = [cloud(scene, charge, time) for charge in scene.charges]
+    cells = cells_touched(balls, corner_rays(rays))
 
     def look(part: Rays) -> Float[Array, "row column 4"]:
         seen = fireballs_seen(scene, part, time, appearance)
@@ -456,7 +455,11 @@ def fireballs_over(
     """
     corners = corner_rays(rays)
     # cells of all images first: they share one size of window
-    cells = jax.vmap(lambda time: cells_touched(scene, corners, time))(times)
+    cells = jax.vmap(
+        lambda time: cells_touched(
+            [cloud(scene, c, time) for c in scene.charges], corners
+        )
+    )(times)
 
     # gradients recompute the contents of a window: storing them would fill the memory
     @jax.checkpoint
@@ -472,15 +475,12 @@ def fireballs_over(
     )
 
 
-def cells_touched(
-    scene: Scene, corners: Rays, time: Float[Array, ""]
-) -> Bool[Array, "_ _"]:
+def cells_touched(balls: Sequence[Cloud], corners: Rays) -> Bool[Array, "_ _"]:
     """Return the mask of cells between corners that may show a fireball.
 
     Args:
-        scene: Charges and air.
+        balls: The fireballs.
         corners: Rays at the corners of the cells.
-        time: Time on the common clock [s].
     """
     direction = corners.direction
     # no ray of a cell is farther from the nearest corner than half a diagonal
@@ -489,8 +489,7 @@ def cells_touched(
     size = (0.5 + SLACK) * jnp.maximum(slope, other)
     unknown = _over_corners(~(corners.farthest > 0.0), jnp.logical_or)
     found = [jnp.zeros_like(unknown)]
-    for charge in scene.charges:
-        ball = cloud(scene, charge, time)
+    for ball in balls:
         offset = ball.centre - corners.origin
         square = jnp.sum(jnp.square(offset))
         away = jnp.sqrt(jnp.where(square > 0.0, square, 1.0))

@@ -212,7 +212,7 @@ def linear_to_srgb(light: Any) -> Any:
     """Return the sRGB values of linear light; the inverse of `srgb_to_linear`."""
     xp = _namespace(light)
     bent = light > 0.0031308
-    # the power written out: XLA's own is no vector operation, and takes six times as long
+    # the power written out: XLA does not vectorise its own, six times as slow
     above = 1.055 * xp.exp(xp.log(xp.where(bent, light, 1.0)) / 2.4) - 0.055
     return xp.where(bent, above, 12.92 * light)
 

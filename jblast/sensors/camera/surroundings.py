@@ -60,7 +60,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from jblast.errors import InputError
 from jblast.scene import Camera, Scene
@@ -162,11 +162,23 @@ class Landscape(eqx.Module):
             rays: Rays that end at the ground, or nowhere.
             pixel: Angle of a pixel [rad].
         """
+        up = rays.direction[2]
         solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
-        distance = jnp.where(solid, rays.farthest, 0.0)
+        sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
+        if self.sun is not None:
+            sky = sky + self.sun.light(rays.direction, pixel)[None]
+        # even ground needs no look-ups, which are nine tenths of the time
         if len(self.texels) == 1:
-            # even ground: 14 times as fast as looking up one texel eight times
-            return self._with_sky(rays, self.texels[0][:, None, None], solid, pixel)
+            ground = self.texels[0][:, None, None]
+        else:
+            ground = self._ground(rays, jnp.where(solid, rays.farthest, 0.0), pixel)
+        seen = jnp.where(solid[None], ground, sky)
+        return jnp.where((rays.farthest > 0.0)[None], seen, 0.0)
+
+    def _ground(
+        self, rays: Rays, distance: Float[Array, "row column"], pixel: Float[Array, ""]
+    ) -> Float[Array, "3 row column"]:
+        """Return the texture at the ends of rays of some lengths [m]."""
         east, north = (
             (rays.origin[axis] + distance * rays.direction[axis])
             / self.metres_per_pixel
@@ -181,23 +193,7 @@ class Landscape(eqx.Module):
         part = (size - lower.astype(size.dtype))[None]
         upper = jnp.minimum(lower + 1, len(self.rows) - 1)
         fine, coarse = (self._texture(east, north, s) for s in (lower, upper))
-        ground = (1.0 - part) * fine + part * coarse
-        return self._with_sky(rays, ground, solid, pixel)
-
-    def _with_sky(
-        self,
-        rays: Rays,
-        ground: Float[Array, "3 _ _"],
-        solid: Bool[Array, "row column"],
-        pixel: Float[Array, ""],
-    ) -> Float[Array, "3 row column"]:
-        """Return the light of the ground where there is ground, else of the sky."""
-        up = rays.direction[2]
-        sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
-        if self.sun is not None:
-            sky = sky + self.sun.light(rays.direction, pixel)[None]
-        seen = jnp.where(solid[None], ground, sky)
-        return jnp.where((rays.farthest > 0.0)[None], seen, 0.0)
+        return (1.0 - part) * fine + part * coarse
 
     def _texture(
         self,

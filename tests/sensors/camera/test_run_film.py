@@ -1,0 +1,164 @@
+"""Frames and events of a run, packet by packet, are those of a film."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.errors import InputError
+from jblast.scene import Air, Camera, Charge, Scene, look_at
+from jblast.scene.camera import FORWARD
+from jblast.sensors.camera import landscape, run_film, stream_events
+from jblast.sensors.camera.events.noise import NoiseModel
+from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.film import Film, subdivided
+from jblast.sensors.camera.geometry import CameraPath
+from jblast.sensors.camera.run_film import filmed_packets
+
+HZ, BURST = 100.0, 0.2537
+SCENE = Scene(
+    Charge(mass_kg=2.0, position_m=(-6.0, 40.0, 1.0), time_s=BURST, name="a"),
+    (
+        Charge(mass_kg=5.0, position_m=(-8.0, 60.0, 1.0), time_s=0.05, name="b"),
+        Charge(mass_kg=1.0, position_m=(0.0, -50.0, 1.0), time_s=0.02, name="behind"),
+        Charge(mass_kg=1.0, position_m=(0.0, 50.0, 1.0), time_s=np.inf, name="never"),
+    ),
+    air=Air(wind_east=3.0),
+)
+LENS = {
+    "focal": np.full(2, 90.0),
+    "center": np.array([47.5, 39.5]),
+    "width": 96,
+    "height": 80,
+}
+CARRIED = Camera(
+    position=np.array([0.1, 0.0, 0.0]),
+    quaternion=np.array(FORWARD),
+    mount="vehicle",
+    **LENS,
+)
+PLACE = np.array([0.0, 0.0, 6.0])
+FIXED = Camera(
+    position=PLACE, quaternion=look_at(PLACE, np.array([0.0, 40.0, 5.0])), **LENS
+)
+BOUNDS = np.arange(5) / 10.0
+
+
+def path():
+    time = np.linspace(0.0, 1.0, 201)
+    turn = np.pi / 4 + 0.02 * np.sin(7 * time)
+    none, move = 0 * time, np.sin(5 * time)
+    quaternion = np.stack([none, none, np.sin(turn), np.cos(turn)], axis=1)
+    place = PLACE + np.stack([0.3 * move, 0.1 * move, 0.2 * move], axis=1)
+    return CameraPath(*map(jnp.asarray, (time, place, quaternion)))
+
+
+MOVING = Film(SCENE, CARRIED, np.arange(41) / HZ, landscape(), path=path())
+STILL = Film(SCENE, FIXED, np.arange(41) / HZ, 0.2)
+
+
+def joined(packets):
+    """Return times, frames and the fields of the events of all packets."""
+    packets = list(packets)
+    fields = ("time", "x", "y", "polarity")
+    return (
+        np.concatenate([one.time_s for one in packets]),
+        np.concatenate([one.frames for one in packets]),
+        *(
+            np.concatenate([getattr(p.events, name) for p in packets])
+            for name in fields
+        ),
+    )
+
+
+@pytest.mark.parametrize("film", [MOVING, STILL], ids=["moving", "fixed"])
+def test_frames_are_those_of_the_film(film):
+    expected = np.concatenate([frames for _, frames in film.frames()])[:-1]
+    times, frames, *_ = joined(filmed_packets(film, BOUNDS, srgb=False))
+    np.testing.assert_array_equal(times, film.times[:-1])
+    assert np.ptp(expected[-1]) > 0.2
+    off = np.abs(np.log(frames / expected)).max(axis=-1)
+    # rounding decides about a pixel on the horizon: ground or sky
+    assert np.quantile(off, 0.9999) < 1e-4
+    _, shown, *_ = joined(filmed_packets(film, BOUNDS))
+    levels = np.stack([srgb_bytes(frame) for frame in expected]).astype(int) - shown
+    assert shown.dtype == np.uint8
+    assert np.abs(levels).max(axis=-1).mean() < 1e-3
+
+
+@pytest.mark.parametrize("noise", [None, NoiseModel(leak_hz=1.0)])
+def test_the_division_into_packets_changes_nothing(noise):
+    tenths = list(filmed_packets(MOVING, BOUNDS, noise=noise))
+    for one, start, end in zip(tenths, BOUNDS, BOUNDS[1:], strict=False):
+        assert len(one.time_s) == 10
+        for time in (one.time_s, one.events.time):
+            assert start - 1e-8 <= time.min() <= time.max() < end
+        assert (np.diff(one.events.time) >= 0).all()
+    assert sum(len(one.events.time) for one in tenths) > 1000
+    whole = joined(filmed_packets(MOVING, BOUNDS[[0, -1]], noise=noise))
+    short = joined(filmed_packets(MOVING, np.linspace(0.0, 0.4, 97), noise=noise))
+    for cut in (joined(tenths), short):
+        for one, other in zip(cut, whole, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def by_pixel(time, x, y, sign):
+    found = {}
+    for when, *pixel, way in zip(time, x, y, sign, strict=True):
+        found.setdefault(tuple(map(int, pixel)), []).append((when, int(way)))
+    return found
+
+
+def test_times_of_events_are_within_the_interval_of_their_samples():
+    fine = list(stream_events(subdivided(MOVING, 0.2), (0.2, 0.2)))
+    fields = ("time", "x", "y", "polarity")
+    known = by_pixel(*(np.concatenate([getattr(f, n) for f in fine]) for n in fields))
+    events = joined(filmed_packets(MOVING, np.array([0.0, 0.5])))[2:]
+    off = []
+    for pixel, seen in by_pixel(*events).items():
+        expected = known.get(pixel, [])
+        if [way for _, way in seen] == [way for _, way in expected]:
+            off += [a - b for (a, _), (b, _) in zip(seen, expected, strict=True)]
+    count = sum(map(len, known.values()))
+    # the other pixels have changes that begin and end between two samples
+    assert count > len(off) > 0.85 * count
+    assert np.quantile(np.abs(off), 0.99) < 1.0 / HZ
+    assert np.median(np.abs(off)) < 0.2 / HZ
+
+
+def test_a_fixed_camera_renders_nothing_before_the_first_detonation(monkeypatch):
+    def refused(*_):
+        raise AssertionError("rendered")
+
+    monkeypatch.setattr(run_film, "_filmed", refused)
+    late = Scene(Charge(mass_kg=2.0, time_s=0.65))
+    late = replace(STILL, scene=late, times=np.arange(91) / HZ)
+    made = filmed_packets(late, np.arange(9) / 10.0)
+    for _ in range(2):
+        packet = next(made)
+        assert (packet.frames == packet.frames[0, 0, 0]).all()
+        assert len(packet.frames) == 10
+        assert not len(packet.events.time)
+    with pytest.raises(AssertionError, match="rendered"):
+        list(made)
+
+
+def test_an_exposure_blurs_frames_but_not_events():
+    exposed = eqx.tree_at(lambda c: c.exposure_s, CARRIED, jnp.array(8e-3))
+    film = replace(MOVING, camera=exposed)
+    expected = np.concatenate([frames for _, frames in film.frames()])[:-1]
+    _, frames, *events = joined(filmed_packets(film, BOUNDS, srgb=False))
+    off = np.abs(np.log(frames / expected)).max(axis=-1)
+    assert np.quantile(off, 0.999) < 1e-4
+    _, instants, *same = joined(filmed_packets(MOVING, BOUNDS, srgb=False))
+    assert np.abs(frames - instants).max() > 0.01
+    for one, other in zip(events, same, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-6)
+
+
+@pytest.mark.parametrize("changed", [{"supersample": 2}, {"path": None}])
+def test_films_with_other_features_are_refused(changed):
+    with pytest.raises(InputError, match="film of a run: expected ground and sky"):
+        next(filmed_packets(replace(MOVING, **changed), BOUNDS))
