@@ -144,7 +144,10 @@ def run_world(
     begin("recording")
     with writing(directory):
         writer = FolderWriter(run, directory, head)
-        detectors = RunDetectors(world.scene, run.arrivals) if detect else None
+        detectors = None
+        if detect:
+            names = [charge.name for charge in world.scene.charges]
+            detectors = RunDetectors(world.scene, run.arrivals, names)
         record_run(run, [writer, *watched(run)], detectors)
         imu, straight = write_imus(run.imus, directory, head)
     readings, late_readings, missed = _readings(run, writer)

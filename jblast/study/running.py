@@ -726,6 +726,10 @@ class Detectors(Protocol):
         """Search the next packet; return what is reported at its end."""
         ...
 
+    def finish(self) -> Sequence[RunDetection]:
+        """Return the remaining reports after the last packet."""
+        ...
+
 
 def record_run(
     run: Run, subscribers: Sequence[Subscriber], detectors: Detectors | None = None
@@ -740,7 +744,10 @@ def record_run(
     try:
         for packet in packets_of(run):
             if detectors is not None:
-                packet.detections = tuple(detectors.take(packet))
+                found = detectors.take(packet)
+                if packet.end_s >= run.seconds:
+                    found = (*found, *detectors.finish())
+                packet.detections = tuple(found)
             for subscriber in subscribers:
                 subscriber.take(packet)
     finally:
