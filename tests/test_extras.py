@@ -95,6 +95,14 @@ def ros(folder):
     RosBag(path=folder / "x.mcap", scene=Scene(), seconds=1.0)
 
 
+def viewer(folder):
+    from jblast.report.world_viewer import Viewer
+    from jblast.scene import Scene
+
+    file = folder / "x.rrd"
+    Viewer(scene=Scene(), sound_speed_m_s=340.0, recording_id="x", save=file)
+
+
 USES = [
     ("spreadsheet", "openpyxl", log(".xlsx")),
     ("spreadsheet", "odf", log(".ods")),
@@ -111,6 +119,7 @@ USES = [
     ("serve", "google.protobuf", serve),
     ("mavlink", "pymavlink", mavlink),
     ("ros", "mcap_ros2", ros),
+    ("viewer", "rerun", viewer),
 ]
 
 

@@ -219,7 +219,7 @@ def stream(
     rate = rate_of(microphone)
     spans = [_span(wave, rate) for wave in sound.waves]
 
-    def block_of(sound: Sound, state: Any, index: Int[Array, " block"]) -> Any:
+    def block_of(sound: Sound, state: Any, index: Int[np.ndarray, " block"]) -> Any:
         """Return a block of the waves that sound in it: the others add zeros."""
         start = int(index[0]) * BLOCK / rate
         stop = start + BLOCK / rate

@@ -120,7 +120,7 @@ def packets(
     packet_s: float | None = None,
     packets_hz: float | None = None,
     start_s: float = 0.0,
-    run_blocks: Callable[[Any, Any, Int[Array, " block"]], Any] | None = None,
+    run_blocks: Callable[[Any, Any, Int[np.ndarray, " block"]], Any] | None = None,
 ) -> Iterator[Packet]:
     """Yield the samples of a signal in packets, without end, in constant memory.
 
@@ -192,7 +192,7 @@ def _exact(number: float) -> Fraction:
 
 @eqx.filter_jit
 def blocks(
-    step: Step, setup: Any, state: Any, indices: Int[Array, " block"]
+    step: Step, setup: Any, state: Any, indices: Int[ArrayLike, " block"]
 ) -> tuple[Any, Float[Array, "block sample"]]:
     """Run the instrument over some blocks; compiled once for each number of blocks."""
     return lax.scan(lambda state, index: step(setup, state, index), state, indices)

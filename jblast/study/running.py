@@ -14,7 +14,7 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -215,6 +215,7 @@ class Packet:
     detections: tuple[RunDetection, ...] = ()
 
 
+@runtime_checkable
 class Subscriber(Protocol):
     """Consumer of a run's packets. It must not change them."""
 
@@ -297,6 +298,12 @@ def prepare_run(
     by = preset_named(preset)
     uncertain, spec = read_world_by(scene, by)
     uncertain, notes = with_ambient(uncertain, ambient)
+    for name, value in (("estimator", estimator), ("controllers", controllers)):
+        if value and uncertain.scene.vehicle is None:
+            raise InputError(
+                f"{argument(name)}: expected a scene with a [vehicle], got {scene} "
+                "without one"
+            )
     until = math.inf if seconds is None else seconds
     world = draw_world(uncertain, spec, seed, until_s=until, preset=by)
     on_mission = has_mission(uncertain)
@@ -719,6 +726,7 @@ class Paced:
         """Do nothing."""
 
 
+@runtime_checkable
 class Detectors(Protocol):
     """Detectors that search the packets of a run."""
 

@@ -174,6 +174,7 @@ def write_sound_stream(
     broken: BaseException | None = None
     with (
         replacing(path) as temporary,
+        undated(temporary),
         soundfile.SoundFile(
             temporary,
             mode="w",
@@ -201,6 +202,22 @@ def write_sound_stream(
     if broken is not None:
         raise broken
     return written
+
+
+@contextmanager
+def undated(path: Path) -> Iterator[None]:
+    """Remove the date of writing from a WAV file, which libsndfile adds to floats.
+
+    With it, two equal records would be different files.
+    """
+    yield
+    with path.open("r+b") as file:
+        head = file.read(256)
+        at = head.find(b"PEAK")
+        # the date follows the sizes of the chunk's name, length and version
+        if head.startswith(b"RIFF") and at >= 0:
+            file.seek(at + 12)
+            file.write(bytes(4))
 
 
 def resampled(

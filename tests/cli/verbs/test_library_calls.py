@@ -194,7 +194,7 @@ def test_a_world_is_written_as_by_the_command(jblast):
     # a call has no words of a command line
     assert told.keys() == document.keys()
     assert told["perceived"] == document["perceived"]
-    assert len(run.perceived) == len(told["perceived"]) > 0
+    assert len(run.run.perceived) == len(told["perceived"]) > 0
     for name in ("blasts.csv", "perceived.csv", "observations.csv"):
         assert jblast.text(f"one/{name}") == jblast.text(f"other/{name}")
     with pytest.raises(InputError, match="the world's run"):

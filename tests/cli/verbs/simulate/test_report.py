@@ -4,7 +4,6 @@ import hashlib
 import json
 import re
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import soundfile
@@ -130,10 +129,3 @@ def test_a_scene_that_changed_or_went_is_refused(jblast, world):
     assert "has changed since" in jblast.refused("report", run, "--scene", other)
     (jblast.directory / "world.toml").unlink()
     assert "--scene" in jblast.refused("report", run)
-
-
-def test_without_a_display_a_window_is_refused_before_anything_is_done(jblast, world):
-    plt.switch_backend("agg")
-    said = jblast.refused("report", jblast.path("run"), "--live")
-    assert "--live: expected a display" in said
-    assert not (jblast.directory / "run/report.html").exists()
