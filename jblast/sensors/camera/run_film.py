@@ -4,8 +4,8 @@ The light is sampled at the times of the frames and, while fireballs grow, at
 `film.growth_instants`. Nothing is refined. If the light of a pixel rises or falls
 steadily between two samples, its events are off by less than the interval: 10 ms at 100
 frames per second, and next to a growing fireball its age. Changes that begin and end
-between two samples are lost. `film.subdivided` is exact to 0.1 ms, at a hundred times
-the work.
+between two samples are lost: at 100 frames per second, from a moving camera, some tenth
+of all events. `film.subdivided` is exact to 0.1 ms, at far more work.
 
 Blocks of instants have one length, whatever the packets: these change neither frames,
 nor events, nor noise. Poses and fireballs have the precision of the scene, images that
