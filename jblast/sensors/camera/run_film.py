@@ -4,8 +4,9 @@ The light is sampled at the times of the frames and, while fireballs grow, at
 `film.growth_instants`. Nothing is refined. If the light of a pixel rises or falls
 steadily between two samples, its events are off by less than the interval: 10 ms at 100
 frames per second, and next to a growing fireball its age. Changes that begin and end
-between two samples are lost. `film.subdivided` is exact to 0.1 ms, at a hundred times
-the work.
+between two samples are lost. For one burst seen from a swaying camera, 91 % of the
+events match those of `film.subdivided`, which is exact to 0.1 ms at far more work. Half
+of them are within 2 ms, 99 % within 9 ms.
 
 Blocks of instants have one length, whatever the packets: these change neither frames,
 nor events, nor noise. Poses and fireballs have the precision of the scene, images that
@@ -194,7 +195,6 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
     size = max(1, min(MAX_BLOCK, PIXELS // (camera.width * camera.height)))
     workers = min(size, os.cpu_count() or 1)
     share = -(-size // workers)
-    length = workers * share
     frames = np.asarray(film.times, float)
     extra = growth_instants(film.scene)
     extra = np.unique(extra[(extra > frames[0]) & (extra < frames[-1])])
@@ -205,16 +205,16 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
     begins = min(float(charge.time_s) for charge in film.scene.charges)
     still = None
     with ThreadPoolExecutor(workers) as pool:
-        for begin in range(0, len(order), length):
-            some = order[begin : begin + length]
+        for begin in range(0, len(order), size):
+            some = order[begin : begin + size]
             now, is_frame = times[some], some < len(frames)
             if not moves and now[-1] + float(camera.exposure_s) <= begins:
                 # a fixed camera sees its background only: nothing is rendered
                 still = still or _developed(drawn[1], drawn[1], srgb)
                 every = [np.broadcast_to(x, (len(some), *x.shape)) for x in still]
             else:
-                # padded to the size of a block, so that one program serves all
-                padded = np.pad(now, (0, length - len(now)), mode="edge")
+                # padded to full shares of the threads: one program serves all
+                padded = np.pad(now, (0, workers * share - len(now)), mode="edge")
                 shares = padded.reshape(workers, share)
                 done = pool.map(
                     lambda part: [*map(np.asarray, _filmed(view, part))], shares

@@ -167,7 +167,7 @@ class Landscape(eqx.Module):
         sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
         if self.sun is not None:
             sky = sky + self.sun.light(rays.direction, pixel)[None]
-        # even ground needs no look-ups, which are nine tenths of the time
+        # even ground needs no look-ups, which take most of the time
         if len(self.texels) == 1:
             ground = self.texels[0][:, None, None]
         else:
